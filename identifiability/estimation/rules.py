@@ -13,8 +13,6 @@ from identifiability.foundation.values import frozen
 class Thresholds(RuleTable):
     """Thresholds of the verdicts."""
 
-    title = "Thresholds of the verdicts"
-
     sigma_percent: Annotated[
         Positive, "largest robust σ of an identifiable parameter [%], by hand"
     ] = 20.0
@@ -34,8 +32,6 @@ class Thresholds(RuleTable):
 @frozen
 class Rules(RuleTable):
     """Limits and levels by which models are estimated, judged and told from each other."""
-
-    title = "Limits and levels by which models are estimated, judged and told from each other"
 
     paper_factor: Annotated[
         float, "σ% over the smallest of a model [Khalil 2002] at most, literature"

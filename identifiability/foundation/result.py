@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from identifiability.foundation.answers import Answer, Note, Table
-    from identifiability.foundation.rules import RuleTable
 
 
 def shown(statement: str, frame: pd.DataFrame | None = None, more: str = "") -> str:
@@ -76,10 +75,6 @@ class Result(ABC):
     def ledger(self) -> tuple[Table, ...]:
         """Return the table of what checks did with the logs; none where nothing was done."""
         return ledger(self.findings)
-
-    def decided_by(self) -> tuple[RuleTable, ...]:
-        """Return the numbers by which it was decided, the verb's own first."""
-        return ()
 
     def summary(self) -> str:
         """Return the answers and the tables as text in 80 columns."""

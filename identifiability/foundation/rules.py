@@ -27,7 +27,5 @@ class RuleTable:
     """
 
     #: What its numbers decide.
-    title = ""
-
     def __post_init__(self) -> None:
         check_fields(self)

@@ -12,8 +12,6 @@ from identifiability.foundation.values import frozen
 class Rules(RuleTable):
     """Limits and levels by which logs are read, mended and low-passed."""
 
-    title = "Limits and levels by which logs are read, mended and low-passed"
-
     fewest: Annotated[int, "fewer samples say nothing about any robot, by hand"] = 20
     largest: Annotated[float, "no time, position or torque in SI units is larger, reasoned"] = 1e12
     small: Annotated[float, "what is this share of the whole, or of a rad, is little, by hand"] = (

@@ -12,8 +12,6 @@ from identifiability.foundation.values import frozen
 class Rules(RuleTable):
     """Limits and scales by which it is judged whether bodies can exist."""
 
-    title = "Limits and scales by which it is judged whether bodies can exist"
-
     body_within: Annotated[float, "bodies of the file are within this share, by hand"] = 0.2
     left_out: Annotated[
         float, "share of torque left out and needed by bodies, that is said, by hand"

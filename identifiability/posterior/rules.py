@@ -12,8 +12,6 @@ from identifiability.foundation.values import frozen
 class Thresholds(RuleTable):
     """What a posterior must satisfy to be shown."""
 
-    title = "What a posterior must satisfy to be shown"
-
     rhat: Annotated[
         float, "largest nested R-hat [Vehtari 2021; Margossian 2024] of all, literature"
     ] = 1.01
@@ -26,8 +24,6 @@ class Thresholds(RuleTable):
 @frozen
 class Rules(RuleTable):
     """Limits and scales of what is believed after the logs."""
-
-    title = "Limits and scales of what is believed after the logs"
 
     prior_power: Annotated[
         float, "powers differ by so much: from flat to flat in the root, literature"

@@ -6,11 +6,11 @@ import base64
 import hashlib
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, get_type_hints
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -19,24 +19,21 @@ from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 from pydantic import RootModel
 
-from identifiability.foundation.answers import Answer, Column, Table, frame_table
+from identifiability.foundation.answers import Answer, Table, frame_table
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import IdentifiabilityError, ModelError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import check_ending, write_text
 from identifiability.foundation.result import Result, by_name
-from identifiability.foundation.rounding import format_count, superscript
-from identifiability.foundation.rules import RuleTable
+from identifiability.foundation.rounding import superscript
 from identifiability.foundation.values import frozen
 from identifiability.report.blocks import (
     Answers,
     Block,
-    Fold,
     Notes,
     Picture,
     Section,
-    section,
     sort_key,
     words_of,
 )
@@ -188,7 +185,7 @@ def answer_first(result: Result) -> Answers:
 
 
 def build_page(result: Result) -> Page:
-    """Return the page of a result: its answers, cautions and tables or drawings, and its rules.
+    """Return the page of a result: its answers, cautions and tables or drawings.
 
     It is a page of blocks, to look at or to extend.
     """
@@ -200,7 +197,6 @@ def build_page(result: Result) -> Page:
     first = answer_first(result)
     hints = map(hint_note, getattr(result, "hints", ()))
     notes = tuple(_of_page(result, "notes", result.cautions() or hints))
-    rules = result.decided_by()
     tables = [
         Section(f"table-{k + 1}", table.caption, blocks=(replace(table, caption=""),))
         for k, table in enumerate(result.tables())
@@ -222,38 +218,8 @@ def build_page(result: Result) -> Page:
         sections=(
             *filter(None, _of_page(result, "sections", tables)),
             *done,
-            *([section_rules(rules)] if rules else []),
         ),
     )
-
-
-def section_rules(tables: Sequence[RuleTable]) -> Section:
-    """Return every number of some tables with its basis and its meaning, folded."""
-    columns = (
-        Column("number", "code"),
-        Column("value"),
-        Column("basis"),
-        Column("meaning"),
-    )
-    folds = []
-    for rules in tables:
-        rows = rows_of(rules)
-        said = f"{rules.title}: {format_count(len(rows), 'number')}"
-        folds.append(Fold(said, (Table.of("", columns, rows, long=True),)))
-    return section("rules", *folds)
-
-
-def rows_of(rules: RuleTable) -> list[tuple[str, str, str, str]]:
-    """Return of every number its name, its value with its unit, its basis and its meaning."""
-    kinds, rows = get_type_hints(type(rules), include_extras=True), []
-    for name in (field.name for field in fields(rules)):
-        told = next(n for n in kinds[name].__metadata__ if isinstance(n, str))
-        said, _, basis = told.rpartition(", ")
-        meaning, _, unit = said.rpartition(" [") if said[-1] == "]" else (said, "", "")
-        many = getattr(rules, name)
-        text = " … ".join(f"{x:.10g}" for x in (many if isinstance(many, tuple) else (many,)))
-        rows.append((name, f"{text} {unit.removesuffix(']')}".rstrip(), basis, meaning))
-    return rows
 
 
 def draw_figures(result: Any) -> dict[str, Figure]:

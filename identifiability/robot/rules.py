@@ -12,8 +12,6 @@ from identifiability.foundation.values import frozen
 class Rules(RuleTable):
     """Limits by which descriptions of robots are read and their loops are closed."""
 
-    title = "Limits by which descriptions of robots are read and their loops are closed"
-
     home_open: Annotated[
         float, "a home further from closing the loops is no rounded one [m or rad], by hand"
     ] = 1e-2

@@ -23,7 +23,6 @@ from identifiability.estimation.differences import (
     pooled_values,
 )
 from identifiability.estimation.groups import Excerpt
-from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.answers import Answer, Table
 from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import LogError, listing
@@ -31,7 +30,6 @@ from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import checked
 from identifiability.foundation.result import Result, by_name
-from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.logs.rules import RULES as LOG_RULES
@@ -179,10 +177,6 @@ class Comparison(OfStructure, Result):
         why = " ".join(sentence("comparison.how", name) for name in ("logs", "odds"))
         trust = Answer("May I trust it?", sentence("comparison.trust", "logs"), why, "amber")
         return changed, trust, answer_next(_next_commands(self))
-
-    def decided_by(self) -> tuple[RuleTable, ...]:
-        """Return the numbers by which it was decided, the verb's own first."""
-        return (RULES, Thresholds())
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a number that changed."""

@@ -32,7 +32,6 @@ from identifiability.foundation.rounding import (
     percent,
     rough_percent,
 )
-from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import of_commands
@@ -40,7 +39,6 @@ from identifiability.logs.gaps import Gaps
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.prepare.preparation import joint_log
-from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Spectrum, noise_level
 from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.regression.reduction import ModelLike, choose_model, find_ladder, ladder_model
@@ -359,10 +357,6 @@ class Inspection(OfStructure, Result):
         of_logs, of_robot = (_usable, _content), (_most, _open)
         answers = [build(self) for build in (of_logs if self.records else of_robot)]
         return (*answers, answer_next(_next_commands(self)))
-
-    def decided_by(self) -> tuple[RuleTable, ...]:
-        """Return the numbers by which it was decided, the verb's own first."""
-        return (LOG_RULES,)
 
     def ledger(self) -> tuple[Table, ...]:
         """Return the table of all that checks found, and did with the logs."""

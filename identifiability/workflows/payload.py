@@ -30,7 +30,7 @@ from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Arra
 from identifiability.foundation.options import OptionError, Positive, checked
 from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import REACH, measured
-from identifiability.foundation.rules import RuleTable, Tolerance
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation
@@ -50,7 +50,6 @@ from identifiability.workflows.commands import given_paths, name_logs, source_na
 from identifiability.workflows.compare import find_differences, look
 from identifiability.workflows.diagnose.changes import Change, DifferentTorque, find_changes
 from identifiability.workflows.predict import FitLike, Predicts, find_fit, state_missing
-from identifiability.workflows.rules import RULES
 from identifiability.workflows.session import Logs, Session, list_logs
 
 # `LoadEstimate`: the ten parameters of a load, with everything that is not known of them.
@@ -388,10 +387,6 @@ class Load(Result):
         short = f"{count - len(lost)} of {count} quantities are identifiable."
         told = Answer("How well is it known?", short, text, known)
         return what, told, _trust(self), following
-
-    def decided_by(self) -> tuple[RuleTable, ...]:
-        """Return the numbers by which it was decided, the verb's own first."""
-        return (RULES, Thresholds())
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a quantity, or a joint whose gain a known load tells."""

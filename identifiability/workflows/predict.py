@@ -29,7 +29,7 @@ from identifiability.foundation.names import BASE, Array, shorten_paths
 from identifiability.foundation.options import Expected, OptionError, checked
 from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import digits, error_text, format_count, join
-from identifiability.foundation.rules import RuleTable, Tolerance
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import has_commands, of_commands
@@ -53,7 +53,6 @@ from identifiability.robot.servo import FOUND, Servo, state_delay
 from identifiability.robot.sidecar import Value
 from identifiability.workflows.answers import answer_next, answer_quality, with_hints
 from identifiability.workflows.commands import export_line, given_paths, name_logs, source_name
-from identifiability.workflows.rules import RULES
 from identifiability.workflows.session import Logs, Recordings, Session, in_memory, read_recordings
 
 
@@ -174,10 +173,6 @@ class TorquePrediction(Result):
         about = self.error_ra, self.robot.joints, each, more
         quality = answer_quality(*about, raw=self.error_ra_raw)
         return _what(self), quality, _trust(self), answer_next(_next_commands(self))
-
-    def decided_by(self) -> tuple[RuleTable, ...]:
-        """Return the numbers by which it was decided, the verb's own first."""
-        return (RULES,)
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint."""

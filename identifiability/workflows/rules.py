@@ -12,8 +12,6 @@ from identifiability.foundation.values import frozen
 class Rules(RuleTable):
     """Limits by which models are used: errors, comparisons, loads and gains."""
 
-    title = "Limits by which models are used: errors, comparisons, loads and gains"
-
     grades: Annotated[
         tuple[float, float, float, float],
         "errors of very good, good, fair and poor models, by hand",

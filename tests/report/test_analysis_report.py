@@ -1,20 +1,18 @@
 """The report on an analysis: complete, self-contained, harmless, small, quick, always the same."""
 
 import re
-from dataclasses import fields
 
 import pytest
 
 from identifiability.foundation.rounding import error_text
 from identifiability.report import write_analysis_report
 from identifiability.report.blocks import level_table
-from identifiability.report.results import build_page
 
 pytestmark = pytest.mark.pictures
 
 SECTIONS = (
     "prediction", "parameters", "models", "correlated", "physics",
-    "motion", "thresholds", "provenance", "ledger", "rules",
+    "motion", "thresholds", "provenance", "ledger",
 )  # fmt: skip
 
 
@@ -49,11 +47,6 @@ def test_thresholds_and_hashes_are_printed(html, paper_analysis):
     assert paper_analysis.robot.sha256 in html
     for s in (*paper_analysis.samples, *paper_analysis.validation):
         assert s.sha256 in html
-    page = build_page(paper_analysis)
-    (folds,) = (s.blocks for s in page.sections if s.name == "rules")
-    assert [len(f.blocks[0].rows) for f in folds] == [
-        len(fields(rules)) for rules in paper_analysis.decided_by()
-    ]
     for level, condition in ([cell.text for cell in row] for row in level_table().rows):
         assert f">{level}<" in html
         assert condition in html.replace("\u00a0", " ")

@@ -29,7 +29,6 @@ from identifiability.estimation.prediction import (
     measure_spread,
     widening,
 )
-from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class, Flag, Verdict, percent_of, withdraw
 from identifiability.foundation import handed
@@ -52,13 +51,11 @@ from identifiability.foundation.rounding import (
     percent_text,
     stated_text,
 )
-from identifiability.foundation.rules import RuleTable, Tolerance
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.cad_prior import real_robot_dict, state_mass
 from identifiability.physical.feasibility import PhysicalResult
-from identifiability.posterior.rules import RULES as POSTERIOR_RULES
-from identifiability.posterior.rules import Thresholds as Believable
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import LadderSource, Submodel
 from identifiability.regression.structure import OfStructure, Structure
@@ -818,11 +815,6 @@ class Analysis(Laddered[ModelResult]):
             If there is none, or no package to hold it.
         """
         return handed("build_datatree")(self)
-
-    def decided_by(self) -> tuple[RuleTable, ...]:
-        """Return the numbers by which it was decided, the verb's own first."""
-        believed = () if self.belief is None else (Believable(), POSTERIOR_RULES)
-        return (Thresholds(), ESTIMATION_RULES, *believed)
 
     def tables(self) -> tuple[Table, ...]:
         """Return the models, the errors by joint and by log, the parameters of the model to use."""

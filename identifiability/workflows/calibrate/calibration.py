@@ -13,14 +13,11 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 import pandas as pd
 
-from identifiability.estimation.rules import RULES as ESTIMATION_RULES
-from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.answers import Answer, Column, Table
 from identifiability.foundation.engines import Engine, Serial
 from identifiability.foundation.options import Repeated, Replicates, Seed, checked, settle_count
 from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import REACH, join, rough_percent
-from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.answers import answer_next
@@ -98,10 +95,6 @@ class Calibration(Result):
     def answers(self) -> tuple[Answer, ...]:
         """Return whether to trust, how often verdicts are wrong, where, what to do next."""
         return (_trust(self), _wrong(self), _weakest(self), answer_next(_next_commands(self)))
-
-    def decided_by(self) -> tuple[RuleTable, ...]:
-        """Return the numbers by which it was decided, the verb's own first."""
-        return (RULES, Thresholds(), ESTIMATION_RULES)
 
     def tables(self) -> tuple[Table, ...]:
         """Return the coverage of every parameter, the worst first."""

@@ -24,7 +24,7 @@ from identifiability.foundation.names import BASE, Array
 from identifiability.foundation.output import write_text
 from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import REACH, digits, error_text, join, percent
-from identifiability.foundation.rules import RuleTable, Tolerance
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
 from identifiability.physical.cad_prior import real_robot_dict, share_weight, state_mass
@@ -370,10 +370,6 @@ class Diagnosis(Result, Setting, Predicts):
         """Return what is missing, what it explains, what is left, what to do next."""
         what = after_mass(_what(self), self.mass_warning)
         return what, _gap(self), _left(self), answer_next(next_commands(self))
-
-    def decided_by(self) -> tuple[RuleTable, ...]:
-        """Return the numbers by which it was decided, ."""
-        return (WORKFLOW_RULES, ESTIMATION_RULES)
 
     def tables(self) -> tuple[Table, ...]:
         """Return what changed in mid-log, the effects that were named, and the errors of joints."""

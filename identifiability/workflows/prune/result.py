@@ -5,8 +5,6 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from identifiability.estimation.prediction import Prediction
-from identifiability.estimation.rules import RULES as ESTIMATION_RULES
-from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class, percent_of
 from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.errors import listing
@@ -18,7 +16,6 @@ from identifiability.foundation.rounding import (
     percent,
     percent_text,
 )
-from identifiability.foundation.rules import RuleTable
 from identifiability.foundation.values import frozen
 from identifiability.regression.reduction import (
     LadderEntry,
@@ -145,10 +142,6 @@ class Ladder(Laddered[PrunedModel]):
     def validation_kind(self) -> str:
         """What the error on unseen motion was measured on, and that of the unpruned model."""
         return f"{super().validation_kind} ({error_text(self.full.error_ra_validation)} unpruned)"
-
-    def decided_by(self) -> tuple[RuleTable, ...]:
-        """Return the numbers by which it was decided, the verb's own first."""
-        return (Thresholds(), ESTIMATION_RULES)
 
     def tables(self) -> tuple[Table, ...]:
         """Return the models of the path, and the errors of the one to use by joint and by log."""
