@@ -124,8 +124,8 @@ ROWS = {
     "very good no more": (lambda x: grade_of(x) != "very-good", 0.0299, 0.0301),
     "fair": (lambda x: grade_of(x) == "fair", 0.0799, 0.0801),
     "useless": (lambda x: grade_of(x) == "useless", 0.499, 0.501),
-    "motion a turn off": (lambda x: exchanged.find_beyond(moved(x)), -2 * np.pi, -1.5),
-    "motion beyond limits": (lambda x: exchanged.find_beyond(moved(x)), 1.005, 1.03),
+    "motion a turn off": (lambda x: torque_scale.find_beyond(moved(x)), -2 * np.pi, -1.5),
+    "motion beyond limits": (lambda x: torque_scale.find_beyond(moved(x)), 1.005, 1.03),
     "positions that fit in degrees": (
         lambda x: looks_like_degrees(np.linspace(-x, x, N), -1.0, 1.0) or None, 1.005, 50.0
     ),
