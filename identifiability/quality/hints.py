@@ -147,11 +147,12 @@ def find_outside(logs: MeasuredLogs) -> list[Finding]:
 @check("beyond", Does.HINTS, always=True)
 def find_beyond(logs: MeasuredLogs) -> list[Finding]:
     """Return the joints that move beyond the limits that the file states, but for whole turns."""
-    (low, high), q = logs.robot.limits.T, logs.motion.actuated_q
+    limits, q = logs.robot.limits, logs.motion.actuated_q
+    low, high = limits.T
     if not len(q) or q.shape[1] != len(low):
         return []
     turns = np.array([not logs.robot.is_prismatic(int(k)) for k in logs.robot.actuated])
-    middle = np.where(np.isfinite(high - low), 0.5 * (low + high), 0.0)
+    middle = np.where(np.isfinite(limits), limits, 0.0).mean(1)
     away = np.median(q, 0) - middle
     q = q - TURN * turns * np.round(away / TURN)
     least, most = q.min(0), q.max(0)

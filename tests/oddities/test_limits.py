@@ -83,9 +83,9 @@ def band(cutoff=5.0, noise=0.0):
     return " ".join(workflow.say_band(found))
 
 
-def moved(most):
-    """A joint with limits of ± 1."""
-    robot = SimpleNamespace(joints=("a",), limits=np.array([[-1.0, 1.0]]), actuated=[0])
+def moved(most, end=1.0):
+    """A joint with limits of ± 1, or others."""
+    robot = SimpleNamespace(joints=("a",), limits=np.array([[-end, end]]), actuated=[0])
     robot.is_prismatic = lambda dof: False
     return SimpleNamespace(
         robot=robot, motion=SimpleNamespace(actuated_q=np.array([[most], [most]]))
@@ -111,6 +111,9 @@ ROWS = {
     "fair": (lambda x: grade_of(x) == "fair", 0.0799, 0.0801),
     "useless": (lambda x: grade_of(x) == "useless", 0.499, 0.501),
     "motion a turn off": (lambda x: torque_scale.find_beyond(moved(x)), -2 * np.pi, -1.5),
+    "motion beside no limits": (
+        lambda x: torque_scale.find_beyond(moved(1.5, np.inf if x else 1.0)), 1, 0
+    ),
     "motion beyond limits": (lambda x: torque_scale.find_beyond(moved(x)), 1.005, 1.03),
     "positions that fit in degrees": (
         lambda x: looks_like_degrees(np.linspace(-x, x, N), -1.0, 1.0) or None, 1.005, 50.0
