@@ -35,7 +35,9 @@ import floating_bases as bases
 #: Keys of what is said of all logs of a kind, whatever is in them.
 ALWAYS = ("reading", "commands", "assembly", "outside")
 #: What is said of that something is wrong, and leaves open what.
-HEDGED = re.compile("The logs .* disagree: |The cut-off of |Noise of what is differentiated ")
+HEDGED = re.compile(
+    "The logs .* disagree: |The cut-off of |Noise of what is differentiated |.* from t = .* farther"
+)
 
 
 def told(a: Analysis) -> list[str]:
