@@ -35,7 +35,9 @@ import floating_bases as bases
 #: Keys of what is said of all logs of a kind, whatever is in them.
 ALWAYS = ("reading", "commands", "assembly", "outside")
 #: What is said of that something is wrong, and leaves open what.
-HEDGED = re.compile("The logs .* disagree: |The cut-off of |Noise of what is differentiated ")
+HEDGED = re.compile(
+    "The logs .* disagree: |The cut-off of |Noise of what is differentiated |.* from t = .* farther"
+)
 
 
 def told(a: Analysis) -> list[str]:
@@ -151,7 +153,7 @@ class Commanded:
         phi = np.array([{**robot.nominal, **truth}.get(n, 0.0) for n in a.structure.columns])
         row |= examine_labels(a, pd.Series(a.structure.G @ phi, a.base.labels))
         log = Log.from_frame(frames[-1], conventions=Conventions.of(a.robot)).select(robot.joints)
-        machine = CommandedRobot(robot, truth, own)
+        machine = CommandedRobot(robot, truth, replace(own, rate=float(how.servo_rate)))
         least = _rms(roll_late(machine, log)[1], log)
         rolled = predict(a.robot, a.to_json(path / "result.json"), frames[-1], forward=True)
         row |= {"error": float(rolled.totals[-1]), "over": float(rolled.totals[-1]) / least}

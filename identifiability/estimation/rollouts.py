@@ -42,8 +42,8 @@ KINDS = ("Ia", "Fv", "Fc", "off", "play", "kv", "kp")
 #: sampling step by which the delay is.
 VARIED: Tolerance = 2e-4
 LATER: Tolerance = 0.05
-#: Play by which a gear without any is varied [rad or m].
-PLAY = 0.02
+#: Play by which a gear without any is varied [rad or m]: what is small is lost in noise.
+PLAY = 100 * VARIED
 
 #: Length of logs that are rolled out, all together [s], of which the search begins on a part: more
 #: says little more.

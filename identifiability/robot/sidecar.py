@@ -317,7 +317,9 @@ class ImuEntry(_Strict):
     place: Triple = key("Where it is on the base [m].", (0.0, 0.0, 0.0))
     acc_bias: Triple = key("What the accelerometer reads too much [m/s²].", (0.0, 0.0, 0.0))
     gyro_bias: Triple = key("What the gyroscope reads too much [rad/s].", (0.0, 0.0, 0.0))
-    fit: list[Mounting] = key("Those that are corrected by a fit (effect `imu_mounting`).", [])
+    fit: list[Mounting] = key(
+        "Those that a fit corrects freely; else all, as far as sensors are off.", []
+    )
 
 
 class ContactEntry(_Strict):

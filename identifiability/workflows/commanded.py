@@ -18,6 +18,7 @@ import numpy as np
 
 from identifiability.estimation.rollouts import KINDS, Problem, Rollouts, contradicted, fit_rollouts
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
+from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.errors import LogError, RobotError, listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
@@ -34,9 +35,6 @@ from identifiability.simulation.rollout import CommandedRobot, forgotten, record
 
 #: Recordings of a rollout that differ in where the encoders' steps lie.
 PHASES = 4
-
-#: Share of the residual of a tree's rollouts from which a number that may explain it is fitted.
-SUSPECT = 0.02
 
 
 def give_torque(logs: Sequence[Log], servo: Servo | None) -> list[Log]:
@@ -101,8 +99,9 @@ def follow_commands(
     larger = 2.0 * found.numbers["sizes"]
     if scale := servo.doubt_scale(larger, [*file_shares(robot).values()]):
         odd, wrong = odd + scale, wrong / np.exp(np.mean(larger))
-    others = [servo.having({"kp": servo.kp * wrong})] if np.any(wrong != 1.0) else []
-    others += servo.doubted
+    others = [servo.having({"kp": servo.kp * wrong})] * bool(np.any(wrong != 1.0)) + [
+        *servo.doubted
+    ]
     later += [{k: moved(x, servo, other) for k, x in own.items()} for other in others]
     unseen = (calibrated(x, servo.delay) if of_commands(x) else x for x in recordings.held_out)
     rolled = any(x.rollout is not None for x in own.values())
@@ -220,7 +219,8 @@ def find_odd_joints(robot: Robot, found: Rollouts) -> tuple[list[Finding], Array
     for tree in np.unique(problem.trees):
         own, of = np.where(problem.tree_of[at] == tree, gained, 0.0), problem.trees == tree
         every, before = list[tuple[float, Any, Any]](), np.sum(problem.errors(q)[of] ** 2)
-        for k in (k for k in np.argsort(-own)[:2] if own[k] > SUSPECT * square[of].sum()):
+        negligible = Thresholds().negligible_share ** 2 * square[of].sum()
+        for k in (k for k in np.argsort(-own)[:2] if own[k] > negligible):
             problem.varied[at[k]] = True
             after, moved, _ = problem.descend(x)
             problem.varied[at[k]] = False
@@ -228,6 +228,7 @@ def find_odd_joints(robot: Robot, found: Rollouts) -> tuple[list[Finding], Array
             every.append((float(part), divmod(int(at[k]), n), after))
         said, least = list[str](), min((part for part, *_ in every), default=1.0)
         for part, (kind, j), after in sorted(every, key=lambda x: x[0]):
+            # Less than half is left, and about as little as the best leaves.
             if part < min(0.5, 1.1 * least):
                 wrong[j] = 1.0 if said else np.exp(after[first + j])
                 told = {"width": 1e3 * after[kind * n + j], "factor": np.exp(after[first + j])}
