@@ -532,7 +532,6 @@ class RealEntry(Entry):
     gravity: GravityEntry | None = None
     error_ra: float | None = None
     error_ra_files: dict[str, float | None] = {}
-    error_joints: tuple[dict[str, Any], ...] = ()
     cad_prior: float = 0.0
     certificate: str = ""
     reason: str = ""

@@ -484,8 +484,8 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         """The nearest real robot as plain values, as `export` reads them."""
         used, real = self.chosen, self.chosen.physical
         assert real is not None
-        errors, each = used.fitted.relative_error()[1:].tolist(), used.fitted.joint_error()[:, 1:]
-        what = self.structure, real.parameters(), errors, each, self.samples, real.cad_weight
+        errors = used.fitted.relative_error()[1:].tolist()
+        what = self.structure, real.parameters(), errors, self.samples, real.cad_weight
         told = real_robot_dict(*what)
         files = dict(zip(file_kinds(self.robot), map(used.unseen_by, (2, 3)), strict=True))
         if "gravity" in told:  # what its files err by is measured along the fitted logs alone
@@ -524,14 +524,10 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         free, near = used.fitted.relative_error()[:2].tolist()
         if self.nothing or used.physical_used or real is None or near <= (1 + DIFFERS) * free:
             return
-        if real.nearest is None:
-            yield from [real.sentence] if real.certificate and not real.feasible else []
-            return
         joint = self.robot.joints[int(np.argmax(used.fitted.joint_error()[:, 1]))]
-        errors = {"near": percent(near), "error": percent(free), "joint": joint}
-        names = join(real.nearest.active)
-        parts = "text", *(["held"] if names else []), "remedy"
-        yield "".join(sentence("decision.impossible", k, names=names, **errors) for k in parts)
+        errors = {"near": error_text(near), "error": percent(free), "joint": joint}
+        active = () if real.nearest is None else real.nearest.active
+        yield sentence("decision.impossible", names=join(active) or "nothing", **errors)
 
     @property
     def statement(self) -> str:
