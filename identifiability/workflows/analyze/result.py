@@ -46,7 +46,6 @@ from identifiability.foundation.rounding import (
     REACH,
     digits,
     error_text,
-    format_number,
     join,
     percent,
     percent_text,
@@ -63,7 +62,6 @@ from identifiability.regression.information import Information
 from identifiability.regression.reduction import LadderSource, Submodel
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.workflows import commands, predict
-from identifiability.workflows.alternatives import Alternative
 from identifiability.workflows.analyze.belief import Belief, belief_dict
 from identifiability.workflows.answers import (
     SIGMA,
@@ -95,7 +93,7 @@ WORSE = "no model predicts motion that it has not seen better than a constant to
 #: Keys of models that answer for one release; null in JSON.
 GONE = (
     *("error_joints", "error_joints_validation", "error_joints_validation_se"),
-    *("worse_at", "physical_margin"),
+    *("worse_at", "physical_margin", "error_ra_validation_se"),
 )
 
 
@@ -122,8 +120,6 @@ class ModelResult:
         Of torque along the fitted logs and along unseen motion: by the estimate, and, where it was
         asked for, by the nearest real robot and by what robot files hold of it alone, one of the
         robot's own format and one of the other.
-    spread : float
-        Relative standard error of the difference of its error on folds to the best model's.
     """
 
     submodel: Submodel
@@ -134,7 +130,6 @@ class ModelResult:
     physical: PhysicalResult | None
     fitted: Prediction
     unseen: Prediction
-    spread: float
 
     @property
     def name(self) -> str:
@@ -191,11 +186,6 @@ class ModelResult:
         return float(every[which]) if which < len(every) else float("nan")
 
     @property
-    def error_se(self) -> float:
-        """Standard error of the difference of its unseen ε_RA to the best model's."""
-        return self.spread * self.error_ra_validation
-
-    @property
     def paper_identified(self) -> int:
         """How many parameters pass the 10× rule."""
         return int(self.estimate.paper_rule.sum())
@@ -237,7 +227,6 @@ class ModelResult:
             "not_judged": self.count(Flag.NOT_JUDGED),
             "error_ra": self.error_ra,
             "error_ra_validation": self.error_ra_validation,
-            "error_ra_validation_se": self.error_se,
             "error_ra_free": self.unseen_by(0),
             "error_ra_physical": self.unseen_by(1),
             "infeasible": list(self.infeasible),
@@ -597,18 +586,6 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             told += sentence("decision.left", "lacks", names=listing(names, NAMED))
         return f"{told}."
 
-    def _reduced(self) -> str:
-        """Return which values to use are no parameter's own, and what they stand for."""
-        chosen = self.chosen
-        told = [
-            f"{v.name} ({format_number(x, 4)} {v.unit}: {text})"
-            for v, x, text in zip(chosen.verdicts, chosen.recommended, chosen.meanings, strict=True)
-            if text
-        ]
-        if not told or self.nothing:
-            return ""
-        return sentence("decision.left", "names", names=listing(told, NAMED))
-
     def cautions(self) -> tuple[Note, ...]:
         """Return what is to be kept in mind, gravest first."""
         order = {"warning": 0, "note": 1, "good": 2}
@@ -742,14 +719,11 @@ class Analysis(Laddered[ModelResult]):
         physically feasible ones first.
     belief : Belief or None
         Posterior of the selected model, where it was asked for.
-    alternative : Alternative or None
-        Under which all is said: `Alternative.read` reads other logs likewise.
     """
 
     schema: ClassVar[str] = "identifiability/analysis/1"
 
     belief: Belief | None = None
-    alternative: Alternative | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
@@ -822,7 +796,7 @@ class Analysis(Laddered[ModelResult]):
         if chosen.unjudged:
             short = f"Nothing is judged in {title} of {count}."
         tone = "blue" if chosen.feasible else "amber"
-        told = filter(None, (size, self._reduced(), self._physics))
+        told = size, self._physics
         return Answer(question, short, " ".join(told), tone)
 
 
