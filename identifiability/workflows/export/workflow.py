@@ -253,30 +253,22 @@ class Exported:
     @property
     def statement(self) -> str:
         """What the files hold, in words."""
-        parts, misread = list[str](), False
+        parts, alone = list[str](), self.error_ra_file
         if self.beside:
             beside = [f"{effect} ({listing(n, 4)})" for effect, n in self.beside.items()]
-            told = listing(beside, len(beside))
+            told, stand = listing(beside), "it stands" if len(beside) == 1 else "they stand"
+            lacks = f"{told}: {stand} in the sidecar, which simulators do not read."
             misread = {*self.beside} <= {FAMILIES[name].title for name in MISREADS}
-            stand = "it stands" if len(beside) == 1 else "they stand"
-            lacks = (
-                f"{self.robot.name} cannot hold {told}: {stand} in the sidecar, which simulators"
-            )
-            parts.append(
-                f"The log has {told}, and not the robot: {self.robot.name} is compared with torque "
-                "as it should have been read."
-                if misread
-                else f"{lacks} do not read."
-            )
+            kept = f"{self.robot.name} has no {told}: torque is meant as it should have been read."
+            parts.append(kept if misread else f"{self.robot.name} cannot hold {lacks}")
+            alone = self.error_ra if misread else alone
         if self.snippet is not None:
             added = listing(self.added, 4)
             parts.append(f"In MuJoCo {self.snippet.name} adds {added} to it.")
-        if misread and self.error_ra is not None:
-            parts.append(f"On the fitted logs it errs by {percent(self.error_ra)}.")
-        elif self.error_ra is not None and self.error_ra_file is not None:
+        if self.error_ra is not None and alone is not None:
             parts.append(
                 f"On the fitted logs the real robot errs by {percent(self.error_ra)}, and what "
-                f"{self.robot.name} alone holds by {percent(self.error_ra_file)}."
+                f"{self.robot.name} alone holds by {percent(alone)}."
             )
         parts += [self.unseen.told] if self.unseen is not None else []
         return " ".join([*parts, *self.notes])
