@@ -186,11 +186,6 @@ class ModelResult:
         return float(every[which]) if which < len(every) else float("nan")
 
     @property
-    def paper_identified(self) -> int:
-        """How many parameters pass the 10× rule."""
-        return int(self.estimate.paper_rule.sum())
-
-    @property
     def feasible(self) -> bool:
         """Whether a real robot has these parameters: bodies with mass, friction that brakes."""
         return not self.infeasible and (self.physical is None or self.physical.feasible)
@@ -222,7 +217,7 @@ class ModelResult:
             "name": self.name,
             "description": self.submodel.description,
             "parameters": len(self.submodel),
-            "paper_identified": self.paper_identified,
+            "paper_identified": int(self.estimate.paper_rule.sum()),
             "identifiable": self.count(Class.IDENTIFIABLE),
             "not_judged": self.count(Flag.NOT_JUDGED),
             "error_ra": self.error_ra,
@@ -410,12 +405,8 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         part = used.submodel.reduce(self.information)
         wider = widening(part, used.fit)
         M, unpruned = whole.submodel.M, whole.submodel.reduce(self.information)
-        other, to_base = used.fit.alternatives, used.submodel.M
-        moved = (
-            0.0
-            if other is None
-            else np.array([to_base @ other.shift, np.abs(to_base) @ other.sigma])
-        )
+        to_base, shift = used.submodel.M, used.estimate.value - used.fit.value
+        doubt = np.abs(to_base) @ used.fit.terms["alternatives"]
         covariance, unknown = measure_errors(unpruned, whole.estimate, wider)
         return predict.Fit(
             structure=self.structure,
@@ -426,7 +417,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             base_covariance=M @ covariance @ M.T + self.late.T @ self.late,
             base_unknown=M @ unknown,
             missing=self.missing.functions,
-            alternatives=moved,
+            alternatives=np.stack([to_base @ shift, doubt]),
             servo=self._servo_errors(),
         )
 
@@ -441,9 +432,8 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         moves = block_diag(sd[:, None] / len(rolled.delays), gains)
         names = ["delay", *(f"{j}.{kind}" for kind in ("kv", "kp") for j in joints)]
         mean = np.concatenate([[rolled.delays.mean()], servo.kv, servo.kp])
-        own = np.flatnonzero(moves.any(0))
-        told = tuple(names[k] for k in own), mean[own], moves[:, own], self.late[: len(moves)]
-        return predict.ServoErrors(*told)
+        own, late = np.flatnonzero(moves.any(0)), self.late[: len(moves)]
+        return predict.ServoErrors(tuple(names[k] for k in own), mean[own], moves[:, own], late)
 
     def ladder_frame(self) -> pd.DataFrame:
         """Return one row a model."""
@@ -514,9 +504,9 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         if self.nothing or used.physical_used or real is None or near <= (1 + DIFFERS) * free:
             return
         joint = self.robot.joints[int(np.argmax(used.fitted.joint_error()[:, 1]))]
-        errors = {"near": error_text(near), "error": percent(free), "joint": joint}
-        active = () if real.nearest is None else real.nearest.active
-        yield sentence("decision.impossible", names=join(active) or "nothing", **errors)
+        held = "nothing" if real.nearest is None else join(real.nearest.active)
+        what = {"near": error_text(near), "error": percent(free), "joint": joint, "names": held}
+        yield sentence("decision.impossible", **what)
 
     @property
     def statement(self) -> str:
@@ -598,10 +588,9 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         for found in of_key(self.findings, "unclosed", "singular"):
             yield note(found.key, log=found.subject, text=found)
         if chosen.infeasible and not self.nothing and not chosen.physical_used:
-            near = f"the nearest real robot errs by {error_text(chosen.unseen_by(1))}"
-            yield note("impossible", names=join(chosen.infeasible), near=near)
-        for text in self._impossible():
-            yield note("unreal", text=text)
+            names, near = join(chosen.infeasible), error_text(chosen.unseen_by(1))
+            yield note("impossible", names=names, near=near)
+        yield from (note("unreal", text=text) for text in self._impossible())
         if len(kept) < base.rank:
             yield note("poor", rank=base.rank, excited=len(kept))
         if base.ambiguous:
@@ -738,7 +727,6 @@ class Analysis(Laddered[ModelResult]):
                 "groupings": dict(zip(base.names, base.labels, strict=True)),
                 "without_effect": list(base.without_effect),
             },
-            "several_logs": {"statement": compare_logs(self.samples, chosen)},
             "file": self.file_frame().to_dict("records"),
         }
 
@@ -762,7 +750,7 @@ class Analysis(Laddered[ModelResult]):
             row = {"name": v.name, "label": v.label, "unit": v.unit, "file": x, "value": v.value}
             rows.append({**row, "sigma": v.sigma_label, "sigmas": off, "logs": word})
         rows.sort(key=lambda r: ([*BELIEVED].index(r["logs"]), -np.nan_to_num(r["sigmas"])))
-        columns = ["name", "label", "unit", "file", *FOUND, "logs"]
+        columns = ["name", "label", "unit", "file", "value", "sigma", "sigmas", "logs"]
         return by_name(pd.DataFrame(rows, columns=columns))
 
     def to_arviz(self) -> Any:
@@ -796,8 +784,7 @@ class Analysis(Laddered[ModelResult]):
         if chosen.unjudged:
             short = f"Nothing is judged in {title} of {count}."
         tone = "blue" if chosen.feasible else "amber"
-        told = size, self._physics
-        return Answer(question, short, " ".join(told), tone)
+        return Answer(question, short, f"{size} {self._physics}", tone)
 
 
 def doubt(
@@ -849,7 +836,7 @@ LADDER = with_hints(
     Column("model", get=lambda m: Cell(m.name, note=m.submodel.description)),
     Column("parameters", "number", lambda m: len(m.submodel)),
     Column("identifiable", "number", found_cell),
-    Column("10× rule", "number", "paper_identified", detail=True),
+    Column("10× rule", "number", lambda m: int(m.estimate.paper_rule.sum()), detail=True),
     Column("error, fitted", error_text, "error_ra"),
     Column("error, unseen", error_text, "error_ra_validation"),
     Column("real robot", "badge", possible_cell),
@@ -923,8 +910,6 @@ def parameter_table(result: ModelResult) -> Table:
 
 #: What logs say of a number of the robot file, and its mark.
 BELIEVED = {"contradicted": "differs", "agrees": "pass", "not determined": "partly"}
-
-FOUND = ("value", "sigma", "sigmas")
 
 
 def file_table(analysis: Analysis) -> Table:
