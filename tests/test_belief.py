@@ -148,7 +148,7 @@ def test_a_chain_that_has_not_converged_is_withheld_in_json(analysis, unpruned):
 
 def test_what_the_data_leave_open_is_determined_by_bodies_or_is_the_prior(analysis, unpruned):
     full = analysis.full
-    assert unpruned.physical.trustworthy, unpruned.physical.convergence.reasons
+    assert unpruned.physical.convergence.trustworthy, unpruned.physical.convergence.reasons
     refined = refine_verdicts(full.verdicts, unpruned)
     kinds = {v.name: v.look for v in refined}
     # The platform is flat. In its plane data and prior leave much that no body can have; out of

@@ -25,7 +25,7 @@ from identifiability.physical.cad_prior import combine_with_file, thick_inertia
 from identifiability.physical.pseudo_inertia import BASIS
 from identifiability.regression.reduction import find_ladder, ladder_model
 from identifiability.regression.structure import Structure
-from identifiability.robot.servo import FOUND, Servo
+from identifiability.robot.servo import FOUND, Servo, state_delay
 from identifiability.simulation.rollout import CommandedRobot
 from identifiability.workflows.commanded import file_shares, find_odd_joints, roll_late, state_gains
 
@@ -250,6 +250,10 @@ def test_joints_and_delay_are_found_from_rollouts_of_another_physics(arm, frames
     unseen = roll_late(CommandedRobot(arm, found.parameters), logs[1])[1][50:]
     step = 2 * np.pi / 2**14
     assert np.sqrt(np.mean((unseen - logs[1].q[50:]) ** 2)) < step  # of the encoders
+    assert (
+        state_delay([0.0078, 0.0079], "ab")
+        == "commands act 7.8 ms (a), 7.9 ms (b) after their rows"
+    )
 
 
 # From a log to verdicts and a robot that moves as the log does.

@@ -85,7 +85,7 @@ Effects = Names
 #: Choices that a command line offers without the rooms that know what they mean.
 Derivatives = Literal["auto", "given", "butterworth"]
 EstimatorKind = Literal["auto", "ls", "iv"]
-ExportFormat = Literal["mjcf", "urdf", "json", "isaaclab", "patch"]
+ExportFormat = Literal["mjcf", "urdf", "isaaclab", "patch"]
 
 #: Samples of a motion at most; the simulator takes one at a time.
 MOST_SAMPLES = 10_000_000

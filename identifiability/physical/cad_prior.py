@@ -12,7 +12,6 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.special import chdtrc
 
 from identifiability.effects.base import settle_gravity
@@ -405,7 +404,6 @@ def real_robot_dict(
     structure: Structure,
     parameters: Mapping[str, float],
     errors: Sequence[float] = (np.nan,) * 3,
-    each: ArrayLike = (),
     samples: Sequence[Dataset] = (),
     cad_weight: float = 0.0,
 ) -> dict[str, Any]:
@@ -421,8 +419,6 @@ def real_robot_dict(
         ε_RA on the fitted logs, of all parameters and of what a robot file holds of them: one of
         the robot's own format, and one of the other. Where they are not given, or gravity is
         tilted, they are measured.
-    each : (n, 3)
-        The same of each joint over its own scale.
     samples : sequence of Dataset
         The fitted logs.
     cad_weight : float
@@ -432,19 +428,13 @@ def real_robot_dict(
     own, other = file_kinds(robot)
     tilt = settle_gravity(robot, parameters)[0].tilt
     if samples and parameters and (tilt is not None or np.isnan(errors[0])):
-        errors, each = _measure_errors(structure, samples, parameters)
+        errors = _measure_errors(structure, samples, parameters)
     return {
         **({} if tilt is None else {"gravity": tilt.to_dict()}),
         "error_ra": errors[0],
         "error_ra_file": errors[1],
         "file": own,
         "error_ra_files": {own: errors[1], other: errors[2]},
-        "error_joints": [
-            {"joint": joint, "error": row[0], "error_files": {own: row[1], other: row[2]}}
-            for joint, row in zip(robot.joints, np.asarray(each).tolist(), strict=True)
-        ]
-        if parameters
-        else [],
         "mass": total_mass(robot, parameters) if parameters else None,
         "mass_file": total_mass(robot, robot.nominal),
         "masses": mass_rows(robot, parameters),
@@ -457,10 +447,8 @@ def real_robot_dict(
 
 def _measure_errors(
     structure: Structure, samples: Sequence[Dataset], values: Mapping[str, float]
-) -> tuple[Sequence[float], Array]:
+) -> Sequence[float]:
     """Return ε_RA of a robot, its base be it tilted, and of what a file of either format holds.
-
-    And the same of each joint over its own scale, (n, 3).
 
     Gravity pulls at the bodies that were found, along where it points; the columns of a tilt are
     those of the file's bodies, and to first order.
@@ -477,5 +465,4 @@ def _measure_errors(
     phi = np.array([[f.get(name, 0.0) for name in structure.columns] for f in rests]).T
     first = [structure.columns.index(n) == k for k, n in enumerate(structure.columns)]
     regression = Regression(robot, structure.model, tuple(samples))
-    found = predict(regression, phi * np.array(first)[:, None])
-    return found.relative_error().tolist(), found.joint_error()
+    return list(predict(regression, phi * np.array(first)[:, None]).relative_error())

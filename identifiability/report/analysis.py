@@ -340,7 +340,7 @@ def posterior_notes(analysis: Analysis) -> tuple[Note, ...]:
     if summary is None:
         why = belief.note.rstrip(".")
         return (note("no-posterior", why=f"{why[0].upper()}{why[1:]}"),)
-    if not summary.trustworthy:
+    if not summary.convergence.trustworthy:
         return (note("doubtful", why=" ".join(summary.convergence.reasons)),)
     if summary.stated.all():
         return ()
@@ -362,7 +362,7 @@ def posterior_table(analysis: Analysis) -> Table | None:
     An interval is left out where the prior's density at an edge decides it.
     """
     summary = None if analysis.belief is None else analysis.belief.physical
-    if summary is None or not summary.trustworthy:
+    if summary is None or not summary.convergence.trustworthy:
         return None
     ends = np.where(summary.stated[:, None], summary.interval, np.nan)
     each = zip(analysis.chosen.verdicts, summary.mean, summary.sd, *ends.T, strict=True)

@@ -458,7 +458,7 @@ def build_datatree(result: Analysis) -> DataTree:
         **result.provenance,
         "model": submodel.name,
         "posterior": "physical",
-        "trustworthy": int(summary.trustworthy),
+        "trustworthy": int(summary.convergence.trustworthy),
         "reasons": " ".join(summary.convergence.reasons),
     }
     return tree

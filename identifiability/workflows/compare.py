@@ -101,13 +101,10 @@ def find_differences(
     robot, motions = structure.robot, [piece.motion for piece in seen.pieces]
     lacks, _ = list_candidates(robot, find_families(LACKS), structure.present, motions, fixed=False)
     # Torque of a wrong scale, which the model has found, is read as it should have been.
-    names, base = structure.base.names, known.base.copy()
-    gain = np.ones(len(robot.joints))
-    for j, name in enumerate(f"{joint}.scale" for joint in robot.joints):
-        if name in names:
-            gain[j] += base[names.index(name)]
-            base[names.index(name)] = 0.0
-    known = replace(known, base=base)
+    stated = dict(zip(structure.base.names, known.base.tolist(), strict=True))
+    gain = 1.0 + np.array([stated.get(f"{joint}.scale", 0.0) for joint in robot.joints])
+    base = [0.0 if name.endswith(".scale") else x for name, x in stated.items()]
+    known = replace(known, base=np.array(base))
     rows = Compared.about(replace(seen, y=seen.y / gain, raw=seen.raw / gain), known)
     asked = (np.arange(rows.log[-1] + 1) < later).astype(float)
     each = [x for x in np.eye(len(asked))[:single] if np.ptp(np.abs(x - asked))]

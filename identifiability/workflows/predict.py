@@ -497,15 +497,6 @@ def _along(fit: Fit, logs: Logs, engine: Engine | None) -> TorquePrediction:
     )
 
 
-class ServoErrorsEntry(Entry):
-    """What is not known of servos, in the JSON of a result."""
-
-    names: list[str] = []
-    mean: list[float] = []
-    moves: list[list[float]] = []
-    base: list[list[float]] = []
-
-
 class FitEntry(Entry):
     """A fitted model in the JSON of a result."""
 
@@ -520,7 +511,7 @@ class FitEntry(Entry):
     base_covariance: list[list[float]]
     base_unknown: list[list[float]]
     alternatives: list[list[float]] | float = 0.0
-    servo: ServoErrorsEntry = ServoErrorsEntry()
+    servo: dict[str, list[Any]] = {}
     preparation: Preparation
 
 
@@ -539,7 +530,6 @@ class RealEntry(Entry):
     gravity: GravityEntry | None = None
     error_ra: float | None = None
     error_ra_files: dict[str, float | None] = {}
-    error_joints: tuple[dict[str, Any], ...] = ()
     cad_prior: float = 0.0
     certificate: str = ""
     reason: str = ""
@@ -610,7 +600,8 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
     if sorted(submodel.columns) != sorted(entry.names) or len(entry.low) != len(robot.joints):
         raise _other_robot(where, robot, "its parameters are not those of this robot.")
     submodel = submodel.ordered(entry.names)  # what is tied stands where its first member stood
-    k, n, b, told = len(submodel), len(robot.joints), len(structure.base), entry.servo
+    k, n, b = len(submodel), len(robot.joints), len(structure.base)
+    told = {key: np.array(x) for key, x in entry.servo.items()}
     try:
         return Fit(
             structure=structure,
@@ -627,9 +618,7 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
             origin=str(path),
             missing=content.missing,
             alternatives=np.array(entry.alternatives),
-            servo=ServoErrors(
-                tuple(told.names), *map(np.array, (told.mean, told.moves, told.base))
-            ),
+            servo=ServoErrors(tuple(told.pop("names", ())), **told),
         )
     except ValueError:
         raise IdentifiabilityError(Finding("result.tables", where)) from None

@@ -56,7 +56,7 @@ def _rows(robot: str, analysis: Analysis) -> list[dict[str, Any]]:
             "model": m.name,
             "ε_RA [%]": 100 * m.error_ra,
             "held out [%]": 100 * m.error_ra_validation,
-            "parameters / identified": f"{len(m.submodel)} / {m.paper_identified}",
+            "parameters / identified": f"{len(m.submodel)} / {m.estimate.paper_rule.sum()}",
             "signs": "possible" if m.feasible else "impossible",
         }
         for m in analysis.models

@@ -8,6 +8,7 @@ import pytest
 
 from identifiability import Inspection, Robot, inspect
 from identifiability.foundation.errors import LogError
+from identifiability.foundation.findings import of_key
 from identifiability.logs import Log
 from identifiability.report.results import build_page
 from identifiability.simulation import PrescribedMotion, random_trajectory, simulate
@@ -140,3 +141,11 @@ def test_the_result_is_a_table_json_and_a_page(run, tmp_path):
     html = found.write_report(tmp_path / "x.html").read_text()
     assert html.count("data-trace=") == 4
     assert ">nan<" not in html
+
+
+def test_effects_of_the_sidecar_that_another_model_has_not_are_said(run, tmp_path):
+    beside = tmp_path / "pushed.toml"
+    beside.write_text('effects = ["constant_force@elbow"]')
+    robot = Robot.load("two-link", sidecar=beside)
+    for model, count in ((None, 0), (["rigid_body"], 1)):
+        assert len(of_key(inspect(robot, run, model=model).hints, "effects")) == count

@@ -41,7 +41,7 @@ def test_arviz_judges_the_chains_as_we_do(result):
     np.testing.assert_allclose(theirs, ours, rtol=1e-6)
     table = arviz.summary(tree)
     assert f"phi[{result.chosen.submodel.columns[0]}]" in table.index
-    assert bool(tree.attrs["trustworthy"]) == result.belief.physical.trustworthy
+    assert bool(tree.attrs["trustworthy"]) == result.belief.physical.convergence.trustworthy
     assert tree.attrs["reasons"] == " ".join(result.belief.physical.convergence.reasons)
     assert tree.attrs["seed"] == "0"
 

@@ -81,11 +81,6 @@ class Summary:
         """Which intervals may be stated, (m,) bool; the others are the prior's."""
         return np.asarray(self.prior_sensitivity <= POSTERIOR_RULES.prior_sensitivity)
 
-    @property
-    def trustworthy(self) -> bool:
-        """Whether the numbers may be shown."""
-        return self.convergence.trustworthy
-
 
 @frozen
 class Belief:
@@ -132,7 +127,7 @@ def refine_verdicts(verdicts: Sequence[Verdict], belief: Belief) -> tuple[Verdic
     bodies that can exist, or be no more than the prior.
     """
     rules, physical, out = Thresholds(), belief.physical, list(verdicts)
-    if physical is None or not physical.trustworthy:
+    if physical is None or not physical.convergence.trustworthy:
         return tuple(out)
     prior_sd, data_sd = belief.prior_sd, belief.data_sd
     for k, v in enumerate(out):
@@ -160,9 +155,13 @@ def belief_dict(names: Sequence[str], belief: Belief | None) -> dict[str, Any] |
     if summary is None:
         return out
     c = summary.convergence
-    told = {"trustworthy": summary.trustworthy, "reasons": list(c.reasons), "acceptance": None}
+    told = {
+        "trustworthy": summary.convergence.trustworthy,
+        "reasons": list(c.reasons),
+        "acceptance": None,
+    }
     told |= {"rhat": float(np.max(c.rhat)), "ess": float(np.min(c.ess_bulk))}
-    if summary.trustworthy:
+    if summary.convergence.trustworthy:
         pairs = zip(summary.interval.tolist(), summary.stated, strict=True)
         columns = {"name": names, "mean": summary.mean, "sd": summary.sd}
         frame = pd.DataFrame({**columns, "sway": summary.prior_sensitivity})

@@ -45,7 +45,6 @@ from identifiability.foundation.rounding import (
     digits,
     error_text,
     format_measured,
-    format_number,
     join,
     percent,
     percent_text,
@@ -60,7 +59,6 @@ from identifiability.regression.information import Information
 from identifiability.regression.reduction import LadderSource, Submodel
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.workflows import commands, predict
-from identifiability.workflows.alternatives import Alternative
 from identifiability.workflows.analyze.belief import Belief, belief_dict
 from identifiability.workflows.answers import (
     SIGMA,
@@ -92,7 +90,7 @@ WORSE = "no model predicts motion that it has not seen better than a constant to
 #: Keys of models that answer for one release; null in JSON.
 GONE = (
     *("error_joints", "error_joints_validation", "error_joints_validation_se"),
-    *("worse_at", "physical_margin"),
+    *("worse_at", "physical_margin", "error_ra_validation_se"),
 )
 
 
@@ -119,8 +117,6 @@ class ModelResult:
         Of torque along the fitted logs and along unseen motion: by the estimate, and, where it was
         asked for, by the nearest real robot and by what robot files hold of it alone, one of the
         robot's own format and one of the other.
-    spread : float
-        Relative standard error of the difference of its error on folds to the best model's.
     """
 
     submodel: Submodel
@@ -131,7 +127,6 @@ class ModelResult:
     physical: PhysicalResult | None
     fitted: Prediction
     unseen: Prediction
-    spread: float
 
     @property
     def name(self) -> str:
@@ -188,16 +183,6 @@ class ModelResult:
         return float(every[which]) if which < len(every) else float("nan")
 
     @property
-    def error_se(self) -> float:
-        """Standard error of the difference of its unseen ε_RA to the best model's."""
-        return self.spread * self.error_ra_validation
-
-    @property
-    def paper_identified(self) -> int:
-        """How many parameters pass the 10× rule."""
-        return int(self.estimate.paper_rule.sum())
-
-    @property
     def feasible(self) -> bool:
         """Whether a real robot has these parameters: bodies with mass, friction that brakes."""
         return not self.infeasible and (self.physical is None or self.physical.feasible)
@@ -229,12 +214,11 @@ class ModelResult:
             "name": self.name,
             "description": self.submodel.description,
             "parameters": len(self.submodel),
-            "paper_identified": self.paper_identified,
+            "paper_identified": int(self.estimate.paper_rule.sum()),
             "identifiable": self.count(Class.IDENTIFIABLE),
             "not_judged": self.count(Flag.NOT_JUDGED),
             "error_ra": self.error_ra,
             "error_ra_validation": self.error_ra_validation,
-            "error_ra_validation_se": self.error_se,
             "error_ra_free": self.unseen_by(0),
             "error_ra_physical": self.unseen_by(1),
             "infeasible": list(self.infeasible),
@@ -424,12 +408,8 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         part = used.submodel.reduce(self.information)
         wider = widening(part, used.fit)
         M, unpruned = whole.submodel.M, whole.submodel.reduce(self.information)
-        other, to_base = used.fit.alternatives, used.submodel.M
-        moved = (
-            0.0
-            if other is None
-            else np.array([to_base @ other.shift, np.abs(to_base) @ other.sigma])
-        )
+        to_base, shift = used.submodel.M, used.estimate.value - used.fit.value
+        doubt = np.abs(to_base) @ used.fit.terms["alternatives"]
         covariance, unknown = measure_errors(unpruned, whole.estimate, wider)
         return predict.Fit(
             structure=self.structure,
@@ -440,7 +420,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             base_covariance=M @ covariance @ M.T + self.late.T @ self.late,
             base_unknown=M @ unknown,
             missing=self.missing.functions,
-            alternatives=moved,
+            alternatives=np.stack([to_base @ shift, doubt]),
             servo=self._servo_errors(),
         )
 
@@ -455,9 +435,8 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         moves = block_diag(sd[:, None] / len(rolled.delays), gains)
         names = ["delay", *(f"{j}.{kind}" for kind in ("kv", "kp") for j in joints)]
         mean = np.concatenate([[rolled.delays.mean()], servo.kv, servo.kp])
-        own = np.flatnonzero(moves.any(0))
-        told = tuple(names[k] for k in own), mean[own], moves[:, own], self.late[: len(moves)]
-        return predict.ServoErrors(*told)
+        own, late = np.flatnonzero(moves.any(0)), self.late[: len(moves)]
+        return predict.ServoErrors(tuple(names[k] for k in own), mean[own], moves[:, own], late)
 
     def ladder_frame(self) -> pd.DataFrame:
         """Return one row a model."""
@@ -487,8 +466,8 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         """The nearest real robot as plain values, as `export` reads them."""
         used, real = self.chosen, self.chosen.physical
         assert real is not None
-        errors, each = used.fitted.relative_error()[1:].tolist(), used.fitted.joint_error()[:, 1:]
-        what = self.structure, real.parameters(), errors, each, self.samples, real.cad_weight
+        errors = used.fitted.relative_error()[1:].tolist()
+        what = self.structure, real.parameters(), errors, self.samples, real.cad_weight
         told = real_robot_dict(*what)
         files = dict(zip(file_kinds(self.robot), map(used.unseen_by, (2, 3)), strict=True))
         if "gravity" in told:  # what its files err by is measured along the fitted logs alone
@@ -535,14 +514,10 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         free, near = used.fitted.relative_error()[:2].tolist()
         if self.nothing or used.physical_used or real is None or near <= (1 + DIFFERS) * free:
             return
-        if real.nearest is None:
-            yield from [real.sentence] if real.certificate and not real.feasible else []
-            return
         joint = self.robot.joints[int(np.argmax(used.fitted.joint_error()[:, 1]))]
-        errors = {"near": percent(near), "error": percent(free), "joint": joint}
-        names = join(real.nearest.active)
-        parts = "text", *(["held"] if names else []), "remedy"
-        yield "".join(sentence("decision.impossible", k, names=names, **errors) for k in parts)
+        held = "nothing" if real.nearest is None else join(real.nearest.active)
+        what = {"near": error_text(near), "error": percent(free), "joint": joint, "names": held}
+        yield sentence("decision.impossible", **what)
 
     @property
     def statement(self) -> str:
@@ -612,18 +587,6 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             told += sentence("decision.left", "lacks", names=listing(names, NAMED))
         return f"{told}."
 
-    def _reduced(self) -> str:
-        """Return which values to use are no parameter's own, and what they stand for."""
-        chosen = self.chosen
-        told = [
-            f"{v.name} ({format_number(x, 4)} {v.unit}: {text})"
-            for v, x, text in zip(chosen.verdicts, chosen.recommended, chosen.meanings, strict=True)
-            if text
-        ]
-        if not told or self.nothing:
-            return ""
-        return sentence("decision.left", "names", names=listing(told, NAMED))
-
     def cautions(self) -> tuple[Note, ...]:
         """Return what is to be kept in mind, gravest first."""
         order = {"warning": 0, "note": 1, "good": 2}
@@ -636,10 +599,9 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         for found in of_key(self.findings, "unclosed", "singular"):
             yield note(found.key, log=found.subject, text=found)
         if chosen.infeasible and not self.nothing and not chosen.physical_used:
-            near = f"the nearest real robot errs by {error_text(chosen.unseen_by(1))}"
-            yield note("impossible", names=join(chosen.infeasible), near=near)
-        for text in self._impossible():
-            yield note("unreal", text=text)
+            names, near = join(chosen.infeasible), error_text(chosen.unseen_by(1))
+            yield note("impossible", names=names, near=near)
+        yield from (note("unreal", text=text) for text in self._impossible())
         if len(kept) < base.rank:
             yield note("poor", rank=base.rank, excited=len(kept))
         if base.ambiguous:
@@ -757,14 +719,11 @@ class Analysis(Laddered[ModelResult]):
         physically feasible ones first.
     belief : Belief or None
         Posterior of the selected model, where it was asked for.
-    alternative : Alternative or None
-        Under which all is said: `Alternative.read` reads other logs likewise.
     """
 
     schema: ClassVar[str] = "identifiability/analysis/1"
 
     belief: Belief | None = None
-    alternative: Alternative | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
@@ -779,7 +738,6 @@ class Analysis(Laddered[ModelResult]):
                 "groupings": dict(zip(base.names, base.labels, strict=True)),
                 "without_effect": list(base.without_effect),
             },
-            "several_logs": {"statement": compare_logs(self.samples, chosen)},
             "file": self.file_frame().to_dict("records"),
         }
 
@@ -803,7 +761,7 @@ class Analysis(Laddered[ModelResult]):
             row = {"name": v.name, "label": v.label, "unit": v.unit, "file": x, "value": v.value}
             rows.append({**row, "sigma": v.sigma_label, "sigmas": off, "logs": word})
         rows.sort(key=lambda r: ([*BELIEVED].index(r["logs"]), -np.nan_to_num(r["sigmas"])))
-        columns = ["name", "label", "unit", "file", *FOUND, "logs"]
+        columns = ["name", "label", "unit", "file", "value", "sigma", "sigmas", "logs"]
         return by_name(pd.DataFrame(rows, columns=columns))
 
     def to_arviz(self) -> Any:
@@ -832,8 +790,7 @@ class Analysis(Laddered[ModelResult]):
         if chosen.unjudged:
             short = f"Nothing is judged in {title} of {count}."
         tone = "blue" if chosen.feasible else "amber"
-        told = filter(None, (size, self._reduced(), self._physics))
-        return Answer(question, short, " ".join(told), tone)
+        return Answer(question, short, f"{size} {self._physics}", tone)
 
 
 def doubt(
@@ -885,7 +842,7 @@ LADDER = with_hints(
     Column("model", get=lambda m: Cell(m.name, note=m.submodel.description)),
     Column("parameters", "number", lambda m: len(m.submodel)),
     Column("identifiable", "number", found_cell),
-    Column("10× rule", "number", "paper_identified", detail=True),
+    Column("10× rule", "number", lambda m: int(m.estimate.paper_rule.sum()), detail=True),
     Column("error, fitted", error_text, "error_ra"),
     Column("error, unseen", error_text, "error_ra_validation"),
     Column("real robot", "badge", possible_cell),
@@ -958,8 +915,6 @@ def parameter_table(result: ModelResult) -> Table:
 
 #: What logs say of a number of the robot file, and its mark.
 BELIEVED = {"contradicted": "differs", "agrees": "pass", "not determined": "partly"}
-
-FOUND = ("value", "sigma", "sigmas")
 
 
 def file_table(analysis: Analysis) -> Table:

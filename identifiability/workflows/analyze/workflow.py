@@ -23,7 +23,7 @@ from identifiability.estimation.estimate import (
     with_known,
 )
 from identifiability.estimation.estimator import Estimate, Estimator, settle_signs
-from identifiability.estimation.evidence import Evidence, Folds, HeldOut, Score, near_best
+from identifiability.estimation.evidence import Folds, HeldOut, Score, near_best
 from identifiability.estimation.fit import Fit, find_left_out
 from identifiability.estimation.groups import Alternatives
 from identifiability.estimation.prediction import Prediction, Task, predict, predict_all
@@ -315,7 +315,6 @@ def assess_ladder(
     settled: Sequence[Settled],
     fitted: Prediction,
     unseen: Prediction,
-    judged: Sequence[Evidence],
     rng: np.random.Generator,
     replicates: int,
     missing: Alternatives,
@@ -328,8 +327,6 @@ def assess_ladder(
     settled : sequence of Settled
     fitted, unseen : Prediction
         By the four accounts of each (`Settled.values`), on the logs that were fitted and on others.
-    judged : sequence of Evidence
-        Of each model against the best, on folds; empty where nothing was fitted.
     rng, replicates, missing, late
         As of `decide_model`.
     """
@@ -348,7 +345,6 @@ def assess_ladder(
             physical=one.robot,
             fitted=fitted.select(at),
             unseen=unseen.select(at),
-            spread=judged[k].error.se if judged else float("nan"),
         )
         results.append(result)
     return tuple(results)
@@ -626,8 +622,7 @@ def conclude_analysis(
     late, whole = SharedErrors.of(session, rows), rows.information
     settled, folds, short = fit_ladder(rows, submodels, settings["cad_prior"])
     scores = [one.free for one in settled]
-    best = max(scores, key=lambda score: float(score.density.sum()))
-    near, judged = near_best(scores), [Evidence.of(score, best) for score in scores]
+    near = near_best(scores)
     values = np.concatenate([one.values for one in settled], axis=1)
     turned = np.concatenate([one.turned for one in settled], axis=2)
     tasks = [Task(values[None]), *([] if opening.validation else [Task(turned, folds)])]
@@ -637,7 +632,7 @@ def conclude_analysis(
         others = [predict(opening.unseen, values)]
     unseen, missing = (others or [fitted])[0], missing or rows.missing
     given = rng, settings["replicates"], missing, late
-    results = assess_ladder(settled, fitted, unseen, judged, *given)
+    results = assess_ladder(settled, fitted, unseen, *given)
     at = select_model(results, near)
     results, nothing = doubt(opening.misread, results, at)
     hints = [*opening.hints, rows.burst, short]
@@ -657,7 +652,6 @@ def conclude_analysis(
         settings=settings,
         nothing=nothing,
         recordings=session.recordings,
-        alternative=opening.alternative,
         missing=missing,
         late=late.together(full) @ full.M.T,
     )

@@ -76,7 +76,7 @@ class DifferentTorque:
     def of(found: Differences, terms: Terms) -> DifferentTorque:
         """Return what the torque of the first log has beside the model of all."""
         seen, p, a = found.missing.seen, len(found.known.precision), found.always.shape[1]
-        value, explained = found.solve(terms)[0], np.zeros(seen.y.shape)
+        value, explained = found.solve(terms)[0], np.where(seen.data, 0.0, np.nan)
         sizes = found.always @ value[p : p + a]
         each = np.concatenate([np.empty(0, int), *map(found.at, terms)])
         sizes[each] += value[found.model.fixed :]

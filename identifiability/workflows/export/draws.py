@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import field
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -133,27 +134,19 @@ def draw_robots(
     usual = robot.said.prior_relative if robot.servo is None else 0.2
     share = usual if prior is None else prior
     structure, data = fit.structure, fit.of_standard
-    region = physical_set(structure)
+    region, rng = physical_set(structure), np.random.default_rng(seed)
     try:
         target = Target(data, _prior(structure, data, share), region, variance=1.0)
         start = start_inside(target, structure.nominal)
-        each = -(-count // (ENSEMBLES * WALKERS))
-        found = sample_posterior(
-            target,
-            start,
-            np.random.default_rng(seed),
-            draws=APART * each,
-            walkers=WALKERS,
-            warmup=WARMUP,
-        )
+        draws = APART * -(-count // (ENSEMBLES * WALKERS))
+        walk = partial(sample_posterior, walkers=WALKERS, warmup=WARMUP)
+        found = walk(target, start, rng, draws=draws)
     except ValueError as error:
         raise IdentifiabilityError(f"No robot can be drawn: {error}") from None
     kept = found.draws[:, :, APART - 1 :: APART].reshape(-1, len(structure.columns))
-    rng = np.random.default_rng(seed)
     values = kept[rng.permutation(len(kept))[:count]]
-    return Draws(
-        structure=structure, values=values, share=share, servos=draw_servos(fit, values, rng)
-    )
+    servos = draw_servos(fit, values, rng)
+    return Draws(structure=structure, values=values, share=share, servos=servos)
 
 
 def draw_servos(fit: Fit, values: Array, rng: np.random.Generator) -> pd.DataFrame:
@@ -161,9 +154,7 @@ def draw_servos(fit: Fit, values: Array, rng: np.random.Generator) -> pd.DataFra
     own, (mean, covariance) = fit.servo, fit.of_labels
     if not own.names:
         return pd.DataFrame()
-    scale = np.sqrt(np.diag(covariance))
-    scale = np.where(scale > 0, scale, 1.0)
-    to_doubts = own.base / scale @ np.linalg.pinv(covariance / np.outer(scale, scale)) / scale
+    to_doubts = own.base @ np.linalg.pinv(covariance, hermitian=True)
     left, axes = np.linalg.eigh(np.eye(len(own.base)) - to_doubts @ own.base.T)
     root = axes * np.sqrt(np.maximum(left, 0.0))
     doubts = (values @ fit.structure.G.T - mean) @ to_doubts.T

@@ -1,4 +1,4 @@
-"""`export`: the feasible standard parameters of a result as a robot file, or as JSON."""
+"""`export`: the feasible standard parameters of a result as a robot file."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS
 from identifiability.foundation.options import ExportFormat, FilePath, checked
-from identifiability.foundation.output import check_ending, temporary_folder, write_json, write_text
+from identifiability.foundation.output import check_ending, temporary_folder, write_text
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import state_mass
@@ -48,7 +48,6 @@ from identifiability.robot.write import write_robot
 from identifiability.workflows.export.snippet import write_snippet
 from identifiability.workflows.predict import (
     PositionPrediction,
-    RealEntry,
     ResultEntry,
     predict,
     read_real,
@@ -84,28 +83,6 @@ def check_result(robot: Robot, path: Path, content: ResultEntry, known: set[str]
         wrong = check_body(np.array([whole[f"{body}.{kind}"] for kind in GROUPED_KINDS]), body)
         if wrong:
             raise IdentifiabilityError(f"{path}: {wrong}")
-
-
-# The real robot of a result as plain JSON, for programs of one's own.
-
-
-def write_parameters_json(
-    robot: Robot, given: Mapping[str, float], physical: RealEntry, out: Path
-) -> Path:
-    """Write names, values and units of the real robot."""
-    known = every_parameter(robot, physical.shapes)
-    told = {
-        "schema": "identifiability/robot/1",
-        "robot": robot.identity,
-        "parameters": [
-            {"name": name, "value": value, "unit": known[name].unit if name in known else ""}
-            for name, value in given.items()
-        ],
-        "shapes": physical.shapes,
-        "error_ra": physical.error_ra,
-        "error_joints": [{k: e.get(k) for k in ("joint", "error")} for e in physical.error_joints],
-    }
-    return write_json(out, told)
 
 
 # Write a robot file with other parameters, in the robot's own format or in the other one.
@@ -227,7 +204,6 @@ Format = ExportFormat
 ENDINGS: dict[Format, str] = {
     "mjcf": ".xml",
     "urdf": ".urdf",
-    "json": ".json",
     "isaaclab": ".py",
     "patch": ".patch",
 }
@@ -277,30 +253,22 @@ class Exported:
     @property
     def statement(self) -> str:
         """What the files hold, in words."""
-        parts, misread = list[str](), False
+        parts, alone = list[str](), self.error_ra_file
         if self.beside:
             beside = [f"{effect} ({listing(n, 4)})" for effect, n in self.beside.items()]
-            told = listing(beside, len(beside))
+            told, stand = listing(beside), "it stands" if len(beside) == 1 else "they stand"
+            lacks = f"{told}: {stand} in the sidecar, which simulators do not read."
             misread = {*self.beside} <= {FAMILIES[name].title for name in MISREADS}
-            stand = "it stands" if len(beside) == 1 else "they stand"
-            lacks = (
-                f"{self.robot.name} cannot hold {told}: {stand} in the sidecar, which simulators"
-            )
-            parts.append(
-                f"The log has {told}, and not the robot: {self.robot.name} is compared with torque "
-                "as it should have been read."
-                if misread
-                else f"{lacks} do not read."
-            )
+            kept = f"{self.robot.name} has no {told}: torque is meant as it should have been read."
+            parts.append(kept if misread else f"{self.robot.name} cannot hold {lacks}")
+            alone = self.error_ra if misread else alone
         if self.snippet is not None:
             added = listing(self.added, 4)
             parts.append(f"In MuJoCo {self.snippet.name} adds {added} to it.")
-        if misread and self.error_ra is not None:
-            parts.append(f"On the fitted logs it errs by {percent(self.error_ra)}.")
-        elif self.error_ra is not None and self.error_ra_file is not None:
+        if self.error_ra is not None and alone is not None:
             parts.append(
                 f"On the fitted logs the real robot errs by {percent(self.error_ra)}, and what "
-                f"{self.robot.name} alone holds by {percent(self.error_ra_file)}."
+                f"{self.robot.name} alone holds by {percent(alone)}."
             )
         parts += [self.unseen.told] if self.unseen is not None else []
         return " ".join([*parts, *self.notes])
@@ -325,10 +293,10 @@ def export(
     result : path
         JSON of `analyze`, `prune` or `diagnose`.
     out : path
-        ``.xml`` for MJCF, ``.urdf`` for URDF, from either kind of file; ``.json`` for the
-        parameters alone; ``.py`` for a configuration of actuators (isaaclab); ``.patch`` for what
-        changes in the robot's own file and sidecar, as a unified diff.
-    form : {"mjcf", "urdf", "json", "isaaclab", "patch"}, optional
+        ``.xml`` for MJCF, ``.urdf`` for URDF, from either kind of file; ``.py`` for a configuration
+        of actuators (isaaclab); ``.patch`` for what changes in the robot's own file and sidecar, as
+        a unified diff.
+    form : {"mjcf", "urdf", "isaaclab", "patch"}, optional
         What to write; by default what the ending says. From an MJCF comes a URDF as well, and the
         other way round, without geometry; isaaclab is a configuration of actuators for robots with
         servos.
@@ -356,9 +324,7 @@ def export(
     unseen, snippet, added = None, None, list[str]()
     alone, written = physical.error_ra, Written(Path(out), None, ())
     kind: Kind | None = None
-    if wanted == "json":
-        write_parameters_json(robot, given, physical, Path(out))
-    elif wanted == "isaaclab":
+    if wanted == "isaaclab":
         write_isaaclab(robot, given, content, Path(out))
         alone = None  # it holds no bodies
     else:
@@ -377,7 +343,7 @@ def export(
             if unseen.totals[1] > unseen.totals[0] and not force:
                 raise IdentifiabilityError(
                     f"{unseen.told} So {Path(out).name} would be worse than the file that it comes "
-                    "from: export to .json, or write it all the same with --force."
+                    "from: write it all the same with --force."
                 )
         written = write_parameters(robot, given, out, **what)
         if written.sidecar is not None:

@@ -54,6 +54,8 @@ class PrunedModel(ModelResult):
     crossed : Prediction
         On stretches (or logs) that the fits have not seen; `unseen` is of validation logs, if there
         are any.
+    spread : float
+        Relative standard error of the difference of its error on folds to the best model's.
     density, density_se : float [nats]
         What the model was chosen by: predictive log density of these stretches, less that of the
         best model; and the standard error.
@@ -63,6 +65,7 @@ class PrunedModel(ModelResult):
 
     step: Step
     crossed: Prediction
+    spread: float
     density: float
     density_se: float
     weight: float
@@ -201,7 +204,7 @@ class Ladder(Laddered[PrunedModel]):
         )
         if len(chosen) == size:
             text = "Nothing was pruned: each is needed to predict motion that the fit has not seen."
-        text = " ".join(filter(None, (text, self._reduced(), self._physics)))
+        text = " ".join(filter(None, (text, self._physics)))
         return Answer(
             question,
             short,

@@ -7,17 +7,15 @@ import numpy as np
 import pytest
 
 from identifiability.estimation.estimate import find_estimator
-from identifiability.estimation.evidence import Evidence, HeldOut
 from identifiability.estimation.fit import column_noise, column_rms, merge_blocks
 from identifiability.estimation.groups import NO_ALTERNATIVES
-from identifiability.estimation.noise import Noise
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.verdict import Class, Flag
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import Submodel
 from identifiability.workflows.analyze.workflow import Settled, assess_ladder, select_model
 
-from .made import gather, score_of
+from .made import gather
 
 
 @dataclass
@@ -141,13 +139,10 @@ def ladder():
     made = [
         Prediction.of([np.arange(960.0)], tau[h], W[h] @ values, np.zeros(960, int)) for h in half
     ]
-    held_out = HeldOut.of(every, Noise(fits[0].variance, fits[0].times))
-    scores = [score_of(held_out, f, r.M) for r, f in zip(submodels, fits, strict=True)]
-    judged = [Evidence.of(score, scores[0]) for score in scores]
     rng, physics = np.random.default_rng(0), [Physics(0.1), Physics(-0.1)]
     pairs = zip(models, physics, strict=True)
     settled = [Settled(model, real, None, None, np.empty(0)) for model, real in pairs]
-    results = assess_ladder(settled, *made, judged, rng, 50, NO_ALTERNATIVES)
+    results = assess_ladder(settled, *made, rng, 50, NO_ALTERNATIVES)
     return W, tau, every, fits, made, results
 
 
@@ -178,12 +173,6 @@ def test_the_values_to_use_are_the_real_robots_where_it_predicts_as_well(ladder)
     ):
         assert not apart.physical_used
         assert apart.recommended == [own]
-
-
-def test_standard_errors_are_those_of_the_difference_to_the_best(ladder):
-    results = ladder[-1]
-    assert results[0].error_se == 0.0  # it is the best
-    assert results[1].error_se == results[1].spread * results[1].error_ra_validation > 0
 
 
 def test_signs_that_physics_forbids_are_named_and_make_a_model_impossible(ladder):
