@@ -288,7 +288,7 @@ class _Rows:
             yield from self._directions()
         worst = float(np.exp(self.fit(self.plain)).max())
         if worst > RULES.grades[0]:  # worse than very good
-            few = _Rows(self.thinned, self.plain.motion)
+            few = _Rows(self.thinned)
             yield from self._zeros(few)
             if worst > RULES.grades[1] and not self.robot.closed:
                 yield from sorted(self._positions(), key=few.misfit)[:JUDGED]
@@ -343,7 +343,9 @@ class _Rows:
             unit = "m" if self.robot.is_prismatic(int(self.robot.actuated[j])) else "rad"
             says = f"The position of {who} seems to be read {zero:.3g} {unit} too large"
             do = f"Correct its zero, or say {who} = {{offset = {-zero:.3g}}} under [columns]"
-            yield replace(self.plain, says=says, remedy=do, motion=at(x, j), free=1)
+            found = replace(self.plain, says=says, remedy=do, motion=at(x, j), free=1)
+            if np.isfinite(self.misfit(found)):  # loops close there
+                yield found
 
     def refine(self, a: Alternative) -> Alternative:
         """Return an alternative with the delay, unit or robot that fits best."""
