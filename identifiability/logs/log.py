@@ -34,6 +34,7 @@ from identifiability.logs.formats.containers import stack_arrays
 from identifiability.logs.formats.reader import Whole
 from identifiability.logs.reading import Reading
 from identifiability.logs.rows import divide_rows, find_range, gather, is_long, spread_windows
+from identifiability.logs.rules import RULES
 from identifiability.logs.spikes import Spike, find_spikes
 from identifiability.logs.tables import read_pieces, write_table
 
@@ -447,3 +448,23 @@ def share_clock(logs: Sequence[Log]) -> list[Log]:
     if len(spans) < len(logs) or any(last >= first for (_, last), (first, _) in pairwise(order)):
         return [log if log.start is None else replace(log, start=None) for log in logs]
     return [replace(log, start=(log.start or 0.0) - order[0][0]) for log in logs]
+
+
+def refuse_silent(logs: Sequence[Log]) -> None:
+    """Refuse joints that neither move nor show torque in any log: free, they hide what moves.
+
+    Raises
+    ------
+    LogError
+        With what locks each where it stands, as a gripper's fingers should be.
+    """
+    gone = [log.unmeasured for log in logs if log.unmeasured is not None]
+    if len(gone) < len(logs) or len({log.joints for log in logs}) > 1:
+        return
+    q, lost = np.concatenate([log.q for log in logs]), np.concatenate(gone).all(0)
+    stays = lost & (np.ptp(q, axis=0) <= RULES.small)
+    if 0 < stays.sum() < len(stays):
+        at = zip(np.array(logs[0].joints)[stays], np.median(q, axis=0)[stays], strict=True)
+        silent = {str(joint): f"--lock {joint}={x:.4g}" for joint, x in at}
+        told = {"names": [log.name for log in logs], "joints": [*silent]}
+        raise LogError(Finding("logs.unmeasured", **told, locks=" ".join(silent.values())))

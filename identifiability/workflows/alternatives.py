@@ -1,7 +1,8 @@
 """Alternatives of the model itself: under a wrong one everything else seems to be missing.
 
-Torque columns may be exchanged, turned, late or in another unit, a driver may have taken gravity
-out of them, a base may stand otherwise than its file says. Each is the model of the same base
+Columns may be exchanged, turned, late or in another unit, an encoder's zero be elsewhere, offsets
+differ between logs, a driver may have taken gravity out of torque, a base may stand otherwise than
+its file says. Each is the model of the same base
 parameters along other rows, or under other gravity. What fits to all rows leave proposes; what
 decides is by how much it falls beside the same smooth functions, so that what is missing anyway
 cannot vote, of as many rows as tell something new. Held-out logs choose none,
@@ -31,7 +32,7 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import of_commands
-from identifiability.logs.prepare import Dataset
+from identifiability.logs.prepare.dataset import move_samples
 from identifiability.logs.spectrum import autocorrelation_time
 from identifiability.physical.cad_prior import combine_with_file
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
@@ -198,9 +199,9 @@ class _Rows:
         self.logs = logs
         few = tuple(s.thin(max(1, len(s.tau) * len(logs.samples) // ROWS[0])) for s in logs.samples)
         self.thinned = replace(logs, samples=few)
-        self.samples = [
-            x if motion is None else _moved(self.robot, x, motion) for x in logs.samples
-        ]
+        self.samples = logs.samples
+        if motion is not None:
+            self.samples = tuple(move_samples(self.robot, s, motion) for s in logs.samples)
         self.seen = self._look(self.robot)
         self.data = self.seen.data
         #: What makes columns (N, n, b) of these parts: 1, and gravity where there is any.
@@ -287,7 +288,7 @@ class _Rows:
             yield from self._directions()
         worst = float(np.exp(self.fit(self.plain)).max())
         if worst > RULES.grades[0]:  # worse than very good
-            few = _Rows(self.thinned, self.plain.motion)
+            few = _Rows(self.thinned)
             yield from self._zeros(few)
             if worst > RULES.grades[1] and not self.robot.closed:
                 yield from sorted(self._positions(), key=few.misfit)[:JUDGED]
@@ -342,7 +343,9 @@ class _Rows:
             unit = "m" if self.robot.is_prismatic(int(self.robot.actuated[j])) else "rad"
             says = f"The position of {who} seems to be read {zero:.3g} {unit} too large"
             do = f"Correct its zero, or say {who} = {{offset = {-zero:.3g}}} under [columns]"
-            yield replace(self.plain, says=says, remedy=do, motion=at(x, j), free=1)
+            found = replace(self.plain, says=says, remedy=do, motion=at(x, j), free=1)
+            if np.isfinite(self.misfit(found)):  # loops close there
+                yield found
 
     def refine(self, a: Alternative) -> Alternative:
         """Return an alternative with the delay, unit or robot that fits best."""
@@ -407,7 +410,8 @@ class _Rows:
             rows[j][:, acting] = self.products(j, beside=False) @ w[j] / sd[j]
         R = np.linalg.qr(np.concatenate(rows), mode="r")
         phi, share = np.eye(len(self.structure.columns)), PHYSICAL_RULES.body_within
-        return combine_with_file(self.structure, R @ self.structure.G, R @ x, phi, share).mean
+        both = combine_with_file(self.structure, R @ self.structure.G, R @ x, phi, share)
+        return np.asarray(both.mean)
 
     def _with_offsets(self, a: Alternative) -> Alternative:
         """Return an alternative with the offset of each log, and where they differ most."""
@@ -442,7 +446,7 @@ class _Rows:
         """A constant torque of each joint in each log, (n, N, L)."""
         ones = [replace(p, tau=np.ones_like(p.tau)).torque for p in self.seen.pieces]
         each = self.seen.log[:, None] == np.unique(self.seen.log)
-        return np.concatenate(ones)[self.seen.seen].T[..., None] * each
+        return np.asarray(np.concatenate(ones)[self.seen.seen].T[..., None] * each)
 
     @cached_property
     def _smooth(self) -> list[tuple[Array, Array]]:
@@ -532,17 +536,6 @@ class _Rows:
         ]
         new = self.data.sum(0) / autocorrelation_time(np.column_stack(left))
         return np.asarray(new[np.argsort(a.order)])
-
-
-def _moved(robot: Robot, given: Dataset, by: Array) -> Dataset:
-    """Return samples of other positions, as in `Alternative.motion`, if loops close there."""
-    old, A = given.motion, by[:, :-1]
-    actuated = (x @ A.T for x in (old.actuated_q, old.actuated_v, old.actuated_a))
-    new = complete_motion(robot, old.t, next(actuated) - by[:, -1], *actuated)
-    if len(new.t) < len(old.t):
-        raise ClosureError(f"Loops of {given.name} do not close there.")
-    new = replace(new, kept=old.kept, dropped=old.dropped, start=old.start)
-    return replace(given, motion=new, weight=given.weight[:, np.abs(A).argmax(1)])
 
 
 def _solve(G: Array, g: Array, nonnegative: np.ndarray) -> Array:

@@ -48,12 +48,11 @@ from identifiability.logs.commands import moved, of_commands
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.formats.containers import frame_of
 from identifiability.logs.formats.reader import find_parts
-from identifiability.logs.log import check_held_out, share_clock, too_long
+from identifiability.logs.log import check_held_out, refuse_silent, share_clock, too_long
 from identifiability.logs.prepare import Dataset, Preparation, prepare_log
-from identifiability.logs.prepare.dataset import explain_silence
+from identifiability.logs.prepare.dataset import explain_silence, require_signal
 from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.prepare.preparation import settle_cutoff
-from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.physical.cad_prior import load_by_fit
 from identifiability.quality import MeasuredLogs, Reading, find_always, find_oddities, mend
 from identifiability.quality.hints import OUT, leave_out_rows, weigh_rows
@@ -228,7 +227,7 @@ def read_recordings(
     if alone and not commands:
         raise LogError(Finding("logs.commands", names=alone, first=alone[0]))
     if learns:
-        _refuse_silent(train)
+        refuse_silent(train)
     alike: dict[str, list[str]] = {}
     for log in (*train, *held_out):
         alike.setdefault("; ".join(log.notes), []).append(log.name)
@@ -243,26 +242,6 @@ def _told_apart(logs: list[Log]) -> list[Log]:
         replace(log, name=name) if [log.name] == shorten_paths([log.path]) else log
         for log, name in zip(logs, short, strict=True)
     ]
-
-
-def _refuse_silent(logs: Sequence[Log]) -> None:
-    """Refuse joints that neither move nor show torque in any log: free, they hide what moves.
-
-    Raises
-    ------
-    LogError
-        With what locks each where it stands, as a gripper's fingers should be.
-    """
-    gone = [log.unmeasured for log in logs if log.unmeasured is not None]
-    if len(gone) < len(logs) or len({log.joints for log in logs}) > 1:
-        return
-    q, lost = np.concatenate([log.q for log in logs]), np.concatenate(gone).all(0)
-    stays = lost & (np.ptp(q, axis=0) <= LOG_RULES.small)
-    if 0 < stays.sum() < len(stays):
-        at = zip(np.array(logs[0].joints)[stays], np.median(q, axis=0)[stays], strict=True)
-        silent = {str(joint): f"--lock {joint}={x:.4g}" for joint, x in at}
-        told = {"names": [log.name for log in logs], "joints": [*silent]}
-        raise LogError(Finding("logs.unmeasured", **told, locks=" ".join(silent.values())))
 
 
 InMemory = TypeVar("InMemory", Log, Dataset)
@@ -720,22 +699,3 @@ def settle_gains(robot: Robot, logs: Logs) -> Robot:
     given = read_recordings(logs, known=Conventions.of(robot), commands=True, learns=False)
     alone = (x for x in given.fitted if x.commanded and x.motion_alone)
     return learn_gains(robot, select(robot, alone))
-
-
-def require_signal(samples: Sequence[Dataset], done: str) -> None:
-    """Refuse logs that have nothing to explain.
-
-    Parameters
-    ----------
-    samples : sequence of Dataset
-    done : str
-        What cannot be done, as a participle.
-
-    Raises
-    ------
-    LogError
-    """
-    why = explain_silence([s.survey for s in samples]) if samples else ""
-    if why:
-        names = [s.name for s in samples]
-        raise LogError(Finding("logs.silent", done, why=why, names=names))

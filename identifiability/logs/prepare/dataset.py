@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from identifiability.foundation.engines import Engine, Serial, Steps
-from identifiability.foundation.errors import LogError, RobotError
+from identifiability.foundation.errors import ClosureError, LogError, RobotError
 from identifiability.foundation.findings import Finding, of_key
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import checked
@@ -661,3 +661,46 @@ def _join(parts: Iterator[Dataset]) -> Dataset:
         condition=max(condition),
     )
     return replace(first[0], motion=motion, lost=sum(lost), **own)
+
+
+def require_signal(samples: Sequence[Dataset], done: str) -> None:
+    """Refuse logs that have nothing to explain.
+
+    Parameters
+    ----------
+    samples : sequence of Dataset
+    done : str
+        What cannot be done, as a participle.
+
+    Raises
+    ------
+    LogError
+    """
+    why = explain_silence([s.survey for s in samples]) if samples else ""
+    if why:
+        names = [s.name for s in samples]
+        raise LogError(Finding("logs.silent", done, why=why, names=names))
+
+
+def move_samples(robot: Robot, given: Dataset, by: Array) -> Dataset:
+    """Return samples at other positions, A times theirs less b.
+
+    Parameters
+    ----------
+    robot : Robot
+    given : Dataset
+    by : (n, n + 1)
+        A and b.
+
+    Raises
+    ------
+    ClosureError
+        If loops do not close at some.
+    """
+    old, A = given.motion, by[:, :-1]
+    actuated = (x @ A.T for x in (old.actuated_q, old.actuated_v, old.actuated_a))
+    new = complete_motion(robot, old.t, next(actuated) - by[:, -1], *actuated)
+    if len(new) < len(old):
+        raise ClosureError(f"Loops of {given.name} do not close there.")
+    new = replace(new, kept=old.kept, dropped=old.dropped, start=old.start)
+    return replace(given, motion=new, weight=given.weight[:, np.abs(A).argmax(1)])

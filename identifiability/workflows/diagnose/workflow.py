@@ -28,6 +28,7 @@ from identifiability.foundation.options import Effects, Seed, checked
 from identifiability.foundation.values import frozen
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Dataset, Preparation
+from identifiability.logs.prepare.dataset import require_signal
 from identifiability.physical.cad_prior import load_by_fit, settle_prior
 from identifiability.quality.hints import OUT, where_outlying
 from identifiability.regression.information import gather_information
@@ -93,7 +94,6 @@ from identifiability.workflows.session import (
     count_offsets,
     quiet,
     read_recordings,
-    require_signal,
     settle_gains,
     state_provenance,
 )
