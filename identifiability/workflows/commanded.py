@@ -99,9 +99,7 @@ def follow_commands(
     larger = 2.0 * found.numbers["sizes"]
     if scale := servo.doubt_scale(larger, [*file_shares(robot).values()]):
         odd, wrong = odd + scale, wrong / np.exp(np.mean(larger))
-    others = [servo.having({"kp": servo.kp * wrong})] * bool(np.any(wrong != 1.0)) + [
-        *servo.doubted
-    ]
+    others = [servo.having({"kp": servo.kp * wrong}), *servo.doubted][int(np.all(wrong == 1)) :]
     later += [{k: moved(x, servo, other) for k, x in own.items()} for other in others]
     unseen = (calibrated(x, servo.delay) if of_commands(x) else x for x in recordings.held_out)
     rolled = any(x.rollout is not None for x in own.values())
