@@ -55,6 +55,8 @@ BETWEEN = np.geomspace(0.3, 3.0, 25)
 EVEN: Tolerance = 0.02
 #: First zeros that are tried, of how far a joint moves; joints beyond which neighbours alone are.
 SHIFT, MOST = 0.2, 8
+#: What is left, by its logarithm, where loops do not close.
+OPEN = 1e3
 #: Of what may be missing at a joint directions count that are so strong, beside the strongest.
 STRONG: Tolerance = 0.03
 
@@ -294,11 +296,11 @@ class _Rows:
                 yield from sorted(self._positions(), key=few.misfit)[:JUDGED]
 
     def misfit(self, a: Alternative) -> float:
-        """Return the sum of the logs of what is left of all columns; much where loops are open."""
+        """Return the sum of the logs of what is left of all columns; far more if loops are open."""
         try:
             return float(self.fit(a).sum())
         except ClosureError:
-            return 1e3 * len(a.order)
+            return OPEN
 
     def _positions(self) -> Iterator[Alternative]:
         """Yield positions that are exchanged, of another sign or in degrees."""
@@ -344,7 +346,7 @@ class _Rows:
             says = f"The position of {who} seems to be read {zero:.3g} {unit} too large"
             do = f"Correct its zero, or say {who} = {{offset = {-zero:.3g}}} under [columns]"
             found = replace(self.plain, says=says, remedy=do, motion=at(x, j), free=1)
-            if np.isfinite(self.misfit(found)):  # loops close there
+            if self.misfit(found) < OPEN:
                 yield found
 
     def refine(self, a: Alternative) -> Alternative:
