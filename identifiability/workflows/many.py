@@ -14,13 +14,12 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from operator import itemgetter
 from pathlib import Path
-from statistics import median
 from typing import Any, ClassVar, Literal, get_type_hints
 from urllib.parse import quote
 
 import pandas as pd
 
-from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
+from identifiability.foundation.answers import Answer, Cell, Column, Table
 from identifiability.foundation.engines import Engine, Serial
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, listing, near_match
 from identifiability.foundation.findings import Finding
@@ -195,12 +194,6 @@ class Fleet(Result):
         about = f"{self.verb} · {format_count(len(self.rows), 'robot')}"
         return self.folder.resolve().name, "Many robots", about
 
-    def cautions(self) -> tuple[Note, ...]:
-        """Return why robots have no answer, and what to check in logs and files, by robot."""
-        odd = {row["robot"]: " ".join(row["warnings"]) for row in self.rows if row["warnings"]}
-        failed = [Note("warning", *pair) for pair in self.failed.items()]
-        return (*failed, *(Note("note", *pair) for pair in odd.items()))
-
     def tables(self) -> tuple[Table, ...]:
         """Return one row a robot."""
         own = with_hints(
@@ -218,21 +211,18 @@ class Fleet(Result):
         return (Table.of("One row a robot, whose name leads to its own page", own, self.rows),)
 
     def answers(self) -> tuple[Answer, ...]:
-        """Return how many robots have an answer, how well models predict, whose page is next."""
+        """Return how many robots have an answer, and which model errs most."""
         short = [f"{len(self.rows) - len(self.failed)} of {len(self.rows)} robots have an answer."]
         short += [f"{name} has none: {why}" for name, why in [*self.failed.items()][:3]]
         tone = "amber" if self.failed else "green"
         told = Answer("Is there an answer?", " ".join(short), tone=tone)
-        known = {r["robot"]: r for r in self.rows if r["error_unseen"] is not None}
+        known = {r["robot"]: r["error_unseen"] for r in self.rows if r["error_unseen"] is not None}
         if not known:
             return (told,)
-        errors = {name: float(row["error_unseen"]) for name, row in known.items()}
-        middle, worst = median(errors.values()), max(errors, key=lambda name: errors[name])
-        most = f"the largest {percent(errors[worst], 2)} ({worst})"
-        error, tone = f"Median error on unseen motion {percent(middle, 2)}", grade_of(errors[worst])
-        good = Answer("How good are the models?", f"{error}, {most}.", "", TONES[tone])
-        page = f"Open {known[worst]['page']}: {worst} errs most, and its page says what to do."
-        return told, good, Answer("What next?", page)
+        worst = max(known, key=lambda name: known[name])
+        grade = TONES[grade_of(known[worst])]
+        text = f"{worst} errs most on unseen motion: {percent(known[worst], 2)}."
+        return told, Answer("How good are the models?", text, "", grade)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a robot; errors are fractions."""
