@@ -82,6 +82,15 @@ def name_logs(robot: Robot, paths: Iterable[str], option: str = "", how: object 
     return f"{' '.join(files)}{reading_options(robot)}{preparing_options(how)}"
 
 
+def compare_line(robot: Robot, paths: Iterable[str], how: object) -> tuple[str, str]:
+    """Return what logs are compared for, and how: the first with all others."""
+    first, second, *rest = dict.fromkeys(paths)
+    more = "".join(f" --after {quote(path)}" for path in rest)
+    two = name_logs(robot, (first, second), how=how)
+    line = f"identifiability compare {source_name(robot)} {two}{more}"
+    return "See what differs between the logs:", line
+
+
 def held_back(samples: Sequence[Dataset], fitted: Sequence[Dataset] = ()) -> str:
     """Return the logs that were held back, as options; begins with a space.
 

@@ -241,7 +241,8 @@ def compare(
         source = find_ladder(robot, ladder, beside=True)
         structure = Structure.of(robot, ladder_model(source.entry))
         session, count = Session.read_sides(structure, after, before, preparation, engine)
-        opening, logs = session.open("compared"), session.recordings.fitted
+        session, opening = session.settle("compared")
+        logs = session.recordings.fitted
         unchanged = replace(opening, samples=opening.samples[count:])
         structure = session.at_fit(unchanged)[0].structure
         submodel = build_ladder(source.entry, structure)[0]

@@ -374,8 +374,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         # What wrote a ladder may have been a diagnosis.
         out = out if ladder else [missing, *out] if first else [*out, missing]
         if (motions := self.chosen.fit.motions) is not None and motions.moved.any():
-            line = f"identifiability compare {robot} {logs}"
-            out = [("See what differs between the logs:", line), *out]
+            out = [commands.compare_line(self.robot, names, how), *out]
         return out[:3]
 
     @cached_property

@@ -35,6 +35,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.answers import after_mass, answer_next, answer_quality, with_hints
 from identifiability.workflows.commands import (
+    compare_line,
     export_line,
     given_paths,
     held_back,
@@ -557,16 +558,16 @@ def simulate_forward(d: Diagnosis, rng: np.random.Generator) -> ForwardGap:
 def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
     """Return lines for the terminal, the most useful first."""
     robot = source_name(d.robot)
-    given = name_logs(d.robot, given_paths(d.samples), how=d.preparation)
+    paths = given_paths(d.samples)
+    given = name_logs(d.robot, paths, how=d.preparation)
     logs = given + held_back(d.validation, d.samples)
     model = d.provenance.get("model")
     again = f"identifiability diagnose {robot} {logs}{f' --model {quote(model)}' if model else ''}"
     undecided = any(e.alternatives for e in d.effects) and not d.written("next")
     out = [("Find the motion that tells one name from the other:", f"{again} --next motion.json")]
     out = out if undecided else []
-    if any(x.explained.get("log", 0.0) > 0.5 for x in d.discrepancies):
-        changed = f"identifiability compare {robot} {given}"
-        out.insert(0, ("See what differs between the logs:", changed))
+    if any(x.explained.get("log", 0.0) > 0.25 for x in d.discrepancies):
+        out.insert(0, compare_line(d.robot, paths, d.preparation))
     if d.included:
         judge = f"identifiability analyze {robot} {logs} --ladder {{file}} --report report.html"
         line = on_file(d, "model", "model.toml", f"{again} --out", judge)
