@@ -37,7 +37,7 @@ from identifiability.logs.spectrum import autocorrelation_time
 from identifiability.physical.cad_prior import combine_with_file
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.quality import MeasuredLogs
-from identifiability.quality.hints import measure_factors
+from identifiability.quality.hints import find_torque_scale, measure_factors
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
@@ -271,8 +271,9 @@ class _Rows:
         do = "Correct its unit in the log"
         for unit, (who, own) in product(() if said.gain or n < 2 else UNITS, some):
             yield replace(plain, says=who, remedy=do, factor=np.where(own, 1 / unit, 1.0), free=1)
-        shares = measure_factors(self.logs) if self.weighs and not said.gain else np.ones(n)
-        if (shows := np.isfinite(shares)).sum() > 1 and np.ptp(shares[shows]) > 0:
+        if not said.gain and find_torque_scale(self.logs):  # each before a gear of its own
+            shares = measure_factors(self.logs)
+            shows = np.isfinite(shares)
             apart = np.where(shows, np.exp(np.log(shares[shows]).mean()) / shares, 1.0)
             told = (f"{j} {x:.2g}" for j, x in zip(names, shares, strict=True) if np.isfinite(x))
             what = f"Torque is so many times what the robot file asks for: {', '.join(told)}"
