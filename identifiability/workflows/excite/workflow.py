@@ -11,6 +11,7 @@ import numpy as np
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import ClosureError
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import (
     MOST_SAMPLES,
@@ -112,9 +113,11 @@ def excite(
         robot = Robot.of(robot)
         robot.check_stands("designing a motion")
         say("reading logs", 0.0)
-        bounds = find_limits(robot, limits)
         question = pose_question(robot, model, parameters, separate)
-        logs, wrong = _start(question, start_from, preparation, engine)
+        logs, wrong, turned = _start(question, start_from, preparation, engine)
+        if turned is not None:
+            question = pose_question(turned, model, parameters, separate)
+        bounds = find_limits(question.structure.robot, limits)
         hints = (*wrong, *free_again(model))
         series = Series(bounds, duration or 7.5, harmonics)
         options = {"evaluations": evaluations, "preparation": preparation or Preparation()}
@@ -134,15 +137,18 @@ def excite(
 
 def _start(
     question: Question, logs: Logs | None, preparation: Preparation | None, engine: Engine | None
-) -> tuple[list[Dataset], tuple[str, ...]]:
-    """Return what was measured already, if anything, and what was mended of it."""
+) -> tuple[Sequence[Dataset], tuple[str, ...], Robot | None]:
+    """Return what was measured, what is said of it, and the robot, if it stands otherwise."""
     if logs is None:
-        return [], ()
-    session = Session.read(
-        question.structure, logs, preparation=preparation, engine=engine, commands=False
-    )
-    given = session.recordings
-    return session.prepare(given.fitted), given.hints
+        return (), (), None
+    structure = question.structure
+    session = Session.read(structure, logs, preparation=preparation, engine=engine, commands=False)
+    opening = session.open()
+    hints, other = session.recordings.hints, opening.alternative
+    if other is None or not (other.keeps_columns and other.gravity.any()):
+        return opening.samples, hints, None
+    said = Finding("alternative", text=other.statement)
+    return opening.samples, (said, *hints), structure.robot.turned(other.gravity)
 
 
 def find_motion(
