@@ -92,7 +92,7 @@ def progress(*, show: bool = True) -> Iterator[Callable[[str, float], None]]:
             nonlocal said
             bar.update(task, description=text, completed=max(share, bar.tasks[0].completed))
             past = monotonic() - begun
-            left = past * (1 - share) / share if share > 0 else 0.0
+            left = past * (1 - share) / share if share >= 0.05 else 0.0  # before it is a guess
             if past > 3.0 and left > PATIENCE and not said:
                 said = True
                 console.print(f"{text}: about {left:.0f} s more", highlight=False)
