@@ -77,7 +77,7 @@ def test_an_effect_that_no_family_fits_is_given_no_name(logs_of):
     d = diagnose("five-bar", logs[:4], logs[4:], forward=False)
     assert d.effects == ()
     assert "No effect can be named" in d.statement
-    assert "looks like something that depends on the log" in d.unexplained
+    assert "Torque offsets differ between logs" in d.alternative
 
 
 @pytest.mark.parametrize(
