@@ -339,27 +339,6 @@ class Predicts(ABC):
         return handed("read_result")(path) if robot is None else read_fit(path, robot)
 
 
-@frozen
-class ServoErrors:
-    """What is not known of servos, as w independent doubts of one standard deviation.
-
-    Attributes
-    ----------
-    names : tuple of m str
-        ``delay`` [s] and gains, ``<joint>.kp`` and ``<joint>.kv``, that logs told.
-    mean : (m,)
-    moves : (w, m)
-        What each doubt does to them,
-    base : (w, b)
-        and to the base parameters.
-    """
-
-    names: tuple[str, ...] = ()
-    mean: Array = field(default_factory=lambda: np.zeros(0))
-    moves: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    base: Array = field(default_factory=lambda: np.zeros((0, 0)))
-
-
 @frozen(kw_only=True)
 class Fit(Predicts):
     """A fitted model as its result keeps it.
@@ -383,7 +362,8 @@ class Fit(Predicts):
         Functions of a joint's motion or load that the result says are missing.
     alternatives : (2, b)
         What functions that are missing did to the base parameters, and its standard deviation.
-    servo : ServoErrors
+    servo : mapping of str to (float, float)
+        ``delay`` [s] and gains, ``<joint>.kp`` and ``<joint>.kv``, that logs told, and how surely.
     """
 
     structure: Structure
@@ -396,7 +376,7 @@ class Fit(Predicts):
     origin: str = "result.json"
     missing: tuple[str, ...] = ()
     alternatives: Array | float = 0.0
-    servo: ServoErrors = ServoErrors()
+    servo: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def fit(self) -> Fit:
@@ -457,7 +437,7 @@ class Fit(Predicts):
             "base_covariance": self.base_covariance,
             "base_unknown": self.base_unknown,
             "alternatives": self.alternatives,
-            "servo": {k: np.array(x).tolist() for k, x in asdict(self.servo).items()},
+            "servo": dict(self.servo),
             "preparation": {f.name: getattr(self.preparation, f.name) for f in fields(Preparation)},
         }
         return {k: x.tolist() if isinstance(x, np.ndarray) else x for k, x in told.items()}
@@ -511,7 +491,7 @@ class FitEntry(Entry):
     base_covariance: list[list[float]]
     base_unknown: list[list[float]]
     alternatives: list[list[float]] | float = 0.0
-    servo: dict[str, list[Any]] = {}
+    servo: dict[str, tuple[float, float]] = {}
     preparation: Preparation
 
 
@@ -601,7 +581,6 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
         raise _other_robot(where, robot, "its parameters are not those of this robot.")
     submodel = submodel.ordered(entry.names)  # what is tied stands where its first member stood
     k, n, b = len(submodel), len(robot.joints), len(structure.base)
-    told = {key: np.array(x) for key, x in entry.servo.items()}
     try:
         return Fit(
             structure=structure,
@@ -618,7 +597,7 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
             origin=str(path),
             missing=content.missing,
             alternatives=np.array(entry.alternatives),
-            servo=ServoErrors(tuple(told.pop("names", ())), **told),
+            servo=entry.servo,
         )
     except ValueError:
         raise IdentifiabilityError(Finding("result.tables", where)) from None

@@ -16,7 +16,6 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 
 import numpy as np
 import pandas as pd
-from scipy.linalg import block_diag
 
 from identifiability.effects.vocabulary import by_effect, file_kinds, values_in_file
 from identifiability.estimation.estimator import Estimate
@@ -423,19 +422,18 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             servo=self._servo_errors(),
         )
 
-    def _servo_errors(self) -> predict.ServoErrors:
-        """Return what errors of delays and gains of servos do to them and to the values."""
+    def _servo_errors(self) -> dict[str, tuple[float, float]]:
+        """Return the delay and the gains of servos that logs told, and their errors."""
         servo, rolled, joints = self.robot.servo, self.recordings.rolled, self.robot.joints
         if servo is None or rolled is None:
-            return predict.ServoErrors()
-        sd = rolled.delay_errors[rolled.delay_errors > 0]
-        more, share = np.reshape(servo.doubt, (-1, 2, len(joints))).swapaxes(0, 1)
-        gains = np.column_stack([more, share * servo.kp])
-        moves = block_diag(sd[:, None] / len(rolled.delays), gains)
-        names = ["delay", *(f"{j}.{kind}" for kind in ("kv", "kp") for j in joints)]
-        mean = np.concatenate([[rolled.delays.mean()], servo.kv, servo.kp])
-        own, late = np.flatnonzero(moves.any(0)), self.late[: len(moves)]
-        return predict.ServoErrors(tuple(names[k] for k in own), mean[own], moves[:, own], late)
+            return {}
+        late, count = rolled.delay_errors, len(rolled.delays)
+        told = {"delay": (rolled.delays.mean(), np.linalg.norm(late) / count)}
+        kv, kp = np.linalg.norm(np.reshape(servo.doubt, (-1, 2, len(joints))), axis=0)
+        for kind, own, sd in (("kv", servo.kv, kv), ("kp", servo.kp, kp * servo.kp)):
+            names = [f"{joint}.{kind}" for joint in joints]
+            told |= zip(names, zip(own, sd, strict=True), strict=True)
+        return {name: (float(x), float(sd)) for name, (x, sd) in told.items() if sd > 0}
 
     def ladder_frame(self) -> pd.DataFrame:
         """Return one row a model."""

@@ -145,21 +145,10 @@ def draw_robots(
         raise IdentifiabilityError(f"No robot can be drawn: {error}") from None
     kept = found.draws[:, :, APART - 1 :: APART].reshape(-1, len(structure.columns))
     values = kept[rng.permutation(len(kept))[:count]]
-    servos = draw_servos(fit, values, rng)
+    servos = pd.DataFrame(
+        {name: rng.normal(x, sd, len(values)) for name, (x, sd) in fit.servo.items()}
+    )
     return Draws(structure=structure, values=values, share=share, servos=servos)
-
-
-def draw_servos(fit: Fit, values: Array, rng: np.random.Generator) -> pd.DataFrame:
-    """Return delays and gains given standard parameters (N, p): both err by the same doubts."""
-    own, (mean, covariance) = fit.servo, fit.of_labels
-    if not own.names:
-        return pd.DataFrame()
-    to_doubts = own.base @ np.linalg.pinv(covariance, hermitian=True)
-    left, axes = np.linalg.eigh(np.eye(len(own.base)) - to_doubts @ own.base.T)
-    root = axes * np.sqrt(np.maximum(left, 0.0))
-    doubts = (values @ fit.structure.G.T - mean) @ to_doubts.T
-    doubts = doubts + rng.normal(size=doubts.shape) @ root.T
-    return pd.DataFrame(own.mean + doubts @ own.moves, columns=list(own.names))
 
 
 def _prior(structure: Structure, data: LeastSquares, share: float) -> Prior:
