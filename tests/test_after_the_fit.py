@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
@@ -68,20 +67,6 @@ def test_each_figure_is_drawn_by_itself(result, prediction, tmp_path):
         assert isinstance(figure, Figure)
         figure.savefig(tmp_path / f"{k}.png")
         assert (tmp_path / f"{k}.png").stat().st_size > 3000
-
-
-@pytest.mark.pictures
-def test_correlated_parameters_are_those_that_hang_together(result, robot):
-    class Two(type(result.fit).__mro__[1]):
-        fit = None
-
-        def covariance_frame(self):
-
-            return pd.DataFrame([[1, 0.99, 0], [0.99, 1, 0], [0, 0, 1.0]], [*"abc"], [*"abc"])
-
-    texts = {label.get_text() for label in plot.correlated(Two()).axes[0].get_yticklabels()}
-    assert {"a", "b"} <= texts
-    assert "c" not in texts
 
 
 def test_intervals_hold_over_the_nearest_real_robot_where_it_predicts_as_well(result):

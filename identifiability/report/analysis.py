@@ -36,12 +36,10 @@ from identifiability.report.blocks import (
     Terms,
     count_joints,
     fold_rows,
-    level_table,
     picture,
     section,
     torque_traces,
 )
-from identifiability.report.figures import MOST, draw_confusion, order_correlated
 from identifiability.report.skeleton import move_with_torque
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
@@ -208,28 +206,23 @@ def _tell_windows(analysis: Analysis) -> str:
     return ""
 
 
+#: Parameters are correlated where the absolute correlation of their estimates is above this.
+CONFUSED = 0.7
+
+
 def section_correlated(fit: Fit) -> Section:
-    """Return the parameters whose estimates hang together, as a map and in words."""
-    correlation = fit.correlation_frame().to_numpy()
-    at = order_correlated(correlation)
-    if not len(at):
+    """Return the parameters whose estimates hang together, in words."""
+    rho = np.triu(np.nan_to_num(fit.correlation_frame().to_numpy()), 1)
+    pairs = np.argwhere(np.abs(rho) > CONFUSED)
+    if not len(pairs):
         return section("analysis.correlated", text=sentence("analysis.apart"))
-    names, own = [fit.names[k] for k in at], correlation[np.ix_(at, at)]
-    rows, columns = np.triu_indices(len(names), 1)
-    rho = np.nan_to_num(own[rows, columns])
-    # Pairs that are named in words.
-    pairs = [
-        f"{names[rows[k]]} and {names[columns[k]]} ({format_number(float(rho[k]), 2)})"
-        for k in np.argsort(-np.abs(rho), kind="stable")[:3]
+    strongest = sorted(pairs.tolist(), key=lambda at: -abs(rho[tuple(at)]))[:5]
+    each = [
+        f"{fit.names[i]} and {fit.names[j]} ({format_number(float(rho[i, j]), 2)})"
+        for i, j in strongest
     ]
-    text = sentence(
-        "analysis.together",
-        count=len(names),
-        most=" (the strongest groups are shown)" if len(names) == MOST else "",
-        pairs=join(pairs),
-    )
-    figure = draw_confusion(names, own)
-    return section("analysis.correlated", picture("correlated", figure), text=text)
+    text = sentence("analysis.together", count=len(np.unique(pairs)), pairs=join(each))
+    return section("analysis.correlated", text=text)
 
 
 # Whether a real robot can have the values.
@@ -290,7 +283,7 @@ def _how(analysis: Analysis) -> tuple[Section, ...]:
             out=format_count(len(analysis.held_out.log), "sample"),
             kind=analysis.validation_kind,
         ),
-        section("analysis.thresholds", level_table(), glossary, detail=True),
+        section("analysis.thresholds", glossary, detail=True),
         section("analysis.provenance", Table.of("", columns, rows), detail=True),
     )
 

@@ -16,11 +16,10 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from identifiability.estimation.evidence import LEVELS
-from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
+from identifiability.foundation.answers import Answer, Cell, Note, Table
 from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import format_count, format_number, percent
+from identifiability.foundation.rounding import format_count, format_number
 from identifiability.foundation.values import frozen
 from identifiability.report.figures import break_gaps, peak_rows, svg
 from identifiability.robot import Robot
@@ -474,16 +473,3 @@ def count_joints(robot: Robot) -> str:
     motors = len(robot.motor_joints)
     said = [format_count(motors, "actuated joint")] if motors or robot.base is None else []
     return " · ".join([*said, *(["floating base"] if robot.base is not None else [])])
-
-
-def level_table() -> Table:
-    """Return what evidence is called, and what a choice rests on."""
-    said = words(
-        "levels",
-        sure=percent(LEVELS.confidence, 2),
-        rise=percent(LEVELS.rise, 1),
-        nats=LEVELS.nats,
-        fewest=LEVELS.fewest,
-        folds=LEVELS.folds,
-    )
-    return Table.of("How models were judged", (Column("level"), Column("if")), tuple(said.items()))

@@ -21,7 +21,6 @@ from urllib.parse import quote, unquote
 
 import matplotlib as mpl
 import numpy as np
-import scipy
 from markupsafe import Markup, escape
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -672,13 +671,6 @@ def draw_ladder(
 # How well each parameter is known.
 
 
-#: Side of a cell of the map, and the most parameters that it holds [px].
-CELL, MOST = 17, 30
-
-#: Parameters are correlated where the absolute correlation of their estimates is above this.
-CONFUSED = 0.7
-
-
 @drawn
 def draw_precision(
     names: Sequence[str],
@@ -764,82 +756,6 @@ def draw_precision(
             **DASHED,
         )
     legend_above(axes)
-    return figure
-
-
-def order_correlated(correlation: Array, most: int = MOST) -> np.ndarray:
-    """Return parameters with a partner above `CONFUSED`, those of one group beside each other.
-
-    Groups are connected by such pairs; if there are too many, the strongest groups are returned.
-
-    Parameters
-    ----------
-    correlation : (k, k)
-    most : int
-    """
-    size = np.abs(np.nan_to_num(correlation))
-    np.fill_diagonal(size, 0.0)
-    strong = size > CONFUSED
-    _, group = scipy.sparse.csgraph.connected_components(strong, directed=False)
-    best = [-size[np.ix_(group == g, group == g)].max() for g in group]
-    order = np.lexsort((group, best))
-    found: np.ndarray = order[strong[order].any(1)][:most]
-    return found
-
-
-@drawn
-def draw_confusion(names: Sequence[str], correlation: Array) -> Figure:
-    """Draw the correlation of estimates as squares: area is its size, colour its sign.
-
-    Parameters
-    ----------
-    names : sequence of str
-    correlation : (k, k)
-    """
-    k = len(names)
-    left = label_width(names)
-    side = CELL * k
-    figure, (axes,) = canvas(
-        left + side + 16,
-        side + left + 24,
-        (left, 16, 24, left),
-    )
-    axes.set_xlim(-0.5, k - 0.5)
-    axes.set_ylim(k - 0.5, -0.5)
-    axes.set_xticks(
-        range(k),
-        [plain(n) for n in names],
-        rotation=90,
-        color=INK,
-    )
-    axes.set_yticks(range(k), [plain(n) for n in names], color=INK)
-    axes.grid(visible=False)
-    for at in range(k):
-        axes.axhline(
-            at,
-            color=LINE,
-            linewidth=0.5,
-            zorder=0,
-        )
-        axes.axvline(
-            at,
-            color=LINE,
-            linewidth=0.5,
-            zorder=0,
-        )
-    rows, columns = np.nonzero(~np.eye(k, dtype=bool))
-    rho = np.nan_to_num(correlation[rows, columns])
-    for sign, colour in ((1.0, BLUE), (-1.0, VERMILION)):
-        own = (sign * rho) > 0.1
-        size = (0.86 * CELL) ** 2 * np.abs(rho[own])
-        axes.scatter(
-            columns[own],
-            rows[own],
-            s=size,
-            c=colour,
-            marker="s",
-            linewidths=0,
-        )
     return figure
 
 

@@ -42,7 +42,6 @@ from identifiability.report.blocks import (
     count_joints,
     fold_rows,
     gallery,
-    level_table,
     motion_traces,
     picture,
     section,
@@ -312,7 +311,7 @@ def _sections_method(d: Diagnosis) -> tuple[Section, ...]:
     return (
         section("diagnosis.evidence", table, detail=True),
         section("diagnosis.refusals", Terms(refused) if refused else "Every family was asked."),
-        section("diagnosis.method", level_table(), told, detail=True),
+        section("diagnosis.method", told, detail=True),
     )
 
 
@@ -600,7 +599,7 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
         section("pruning.ladder", path, why=sentence("pruning.why")),
         None if ladder.nothing else section_correlated(ladder.fit),
         section("pruning.bodies", masses, said="" if real is None else real.sentence),
-        section("pruning.method", Prose(tuple(text.values())), level_table(), detail=True),
+        section("pruning.method", Prose(tuple(text.values())), detail=True),
     ]
 
 

@@ -1,7 +1,7 @@
 """The figures of a report one by one, for notebooks and papers.
 
 What to use when: `precision` for how well each parameter is known, `reduction_path` for a
-pruning, `correlated` for parameters that hang together, `torque` for measured and predicted torque.
+pruning, `torque` for measured and predicted torque.
 Each takes a result and returns a Matplotlib figure, which nobody else holds: change it, or
 ``figure.savefig("a.pdf")``. `Result.figures` gives those of its page.
 
@@ -24,20 +24,14 @@ from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.errors import near_match
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import OptionError
-from identifiability.report.figures import (
-    draw_confusion,
-    draw_ladder,
-    draw_precision,
-    draw_torque,
-    order_correlated,
-)
+from identifiability.report.figures import draw_ladder, draw_precision, draw_torque
 
 if TYPE_CHECKING:  # every report loads this module, and few need what prunes or diagnoses
     from identifiability.workflows.analyze import Analysis
-    from identifiability.workflows.predict import Predicts, TorquePrediction
+    from identifiability.workflows.predict import TorquePrediction
     from identifiability.workflows.prune import Ladder
 
-__all__ = ["correlated", "precision", "reduction_path", "torque"]
+__all__ = ["precision", "reduction_path", "torque"]
 
 
 def precision(result: Analysis, model: str | None = None) -> Figure:
@@ -64,28 +58,6 @@ def reduction_path(result: Ladder) -> Figure:
     submodels = [(len(r), r.error_ra, r.error_ra_unseen, r.error_se) for r in result.models]
     sizes, fitted, unseen, spread = np.array(submodels).T
     return draw_ladder(sizes, fitted, unseen, spread, result.selected, result.least)
-
-
-def correlated(result: Predicts, most: int = 20) -> Figure:
-    """Draw the correlation of the parameters that are correlated with others.
-
-    Parameters
-    ----------
-    result : Analysis, Ladder, Diagnosis or Fit
-    most : int
-        At most so many of them.
-
-    Raises
-    ------
-    OptionError
-        If none is.
-    """
-    table = result.correlation_frame()
-    at = order_correlated(table.to_numpy(), most)
-    if not len(at):
-        raise OptionError("No two parameters are correlated; there is nothing to draw.")
-    names = [str(table.columns[k]) for k in at]
-    return draw_confusion(names, table.to_numpy()[np.ix_(at, at)])
 
 
 def torque(result: TorquePrediction, joint: str, log: int = 0) -> Figure:
