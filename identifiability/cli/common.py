@@ -162,12 +162,11 @@ def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[st
 def print_next(result: Result) -> None:
     """Print what the page proposes first, with the line to type."""
     from rich.console import Console  # noqa: PLC0415
-    from rich.text import Text  # noqa: PLC0415
 
     for what, command in result.next()[:1]:
-        line = harmless(f" {what[0].lower()}{what[1:]} {command}")
+        line = f"Next {what[0].lower()}{what[1:]} {command}"
         # No markup, in which a pattern such as \\[Nm\\] would lose its backslashes.
-        Console().print(Text.assemble(("Next", "bold"), line), highlight=False, soft_wrap=True)
+        Console().print(harmless(line), markup=False, highlight=False, soft_wrap=True)
 
 
 def print_end(texts: Iterable[str], written: Iterable[Path] = ()) -> None:

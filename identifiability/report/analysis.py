@@ -142,7 +142,13 @@ def _name_key(analysis: Analysis) -> Fold:
     for effect in analysis.structure.model.effects:
         kinds = dict.fromkeys(p.kind for p in effect.parameters(analysis.robot))
         if effect.name != "rigid_body" and kinds:
-            terms.append(Term(", ".join(kinds), title_of(effect.name), formula=effect.equation))
+            terms.append(
+                Term(
+                    ", ".join(kinds),
+                    title_of(effect.name),
+                    formula=effect.equation,
+                )
+            )
     robot = analysis.robot
     short = robot.symbols
     named = [f"{symbol} is {name}" for name, symbol in short.items() if symbol != name]
@@ -221,7 +227,11 @@ def section_correlated(fit: Fit) -> Section:
         f"{fit.names[i]} and {fit.names[j]} ({format_number(float(rho[i, j]), 2)})"
         for i, j in strongest
     ]
-    text = sentence("analysis.together", count=len(np.unique(pairs)), pairs=join(each))
+    text = sentence(
+        "analysis.together",
+        count=len(np.unique(pairs)),
+        pairs=join(each),
+    )
     return section("analysis.correlated", text=text)
 
 
@@ -357,8 +367,18 @@ def posterior_table(analysis: Analysis) -> Table | None:
     summary = None if analysis.belief is None else analysis.belief.physical
     if summary is None or not summary.convergence.trustworthy:
         return None
-    ends = np.where(summary.stated[:, None], summary.interval, np.nan)
-    each = zip(analysis.chosen.verdicts, summary.mean, summary.sd, *ends.T, strict=True)
+    ends = np.where(
+        summary.stated[:, None],
+        summary.interval,
+        np.nan,
+    )
+    each = zip(
+        analysis.chosen.verdicts,
+        summary.mean,
+        summary.sd,
+        *ends.T,
+        strict=True,
+    )
     columns = (
         Column("parameter", get=lambda row: Cell(row[0].name, note=label_note(row[0]))),
         Column("estimate", stated_text, lambda row: row[0].value),

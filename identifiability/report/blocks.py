@@ -216,7 +216,11 @@ class Moving:
             places = np.stack([x, PLOT[1] * (high - np.array(y)) / (high - low or 1.0)], 1)
             seen = np.isfinite(places).all(1)
             begins = seen & ~np.append(False, seen[:-1])
-            steps = zip(begins[seen], places[seen].round(1).tolist(), strict=True)
+            steps = zip(
+                begins[seen],
+                places[seen].round(1).tolist(),
+                strict=True,
+            )
             paths.append((name, tone, "".join(f"{'ML'[not b]}{p[0]} {p[1]}" for b, p in steps)))
         return paths
 
@@ -423,7 +427,16 @@ def traces(
     for k, (joint, unit) in enumerate(zip(joints, units, strict=True)):
         own = {name: y[:, k] for name, y in lines.items()}
         there = {name: y for name, y in own.items() if not np.isnan(y).all()}
-        groups.append(Trace.of(joint, unit, t, there or own, most, quantity))
+        groups.append(
+            Trace.of(
+                joint,
+                unit,
+                t,
+                there or own,
+                most,
+                quantity,
+            )
+        )
     return Traces(tuple(groups), caption)
 
 

@@ -541,7 +541,14 @@ def draw_curve(
     known = np.nan_to_num(along, posinf=0.0, neginf=0.0)
     if np.mean(np.diff(known) ** 2) > 0.5 * np.var(known):
         # Neighbours differ as any two do: of a delay speed alone says nothing.
-        axes.plot(x[rows], learned[rows], ".", markersize=3.0, color=BLUE, label="learned")
+        axes.plot(
+            x[rows],
+            learned[rows],
+            ".",
+            markersize=3.0,
+            color=BLUE,
+            label="learned",
+        )
     else:
         axes.fill_between(x[order], low, high, color=BLUE, alpha=0.2, linewidth=0, label="95 %")
         axes.plot(
@@ -568,7 +575,11 @@ def draw_forward(t: Array, before: Array, after: Array) -> Figure:
     """
     figure, (axes,) = canvas(640, 260, (60, 20, 50, 38))
     for share, (colour, label) in zip((before, after), STATES, strict=True):
-        low, middle, high = 100 * np.quantile(share, [0.25, 0.5, 0.75], axis=0)
+        low, middle, high = 100 * np.quantile(
+            share,
+            [0.25, 0.5, 0.75],
+            axis=0,
+        )
         axes.fill_between(
             t,
             low,
@@ -699,7 +710,13 @@ def draw_precision(
     known = known[np.isfinite(known) & (known > 0)]
     low = max(min(float(known.min(initial=limit)) / 1.8, 0.8), 1e-6)
     # Relative standard deviations above this are drawn at the edge [%].
-    high = float(np.clip(known.max(initial=limit) * 2.2, 10 * limit, 1e4))
+    high = float(
+        np.clip(
+            known.max(initial=limit) * 2.2,
+            10 * limit,
+            1e4,
+        )
+    )
     log_scale(axes, low, high)
     axes.axvspan(
         low,

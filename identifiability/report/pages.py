@@ -84,7 +84,16 @@ def calibration_below(calibration: Calibration) -> Picture:
     share, low, high = 100 * frame[["value", "low", "high"]].to_numpy(float).T
     reach = np.maximum([share - low, high - share], 0.0)
     label = "intervals that hold the truth [%]"
-    return picture("each", draw_intervals(list(frame["parameter"]), share, reach, label, 95.0))
+    return picture(
+        "each",
+        draw_intervals(
+            list(frame["parameter"]),
+            share,
+            reach,
+            label,
+            95.0,
+        ),
+    )
 
 
 def calibration_sections(calibration: Calibration) -> list[Section]:
@@ -241,7 +250,11 @@ def section_forward(gap: ForwardGap, joints: tuple[str, ...]) -> Section:
     horizon = format_number(gap.horizon, 2)
     if not gap.measured:
         return section("diagnosis.motion", f"Not done: {gap.note}", horizon=horizon)
-    figure = draw_forward(gap.t, gap.before.mean(2), gap.after.mean(2))
+    figure = draw_forward(
+        gap.t,
+        gap.before.mean(2),
+        gap.after.mean(2),
+    )
     columns = (
         Column("joint"),
         Column("before", percent, hint="Of the distance moved, at the end."),
@@ -407,7 +420,14 @@ def inspection_moving(result: Inspection) -> Moving | None:
     first, still = result.records[0], np.zeros_like(result.records[0].q)
     motion = complete_motion(result.robot, first.t, first.q, still, still)
     lines = {"measured": first.tau}
-    return move_with_torque(result.robot, motion, first.t, first.tau, lines, first.name)
+    return move_with_torque(
+        result.robot,
+        motion,
+        first.t,
+        first.tau,
+        lines,
+        first.name,
+    )
 
 
 def inspection_sections(result: Inspection) -> list[Section]:
@@ -487,7 +507,13 @@ def _robot(result: Inspection) -> list[Section]:
         own = (Column("what is not stated"), Column("in the sidecar", "code"))
         rows = [(need.text, need.line.replace("\n", "  ") or NONE) for need in result.needs]
         name = robot.path.with_suffix(".toml").name
-        found.append(section("inspection.sidecar", Table.of("", own, rows), name=name))
+        found.append(
+            section(
+                "inspection.sidecar",
+                Table.of("", own, rows),
+                name=name,
+            )
+        )
     return found
 
 
@@ -611,7 +637,12 @@ def section_survivors(ladder: Ladder) -> Section:
     table, size = parameter_table(ladder.chosen), len(ladder.chosen)
     tables = fold_verdicts(table, ladder.chosen.verdicts)
     said = format_count(size, "parameter")
-    return section("pruning.survivors", *tables, *ladder.tables()[1:], size=said)
+    return section(
+        "pruning.survivors",
+        *tables,
+        *ladder.tables()[1:],
+        size=said,
+    )
 
 
 # PositionPrediction: measured and simulated positions along logs.
@@ -649,14 +680,29 @@ def rollout_moving(result: PositionPrediction) -> Moving | None:
         ]
 
     poses = {name: (tone, robot.configuration(q)) for name, (tone, q) in motions.items()}
-    worst = int(np.argmax(np.where(result.alike, np.nan_to_num(result.runs[-1].errors), -1)))
+    worst = int(
+        np.argmax(
+            np.where(
+                result.alike,
+                np.nan_to_num(result.runs[-1].errors),
+                -1,
+            )
+        )
+    )
     joint, unit = log.joints[worst], "m" if result.unit == "mm" else "rad"
     caption = sentence("rollout.motion", log=log.name, joint=joint)
     moving = move_skeletons(robot, log.t, poses, told, caption)
     if moving is None:
         return None
     lines = {name: q[:, worst] for name, (_, q) in motions.items()}
-    below = Trace.of(plain(joint), unit, log.t - log.t[0], lines, LINE, "position")
+    below = Trace.of(
+        plain(joint),
+        unit,
+        log.t - log.t[0],
+        lines,
+        LINE,
+        "position",
+    )
     return replace(moving, torque=below)
 
 
@@ -667,5 +713,11 @@ def _positions(result: PositionPrediction) -> Section:
     lines = {"measured": log.q, **{run.name: run.q[0] for run in result.runs}}
     if log.q_ref is not None:
         lines["command"] = log.q_ref
-    shown = traces(log.t - log.t[0], log.joints, units, lines, "position")
+    shown = traces(
+        log.t - log.t[0],
+        log.joints,
+        units,
+        lines,
+        "position",
+    )
     return section("rollout.positions", shown, log=log.name)

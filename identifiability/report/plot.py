@@ -87,4 +87,10 @@ def torque(result: TorquePrediction, joint: str, log: int = 0) -> Figure:
     k, rows = joints.index(joint), result.log == log
     measured, predicted = result.tau[rows, k], result.predicted[rows, k]
     title = f"{joint}, {shorten_paths(result.logs)[log]}"
-    return draw_torque(result.t[rows], measured, predicted, title, result.robot.torque_units[k])
+    return draw_torque(
+        result.t[rows],
+        measured,
+        predicted,
+        title,
+        result.robot.torque_units[k],
+    )

@@ -113,7 +113,13 @@ def move_skeletons(
 
 def _frames(t: Array) -> np.ndarray:
     """Return the rows of times (N,) that are drawn."""
-    frames = int(np.clip((t[-1] - t[0]) * FRAMES_A_SECOND, 2, MOST_FRAMES))
+    frames = int(
+        np.clip(
+            (t[-1] - t[0]) * FRAMES_A_SECOND,
+            2,
+            MOST_FRAMES,
+        )
+    )
     return np.unique(np.searchsorted(t, np.linspace(t[0], t[-1], frames)).clip(0, len(t) - 1))
 
 
@@ -158,7 +164,14 @@ def move_with_torque(
     size = np.sqrt(np.nan_to_num(torque**2).mean(0))
     share = np.zeros((len(t), len(size)))
     if residual is not None:
-        share = np.nan_to_num(np.abs(residual) / np.where(size > 0, size, np.inf))
+        share = np.nan_to_num(
+            np.abs(residual)
+            / np.where(
+                size > 0,
+                size,
+                np.inf,
+            )
+        )
     joint = int((size if residual is None else (share**2).mean(0)).argmax())
     rows = np.searchsorted(motion.t, t[:end]).clip(0, len(motion.t) - 1)
     name, unit = robot.joints[joint], robot.torque_units[joint]

@@ -166,7 +166,12 @@ def calibrate(
         If the logs do not fit in memory.
     """
     analysis.robot.check_stands("calibration")
-    trials = settle_count(replicates, 240, 28, quick=quick)
+    trials = settle_count(
+        replicates,
+        240,
+        28,
+        quick=quick,
+    )
     entry = None if analysis.source is None else analysis.source.entry.models
     alone = entry[0].name if entry and len(entry) == 1 else analysis.chosen.name
     result = analysis.models[analysis.find_model(model or alone)]
@@ -178,7 +183,12 @@ def calibrate(
         refits,
         np.random.default_rng(making),
     )
-    steps = share(say, "simulating repetitions", 0.0, 1.0)
+    steps = share(
+        say,
+        "simulating repetitions",
+        0.0,
+        1.0,
+    )
     found = runner.map(
         world.repeat,
         repeating.spawn(trials),
@@ -233,7 +243,12 @@ def _wrong(calibration: Calibration) -> Answer:
         tone = "green" if wrong.high <= RULES.wrong_most else "amber"
     if cell.not_judged:
         text += f"In {rough_percent(cell.not_judged)} of the repetitions nothing is judged."
-    return Answer("How often is a verdict wrong?", short, text.strip(), tone)
+    return Answer(
+        "How often is a verdict wrong?",
+        short,
+        text.strip(),
+        tone,
+    )
 
 
 def _weakest(calibration: Calibration) -> Answer:
@@ -243,7 +258,12 @@ def _weakest(calibration: Calibration) -> Answer:
     short = f"In {worst['parameter']}: {held} of its intervals hold the truth."
     narrow = f"Too few beyond chance: {join(list(cell.below))}. " if cell.below else ""
     tone = "amber" if narrow else ""
-    return Answer("Where is it weakest, and why?", short, f"{narrow}{_reason(calibration)}", tone)
+    return Answer(
+        "Where is it weakest, and why?",
+        short,
+        f"{narrow}{_reason(calibration)}",
+        tone,
+    )
 
 
 def _reason(calibration: Calibration) -> str:
@@ -271,7 +291,12 @@ def _next_commands(calibration: Calibration) -> list[tuple[str, str]]:
     given, name = given_paths(analysis.samples), source_name(robot)
     logs = f"{name_logs(robot, given, how=how)}{ladder_option(robot, analysis.source)}"
     more = f"--replicates {4 * len(calibration.cell.held)} --report calibration.html"
-    begun = name_logs(robot, given, "--start-from", how)
+    begun = name_logs(
+        robot,
+        given,
+        "--start-from",
+        how,
+    )
     usual = {
         "yes": ("Use intervals and verdicts:", f"analyze {name} {logs} --report report.html"),
         "no": ("Find a motion to measure next:", f"excite {name} {begun} --out next.json"),
@@ -287,7 +312,19 @@ def _next_commands(calibration: Calibration) -> list[tuple[str, str]]:
 
 EACH = (
     Column("parameter"),
-    Column("coverage", rough_percent, hint="Share of its 95 % intervals that hold the truth."),
-    Column("at least", rough_percent, hint="Lower end of the Monte-Carlo interval."),
-    Column("at most", rough_percent, hint="Upper end of the Monte-Carlo interval."),
+    Column(
+        "coverage",
+        rough_percent,
+        hint="Share of its 95 % intervals that hold the truth.",
+    ),
+    Column(
+        "at least",
+        rough_percent,
+        hint="Lower end of the Monte-Carlo interval.",
+    ),
+    Column(
+        "at most",
+        rough_percent,
+        hint="Upper end of the Monte-Carlo interval.",
+    ),
 )

@@ -138,7 +138,12 @@ class Experiment:
     def judge(self, whole: Information, tau: Array, W: Array, rng: np.random.Generator) -> Outcome:
         """Fit and judge one outcome; the arguments are those of `gather`, and what it returned."""
         method = settle_noise(find_estimator(self.method), whole)
-        model = FittedModel.of(self.structure, self.submodel, whole, method)
+        model = FittedModel.of(
+            self.structure,
+            self.submodel,
+            whole,
+            method,
+        )
         made = tau - W @ self.submodel.fixed
         torque = float(np.sqrt(np.mean(made**2)))
         full = fit_whole(method, whole)
@@ -164,7 +169,11 @@ def base_columns(regression: Regression) -> tuple[Array, Array | None]:
     wide = np.concatenate([c.wide for p in regression.parts(whole=True) for c in p.chunks()])
     if regression.instruments is None:
         return wide, None
-    V, W = np.split(wide, 2, axis=2)
+    V, W = np.split(
+        wide,
+        2,
+        axis=2,
+    )
     return W, V
 
 
@@ -210,7 +219,11 @@ class Cell:
     @property
     def below(self) -> tuple[str, ...]:
         """Parameters whose coverage is below 95 % beyond Monte-Carlo error."""
-        pairs = zip(self.names, self.each, strict=True)
+        pairs = zip(
+            self.names,
+            self.each,
+            strict=True,
+        )
         return tuple(name for name, share in pairs if share.high < LEVEL)
 
     def to_dict(self) -> dict[str, Any]:
@@ -297,7 +310,11 @@ class TrueRobots:
         """
         if result.physical is None or result.physical.nearest is None:
             raise LogError(f"No real robot is near {result.name}, which repetitions are made from.")
-        return TrueRobots(structure, result.physical.nearest.phi, body_scatter(structure))
+        return TrueRobots(
+            structure,
+            result.physical.nearest.phi,
+            body_scatter(structure),
+        )
 
     def draw(self, rng: np.random.Generator) -> Array:
         """Return the base parameters of a robot, (b,)."""
@@ -400,11 +417,20 @@ class World:
             replace(s, motion=replace(s.motion, smooth_v=None), instrument=None) for s in samples
         ]
         asked = {"method": result.estimate.estimator, "replicates": refits}
-        experiment = Experiment.of(analysis.structure, true, result.submodel, **asked)
+        experiment = Experiment.of(
+            analysis.structure,
+            true,
+            result.submodel,
+            **asked,
+        )
         W, tau = experiment.W, experiment.tau
         moves = experiment.moves
         runs = find_runs(samples)
-        noise = fit_residual_noise(tau, W, split_runs(runs, moves))
+        noise = fit_residual_noise(
+            tau,
+            W,
+            split_runs(runs, moves),
+        )
         robots = TrueRobots.of(analysis.structure, result)
         world = World(
             experiment,
@@ -445,12 +471,25 @@ class World:
         beta = self.robots.draw(of_robot)
         known = beta - submodel.fixed
         truth = np.linalg.lstsq(submodel.M, known, rcond=None)[0]
-        noise = simulate_noise(self.noise, self.runs, of_noise)
+        noise = simulate_noise(
+            self.noise,
+            self.runs,
+            of_noise,
+        )
         # Sticking joints say nothing.
         tau = e.W @ beta + noise * e.moves
         W, V = self.measure_anew(of_motion)
-        whole = e.gather(tau, W, V)
-        outcome = e.judge(whole, tau, W, of_fit)
+        whole = e.gather(
+            tau,
+            W,
+            V,
+        )
+        outcome = e.judge(
+            whole,
+            tau,
+            W,
+            of_fit,
+        )
         return outcome, truth
 
 
@@ -481,7 +520,11 @@ def fit_residual_noise(tau: Array, W: Array, runs: JointRuns) -> ARNoise:
     """
     noise = []
     for j, stretches in enumerate(runs):
-        own = rich_noise([W[:, j]], tau[:, j], stretches)
+        own = rich_noise(
+            [W[:, j]],
+            tau[:, j],
+            stretches,
+        )
         if not np.isfinite(own.sigma):  # a joint without data
             own = replace(own, sigma=0.0)
         noise.append(own)
@@ -509,7 +552,11 @@ def simulate_noise(noise: ARNoise, runs: Runs, rng: np.random.Generator) -> Arra
         for start, stop in runs:
             count = FORGOTTEN + stop - start
             e = own.sigma * rng.standard_normal(count)
-            series = lfilter([1.0], a, e)
+            series = lfilter(
+                [1.0],
+                a,
+                e,
+            )
             out[start:stop, j] = series[FORGOTTEN:]
     return out
 
@@ -519,7 +566,11 @@ def sample_anew(
 ) -> list[Dataset]:
     """Return the samples of logs with as much noise once more, and instruments as they have."""
     again = [noise_again(log, rng) for log, *_ in logs]
-    pairs = zip(again, logs, strict=True)
+    pairs = zip(
+        again,
+        logs,
+        strict=True,
+    )
     found = [measure_again(robot, log, own, how) for log, (_, own, how) in pairs]
     return [
         own

@@ -11,7 +11,6 @@ import numpy as np
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import ClosureError
-from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import (
     MOST_SAMPLES,
@@ -114,10 +113,9 @@ def excite(
         robot.check_stands("designing a motion")
         say("reading logs", 0.0)
         question = pose_question(robot, model, parameters, separate)
-        logs, wrong, turned = _start(question, start_from, preparation, engine)
-        if turned is not None:
-            question = pose_question(turned, model, parameters, separate)
-        bounds = find_limits(question.structure.robot, limits)
+        logs, wrong, robot = _start(question, start_from, preparation, engine)
+        question = pose_question(robot, model, parameters, separate)
+        bounds = find_limits(robot, limits)
         hints = (*wrong, *free_again(model))
         series = Series(bounds, duration or 7.5, harmonics)
         options = {"evaluations": evaluations, "preparation": preparation or Preparation()}
@@ -137,18 +135,14 @@ def excite(
 
 def _start(
     question: Question, logs: Logs | None, preparation: Preparation | None, engine: Engine | None
-) -> tuple[Sequence[Dataset], tuple[str, ...], Robot | None]:
-    """Return what was measured, what is said of it, and the robot, if it stands otherwise."""
-    if logs is None:
-        return (), (), None
+) -> tuple[Sequence[Dataset], tuple[str, ...], Robot]:
+    """Return what was measured, what is said of it, and the robot as these logs show it."""
     structure = question.structure
+    if logs is None:
+        return (), (), structure.robot
     session = Session.read(structure, logs, preparation=preparation, engine=engine, commands=False)
-    opening = session.open()
-    hints, other = session.recordings.hints, opening.alternative
-    if other is None or not (other.keeps_columns and other.gravity.any()):
-        return opening.samples, hints, None
-    said = Finding("alternative", text=other.statement)
-    return opening.samples, (said, *hints), structure.robot.turned(other.gravity)
+    session, opening = session.settle()
+    return opening.samples, opening.hints, session.structure.robot
 
 
 def find_motion(
