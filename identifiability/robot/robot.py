@@ -171,11 +171,7 @@ def _named(body: str, theta: Array) -> dict[str, float]:
 
 
 def other_body(
-    robot: Description,
-    body: str,
-    mass: float | None,
-    centre: Point | None,
-    inertia: Moments | None,
+    robot: Description, body: str, mass: float | None, centre: Point | None, inertia: Moments | None
 ) -> dict[str, float]:
     """Return the ten parameters of a body of which some things are different, by name."""
     theta = _stated(robot, body_of(robot, body))

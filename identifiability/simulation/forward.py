@@ -85,12 +85,7 @@ def compile_forward(robot: Robot, values: Mapping[str, float], servo: Servo | No
         for joint, coefficient in weights.items():
             tendon.wrap_joint(joint, coefficient)
     for name in (cable.name for cable in robot.cables):
-        spec.add_actuator(
-            name=name,
-            target=name,
-            trntype=mujoco.mjtTrn.mjTRN_TENDON,
-            **_MOTOR,
-        )
+        spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_TENDON, **_MOTOR)
     if servo is not None:
         for k, joint in enumerate(robot.joints):
             _add_servo(spec, joint, servo, k)
