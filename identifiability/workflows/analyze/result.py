@@ -58,6 +58,7 @@ from identifiability.regression.information import Information
 from identifiability.regression.reduction import LadderSource, Submodel
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.workflows import commands, predict
+from identifiability.workflows.alternatives import Alternative
 from identifiability.workflows.analyze.belief import Belief, belief_dict
 from identifiability.workflows.answers import (
     SIGMA,
@@ -716,11 +717,14 @@ class Analysis(Laddered[ModelResult]):
         physically feasible ones first.
     belief : Belief or None
         Posterior of the selected model, where it was asked for.
+    alternative : Alternative or None
+        Under which all is said: `Alternative.read` reads other logs likewise.
     """
 
     schema: ClassVar[str] = "identifiability/analysis/1"
 
     belief: Belief | None = None
+    alternative: Alternative | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""

@@ -652,6 +652,7 @@ def conclude_analysis(
         settings=settings,
         nothing=nothing,
         recordings=session.recordings,
+        alternative=opening.alternative,
         missing=missing,
         late=late.together(full) @ full.M.T,
     )
