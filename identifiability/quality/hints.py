@@ -215,9 +215,6 @@ def find_unheld(logs: MeasuredLogs) -> list[Finding]:
 
 # Rows that lie out: they are weighed down in the fit, and are no data where names are looked for.
 
-#: Bursts of 7 to 30 rows weigh at most .05, the worst rows of twelve sound logs .16.
-OUT = 0.1
-
 
 @check("outliers", Does.WEIGHS)
 def weigh_rows(

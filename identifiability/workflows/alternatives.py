@@ -53,10 +53,10 @@ DELAYS: tuple[Tolerance, ...] = (0.02, 0.05, 0.1, 0.2)
 BETWEEN = np.geomspace(0.3, 3.0, 25)
 #: Logs of what is left by which one alternative is as good as another.
 EVEN: Tolerance = 0.02
-#: First zeros that are tried, of how far a joint moves; joints beyond which neighbours alone are.
-SHIFT, MOST = 0.2, 8
+#: Joints beyond which neighbours alone are tried as exchanged.
+MOST = 8
 #: What is left, by its logarithm, where loops do not close.
-OPEN = 1e3
+OPEN = 1000
 #: Of what may be missing at a joint directions count that are so strong, beside the strongest.
 STRONG: Tolerance = 0.03
 
@@ -337,7 +337,7 @@ class _Rows:
         def left(by: float, joint: int) -> float:
             return few.misfit(replace(self.plain, motion=at(by, joint)))
 
-        tried = [(left(by, j), j, by) for j in range(n) for by in (-SHIFT, SHIFT)]
+        tried = [(left(by, j), j, by) for j in range(n) for by in (-0.2, 0.2)]
         for _, j, by in sorted(tried)[:2]:
             ends = sorted((0.0, 4 * by))
             how = {"xatol": 1e-3, "maxiter": 14}

@@ -55,7 +55,7 @@ from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.physical.cad_prior import load_by_fit
 from identifiability.quality import MeasuredLogs, Reading, find_always, find_oddities, mend
-from identifiability.quality.hints import OUT, leave_out_rows, weigh_rows
+from identifiability.quality.hints import leave_out_rows, weigh_rows
 from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import LadderSource
 from identifiability.regression.regression import Model, Regression
@@ -677,7 +677,7 @@ class Weighed:
     @cached_property
     def missing(self) -> Alternatives:
         """What may be missing beside the model; rows that hardly count say nothing of it."""
-        few = self.outliers.below(OUT) if self.outliers is not None and self.burst else None
+        few = self.outliers.below() if self.outliers is not None and self.burst else None
         if few is None:
             return self.opening.missing
         return replace(self.opening, samples=leave_out_rows(self.opening.samples, few)).missing

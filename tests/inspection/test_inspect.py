@@ -136,7 +136,6 @@ def test_the_result_is_a_table_json_and_a_page(run, tmp_path):
         "clock",
         "robot",
         "ledger",
-        "rules",
     ]
     html = found.write_report(tmp_path / "x.html").read_text()
     assert html.count("data-trace=") == 4

@@ -69,7 +69,7 @@ def test_what_is_missing_reaches_the_card_the_labels_and_the_next_command(logs, 
     assert "Only if nothing is missing" in found.statement
     assert "identifiability diagnose" in found.next()[0][1]
     assert found.to_dict()["missing_functions"][0]["joint"] == "elbow"
-    few = {"replicates": 20, "refits": 40, "names": 0}
+    few = {"replicates": 20, "refits": 40}
     asked = calibrate(found, **few)
     assert asked.word != "yes" or "diagnose" in asked.statement
     verdict = {v.name: v for v in found.chosen.verdicts}["elbow.Fc"]

@@ -43,8 +43,8 @@ from identifiability.foundation.rounding import (
     REACH,
     digits,
     error_text,
-    format_measured,
     join,
+    measured,
     percent,
     percent_text,
     stated_text,
@@ -330,8 +330,12 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
 
     @property
     def _physics(self) -> str:
-        """Which values of the model are used."""
-        return sentence("decision.physics", "used" if self.chosen.physical_used else "free")
+        """Which values of the model are used, and what those are that no parameter has alone."""
+        used, own = "used" if self.chosen.physical_used else "free", self.chosen
+        each = zip(own.submodel.columns, own.meanings, strict=True)
+        names = listing([f"{name} ({text})" for name, text in each if text], NAMED)
+        more = sentence("decision.left", "names", names=names) if names else ""
+        return f"{sentence('decision.physics', used)} {more}".rstrip()
 
     @property
     def validation_kind(self) -> str:
@@ -500,10 +504,9 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
 
     def _errors(self) -> str:
         """Return the values of the errors of measurement that the model has, in words."""
-        names = {p.name for p in self.structure.parameters if p.group in COMPLETED}
-        own = [v for v in self.chosen.verdicts if v.name in names]
-        each = [format_measured(v.value, REACH * v.sigma_robust) for v in own]
-        told = [f"{v.name} = {x} ± {half} {v.unit}" for v, (x, half) in zip(own, each, strict=True)]
+        own = {p.name for p in self.structure.parameters if p.group in COMPLETED}
+        every = (v for v in self.chosen.verdicts if v.name in own)
+        told = [f"{v.name} = {measured(v.value, REACH * v.sigma_robust, v.unit)}" for v in every]
         return f"{listing(told, NAMED)} (95 %)." if told else ""
 
     def _impossible(self) -> Iterator[str]:

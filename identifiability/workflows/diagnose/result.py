@@ -566,6 +566,7 @@ def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
     undecided = any(e.alternatives for e in d.effects) and not d.written("next")
     out = [("Find the motion that tells one name from the other:", f"{again} --next motion.json")]
     out = out if undecided else []
+    # A quarter of the residual.
     if any(x.explained.get("log", 0.0) > 0.25 for x in d.discrepancies):
         out.insert(0, compare_line(d.robot, paths, d.preparation))
     if d.included:

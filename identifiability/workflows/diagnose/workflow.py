@@ -30,7 +30,7 @@ from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.logs.prepare.dataset import require_signal
 from identifiability.physical.cad_prior import load_by_fit, settle_prior
-from identifiability.quality.hints import OUT, where_outlying
+from identifiability.quality.hints import where_outlying
 from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import (
     USUAL_EFFECTS,
@@ -327,7 +327,7 @@ class _Asked:
                 rows = gather_information(found.completed.regression(samples))
                 weighed = weigh_fit(robot, samples, rows)
             *_, said, outliers = weighed
-            outliers = None if outliers is None else outliers.below(OUT)
+            outliers = None if outliers is None else outliers.below()
             if outliers is None or _last(changes, samples):
                 said = "" if changes else said
             else:

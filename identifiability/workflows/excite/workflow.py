@@ -247,10 +247,6 @@ def _best(objective: Objective, found: Search, samples: int) -> tuple[Array, Wor
     )
 
 
-#: Noise that is expected where no log tells it, as a share of each joint's torque (rms).
-NOISE = 0.05
-
-
 def _middle(found: Search) -> Array:
     """Return the random motion in the middle of all that keep the workspace."""
     order = [k for k in np.argsort(found.costs) if found.costs[k] < OPEN]
@@ -262,7 +258,8 @@ def _with_noise(objective: Objective, x: Array, samples: int) -> Objective:
     known = objective.known
     alone = (replace(known, weights=one) for one in np.eye(len(known.weights)))
     each = (replace(objective, known=one).look(x, samples)[0][0] for one in alone)
-    noise = NOISE**2 / samples * np.array([known.values @ G @ known.values for G in each])
+    # Where no log tells it, 5 % of each joint's torque (rms) is expected.
+    noise = 0.05**2 / samples * np.array([known.values @ G @ known.values for G in each])
     weights = np.divide(1.0, noise, out=np.zeros_like(noise), where=noise > 0)
     return replace(objective, known=replace(known, weights=weights))
 
