@@ -176,8 +176,8 @@ def choose_prior(
             roots = wider * (G @ np.stack([root for _, root in found]))
             scores.append(held_out.score(values[-1], roots))
             total.append(float(scores[-1].density.sum()))
-            # Densities have one summit: what is lighter predicts worse still.
-            if total[-1] < max(total) - LEVELS.nats:
+            # Densities have summits up to six nats apart, and none behind so deep a valley.
+            if total[-1] < max(total) - 10 * LEVELS.nats:
                 break
     if not scores:
         return None

@@ -22,6 +22,7 @@ from scipy.optimize import minimize, minimize_scalar
 
 from identifiability.effects import find_families
 from identifiability.effects.base import GravityTilt, horizontal_axes
+from identifiability.effects.functions import has_session
 from identifiability.effects.inertia import ActuatorInertia
 from identifiability.effects.transmission import Hysteresis
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
@@ -279,7 +280,9 @@ class _Rows:
             what = f"Torque is so many times what the robot file asks for: {', '.join(told)}"
             do = 'Correct units in the log, or say side = "motor" and each ratio under [torque]'
             yield replace(plain, says=what, remedy=do, factor=apart, free=n - 1)
-        if len(self.samples) > 1 and not self.apart:
+        # Over the time of a session they are a curve, which goes on to the next log.
+        clock = has_session([s.motion for s in self.samples])
+        if len(self.samples) > 1 and not (self.apart or clock):
             what = "Torque offsets differ between logs"
             do = "Those of another log cannot be known; compare gives these with their intervals"
             free = n * (len(self.samples) - 1)
