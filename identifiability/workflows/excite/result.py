@@ -10,6 +10,7 @@ from dataclasses import field
 from functools import cached_property
 from io import BytesIO
 from pathlib import Path
+from shlex import quote
 from typing import Any, ClassVar
 
 import numpy as np
@@ -27,7 +28,7 @@ from identifiability.foundation.values import frozen
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation.motion import PrescribedMotion, Trajectory, write_trajectory_bag
 from identifiability.workflows.answers import answer_next
-from identifiability.workflows.commands import name_logs, on_file, source_name
+from identifiability.workflows.commands import name_logs, source_name
 from identifiability.workflows.excite.criteria import Criterion, LogDet
 from identifiability.workflows.excite.limits import CLEARANCE, Clearance, Drive, Limits, survey
 
@@ -367,24 +368,14 @@ def _safe(result: Excitation) -> Answer:
 
 
 def _next_commands(result: Excitation) -> list[tuple[str, str]]:
-    robot = source_name(result.robot)
+    robot, there = source_name(result.robot), result.written("json")
     logs = name_logs(result.robot, [*result.logs, "next.csv"])
-    return [
-        (
-            "Rehearse it in simulation:",
-            on_file(
-                result,
-                "json",
-                "motion.json",
-                f"identifiability excite {robot} --out",
-                f"identifiability simulate {robot} {{file}} --out rehearsal.csv",
-            ),
-        ),
-        (
-            "When it is measured (as next.csv), judge all logs together:",
-            f"identifiability analyze {robot} {logs} --report report.html",
-        ),
-    ]
+    analyze = f"identifiability analyze {robot} {logs} --report report.html"
+    measured = [("When it is measured (as next.csv), judge all logs together:", analyze)]
+    if there is None:  # another motion would be rehearsed
+        return measured
+    line = f"identifiability simulate {robot} {quote(there)} --out rehearsal.csv"
+    return [("Rehearse it in simulation:", line), *measured]
 
 
 def _range(row: Any) -> Cell:
