@@ -253,7 +253,7 @@ def _in_si(column: Column, units: Mapping[str, str], source: str, known: Convent
         factor = scale * unit.factor
         return replace(column, unit=unit, factor=factor, offset=offset / factor)
     unread = unread_unit(name, (*known.motors, *known.joints))
-    if unread and name not in dict(known.columns.rules):
+    if unread and known.columns.apply(name) == name:
         example = next(u for u, (what, _) in UNITS.items() if what == DIMENSIONS[kind][0])
         gain = (
             f"give what one of it is in N·m or N ([torque] gain = {{{column.joint} = …}} in the "

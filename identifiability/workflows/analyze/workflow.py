@@ -628,8 +628,7 @@ def conclude_analysis(
     tasks = [Task(values[None]), *([] if opening.validation else [Task(turned, folds)])]
     say("predicting torque", 0.65)
     fitted, *others = predict_all(opening.regression, tasks)
-    if opening.unseen is not None:
-        others = [predict(opening.unseen, values)]
+    others = others if opening.unseen is None else [predict(opening.unseen, values)]
     unseen, missing = (others or [fitted])[0], missing or rows.missing
     given = rng, settings["replicates"], missing, late
     results = assess_ladder(settled, fitted, unseen, *given)
