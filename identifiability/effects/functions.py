@@ -77,7 +77,11 @@ def fine_at_rest(speed: Array, largest: float) -> Array:
     Beyond the largest one it goes straight on, as splines do that are `straight_beyond`.
     """
     share = np.abs(speed) / largest
-    found: Array = np.sign(speed) * np.where(share < 1.0, np.sqrt(share), 0.5 * (1.0 + share))
+    found: Array = np.sign(speed) * np.where(
+        share < 1.0,
+        np.sqrt(share),
+        0.5 * (1.0 + share),
+    )
     return found
 
 
@@ -266,7 +270,15 @@ def _declare_function(
         facts["refuse"] = needs_masses
     what = f"an unnamed function of {name.replace('_', ' ') if moving else of.title}"
     own: Any = {"unnamed": True, "flexible": True, "loaded": load, "told_by": told_by}
-    register(Family(effect, what, shapes=of.shapes, **own, **{"against": of.against} | facts))
+    register(
+        Family(
+            effect,
+            what,
+            shapes=of.shapes,
+            **own,
+            **{"against": of.against} | facts,
+        )
+    )
 
 
 LOADED, LATER = "move with and without a load", "repeat the motion later"

@@ -83,7 +83,11 @@ def write_snippet(whole: Robot, alone: Robot, path: Path) -> tuple[Path | None, 
             continue
         home = whole.actuated_positions(whole.home[None])[0, k]
         most = min(whole.speed_limits[k], 10.0 * usual["v"][k])
-        low, high = np.where(np.isfinite(whole.limits[k]), whole.limits[k], usual["q"][k])
+        low, high = np.where(
+            np.isfinite(whole.limits[k]),
+            whole.limits[k],
+            usual["q"][k],
+        )
         v, q = np.geomspace(1e-4 * most, most, POINTS), np.linspace(low, high, POINTS)
         at = partial(_halves, whole, axis, parts, home)
         (level, torque), (levels, torques) = (

@@ -604,7 +604,12 @@ def write_isaaclab(
         known = ", ".join(f'"{j}": {x:.6g}' for j, x in pairs if not np.isnan(x))
         rows += [f"    {word}={{{known}}},"] if known else []
     title, late = robot.title or robot.name, max(delay or 0.0, 0.0)
-    text = ACTUATORS.format(title=title, delay=late, joints=[*robot.joints], rows="\n".join(rows))
+    text = ACTUATORS.format(
+        title=title,
+        delay=late,
+        joints=[*robot.joints],
+        rows="\n".join(rows),
+    )
     return write_text(out, text)
 
 

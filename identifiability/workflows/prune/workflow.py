@@ -159,7 +159,12 @@ def prune(
             _check_wishes(start, forbid, force)
             part = start.reduce(rows.information)
             own = settle_noise(rows.estimator, part)
-            question = Question(rows, start, own, SharedErrors.of(session, rows))
+            question = Question(
+                rows,
+                start,
+                own,
+                SharedErrors.of(session, rows),
+            )
             say("walking down the ladder", 0.4)
             search = find_path(
                 part,
