@@ -270,15 +270,7 @@ def _declare_function(
         facts["refuse"] = needs_masses
     what = f"an unnamed function of {name.replace('_', ' ') if moving else of.title}"
     own: Any = {"unnamed": True, "flexible": True, "loaded": load, "told_by": told_by}
-    register(
-        Family(
-            effect,
-            what,
-            shapes=of.shapes,
-            **own,
-            **{"against": of.against} | facts,
-        )
-    )
+    register(Family(effect, what, shapes=of.shapes, **own, **{"against": of.against} | facts))
 
 
 LOADED, LATER = "move with and without a load", "repeat the motion later"

@@ -212,11 +212,7 @@ class PositionTorque(Shaped):
         axis = next(a for a in robot.axes if a.name == span.joint)
         ends = np.array([span.low, span.high]) - self.home(robot, axis)
         first, step = self.grid(robot, axis)[0], self.shape(robot, axis)
-        cells = np.clip(
-            np.floor(ends / step + [1e-9, -1e-9]).astype(int) - first,
-            0,
-            None,
-        )
+        cells = np.clip(np.floor(ends / step + [1e-9, -1e-9]).astype(int) - first, 0, None)
         return self.kinds(robot, axis)[cells[0] : cells[1] + DEGREE + 1]
 
     def home(self, robot: Robot, axis: Axis) -> float:
