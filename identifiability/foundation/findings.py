@@ -85,7 +85,12 @@ class Finding(str):
 
     def __new__(cls, key: str, subject: object = "", /, **numbers: Any) -> Finding:
         """Fill the sentence of a key, ``{subject}`` with the subject."""
-        return _again(phrase(key, "says", subject=subject, **numbers), key, str(subject), numbers)
+        return _again(
+            phrase(key, "says", subject=subject, **numbers),
+            key,
+            str(subject),
+            numbers,
+        )
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _again, (str(self), self.key, self.subject, dict(self.numbers))

@@ -129,7 +129,11 @@ def find_limits(robot: Robot, given: LimitsLike | None = None) -> Limits:
                 found[kind][k] = stated
             elif kind in usual and not np.isfinite(found[kind][k]).all():
                 likely = usual[kind][motors][k]
-                found[kind][k] = np.where(np.isfinite(found[kind][k]), found[kind][k], likely)
+                found[kind][k] = np.where(
+                    np.isfinite(found[kind][k]),
+                    found[kind][k],
+                    likely,
+                )
                 assumed.append(f"{name}.{kind}")
     low, high = found["q"].T
     for name, least, most in zip(robot.motor_joints, low, high, strict=True):
