@@ -297,14 +297,7 @@ class Excitation(Result):
             return write_trajectory_bag(path, joints, motion)
         if Path(path).suffix.lower() == ".npz":
             packed = BytesIO()
-            np.savez(
-                packed,
-                t=motion.t,
-                q=motion.q,
-                dq=motion.dq,
-                ddq=motion.ddq,
-                joints=joints,
-            )
+            np.savez(packed, t=motion.t, q=motion.q, dq=motion.dq, ddq=motion.ddq, joints=joints)
             return write_bytes(path, packed.getvalue())
         told = each if self.robot.servo is None else {**each, "cmd": motion.q}
         columns = {
