@@ -392,8 +392,10 @@ TWELVE = {
 }
 MASSES = r"placeholder|masses|file asks for|weighs"
 GRAVITY = r"gravity|compensat|tilted"
-QUADRUPED, HOBBY = Recorder(rate=200.0), Recorder(30.0, 25.0, bits=12)
+#: A LeRobot folder holds the command that is sent at each row.
+QUADRUPED, HOBBY = Recorder(rate=200.0), Recorder(30.0, 30.0, bits=12)
 EPISODES = (20.0,) * 4
+BETWEEN_ROWS = Recorder(30.0, 25.0, bits=12)
 CONDITIONS = {
     SOUND: Condition(0, ""),
     "masses 1 kg": Condition(1, MASSES, _masses(1.0, 0.01)),
@@ -437,6 +439,9 @@ CONDITIONS = {
     "quadruped, gains stated": Condition(10, "", case=Commanded("quadruped", QUADRUPED, (15.0,))),
     "hobby arm, gains stated": Condition(
         10, "", case=Commanded("hobby-arm", HOBBY, EPISODES, folder=True)
+    ),
+    "hobby arm, commands between rows": Condition(
+        10, "before their rows", case=Commanded("hobby-arm", BETWEEN_ROWS, EPISODES, folder=True)
     ),
     "hobby arm, kp = fit": Condition(
         10, "", case=Commanded("hobby-arm", HOBBY, EPISODES, 0.0, folder=True)

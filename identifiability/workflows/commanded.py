@@ -91,9 +91,13 @@ def follow_commands(
         return calibrate(structure, log.select(robot.joints), delay, found.parameters, how, rng)
 
     own = {k: calibrated(fitted[k], d) for k, d in zip(at, found.delays.tolist(), strict=True)}
+    # No command acts before it is sent: rows that say so hold them otherwise, which is an error.
+    errors = np.maximum(found.delay_errors, -found.delays)
+    early = found.delays < -2.0 * found.delay_errors
+    text += f" {phrase('rollouts', 'early')}" if early.any() else ""
     later = [
         {k: moved(log, servo, servo, float(sd))}
-        for (k, log), sd in zip(own.items(), found.delay_errors, strict=True)
+        for (k, log), sd in zip(own.items(), errors, strict=True)
         if sd
     ]
     larger = 2.0 * found.numbers["sizes"]
