@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import scipy
 
 from identifiability.estimation.estimator import Estimator
@@ -69,6 +70,7 @@ def test_results_say_that_they_are_by_instruments_and_least_squares_can_be_asked
     assert any("Fourier series" in note for note in found.samples[0].notes)
 
 
+@pytest.mark.everything
 def test_a_log_without_a_second_record_is_named_and_does_not_stop_the_others(
     simulated_session, monkeypatch
 ):

@@ -293,7 +293,7 @@ class _Rows:
         if self.parts.shape[3] > 1:
             yield from self._directions()
         worst = float(np.exp(self.fit(self.plain)).max())
-        if worst > RULES.grades[0]:  # worse than very good
+        if worst > RULES.grades[self.robot.closed]:  # loops take their time: worse than good
             few = _Rows(self.thinned)
             yield from self._zeros(few)
             if worst > RULES.grades[1] and not self.robot.closed:

@@ -62,6 +62,7 @@ def among(*effects):
     return pytest.mark.parametrize("effects", [effects, every], ids=["few", "all"])
 
 
+@pytest.mark.everything
 @among("torque_leak", "torque_offset", "stribeck_friction", "joint_stiffness", "time_delay")
 def test_torque_that_leaks_from_another_joint_is_named(diagnosis_of, named, effects):
     """Half as large, four of its errors, no other name is given."""

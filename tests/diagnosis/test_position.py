@@ -84,6 +84,7 @@ def test_a_curve_is_learned_and_named_with_its_joint(what, joint, effects):
     assert set(d.effects[0].placements[0].parameters) <= set(names)
 
 
+@pytest.mark.everything
 def test_the_model_that_is_kept_predicts_farther_than_was_fitted_as_was_verified():
     """Splines that the fitted motion hardly reaches are anything unless they are smooth."""
     c = source("palletizer")

@@ -622,11 +622,7 @@ def best_step(steps: Sequence[Step]) -> int:
 def good_steps(steps: Sequence[Step]) -> list[int]:
     """Return the steps that may stand for the best, the smallest first."""
     best = steps[best_step(steps)].score
-    down = range(
-        len(steps) - 1,
-        first_allowed(steps) - 1,
-        -1,
-    )
+    down = range(len(steps) - 1, first_allowed(steps) - 1, -1)
     return [k for k in down if may_stand(steps[k].score, best)]
 
 
