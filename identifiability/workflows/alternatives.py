@@ -173,6 +173,11 @@ def find_alternative(logs: MeasuredLogs) -> Alternative | None:
     squares = np.exp(2 * plain)
     found: list[tuple[float, Alternative]] = []
     for a in rows.propose():
+        other = (a.order != rows.plain.order) | (a.factor != 1) | (a.late != 0) | a.lacks
+        # Of many columns those that leave little are not tried, one by one and pair by pair.
+        small = squares[other].sum() < (1 - RULES.alternative_error**2) * squares.sum()
+        if len(other) > MOST and other.any() and small:
+            continue
         left = rows.fit(a)
         error = float(np.sqrt(np.exp(2 * left).sum() / squares.sum()))
         gain = round(float((plain - left).sum()) / EVEN)
@@ -200,7 +205,7 @@ class _Rows:
         most = max(min(ROWS[0], NUMBERS // (4 * n * max(b, 1))), ROWS[1])
         self._most = most, ROWS[1], most // ROWS[1]
         self.logs = logs
-        few = tuple(s.thin(max(1, len(s.tau) * len(logs.samples) // ROWS[0])) for s in logs.samples)
+        few = tuple(s.thin(max(1, len(s.tau) * len(logs.samples) // most)) for s in logs.samples)
         self.thinned = replace(logs, samples=few)
         self.samples = logs.samples
         if motion is not None:
