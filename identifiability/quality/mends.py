@@ -229,11 +229,10 @@ def _mend(log: Log, origin: int, wrong: Mapping[str, list[Spike]]) -> Log:
 
 def _state_wrong(log: Log, wrong: Mapping[str, list[Spike]]) -> Finding:
     found = sorted((s.row, name, s) for name, spikes in wrong.items() for s in spikes)
-    where = [
-        phrase("spikes", "value", row=row + 1, t=float(log.t[row]), column=name,
-               value=s.value, instead=s.instead,)
-        for row, name, s in found[:LISTED]
-    ]  # fmt: skip
+    where = []
+    for row, name, s in found[:LISTED]:
+        told = {"t": float(log.t[row]), "value": s.value, "instead": s.instead}
+        where.append(phrase("spikes", "value", row=row + 1, column=name, **told))
     more = f"; and {len(found) - LISTED} more" if len(found) > LISTED else ""
     where_all = "; ".join(where)
     columns = tuple(wrong)

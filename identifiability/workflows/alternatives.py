@@ -208,7 +208,7 @@ class _Rows:
         few = tuple(s.thin(max(1, len(s.tau) * len(logs.samples) // most)) for s in logs.samples)
         self.thinned = replace(logs, samples=few)
         self.samples = logs.samples
-        if motion is not None:
+        if motion is not None and not apart:
             self.samples = tuple(move_samples(self.robot, s, motion) for s in logs.samples)
         self.seen = self._look(self.robot)
         self.data = self.seen.data
@@ -298,7 +298,8 @@ class _Rows:
         if self.parts.shape[3] > 1:
             yield from self._directions()
         worst = float(np.exp(self.fit(self.plain)).max())
-        if worst > RULES.grades[self.robot.closed]:  # loops take their time: worse than good
+        long = any(s.long for s in self.samples)  # all of which would be moved in memory
+        if worst > RULES.grades[self.robot.closed] and not long:  # loops take their time
             few = _Rows(self.thinned)
             yield from self._zeros(few)
             if worst > RULES.grades[1] and not self.robot.closed:

@@ -84,9 +84,9 @@ def name_logs(robot: Robot, paths: Iterable[str], option: str = "", how: object 
 
 def compare_line(robot: Robot, paths: Iterable[str], how: object) -> tuple[str, str]:
     """Return what logs are compared for, and how: the first with all others."""
-    first, second, *rest = dict.fromkeys(paths)
-    more = "".join(f" --after {quote(path)}" for path in rest)
-    two = name_logs(robot, (first, second), how=how)
+    files = [*dict.fromkeys(paths)]
+    more = "".join(f" --after {quote(path)}" for path in files[2:])
+    two = name_logs(robot, files[:2], how=how)
     line = f"identifiability compare {source_name(robot)} {two}{more}"
     return "See what differs between the logs:", line
 

@@ -368,10 +368,13 @@ def _candidates(missing: Missing, model: MixedModel, terms: Terms, k: int) -> li
     for c in chosen:
         places.setdefault(c.place, []).append(c)
     found = [
-        replace(own[0], kinds=tuple(k for c in own for k in c.kinds),
-                columns=tuple(k for c in own for k in c.columns))
+        replace(
+            own[0],
+            kinds=tuple(k for c in own for k in c.kinds),
+            columns=tuple(k for c in own for k in c.columns),
+        )
         for own in places.values()
-    ]  # fmt: skip
+    ]
     if term.group.place != EVERYWHERE:
         return found
     each = [

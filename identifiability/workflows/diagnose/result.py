@@ -560,12 +560,11 @@ def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
     robot = source_name(d.robot)
     paths = given_paths(d.samples)
     given = name_logs(d.robot, paths, how=d.preparation)
-    logs = given + held_back(d.validation, d.samples)
-    model = d.provenance.get("model")
+    logs, model = given + held_back(d.validation, d.samples), d.provenance.get("model")
     again = f"identifiability diagnose {robot} {logs}{f' --model {quote(model)}' if model else ''}"
     undecided = any(e.alternatives for e in d.effects) and not d.written("next")
-    out = [("Find the motion that tells one name from the other:", f"{again} --next motion.json")]
-    out = out if undecided else []
+    tells = "Find the motion that tells one name from the other:", f"{again} --next motion.json"
+    out = [tells] if undecided else []
     # A quarter of the residual.
     if any(x.explained.get("log", 0.0) > 0.25 for x in d.discrepancies):
         out.insert(0, compare_line(d.robot, paths, d.preparation))

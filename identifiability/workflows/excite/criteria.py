@@ -111,10 +111,12 @@ class Discrimination:
     def squares(self, G: Array) -> Array:
         """Return the non-centrality of each ask, (asks, m)."""
         unit, length = scaled(G)
-        return np.array([
-            np.min([self._outside(unit, length, ask, own) for own in ask.others], axis=0)
-            for ask in self.asks
-        ])  # fmt: skip
+        return np.array(
+            [
+                np.min([self._outside(unit, length, ask, own) for own in ask.others], axis=0)
+                for ask in self.asks
+            ]
+        )
 
     def _outside(self, unit: Array, length: Array, ask: Ask, other: np.ndarray) -> Array:
         """Return the squares of an effect outside of the model and other columns, (m,)."""

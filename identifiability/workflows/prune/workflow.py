@@ -71,7 +71,15 @@ from identifiability.workflows.prune.elimination import (
 )
 from identifiability.workflows.prune.moves import propose_moves
 from identifiability.workflows.prune.result import Ladder, PrunedModel
-from identifiability.workflows.session import Logs, Progress, Session, Weighed, quiet, running
+from identifiability.workflows.session import (
+    Logs,
+    Progress,
+    Session,
+    Weighed,
+    count_offsets,
+    quiet,
+    running,
+)
 
 #: Models as good as the best, and smaller ones, whose physical certificate is asked for.
 CERTIFIED = 4
@@ -147,7 +155,7 @@ def prune(
         with running(engine) as runner:
             robot = Robot.of(robot)
             source = find_ladder(robot, ladder, beside=False)
-            structure = Structure.of(robot, ladder_model(source.entry))
+            structure = count_offsets(Structure.of(robot, ladder_model(source.entry)))
             session = Session.read(structure, logs, validate, preparation, say, runner)
             commanded = session.recordings.commanded
             share_, cad_prior = settle_prior(prior, cad_prior, commanded)
