@@ -88,6 +88,7 @@ class Hysteresis(Shaped):
     units = tuple((f"H{k + 1}", "N·m", "N") for k in range(len(ELEMENTS)))
     usual = (0.01, 0.001)
     nonnegative = True
+    stated_as = ("frictionloss",) * len(ELEMENTS)  # beyond their ways
 
     def curves(self, at: Along) -> list[Array]:
         """Return how far each spring is stretched."""

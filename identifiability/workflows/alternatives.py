@@ -51,7 +51,7 @@ JUDGED = 3
 #: Units of one joint's torque beside the others', delays [s], and what lies between two of them.
 UNITS: tuple[Tolerance, ...] = (1e-3, 1e-2, 0.1, 10.0, 1e2, 1e3)
 DELAYS: tuple[Tolerance, ...] = (0.02, 0.05, 0.1, 0.2)
-BETWEEN = np.geomspace(0.3, 3.0, 25)
+BETWEEN = np.geomspace(1 / 3, 3.0, 25)
 #: Logs of what is left by which one alternative is as good as another.
 EVEN: Tolerance = 0.02
 #: Joints beyond which neighbours alone are tried as exchanged.

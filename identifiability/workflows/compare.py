@@ -243,8 +243,8 @@ def compare(
         session, count = Session.read_sides(structure, after, before, preparation, engine)
         session, opening = session.settle("compared")
         logs = session.recordings.fitted
-        unchanged = replace(opening, samples=opening.samples[count:])
-        structure = session.at_fit(unchanged)[0].structure
+        unchanged = session.complete(replace(opening, samples=opening.samples[count:]))
+        structure = session.at_fit(unchanged)[1].structure
         submodel = build_ladder(source.entry, structure)[0]
         seen = look(structure, opening.samples, len(submodel))
         rows = seen.X[seen.log >= count], seen.y[seen.log >= count]
@@ -258,7 +258,7 @@ def compare(
             before=paths[count:],
             after=paths[:count],
             changes=find_changes(found, terms, [s.name for s in opening.samples]),
-            hints=opening.hints,
+            hints=unchanged.hints,
             preparation=preparation or Preparation(),
             motion=opening.samples[0].motion,
             torque=DifferentTorque.of(found, terms),

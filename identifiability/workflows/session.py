@@ -491,8 +491,8 @@ class Session:
         read = replace(given, fitted=fitted, held_out=held_out)
         session = replace(self, structure=other.structure(self.structure), recordings=read)
         opening = session.open(done, prepare, seek=False)
-        said = (Finding("alternative", text=text) for text in (other.statement, SO))
-        hints = (*said, *opening.hints)
+        said = Finding("alternative", text=f"{other.statement} {SO}")
+        hints = (said, *opening.hints)
         return session.at_fit(replace(opening, alternative=other, hints=hints))
 
     def complete(self, opening: Opening) -> Opening:
@@ -510,7 +510,7 @@ class Session:
         given, texts = opening.structure.model, (f"{t.group.family}@{t.group.place}" for t in own)
         model = replace(Model.of(*given.texts, *texts), random=given.random)
         said = phrase("alternative", "has", what=[describe_term(t) for t in own])
-        hints = (Finding("alternative", text=said), *opening.hints)
+        hints = (*opening.hints, Finding("alternative", text=said))
         structure = Structure.of(opening.robot, model)
         return self.at_fit(replace(opening, structure=structure, hints=hints))[1]
 
