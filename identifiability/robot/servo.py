@@ -216,7 +216,8 @@ def read_servo(
             f"The servo of '{loose}' in {path} has neither kp nor kv, so its command says nothing "
             "of torque; give its gains in the sidecar: [servo] kp = …, kv = …."
         )
-    told = entry.kp is not None or bool(np.isnan(kp).any())
+    said = [entry.kp, entry.kv, entry.limit] != [None] * 3
+    told = said or bool(np.isnan(kp).any())
     return Servo(
         *(kp, kv, low, high),
         delay=None if entry.delay == "auto" else float(entry.delay),

@@ -349,6 +349,8 @@ def start_rollouts(robot: Robot, log: Log) -> tuple[CommandedRobot, dict[str, Ar
     machine = CommandedRobot(robot, {}, guess)
     inertia, numbers = machine.inertia(log.q.mean(0)), machine.numbers()
     bodies = inertia - numbers["Ia"]
+    # Rotors of which a file says nothing are taken to be as large as what the heaviest joint moves.
+    alike = np.where(numbers["Ia"] > 0, inertia, inertia.max())
     # Frequencies [rad/s] and damping ratios of a servo and what it moves.
     speeds = np.geomspace(2, 250, 17)
     tries, late = [numbers], servo.delay or 0.0
@@ -356,8 +358,8 @@ def start_rollouts(robot: Robot, log: Log) -> tuple[CommandedRobot, dict[str, Ar
     if not servo.unknown.any() and np.all(np.sqrt(np.mean(apart**2, 0)) < explicable([log])):
         return machine, numbers
     for w in speeds[speeds < 1.0 / signals.sampling_step(log.t)]:
-        whole = np.where(free, inertia, np.maximum(servo.kp / w**2, bodies))
-        kp = np.where(free, inertia * w**2, servo.kp)
+        whole = np.where(free, alike, np.maximum(servo.kp / w**2, bodies))
+        kp = np.where(free, alike * w**2, servo.kp)
         for ratio in (0.2, 0.5, 1.0, 2.0, 4.0):
             damping = np.maximum(2 * whole * w * ratio - guess.kv, 0.0)
             tries.append({**numbers, "Ia": whole - bodies, "Fv": damping, "kp": kp})
