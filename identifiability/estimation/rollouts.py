@@ -38,6 +38,9 @@ from identifiability.simulation.rollout import (
 #: them, and play of its gear where errors ask for it.
 KINDS = ("Ia", "Fv", "Fc", "off", "play", "kv", "kp")
 
+#: How far off the logarithm of a gain is at its start, which nothing bounds where all is followed.
+LOOSE: Tolerance = 2.0
+
 #: Shares of the inertia, damping and torque of a joint by which its numbers are varied, and of a
 #: sampling step by which the delay is.
 VARIED: Tolerance = 2e-4
@@ -368,7 +371,8 @@ class Problem:
         prior, numbers = self.machine.robot.prior, self.unpack(x)[0]
         found = self.parameters(numbers) if self.shares else {}
         stated = [(found[k] - m) / s for k, (m, s) in prior.items() if k in found]
-        return np.array([*numbers["sizes"] / [*self.shares.values()], *stated])
+        gains = x[: self.over.size][-len(self.trees) :] / LOOSE
+        return np.array([*numbers["sizes"] / [*self.shares.values()], *stated, *gains])
 
     def linearise(self, x: Array, own: np.ndarray | None = None) -> Array:
         """Return the derivative of the residual, (r, p), by what is varied, or by some others."""

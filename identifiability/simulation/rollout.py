@@ -109,6 +109,7 @@ class CommandedRobot:
             other.model.body_inertia[body] *= size
         return other
 
+    @quiet()
     def inertia(self, q: Array) -> Array:
         """Return the inertia that each joint feels at a configuration (n,), its rotor's too, (n,).
 
@@ -119,6 +120,7 @@ class CommandedRobot:
         data.qpos[self.at] = q
         mujoco.mj_forward(self.model, data)
         mujoco.mj_fullM(self.model, data, M)
+        M *= 1 + 1e-9 * np.eye(len(M))  # a motor without a rotor moves nothing within play
         return np.asarray(1 / np.diag(np.linalg.inv(M))[self.dofs])
 
     @cached_property
