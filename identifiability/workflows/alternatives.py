@@ -381,7 +381,7 @@ class _Rows:
         return replace(a, says=says)
 
     def _directions(self) -> Iterator[Alternative]:
-        """Yield the direction of gravity that fits lead to, if it is far from the file's."""
+        """Yield the direction of gravity that fits lead to: a tilt lets other bodies act."""
 
         def squares(left: Array) -> float:  # wide where logs of them are narrow
             return float(np.log(np.exp(2.0 * left).sum()))
@@ -409,7 +409,7 @@ class _Rows:
             if squares(self.fit(along(down))) <= squares(self.fit(along(best))) + EVEN:
                 best = down
         tilt = self.robot.turned(along(best).gravity).tilt
-        if tilt is not None and best @ up < np.cos(np.radians(RULES.tilt_large)):
+        if tilt is not None:
             do = "Write it into the robot file, or export it"
             yield replace(along(best), says=f"Gravity {tilt.text}", remedy=do)
 
