@@ -58,9 +58,8 @@ LOAD = {kind: RADIUS ** min(k, 1 + (k > 3)) for k, kind in enumerate(INERTIAL_KI
 
 #: Samples of all logs up to which all are looked at; of more so many windows of so many samples.
 EXCERPT = (6_000, 6, 1_000)
-#: Share of the largest pulse at reversals from which rows are of one, and of rows that are left.
-TURNS: Tolerance = 0.3
-REST: Tolerance = 0.8
+#: Share of the largest pulse at reversals from which rows are of one.
+TURNS: Tolerance = 0.1
 #: Numbers that columns of what may be missing may be, where all act at all joints.
 NUMBERS = 2**27
 #: Families of bodies, with typical values of their kinds.
@@ -257,17 +256,12 @@ class Missing:
         return out
 
     def between_reversals(self) -> Missing:
-        """Return the same where no joint turns: servos that hold their torque blur what it does.
-
-        Of logs that are so slow that little is left nothing is taken.
-        """
+        """Return the same where no joint turns: its friction does when no record can tell."""
         seen, first = self.seen, {c.columns[0] for c in self.candidates if c.family is REVERSALS}
         data = seen.data.copy()
         for (j, k), x in self.entries.items():
             if k in first:
                 data[:, j] &= np.abs(x) <= TURNS * np.abs(x).max()
-        if data.sum() < REST * seen.data.sum():
-            return self
         runs = tuple(split_runs(own, data[:, [j]])[0] for j, own in enumerate(seen.runs))
         return replace(self, seen=replace(seen, data=data, runs=runs))
 
@@ -578,9 +572,7 @@ def find_alternatives(
     record = regression.instruments
     plain = regression if record is None else replace(regression, instruments=None)
     families = find_families(None, commanded=commanded)
-    missing = Missing.of(plain, families, structure.present)
-    if commanded or structure.robot.base is not None:
-        missing = missing.between_reversals()
+    missing = Missing.of(plain, families, structure.present).between_reversals()
     if not len(missing.seen.y) or not missing.groups:
         return NO_ALTERNATIVES
     every = missing.model()

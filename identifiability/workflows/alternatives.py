@@ -51,7 +51,7 @@ JUDGED = 3
 #: Units of one joint's torque beside the others', delays [s], and what lies between two of them.
 UNITS: tuple[Tolerance, ...] = (1e-3, 1e-2, 0.1, 10.0, 1e2, 1e3)
 DELAYS: tuple[Tolerance, ...] = (0.02, 0.05, 0.1, 0.2)
-BETWEEN = np.geomspace(1 / 3, 3.0, 25)
+BETWEEN = np.geomspace(1 / 3, 3.0, 101)
 #: Logs of what is left by which one alternative is as good as another.
 EVEN: Tolerance = 0.02
 #: Joints beyond which neighbours alone are tried as exchanged.
@@ -365,12 +365,12 @@ class _Rows:
             return replace(a, values=self._with_file(a))
         if a.apart:
             return self._with_offsets(a)
-        tried = [
-            replace(a, late=late, factor=np.where(a.scaled, x * a.factor, a.factor))
-            for x in BETWEEN
-            for late in [np.round(x * a.late / self.step) * self.step]
-        ]
-        if a.late.any() or a.scaled.sum() == 1:
+        for own in np.eye(len(a.order), dtype=bool)[a.scaled | a.late.any()]:
+            tried = [
+                replace(a, late=late, factor=np.where(own & a.scaled, x * a.factor, a.factor))
+                for x in BETWEEN[:: 5 if a.scaled.sum() == 1 else 1]  # near a unit it is the unit
+                for late in [np.round(x * a.late / self.step) * self.step]
+            ]
             a = min(tried, key=lambda x: float(self.fit(x).sum()))
         late, scale = a.late[np.argmax(np.abs(a.late))], a.factor[a.scaled]
         says, way = a.says, "late" if late > 0 else "early"
@@ -381,7 +381,7 @@ class _Rows:
         return replace(a, says=says)
 
     def _directions(self) -> Iterator[Alternative]:
-        """Yield the direction of gravity that fits lead to, if it is far from the file's."""
+        """Yield the direction of gravity that fits lead to: a tilt lets other bodies act."""
 
         def squares(left: Array) -> float:  # wide where logs of them are narrow
             return float(np.log(np.exp(2.0 * left).sum()))
@@ -409,7 +409,7 @@ class _Rows:
             if squares(self.fit(along(down))) <= squares(self.fit(along(best))) + EVEN:
                 best = down
         tilt = self.robot.turned(along(best).gravity).tilt
-        if tilt is not None and best @ up < np.cos(np.radians(RULES.tilt_large)):
+        if tilt is not None:
             do = "Write it into the robot file, or export it"
             yield replace(along(best), says=f"Gravity {tilt.text}", remedy=do)
 
@@ -427,10 +427,14 @@ class _Rows:
 
     def _with_offsets(self, a: Alternative) -> Alternative:
         """Return an alternative with the offset of each log, and where they differ most."""
-        rows = self.under(a)
-        left, ones = rows.seen.y - rows.seen.X @ rows._solve(a, beside=False)[0], rows._constant
-        found = (left.T[..., None] * ones).sum(1) / np.maximum((ones**2).sum(1), 1e-300)
-        apart = (found - found.mean(1, keepdims=True)).T
+        (n, _, logs), each = self._constant.shape, np.zeros((*self.seen.X.shape[:2], 0))
+        for own in np.eye(n):  # noise of derivatives says little of levels: rows are whitened
+            each = np.append(each, np.einsum("j,jNl->Njl", own, self._constant), 2)
+        seen = replace(self.seen, X=np.append(self.seen.X, each, 2))
+        model = Missing(with_reversals(self.robot, (), self.structure.present), seen).model()
+        found = (model.solve().value / model.scale)[self.seen.X.shape[2] :][: n * logs]
+        apart = found.reshape(n, logs).T
+        apart = apart - apart.mean(0)
         each, size = apart.std(0, ddof=1), np.sqrt(self.variation)
         j = int(np.argmax(each / size))
         says = f"{a.says} by ±{each[j]:.2g} {self.robot.torque_units[j]} in {self.robot.joints[j]}"

@@ -16,9 +16,6 @@ class Rules(RuleTable):
         tuple[float, float, float, float],
         "errors of very good, good, fair and poor models, by hand",
     ] = (0.03, 0.08, 0.15, 0.5)
-    tilt_large: Annotated[
-        float, "a larger tilt is sought first: 1 − cos 15° = 3 % of weight [°], derived"
-    ] = 15.0
     alternative_nats: Annotated[
         float, "log odds by which an alternative of the model is used, calibrated"
     ] = 16.0
