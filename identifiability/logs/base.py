@@ -214,7 +214,7 @@ def _check_gravity(base: Base, t: Array, slow: Array, source: str) -> None:
 def _closed(base: Base, k: int, t: Array, values: Values, source: str) -> Array:
     """Return whether a contact is said to be closed, (N,)."""
     contact = base.contacts[k]
-    if contact.always:
+    if not contact.flag:
         return np.ones(len(t))
     if contact.flag not in values:
         raise LogError(

@@ -61,11 +61,6 @@ class Contact:
     threshold: float = 0.5
     margin: float = 0.02
 
-    @property
-    def always(self) -> bool:
-        """Whether it never opens."""
-        return not self.flag
-
 
 @frozen
 class Wrench:
@@ -290,6 +285,6 @@ def dilated(on: np.ndarray, reach: int) -> np.ndarray:
 def closed_contacts(contacts: Sequence[Contact], t: Array, flags: Array) -> np.ndarray:
     """Return when contacts may press, (N, c) bool, from when they are said to (N, c)."""
     step = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
-    reaches = [0 if c.always else int(np.ceil(c.margin / step)) for c in contacts]
+    reaches = [int(np.ceil(c.margin / step)) for c in contacts]
     each = [dilated(flags[:, k] > 0.5, reach) for k, reach in enumerate(reaches)]
     return np.stack(each, 1) if each else np.empty((len(t), 0), bool)
