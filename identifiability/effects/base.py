@@ -228,12 +228,12 @@ class ImuMounting(Effect):
                 for sign in (1.0, -1.0):  # kinematics alone: differences of quadratic functions
                     e = np.tile(sign * size * eye[k], (len(motion), 1))
                     axis = e @ imu.rotation  # the sensor's in those of the base
-                    w = omega - axis if key == "gyro_bias" else omega
+                    w = omega - (key == "gyro_bias") * axis
                     u, turning = read, alpha
                     if key == "rotation":
                         w, u, turning = (x + np.cross(e, x) for x in (omega, read, alpha))
-                    u = u - axis if key == "acc_bias" else u
-                    r = imu.place + (e if key == "place" else still)
+                    u = u - (key == "acc_bias") * axis
+                    r = imu.place + (key == "place") * e
                     moved = base_acceleration(u - lever(w, turning, r), w, turning)
                     steps.append(np.hstack([moved, w]))
                 change = np.einsum("nij,nj->ni", changes, (steps[0] - steps[1]) / (2 * size))
