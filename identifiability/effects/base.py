@@ -228,12 +228,12 @@ class ImuMounting(Effect):
                 for sign in (1.0, -1.0):  # kinematics alone: differences of quadratic functions
                     e = np.tile(sign * size * eye[k], (len(motion), 1))
                     axis = e @ imu.rotation  # the sensor's in those of the base
-                    w = omega - axis if key == "gyro_bias" else omega
+                    w = omega - (key == "gyro_bias") * axis
                     u, turning = read, alpha
                     if key == "rotation":
                         w, u, turning = (x + np.cross(e, x) for x in (omega, read, alpha))
-                    u = u - axis if key == "acc_bias" else u
-                    r = imu.place + (e if key == "place" else still)
+                    u = u - (key == "acc_bias") * axis
+                    r = imu.place + (key == "place") * e
                     moved = base_acceleration(u - lever(w, turning, r), w, turning)
                     steps.append(np.hstack([moved, w]))
                 change = np.einsum("nij,nj->ni", changes, (steps[0] - steps[1]) / (2 * size))
@@ -242,12 +242,9 @@ class ImuMounting(Effect):
 
     def _derivatives(self, robot: Robot, motion: Motion) -> Array:
         """Return how torque of the tree changes with the base's a, ω̇ and ω, (N, nv, 9)."""
-        model, turns = load_model(robot), np.eye(robot.model.nv)[3:SIX]
+        model = load_model(robot)
         data, out = model.createData(), np.empty((len(motion), model.nv, SIX + 3))
         for k, (q, v, a) in enumerate(zip(*tree_motion(robot, motion), strict=True)):
-            M = pin.crba(model, data, q)
-            out[k, :, :SIX] = (np.triu(M) + np.triu(M, 1).T)[:, :SIX]
-            # Torque is quadratic in speeds: a central difference is exact, whatever its step.
-            each = [[pin.rnea(model, data, q, v + s * e, a) for s in (0.5, -0.5)] for e in turns]
-            out[k, :, SIX:] = np.stack([up - down for up, down in each], 1)
+            _, by_v, by_a = pin.computeRNEADerivatives(model, data, q, v, a)
+            out[k] = np.hstack([by_a[:, :SIX], by_v[:, 3:SIX]])
         return out

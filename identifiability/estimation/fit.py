@@ -583,8 +583,10 @@ class Fit:
 
     @property
     def value(self) -> Array:
-        """Values of the labels: beside the functions that are missing, (k,)."""
+        """Values of the labels: beside functions that are missing, without a known bias, (k,)."""
         value = self.estimate.value
+        if self.estimate.bias is None and "bias" in self.shared:
+            value = value - self.shared["bias"][0]
         return value if self.alternatives is None else value - self.alternatives.shift
 
     @property

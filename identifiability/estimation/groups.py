@@ -263,7 +263,9 @@ class Missing:
             if k in first:
                 data[:, j] &= np.abs(x) <= TURNS * np.abs(x).max()
         runs = tuple(split_runs(own, data[:, [j]])[0] for j, own in enumerate(seen.runs))
-        return replace(self, seen=replace(seen, data=data, runs=runs))
+        out = replace(self, seen=replace(seen, data=data, runs=runs))
+        vars(out)["entries"] = {at: x * data[:, at[0]] for at, x in self.entries.items()}
+        return out
 
     def under(self, noise: Sequence[JointNoise]) -> Missing:
         """Return the same beside other noise."""

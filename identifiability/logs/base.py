@@ -21,7 +21,7 @@ from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array, Renames
 from identifiability.logs import signals
 from identifiability.logs.names import words_for
-from identifiability.robot.floating import Base
+from identifiability.robot.floating import Base, Contact
 
 #: What comes first in the name of a column about the base.
 OWNERS = ("base", "imu", "odom", "odometry", "pose", "trunk", "floating_base", "torso")
@@ -122,19 +122,12 @@ def read_base(base: Base, t: Array, values: Values, source: str) -> tuple[Array,
         )
     if turn is None:
         up = turned.inv().apply(slow)
-        up /= np.maximum(
-            np.linalg.norm(
-                up,
-                axis=1,
-                keepdims=True,
-            ),
-            TINY,
-        )
+        up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), TINY)
     else:
         fall = float(np.linalg.norm(base.gravity))
         up = turn.inv().apply(-base.gravity / fall if fall else [0.0, 0.0, 1.0])
-    closed = [_closed(base, k, t, values, source) for k in range(len(base.contacts))]
-    pushed = [_wrench(columns, values, source) for columns in (w.columns for w in base.wrenches)]
+    closed = [_closed(c, t, values, source) for c in base.contacts]
+    pushed = [_wrench(w.columns, values, source) for w in base.wrenches]
     return np.column_stack([acc, omega, up, *closed, *pushed]), note
 
 
@@ -211,10 +204,9 @@ def _check_gravity(base: Base, t: Array, slow: Array, source: str) -> None:
         )
 
 
-def _closed(base: Base, k: int, t: Array, values: Values, source: str) -> Array:
+def _closed(contact: Contact, t: Array, values: Values, source: str) -> Array:
     """Return whether a contact is said to be closed, (N,)."""
-    contact = base.contacts[k]
-    if contact.always:
+    if not contact.flag:
         return np.ones(len(t))
     if contact.flag not in values:
         raise LogError(

@@ -375,7 +375,7 @@ def state_mass(robot: Robot, parameters: Mapping[str, float], cad_weight: float 
         f"The nearest real robot weighs {mass:.4g} kg, that of the robot file {stated:.4g} kg: "
         "identified masses disagree with the file's; look whether a mass of the file, gravity (its "
         "direction, a compensation), a unit, a torque scale or an encoder's zero is wrong, or "
-        f"--set cad_prior={10 * cad_weight or WEAK:g} keeps it nearer to the file."
+        f"--set cad_prior={10 * cad_weight or WEAK:g} keeps it nearer to the file's proportions."
     )
 
 

@@ -189,6 +189,8 @@ def choose_prior(
 def _projection(model: FittedModel, cad_weight: float) -> Projection:
     """Return the program of the nearest real robot of a model.
 
+    A file whose masses are another robot's, as placeholders are, draws to its proportions alone.
+
     Raises
     ------
     ValueError
@@ -196,7 +198,12 @@ def _projection(model: FittedModel, cad_weight: float) -> Projection:
     """
     structure = model.structure
     (bodies, _), region = draw_bodies(structure), physical_set(structure)
-    possible = structure.nominal.copy()
+    possible, at, R = structure.nominal.copy(), region.bodies.ravel(), model.data.R
+    alike = np.column_stack([R[:, at] @ bodies[at], np.delete(R, at, axis=1)])
+    factor = np.linalg.lstsq(alike, model.data.z, rcond=None)[0][0]
+    if factor > 0 and not 1 / RULES.another_robot < factor < RULES.another_robot:
+        bodies = bodies.copy()
+        bodies[at] *= factor
     for columns, name in zip(region.bodies, region.names, strict=True):
         if check_body(possible[columns], name):
             possible[columns] = 0.0

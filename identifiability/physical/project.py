@@ -378,7 +378,7 @@ def follow(
     weight = max(weights[0], float(bend @ z**2) / (8 * max(len(maps), 1)))
     slack = np.abs(sign @ z + program.slack) + 0.01
     y = weight / slack
-    at, left = 0, STEPS
+    at, left, reach = 0, STEPS, 1.0
     while left and at < len(weights):
         left, light = left - 1, weights[at]
         reached = max(near, RIDGE * max(1.0, light))  # Newton decrement and complementarity
@@ -386,7 +386,8 @@ def follow(
         J = (cone @ z + start).reshape(-1, 4, 4)
         root = weight**0.25 * np.linalg.inv(np.linalg.cholesky(J))
         each = float(product.sum() / max(y.size, 1))
-        aim = max(LESS * each, reached / max(100, 2 * y.size))  # all of them together are enough
+        each *= LESS if reach > LESS else 1 / LESS  # rows that bound no longer hinder small ones
+        aim = max(each, reached / max(100, 2 * y.size))  # all of them together are enough
         # How congruent matrices change: lower triangles whose squares are those of whole matrices.
         whole = np.einsum("kab,kcd->kacbd", root, root).reshape(-1, 16, 16)
         rates = (TWICE[:, None] * whole[:, 4 * ROW + COLUMN] @ cone).reshape(-1, z.size)

@@ -518,7 +518,7 @@ def _free(robot: Description, motion: Motion, touch: Array | None) -> Motion:
         return motion
     contacts = robot.base.contacts
     if touch is None:
-        closed, up = np.tile([c.always for c in contacts], (len(motion), 1)), None
+        closed, up = np.tile([not c.flag for c in contacts], (len(motion), 1)), None
     else:
         closed, up = touch[:, 3:] > 0.5, touch[:, :3]
     if not closed.any():

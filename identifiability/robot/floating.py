@@ -61,11 +61,6 @@ class Contact:
     threshold: float = 0.5
     margin: float = 0.02
 
-    @property
-    def always(self) -> bool:
-        """Whether it never opens."""
-        return not self.flag
-
 
 @frozen
 class Wrench:
@@ -281,15 +276,9 @@ def _pinv(A: Array, smallest: float) -> tuple[Array, np.ndarray]:
     return (V.swapaxes(1, 2) * inverse[:, None, :]) @ U.swapaxes(1, 2), weak
 
 
-def dilated(on: np.ndarray, reach: int) -> np.ndarray:
-    """Return flags (N,) bool that are also true some samples before and after."""
-    found: np.ndarray = maximum_filter1d(on.astype(np.uint8), 2 * reach + 1) > 0
-    return found
-
-
 def closed_contacts(contacts: Sequence[Contact], t: Array, flags: Array) -> np.ndarray:
     """Return when contacts may press, (N, c) bool, from when they are said to (N, c)."""
     step = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
-    reaches = [0 if c.always else int(np.ceil(c.margin / step)) for c in contacts]
-    each = [dilated(flags[:, k] > 0.5, reach) for k, reach in enumerate(reaches)]
-    return np.stack(each, 1) if each else np.empty((len(t), 0), bool)
+    reaches = [int(np.ceil(c.margin / step)) for c in contacts]
+    each = [maximum_filter1d(flags[:, k], 2 * reach + 1) for k, reach in enumerate(reaches)]
+    return np.reshape(each, (-1, len(t))).T > 0.5

@@ -39,8 +39,8 @@ def test_without_the_prior_a_heavy_robot_is_told_of_and_the_remedy_works(log, tm
     )
     first = run.output.splitlines()[0]
     assert first.startswith(f"The nearest real robot weighs {mass:.4g} kg, that of the robot file ")
-    assert first.endswith("--set cad_prior=1 keeps it nearer to the file.")
-    assert result.statement.startswith(first)
+    assert first.endswith("--set cad_prior=1 keeps it nearer to the file's proportions.")
+    assert result.statement.startswith(first.partition(":")[0])
     page = build_analysis_page(result)
     answer, trust = page.summary[0].answers[0], page.summary[0].answers[2]
     total, _, why = first.partition(": ")

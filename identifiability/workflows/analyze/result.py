@@ -484,8 +484,9 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
 
     def answers(self) -> tuple[Answer, ...]:
         """Return what to use, how good it is, whether to trust it, what to do next."""
+        use = after_mass(self._answer_use(), self.mass_warning)
         return (
-            after_mass(self._answer_use(), self.mass_warning),
+            replace(use, short=f"{self.weight} {use.short}".lstrip()),
             self._answer_quality(),
             self._answer_trust(),
             answer_next(self.commands_next),
@@ -525,11 +526,10 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         """The answers in plain words, behind a wrong mass, with what is odd."""
         tilt, parts = self.robot.tilt, [f"Nothing is identifiable, because {self.nothing}."]
         if not self.nothing:
-            told = self._answer_use(), self._answer_quality(), self._answer_trust()
-            parts = [f"{a.short} {a.text}".rstrip() for a in told]
+            parts = [f"{a.short} {a.text}".rstrip() for a in self.answers()[:3]]
         parts += [] if tilt is None else [f"In this model gravity {tilt.text}."]
         parts += [] if self.moved is None else [self.moved.told]
-        return " ".join(filter(None, (self.mass_warning, self.weight, *parts, *self.hints)))
+        return " ".join(filter(None, (*parts, *self.hints)))
 
     @property
     def weight(self) -> str:

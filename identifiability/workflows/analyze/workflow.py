@@ -234,12 +234,10 @@ class SharedErrors:
 
         asked = {"delay": known.later, "bias": ()}
         band = getattr(how, "band", None)
-        loud = opening.robot.base is not None  # sensors of a base that floats always are
-        loud |= band is not None and band.noise > LOG_RULES.small
+        loud = opening.robot.base or (band and band.noise > LOG_RULES.small)  # a base always is
         if loud and not (rows.estimator.instruments or known.commanded):
-            short = {k: log for k, log in enumerate(known.fitted) if not log.long}
-            noisier = {k: noise_again(x, np.random.default_rng(0)) for k, x in short.items()}
-            asked["bias"] = (noisier,)
+            logs = ((k, log) for k, log in enumerate(known.fitted) if not log.long)
+            asked["bias"] = ({k: noise_again(x, np.random.default_rng(0)) for k, x in logs},)
         others = {name: tuple(map(gather, each)) for name, each in asked.items() if each}
         return cls(rows.alike, others, rows.estimator)
 
