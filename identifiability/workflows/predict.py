@@ -1018,20 +1018,18 @@ def _move(
     robot: Robot, name: str, values: Mapping[str, float], logs: Sequence[Log], known: Any = None
 ) -> Simulated:
     """Return a robot with some values as logs move it, commands as late as is known of each."""
-    from identifiability.simulation.rollout import CommandedRobot, forgotten  # noqa: PLC0415
+    from identifiability.simulation.rollout import CommandedRobot, drive, forgotten  # noqa: PLC0415
     from identifiability.workflows.commanded import roll_late  # noqa: PLC0415 - MuJoCo
 
-    motors = Servo.of_torque(len(robot.joints))
     late, found, apart = list[float](), list[Array](), list[Array]()
     for k, log in enumerate(logs):
         if has_commands(log):
-            machine, stop = CommandedRobot(robot, values), len(log)
+            machine = CommandedRobot(robot, values)
             delay, q = roll_late(machine, log, machine.servo.delay if known is None else known[k])
         else:
-            q, stop = CommandedRobot(robot, values, motors).drive(log, WINDOW)
-            delay = 0.0
+            delay, q = 0.0, drive(robot, values, log, WINDOW)
         late.append(delay)
         found.append(q)
-        apart.append((q - log.q)[forgotten(log) : stop])
+        apart.append((q - log.q)[forgotten(log) :])
     errors = np.sqrt(np.mean(np.concatenate(apart) ** 2, axis=0))
     return Simulated(name, tuple(late), tuple(found), errors)
