@@ -92,13 +92,12 @@ def follow_commands(
         text = phrase("rollouts", "none" if servo.delay is None else "stated", error=str(error))
         hints = (Finding("rollouts", text=text), *recordings.hints)
         return replace(recordings, hints=hints), structure
-    odd, either, others, stated = list[Finding](), False, list[Servo](), servo
-    if not contradicted(found.missed):
-        odd, better, either = find_odd_joints(robot, found)
-        if better is not found:
-            found, servo = better, having_found(servo, better)
-            robot = replace(robot, servo=servo)
-            structure = replace(structure, robot=robot)
+    odd, better, either = find_odd_joints(robot, found)
+    others = [servo] * either
+    if better is not found:
+        found, servo = better, having_found(servo, better)
+        robot = replace(robot, servo=servo)
+        structure = replace(structure, robot=robot)
     text = check_found(robot, commanded, found) + state_servos(robot, commanded, found)
 
     def calibrated(log: Log, delay: float | None) -> Log:
@@ -115,7 +114,6 @@ def follow_commands(
         if sd
     ]
     larger = 2.0 * found.numbers["sizes"]
-    others = [stated] * either
     if scale := servo.doubt_scale(larger, [*file_shares(robot).values()]):
         odd, others = odd + scale, [servo.having({"kp": servo.kp / np.exp(np.mean(larger))})]
     others += servo.doubted
@@ -223,19 +221,18 @@ def find_odd_joints(robot: Robot, found: Rollouts) -> tuple[list[Finding], Rollo
     more than half off the square of errors: all that do as well, which is the third that is
     returned. The best is taken, but for play, which no robot file has.
     """
-    (problem, x, q, J), n = found.search, len(robot.joints)
+    problem, x, q, J = search = found.search
     noise = [np.maximum(noise_level(log.q, log.t), resolution(log.q)) for log in problem.logs]
-    odd = np.unique(problem.trees[problem.errors(q) > np.max(noise, axis=0)])
+    odd = np.unique(problem.trees[found.errors > np.max(noise, axis=0)])
     if not len(odd):
         return [], found, False
-    w, Q = problem.weights(q), np.linalg.qr(J[:, problem.varied])[0]
+    n, w, Q = len(robot.joints), problem.weights(q), np.linalg.qr(J[:, problem.varied])[0]
     left = w * problem.residual(q, x)
     left -= Q @ (Q.T @ left)
-    pairs = zip(problem.logs, found.delays, strict=True)
-    servo = problem.machine.servo.having(found.numbers)
-    asked = np.abs(np.concatenate([servo_log(log, servo, late).tau for log, late in pairs]))
+    servo, late = problem.machine.servo.having(found.numbers), found.delays.tolist()
+    tau = [servo_log(log, servo, d).tau for log, d in zip(problem.logs, late, strict=True)]
     # A limit is tried at torque that is exceeded for a share of the time.
-    ends = np.quantile(asked, 1 - np.geomspace(0.004, 0.4, 5), axis=0)
+    ends = np.quantile(np.abs(np.concatenate(tau)), 1 - np.geomspace(0.004, 0.4, 5), axis=0)
     gained, begin, by = 0.0 * x, x.copy(), problem.by.copy()
     for kind, size in [("play", PLAY), ("kp", -0.2), *(("limit", end) for end in ends)]:
         at = KINDS.index(kind) * n + np.arange(n)
@@ -243,67 +240,51 @@ def find_odd_joints(robot: Robot, found: Rollouts) -> tuple[list[Finding], Rollo
         K = w[:, None] * problem.linearise(x, at, by)[:, at]
         K -= Q @ (Q.T @ K)
         along = K.T @ left / (np.linalg.norm(K, axis=0) + 1e-300)
-        likely = along**2 * (((along < 0) | (kind == "kp")) & ~problem.varied[at])
+        likely = along**2 * ((along < 0) | (kind == "kp")) * ~problem.varied[at]
         begin[at] = np.where((likely > gained[at]) & (kind == "limit"), size, begin[at])
         gained[at] = np.maximum(likely, gained[at])
-    least = Thresholds().negligible_share ** 2
-    said, used, of = list[Any](), list[Any](), problem.tree_of
+    every = list[list[Any]]()
     for tree in odd:
-        joints = problem.trees == tree
-        own = np.argsort(-gained[: of.size] * (of == tree))[:3]
-        square = np.sum(left[: n * len(asked)].reshape(-1, n)[:, joints] ** 2)
-        every = list[Any]()
-        for k in own[gained[own] > least * square]:
-            if every and every[0][0] < 0.5 and gained[k] < 0.5 * gained[own[0]]:
+        of, best = problem.trees == tree, list[Any]()
+        own = np.argsort(-gained[: problem.bodies.start] * np.tile(of, len(KINDS)))[:3]
+        square = np.sum(left[: n * sum(map(len, tau))].reshape(-1, n)[:, of] ** 2)
+        for k in own[gained[own] > Thresholds().negligible_share ** 2 * square]:
+            # What does much less to first order is tried only where the best is no good.
+            if best and best[0][0] < 0.5 and gained[k] < 0.5 * gained[own[0]]:
                 break
             start = x.copy()
             start[k], problem.varied[k] = begin[k], True
             end = problem.descend(start)
             problem.varied[k] = False
-            part = (problem.errors(end[1])[joints] ** 2).sum() / (found.errors[joints] ** 2).sum()
-            every = sorted([*every, (part, k, end)], key=lambda x: x[0])
+            part = np.sum(problem.errors(end[1])[of] ** 2) / np.sum(found.errors[of] ** 2)
+            best = sorted([*best, (part, k, end)], key=lambda x: x[0])
         # Less than half is left, and about as little as the best leaves.
-        if every := [x for x in every if x[0] < min(0.5, 1.1 * every[0][0])]:
-            said.append(every)
-            used += [every[0][1:]] * (KINDS[every[0][1] // n] != "play")
-    better, start = found, x.copy()
-    for k, (one, *_) in used:
-        problem.varied[k] = True
-        start[: of.size] = np.where(of == of[k], one[: of.size], start[: of.size])
-    if used:
-        end = used[0][1] if len(used) == 1 else problem.descend(start)
-        better = problem.conclude(*end)
-    return [_state_odd(robot, better, x) for x in said], better, max(map(len, said), default=0) > 1
+        if best := [b for b in best if b[0] < min(0.5, 1.1 * best[0][0])]:
+            every.append(best)
+            if KINDS[best[0][1] // n] != "play":
+                problem.varied[best[0][1]], (x, q, J) = True, best[0][2]
+    better = found if x is search[1] else problem.conclude(x, q, J)
+    told = [_state_odd(robot, better, best) for best in every]
+    return told, better, any(len(best) > 1 for best in every)
 
 
-def _state_odd(robot: Robot, found: Rollouts, every: Sequence[Any]) -> Finding:
-    """Return what is odd in a tree: shares of squares that are left, numbers, ends of searches."""
-    what, then, servo = list[str](), "", found.search[0].machine.servo
-    for _, k, (x, *_) in every:
-        kind, j = KINDS[k // len(robot.joints)], k % len(robot.joints)
-        told = {"joint": robot.joints[j], "unit": robot.torque_units[j], "size": x[k], "key": kind}
-        told |= {"width": 1e3 * x[k], "factor": np.exp(x[k]), "kp": servo.kp[j]}
-        what.append(phrase("odd_joint", kind, **told))
-        value, whole = (
-            found.numbers[kind][j],
-            found.search[0].machine.bare[j] + found.numbers["Ia"][j],
-        )
-        # Where torque ends speeds are of no age, so that what it is taken for shifts the end.
-        half = value if kind == "kp" else 1.0
-        half = (
-            1.96 * found.unsure[k] * half
-            + (kind == "limit") * value * servo.kv[j] * servo.age / whole
-        )
-        then = then or phrase(
-            "odd_joint", "off" if kind == "play" else "used", **told, value=value, half=half
-        )
-    return Finding("odd_joint", what=" or ".join(what), share=100 * (1 - every[0][0]), then=then)
+def _state_odd(robot: Robot, found: Rollouts, best: Sequence[Any]) -> Finding:
+    """Return what is odd in a tree, likeliest first: share left, number, end of its search."""
+    what, n, servo = list[str](), len(robot.joints), found.search[0].machine.servo
+    for _, k, (x, *_) in best:
+        told = {"joint": robot.joints[k % n], "kp": servo.kp[k % n], "factor": np.exp(x[k])}
+        what.append(phrase("odd_joint", KINDS[k // n], size=x[k], **told))
+    kind, j = KINDS[best[0][1] // n], best[0][1] % n
+    value, sd = found.numbers[kind][j], found.unsure[best[0][1]]
+    half = 1.96 * sd * (value if kind == "kp" else 1.0)
+    told = {"key": kind, "joint": robot.joints[j], "value": value, "half": half}
+    then = phrase("odd_joint", "off" if kind == "play" else "used", **told)
+    return Finding("odd_joint", what=" or ".join(what), share=100 * (1 - best[0][0]), then=then)
 
 
 def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     """Return how torque was obtained, and what rollouts err by, in one sentence."""
     assert robot.servo is not None
-    drifts = [j for j, kp in zip(robot.joints, robot.servo.kp, strict=True) if not kp > 0]
     told = phrase(
         "commands",
         "made",
@@ -313,12 +294,11 @@ def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
         stated=robot.servo.delay is not None,
         after=1e3 * float(np.sqrt(np.mean(found.errors**2))),
     )
-    drift = phrase("commands", "drift", joints=drifts) if drifts else ""
     servo, tau = robot.servo, np.concatenate([log.tau for log in logs])
     limited = np.any((tau <= servo.low) | (tau >= servo.high), axis=0)
     mute = [robot.joints[k] for k in np.flatnonzero(limited & (servo.kv == 0))]
     damped = phrase("commands", "damped", joints=mute) if mute and not servo.rolled else ""
-    return " ".join(filter(None, (servo.found, told, drift, damped, servo.state_rate())))
+    return " ".join(filter(None, (servo.found, told, damped, servo.state_rate())))
 
 
 # Gains of servos that nobody states: found from logs of commands, and what fixes their scale.
