@@ -35,8 +35,8 @@ from identifiability.simulation.rollout import (
 )
 
 #: What is found of each joint: rotor, viscous and dry friction, offset, gains if nobody states
-#: them, and play of its gear where errors ask for it.
-KINDS = ("Ia", "Fv", "Fc", "off", "play", "kv", "kp")
+#: them, and play of its gear and what torque ends at where errors ask for it.
+KINDS = ("Ia", "Fv", "Fc", "off", "play", "limit", "kv", "kp")
 
 #: How far off the logarithm of a gain is at its start, which nothing bounds where all is followed.
 LOOSE: Tolerance = 2.0
@@ -74,16 +74,13 @@ class Rollouts:
     numbers : mapping of str to (n,)
         Rotor inertia ``Ia``, viscous ``Fv`` and dry friction ``Fc``, offset ``off``, and gains
         ``kv`` and ``kp``. Where commands have no speeds an unknown kv is 0, and viscous friction
-        holds it. Half the logarithm of how much larger bodies are, ``sizes`` (nb,), and delays
-        ``late``.
+        holds it. Half the logarithm of how much larger bodies are, ``sizes`` (nb,).
     parameters : mapping of str to float
         Standard parameters by name of joints and bodies.
     delays : (L,) [s]
         Of each log, as each has a clock of its own.
     errors : (n,) [rad or m]
         Of positions (rms), by joint.
-    before : (n,) [rad or m]
-        The same of the file's numbers.
     missed : (n,)
         Errors as shares of what there is to explain: how far a joint is from its command, merely
         delayed, which is what a servo makes torque of, and what any servo that is stiff enough
@@ -93,6 +90,8 @@ class Rollouts:
         Standard deviations of the delays; zero where they are known.
     covariance : (2 n, 2 n)
         Of kv and log kp.
+    unsure : (p,)
+        Standard deviations of the vector of the search.
     search : tuple
         The problem, and where its search ended: vector, positions, weighted derivative.
     """
@@ -101,10 +100,10 @@ class Rollouts:
     parameters: Mapping[str, float]
     delays: Array
     errors: Array
-    before: Array
     missed: Array
     delay_errors: Array
     covariance: Array
+    unsure: Array
     search: tuple[Any, ...] = ()
 
 
@@ -144,39 +143,22 @@ def fit_rollouts(
     # Logs often begin and end at rest.
     thirds = [log.rows(len(log) // 3, 2 * len(log) // 3) for log in logs]
     machine, numbers = start_rollouts(robot, min(thirds, key=len))
-    free, n = np.ones((len(KINDS), len(robot.joints)), bool), len(robot.joints)
+    free = np.ones((len(KINDS), len(robot.joints)), bool)
     spoken = all(log.dq_ref is not None for log in logs)
     known = machine.servo.having({"kp": robot.servo.kp})
     made = np.concatenate([servo_log(log, known, delay or 0.0).tau for log in logs])
     # What a servo makes of speeds counts within its limits, and what friction does not.
     limited = (known.high < np.inf) & ~np.all((made > known.low) & (made < known.high), axis=0)
-    free[-3] = False  # no gear has play as yet
+    free[4:6] = False  # no gear has play as yet
     free[-2:] = np.isnan(robot.servo.kv) & (spoken | limited), np.isnan(robot.servo.kp)
     problem = Problem(machine, logs, free, delay, shares)
-    x = problem.pack(robot.servo.numbers or numbers, delay or 0.0)
-    before = problem.errors(problem.roll([problem.pack(machine.numbers(), delay or 0.0)])[0])
-    if not robot.servo.numbers:
-        problem.logs, problem.varied[problem.bodies] = thirds, False
-        x, q, J = problem.descend(x, BEGUN)
-    if robot.servo.numbers or not contradicted(problem.errors(q) / explicable(thirds)):
+    x = problem.pack(numbers, delay or 0.0)
+    problem.logs, problem.varied[problem.bodies] = thirds, False
+    x, q, J = problem.descend(x, BEGUN)
+    if not contradicted(problem.errors(q) / explicable(thirds)):
         problem.logs, problem.varied[problem.bodies] = logs, True
         x, q, J = problem.descend(x)
-    numbers, delays = problem.unpack(x)
-    covariance = problem.uncertainty(x, q, J)
-    gains, late = slice(free.size - 2 * n, free.size), problem.late
-    to_gains = np.diag(np.exp(np.append(problem.over[-2] * x[gains][n:], np.zeros(n))))
-    to_gains[range(n), range(n, 2 * n)] = problem.over[-2] * numbers["kv"]
-    return Rollouts(
-        numbers=numbers | {"late": delays},
-        parameters=problem.parameters(numbers),
-        delays=delays,
-        errors=problem.errors(q),
-        before=before,
-        missed=problem.errors(q) / explicable(problem.logs),
-        delay_errors=np.sqrt(np.diag(covariance)[late]) * problem.varied[late],
-        covariance=to_gains @ covariance[gains, gains] @ to_gains.T,
-        search=(problem, x, q, J),
-    )
+    return problem.conclude(x, q, J)
 
 
 class Problem:
@@ -225,7 +207,8 @@ class Problem:
         torque = np.minimum(np.maximum(0.3 * servo.kp, servo.kv) * moved, servo.high)
         damping = servo.kv + inertia / 0.1  # of a servo that takes a tenth of a second
         alike = np.ones(len(inertia))
-        sizes = (inertia, damping, torque, torque, PLAY / VARIED * alike, damping, alike)
+        play = PLAY / VARIED * alike
+        sizes = (inertia, damping, torque, torque, play, torque, damping, alike)
         steps = VARIED * np.concatenate([*sizes, np.ones(len(self.shares))])
         #: By how much each number is varied.
         self.by = np.concatenate([steps, np.full(len(logs), LATER * self.dt)])
@@ -242,13 +225,13 @@ class Problem:
             own |= {f"{joint}.{called}": value for joint, value in pairs}
         return own
 
-    def pack(self, numbers: Mapping[str, Array], late: Array | float) -> Array:
+    def pack(self, numbers: Mapping[str, Array], late: float) -> Array:
         """Return the vector of joints' numbers and delays, bodies as they are known."""
         none = np.zeros(len(self.trees))
         rows = [numbers.get(k, none) for k in KINDS[:-1]]
-        sizes = numbers.get("sizes", np.zeros(len(self.shares)))
-        late = np.resize(numbers.get("late", late), len(self.logs))
-        return np.concatenate([*rows, none, sizes, late])
+        return np.concatenate(
+            [*rows, none, np.zeros(len(self.shares)), np.full(len(self.logs), late)]
+        )
 
     def unpack(self, x: Array) -> tuple[dict[str, Array], Array]:
         """Return the numbers of a vector, and delays."""
@@ -256,6 +239,28 @@ class Problem:
         numbers = dict(zip(KINDS, table * np.exp(self.over * table[-1]), strict=True))
         gains = self.machine.servo.kp * np.exp(table[-1])
         return {**numbers, "kp": gains, "sizes": x[self.bodies]}, x[self.late]
+
+    def conclude(self, x: Array, q: list[Array], J: Array) -> Rollouts:
+        """Return what was found where a search ended."""
+        (numbers, delays), late, n = self.unpack(x), self.late, len(self.trees)
+        gains = slice(self.over.size - 2 * n, self.over.size)
+        covariance = self.uncertainty(x, q, J)
+        to_gains = np.diag(np.exp(np.append(self.over[-2] * x[gains][n:], np.zeros(n))))
+        to_gains[range(n), range(n, 2 * n)] = self.over[-2] * numbers["kv"]
+        known = J.copy()
+        known[:, gains] = 0.0  # their doubt stands by itself
+        late_errors = np.sqrt(np.diag(self.uncertainty(x, q, known))[late])
+        return Rollouts(
+            numbers=numbers,
+            parameters=self.parameters(numbers),
+            delays=delays,
+            errors=self.errors(q),
+            missed=self.errors(q) / explicable(self.logs),
+            delay_errors=late_errors * self.varied[late],
+            covariance=to_gains @ covariance[gains, gains] @ to_gains.T,
+            unsure=np.sqrt(np.diag(covariance)),
+            search=(self, x, q, J),
+        )
 
     def descend(self, x: Array, enough: float = ENOUGH) -> tuple[Array, list[Array], Array]:
         """Return the vector after damped Gauss–Newton steps, and positions along the logs.
@@ -374,21 +379,25 @@ class Problem:
         gains = x[: self.over.size][-len(self.trees) :] / LOOSE
         return np.array([*numbers["sizes"] / [*self.shares.values()], *stated, *gains])
 
-    def linearise(self, x: Array, own: np.ndarray | None = None) -> Array:
-        """Return the derivative of the residual, (r, p), by what is varied, or by some others."""
+    def linearise(self, x: Array, own: np.ndarray | None = None, by: Array | None = None) -> Array:
+        """Return the derivative of the residual, (r, p), by what is varied, or by some others.
+
+        It is that of differences, of steps of some size, (p,).
+        """
+        by = self.by if by is None else by
         own = np.flatnonzero(self.varied[: self.bodies.stop]) if own is None else own
         trees = self.tree_of[own]  # all are varied at once
         turn = np.array([np.sum(trees[:k] == tree) for k, tree in enumerate(trees)], int)
         groups = [own[turn == k] for k in range(int(turn.max(initial=-1)) + 1)]
-        alone = np.diag(self.by)
+        alone = np.diag(by)
         xs = [x, *(x + alone[at].sum(0) for at in (*groups, self.late))]
         base, *others = map(self.apart, self.roll(xs, COARSE * STEP))
         J = np.zeros((*base.shape, len(x)))
         for columns, moved in zip(groups, others, strict=False):
             of_tree = self.trees[:, None] == self.tree_of[columns]
-            J[:, :, columns] = (moved - base)[:, :, None] * of_tree / self.by[columns]
+            J[:, :, columns] = (moved - base)[:, :, None] * of_tree / by[columns]
         ends = np.cumsum([0, *(len(log) - forgotten(log) for log in self.logs)]).tolist()
         for k, (a, b) in enumerate(pairwise(ends), self.bodies.stop):
-            J[a:b, :, k] = (others[-1] - base)[a:b] / self.by[k]
+            J[a:b, :, k] = (others[-1] - base)[a:b] / by[k]
         beliefs = [self.belief(x + step) - self.belief(x) for step in alone]
-        return np.vstack([J.reshape(-1, len(x)), np.array(beliefs).T / self.by])
+        return np.vstack([J.reshape(-1, len(x)), np.array(beliefs).T / by])

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -53,8 +54,8 @@ class Servo:
         Whether nobody states that rate.
     found : str
         How gains were found, and what fixes their scale, where logs told them.
-    numbers : mapping of str to array
-        Of joints and bodies with which rollouts followed these logs.
+    rolled : Rollouts or None
+        That told them.
     play : (n,) [rad or m]
         Between motors, which are measured, and what they move; empty for none.
     doubt : (g, 2 n)
@@ -71,15 +72,9 @@ class Servo:
     rate: float = 1000.0
     assumed: bool = True
     found: str = ""
-    numbers: Mapping[str, Array] = field(default_factory=dict)
+    rolled: Any = None
     play: Array = field(default_factory=lambda: np.zeros(0))
     doubt: Array = field(default_factory=lambda: np.zeros((0, 0)))
-
-    @staticmethod
-    def of_torque(joints: int) -> Servo:
-        """Return motors that make the torque they are told, whatever a joint does."""
-        none, endless = np.zeros(joints), np.full(joints, np.inf)
-        return Servo(none, none, -endless, endless, 0.0, "torque")
 
     @property
     def gain(self) -> Array:
@@ -92,16 +87,24 @@ class Servo:
         return np.isnan(self.kp) | np.isnan(self.kv)
 
     def having(self, gains: Mapping[str, Array]) -> Servo:
-        """Return the servos with other ``kp`` and ``kv``, each (n,), as far as given."""
-        return replace(self, kp=gains.get("kp", self.kp), kv=gains.get("kv", self.kv))
+        """Return the servos with other ``kp`` and ``kv``, each (n,), as far as given.
 
-    def by_joint(self, joints: Sequence[str], *more: str) -> dict[str, dict[str, float]]:
-        """Return ``kp`` and ``kv`` by joint, and ``limit``, as a sidecar states them."""
-        each = {"kp": self.kp, "kv": self.kv, "limit": np.minimum(-self.low, self.high)}
+        And with torque that ends at a ``limit`` where that is more than zero, if it did not before.
+        """
+        most = gains.get("limit", np.zeros(len(self.kp)))
+        most = np.where(most > 0, most, np.inf)
+        low, high = np.maximum(self.low, -most), np.minimum(self.high, most)
+        return replace(
+            self, kp=gains.get("kp", self.kp), kv=gains.get("kv", self.kv), low=low, high=high
+        )
+
+    def by_joint(self, joints: Sequence[str]) -> dict[str, dict[str, float]]:
+        """Return ``kp``, ``kv`` and, if it is that of both directions, ``limit`` by joint."""
+        alike = np.where(self.high == -self.low, self.high, np.inf)
         return {
-            k: {j: v for j, v in zip(joints, each[k].tolist(), strict=True) if np.isfinite(v)}
-            for k in ("kp", "kv", *more)
-            if np.isfinite(each[k]).any()
+            k: {j: v for j, v in zip(joints, each.tolist(), strict=True) if np.isfinite(v)}
+            for k, each in {"kp": self.kp, "kv": self.kv, "limit": alike}.items()
+            if np.isfinite(each).any()
         }
 
     @property
@@ -143,7 +146,7 @@ class Servo:
         shares : sequence of b float
             and within which shares they were taken for the file's.
         """
-        if self.numbers or abs(np.sum(larger / shares)) <= REACH * np.sqrt(len(shares)):
+        if self.rolled or abs(np.sum(larger / shares)) <= REACH * np.sqrt(len(shares)):
             return []
         return [Finding("gains_scale", self.source, factor=np.exp(np.mean(larger)))]
 

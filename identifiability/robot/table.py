@@ -416,7 +416,7 @@ def converted_sidecar(robot: Description, path: Path) -> dict[str, Any]:
         new["actuated"] = list(robot.joints)
         new["massless"] = list(links_between(robot).values())
         if robot.servo is not None:
-            given["servo"] = robot.servo.by_joint(robot.joints, "limit") | given.get("servo", {})
+            given["servo"] = robot.servo.by_joint(robot.joints) | given.get("servo", {})
         if robot.home.any():
             places = {name: j.iq for name, j in robot.tree.single.items()}
             new["home"] = {name: float(robot.home[at]) for name, at in places.items()}

@@ -157,26 +157,12 @@ class CommandedRobot:
             "kp": self.servo.kp,
         }
 
-    def drive(self, log: Log, window: float) -> tuple[Array, int]:
-        """Return positions (N, n) by measured torque, and the row at which they end.
-
-        They begin anew with what was measured every `window` [s].
-        """
-        step = signals.sampling_step(log.t)
-        rows = max(2, round(window / step))
-        windows = [(a, a + rows) for a in range(0, len(log) - rows + 1, rows)]
-        windows = windows or [(0, len(log))]
-        driven = replace(log, q_ref=None, dq_ref=None, tau_ff=log.tau)
-        # What was measured acts from half a step before until half a step after it.
-        return self.roll(driven, delay=-0.5 * step, windows=windows)[0], windows[-1][1]
-
     @quiet()
     def roll(
         self,
         log: Log,
         numbers: Sequence[Mapping[str, Array]] = (),
         delay: float = 0.0,
-        windows: Sequence[tuple[int, int]] = (),
         step: float | None = None,
     ) -> Array:
         """Return positions at the samples of a log, (K, N, n); NaN where they diverged.
@@ -189,8 +175,6 @@ class CommandedRobot:
             Joints' numbers of K robots, as of `numbers`, and gains ``kp``, ``kv`` of the servos
             if others than its own; by default its own alone.
         delay : float [s]
-        windows : sequence of (start, stop)
-            Rows at which each run begins anew; by default one, the whole log.
         step : float [s], optional
             Longest one of the integrator.
         """
@@ -201,31 +185,25 @@ class CommandedRobot:
         h = dt / inner
         speed = starting_speeds(log)
         models = [self._with(own, h) for own in numbers]
-        windows = list(windows) or [(0, len(log))]
-        steps = max(int(np.ceil((log.t[b - 1] - log.t[a]) / h)) + 2 for a, b in windows)
-        runs = [(k, w) for k in range(len(models)) for w in range(len(windows))]
+        steps = int(np.ceil((log.t[-1] - log.t[0]) / h)) + 2
         # Held commands change between two steps, so that no step holds a share of a change, of
         # which a servo at its limit would make another share of torque.
         since = log.commands_since
-        begins = []
-        for a, b in windows:
-            ahead = next(iter((since[a:b] - log.t[a:b])[since[a:b] < log.t[a:b]]), 0.0)
-            begins.append((float((delay + ahead) / h) % 1.0 - 0.5) * h)
-        start = np.zeros((len(runs), mujoco.mj_stateSize(self.model, _STATE)))
-        controls = np.empty((len(runs), steps, self.model.nu))
-        home = self._forward.home()
-        for r, (k, w) in enumerate(runs):
-            (a, _), begin = windows[w], begins[w]
-            q, v = home.copy(), np.zeros(self.model.nv)
-            q[self.at], v[self.dofs] = log.q[a], speed[a]
-            times = log.t[a] + begin + h * np.arange(steps)
-            controls[r] = acting(log, self.servo.having(numbers[k]), times, h, delay)
-            a0 = self._acceleration(models[k], q, v, controls[r, 0])
-            q[self.at] += begin * speed[a] + (0.5 * begin**2 - h**2 / 8) * a0[self.dofs]
+        ahead = next(iter((since - log.t)[since < log.t]), 0.0)
+        begin = (float((delay + ahead) / h) % 1.0 - 0.5) * h
+        times = log.t[0] + begin + h * np.arange(steps)
+        start = np.zeros((len(models), mujoco.mj_stateSize(self.model, _STATE)))
+        controls = np.empty((len(models), steps, self.model.nu))
+        for k, model in enumerate(models):
+            q, v = self._forward.home(), np.zeros(self.model.nv)
+            q[self.at], v[self.dofs] = log.q[0], speed[0]
+            controls[k] = acting(log, self.servo.having(numbers[k]), times, h, delay)
+            a0 = self._acceleration(model, q, v, controls[k, 0])
+            q[self.at] += begin * speed[0] + (0.5 * begin**2 - h**2 / 8) * a0[self.dofs]
             v += (begin - 0.5 * h) * a0
-            start[r, 1 : 1 + self.model.nq], start[r, 1 + self.model.nq :][: len(v)] = q, v
+            start[k, 1 : 1 + self.model.nq], start[k, 1 + self.model.nq :][: len(v)] = q, v
         states, _ = rollout.rollout(
-            [models[k] for k, _ in runs],
+            models,
             [mujoco.MjData(self.model)],
             start,
             controls,
@@ -234,13 +212,11 @@ class CommandedRobot:
         out = np.full((len(models), len(log), len(self.at)), np.nan)
         places = 1 + self.at
         limit = DIVERGED * (np.abs(log.q).max() + 1.0)
-        for r, (k, w) in enumerate(runs):
-            a, b = windows[w]
-            first, speeds = start[r, places], start[r, 1 + self.model.nq + self.dofs]
-            path = np.concatenate([[first - h * speeds, first], states[r][:, places]])
-            sampled = _sample(path, (log.t[a:b] - log.t[a] - begins[w]) / h + 1)
-            sampled[np.cumsum(~(np.abs(sampled).max(1) < limit)) > 0] = np.nan
-            out[k, a:b] = sampled
+        for k, moved in enumerate(states):
+            first, speeds = start[k, places], start[k, 1 + self.model.nq + self.dofs]
+            path = np.concatenate([[first - h * speeds, first], moved[:, places]])
+            out[k] = _sample(path, (log.t - log.t[0] - begin) / h + 1)
+            out[k, np.cumsum(~(np.abs(out[k]).max(1) < limit)) > 0] = np.nan
         return out
 
     def _acceleration(self, model: Any, q: Array, v: Array, control: Array) -> Array:
@@ -294,6 +270,25 @@ def starting_speeds(log: Log) -> Array:
     rows = min(2 * max(2, round(0.5 * 0.05 / dt)) + 1, (len(log) - 1) // 2 * 2 + 1)
     slopes: Array = scipy.signal.savgol_filter(log.q, rows, 2, 1, dt, axis=0)
     return slopes
+
+
+def drive(robot: Robot, parameters: Mapping[str, float], log: Log, window: float) -> Array:
+    """Return positions by measured torque, (N, n).
+
+    They begin anew with what was measured every `window` [s], for the last time one of these before
+    the end.
+    """
+    step = signals.sampling_step(log.t)
+    rows = min(max(2, round(window / step)), len(log))
+    starts = np.append(np.arange(0, len(log) - rows, rows), len(log) - rows)
+    at = starts[:, None] + np.arange(rows - 1)
+    tau, first = (
+        0.5 * (log.tau[at] + log.tau[at + 1]),
+        (log.q[starts], starting_speeds(log)[starts]),
+    )
+    out = np.full(log.q.shape, np.nan)
+    out[starts], out[at + 1] = log.q[starts], ForwardRobot(robot, parameters).run(*first, tau, step)
+    return out
 
 
 def forgotten(log: Log) -> int:

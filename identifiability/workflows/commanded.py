@@ -16,7 +16,14 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.estimation.rollouts import KINDS, Problem, Rollouts, contradicted, fit_rollouts
+from identifiability.estimation.rollouts import (
+    KINDS,
+    PLAY,
+    Problem,
+    Rollouts,
+    contradicted,
+    fit_rollouts,
+)
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.errors import LogError, RobotError, listing
@@ -27,6 +34,7 @@ from identifiability.logs import Log
 from identifiability.logs.commands import check_commands, moved, of_commands, servo_log
 from identifiability.logs.contradictions import check_units
 from identifiability.logs.prepare import Preparation, prepare_log
+from identifiability.logs.spectrum import noise_level, resolution
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
@@ -58,12 +66,11 @@ def give_torque(logs: Sequence[Log], servo: Servo | None) -> list[Log]:
 
 
 def follow_commands(
-    recordings: Any,
-    structure: Structure,
-    how: Preparation,
-    rng: np.random.Generator,
-) -> Any:
+    recordings: Any, structure: Structure, how: Preparation, rng: np.random.Generator
+) -> tuple[Any, Structure]:
     """Return recordings with calibrated torque where it comes from commands.
+
+    Then the structure, of a robot whose servos have what rollouts told of them.
 
     Parameters
     ----------
@@ -77,15 +84,21 @@ def follow_commands(
     robot, servo, fitted = structure.robot, structure.robot.servo, recordings.fitted
     at = [k for k, x in enumerate(fitted) if of_commands(x)]
     if servo is None or not at:
-        return recordings
+        return recordings, structure
     commanded = [fitted[k].select(robot.joints) for k in at]
     try:
-        found = fit_rollouts(robot, commanded, file_shares(robot), servo.delay)
+        found = servo.rolled or fit_rollouts(robot, commanded, file_shares(robot), servo.delay)
     except RobotError as error:
         text = phrase("rollouts", "none" if servo.delay is None else "stated", error=str(error))
-        return replace(recordings, hints=(Finding("rollouts", text=text), *recordings.hints))
+        hints = (Finding("rollouts", text=text), *recordings.hints)
+        return replace(recordings, hints=hints), structure
+    odd, better, either = find_odd_joints(robot, found)
+    others = [servo] * either
+    if better is not found:
+        found, servo = better, having_found(servo, better)
+        robot = replace(robot, servo=servo)
+        structure = replace(structure, robot=robot)
     text = check_found(robot, commanded, found) + state_servos(robot, commanded, found)
-    odd, wrong = find_odd_joints(robot, found)
 
     def calibrated(log: Log, delay: float | None) -> Log:
         return calibrate(structure, log.select(robot.joints), delay, found.parameters, how, rng)
@@ -102,20 +115,20 @@ def follow_commands(
     ]
     larger = 2.0 * found.numbers["sizes"]
     if scale := servo.doubt_scale(larger, [*file_shares(robot).values()]):
-        odd, wrong = odd + scale, wrong / np.exp(np.mean(larger))
-    others = [servo.having({"kp": servo.kp * wrong}), *servo.doubted][int(np.all(wrong == 1)) :]
+        odd, others = odd + scale, [servo.having({"kp": servo.kp / np.exp(np.mean(larger))})]
+    others += servo.doubted
     later += [{k: moved(x, servo, other) for k, x in own.items()} for other in others]
     unseen = (calibrated(x, servo.delay) if of_commands(x) else x for x in recordings.held_out)
     rolled = any(x.rollout is not None for x in own.values())
-    return replace(
+    recordings = replace(
         recordings,
         fitted=tuple(own.get(k, x) for k, x in enumerate(fitted)),
         held_out=tuple(unseen),
         hints=(Finding("commands" if rolled else "rollouts", text=text), *odd, *recordings.hints),
         later=tuple(later),
         rolled=replace(found, search=()),
-        values=found.parameters,
     )
+    return recordings, structure
 
 
 def roll_late(machine: CommandedRobot, log: Log, delay: float | None = None) -> tuple[float, Array]:
@@ -200,52 +213,78 @@ def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     return f"{phrase('rollouts', 'lost', joints=each)} " if each else ""
 
 
-def find_odd_joints(robot: Robot, found: Rollouts) -> tuple[list[Finding], Array]:
-    """Return what rollouts err by that play or another gain explains, and gains over stated ones.
+def find_odd_joints(robot: Robot, found: Rollouts) -> tuple[list[Finding], Rollouts, bool]:
+    """Return what rollouts err by that play, a gain or a limit explains, and better rollouts.
 
     Of what such a number moves positions by, that counts which no number that was fitted does. The
-    two likeliest of each tree are fitted beside these, one at a time, and said where that takes
-    more than half off the square of errors: both, where they do as well.
+    three likeliest of each tree are fitted beside these, one at a time, and said where that takes
+    more than half off the square of errors: all that do as well, which is the third that is
+    returned. The best is taken, but for play, which no robot file has.
     """
-    problem, x, q, J = found.search
-    n, w, out = len(robot.joints), problem.weights(q), list[Finding]()
-    first, wrong = (len(KINDS) - 1) * n, np.ones(n)  # of gains; those that logs told are fitted
-    at = np.concatenate([KINDS.index("play") * n + np.arange(n), first + np.arange(n)])
-    at = at[~problem.varied[at]]
-    K = w[:, None] * problem.linearise(x, at)[:, at]
-    Q = np.linalg.qr(J[:, problem.varied])[0]
-    left, K = (y - Q @ (Q.T @ y) for y in (w * problem.residual(q, x), K))
-    square = (left[: problem.apart(q).size].reshape(-1, n) ** 2).sum(0)
-    along = K.T @ left
-    gained = np.where((along < 0) | (at >= first), along**2 / ((K**2).sum(0) + 1e-300), 0.0)
-    for tree in np.unique(problem.trees):
-        own, of = np.where(problem.tree_of[at] == tree, gained, 0.0), problem.trees == tree
-        every, before = list[tuple[float, Any, Any]](), np.sum(problem.errors(q)[of] ** 2)
-        negligible = Thresholds().negligible_share ** 2 * square[of].sum()
-        for k in (k for k in np.argsort(-own)[:2] if own[k] > negligible):
-            problem.varied[at[k]] = True
-            after, moved, _ = problem.descend(x)
-            problem.varied[at[k]] = False
-            part = np.sum(problem.errors(moved)[of] ** 2) / before
-            every.append((float(part), divmod(int(at[k]), n), after))
-        said, least = list[str](), min((part for part, *_ in every), default=1.0)
-        for part, (kind, j), after in sorted(every, key=lambda x: x[0]):
-            # Less than half is left, and about as little as the best leaves.
-            if part < min(0.5, 1.1 * least):
-                wrong[j] = 1.0 if said else np.exp(after[first + j])
-                told = {"width": 1e3 * after[kind * n + j], "factor": np.exp(after[first + j])}
-                told |= {"joint": robot.joints[j], "kp": problem.machine.servo.kp[j]}
-                said.append(phrase("odd_joint", KINDS[kind], **told))
-        if said:
-            out.append(Finding("odd_joint", what=" or ".join(said), share=100 * (1 - least)))
-    return out, wrong
+    problem, x, q, J = search = found.search
+    noise = [np.maximum(noise_level(log.q, log.t), resolution(log.q)) for log in problem.logs]
+    odd = np.unique(problem.trees[found.errors > np.max(noise, axis=0)])
+    if not len(odd):
+        return [], found, False
+    n, w, Q = len(robot.joints), problem.weights(q), np.linalg.qr(J[:, problem.varied])[0]
+    left = w * problem.residual(q, x)
+    left -= Q @ (Q.T @ left)
+    servo, late = problem.machine.servo.having(found.numbers), found.delays.tolist()
+    tau = [servo_log(log, servo, d).tau for log, d in zip(problem.logs, late, strict=True)]
+    # A limit is tried at torque that is exceeded for a share of the time.
+    ends = np.quantile(np.abs(np.concatenate(tau)), 1 - np.geomspace(0.004, 0.4, 5), axis=0)
+    gained, begin, by = 0.0 * x, x.copy(), problem.by.copy()
+    for kind, size in [("play", PLAY), ("kp", -0.2), *(("limit", end) for end in ends)]:
+        at = KINDS.index(kind) * n + np.arange(n)
+        by[at] = size
+        K = w[:, None] * problem.linearise(x, at, by)[:, at]
+        K -= Q @ (Q.T @ K)
+        along = K.T @ left / (np.linalg.norm(K, axis=0) + 1e-300)
+        likely = along**2 * ((along < 0) | (kind == "kp")) * ~problem.varied[at]
+        begin[at] = np.where((likely > gained[at]) & (kind == "limit"), size, begin[at])
+        gained[at] = np.maximum(likely, gained[at])
+    every = list[list[Any]]()
+    for tree in odd:
+        of, best = problem.trees == tree, list[Any]()
+        own = np.argsort(-gained[: problem.bodies.start] * np.tile(of, len(KINDS)))[:3]
+        square = np.sum(left[: n * sum(map(len, tau))].reshape(-1, n)[:, of] ** 2)
+        for k in own[gained[own] > Thresholds().negligible_share ** 2 * square]:
+            # What does much less to first order is tried only where the best is no good.
+            if best and best[0][0] < 0.5 and gained[k] < 0.5 * gained[own[0]]:
+                break
+            start = x.copy()
+            start[k], problem.varied[k] = begin[k], True
+            end = problem.descend(start)
+            problem.varied[k] = False
+            part = np.sum(problem.errors(end[1])[of] ** 2) / np.sum(found.errors[of] ** 2)
+            best = sorted([*best, (part, k, end)], key=lambda x: x[0])
+        # Less than half is left, and about as little as the best leaves.
+        if best := [b for b in best if b[0] < min(0.5, 1.1 * best[0][0])]:
+            every.append(best)
+            if KINDS[best[0][1] // n] != "play":
+                problem.varied[best[0][1]], (x, q, J) = True, best[0][2]
+    better = found if x is search[1] else problem.conclude(x, q, J)
+    told = [_state_odd(robot, better, best) for best in every]
+    return told, better, any(len(best) > 1 for best in every)
+
+
+def _state_odd(robot: Robot, found: Rollouts, best: Sequence[Any]) -> Finding:
+    """Return what is odd in a tree, likeliest first: share left, number, end of its search."""
+    what, n, servo = list[str](), len(robot.joints), found.search[0].machine.servo
+    for _, k, (x, *_) in best:
+        told = {"joint": robot.joints[k % n], "kp": servo.kp[k % n], "factor": np.exp(x[k])}
+        what.append(phrase("odd_joint", KINDS[k // n], size=x[k], **told))
+    kind, j = KINDS[best[0][1] // n], best[0][1] % n
+    value, sd = found.numbers[kind][j], found.unsure[best[0][1]]
+    half = 1.96 * sd * (value if kind == "kp" else 1.0)
+    told = {"key": kind, "joint": robot.joints[j], "value": value, "half": half}
+    then = phrase("odd_joint", "off" if kind == "play" else "used", **told)
+    return Finding("odd_joint", what=" or ".join(what), share=100 * (1 - best[0][0]), then=then)
 
 
 def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     """Return how torque was obtained, and what rollouts err by, in one sentence."""
     assert robot.servo is not None
-    before, after = (1e3 * float(np.sqrt(np.mean(x**2))) for x in (found.before, found.errors))
-    drifts = [j for j, kp in zip(robot.joints, robot.servo.kp, strict=True) if not kp > 0]
     told = phrase(
         "commands",
         "made",
@@ -253,15 +292,13 @@ def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
         source=robot.servo.source,
         late=state_delay(found.delays, [log.name for log in logs]),
         stated=robot.servo.delay is not None,
-        before=before,
-        after=after,
+        after=1e3 * float(np.sqrt(np.mean(found.errors**2))),
     )
-    drift = phrase("commands", "drift", joints=drifts) if drifts else ""
     servo, tau = robot.servo, np.concatenate([log.tau for log in logs])
     limited = np.any((tau <= servo.low) | (tau >= servo.high), axis=0)
     mute = [robot.joints[k] for k in np.flatnonzero(limited & (servo.kv == 0))]
-    damped = phrase("commands", "damped", joints=mute) if mute and not servo.numbers else ""
-    return " ".join(filter(None, (servo.found, told, drift, damped, servo.state_rate())))
+    damped = phrase("commands", "damped", joints=mute) if mute and not servo.rolled else ""
+    return " ".join(filter(None, (servo.found, told, damped, servo.state_rate())))
 
 
 # Gains of servos that nobody states: found from logs of commands, and what fixes their scale.
@@ -312,14 +349,18 @@ def learn_gains(robot: Robot, logs: Sequence[Log]) -> Robot:
     names, k = [x.name for x in every], int(np.argmax(found.missed))
     if contradicted(found.missed):  # of a single joint rollouts with these gains tell
         raise LogError(Finding("gains.none", robot.joints[k], names=names, share=found.missed[k]))
+    told = state_gains(robot, names, found, shares)
+    servo = replace(having_found(robot.servo, found), found=told, rolled=found)
+    return replace(robot, servo=servo)
+
+
+def having_found(servo: Servo, found: Rollouts) -> Servo:
+    """Return servos with what rollouts told of them, and how unsure that is."""
     values, axes = np.linalg.eigh(found.covariance)
     doubt = (np.sqrt(np.maximum(values, 0.0)) * axes).T
     # Doubt of a gain that is none.
     doubt = doubt[np.linalg.norm(doubt, axis=1) > 1e-4]
-    told = state_gains(robot, names, found, shares)
-    servo = robot.servo.having(found.numbers)
-    servo = replace(servo, source=FOUND, found=told, numbers=found.numbers, doubt=doubt)
-    return replace(robot, servo=servo)
+    return replace(servo.having(found.numbers), source=FOUND, doubt=doubt)
 
 
 def state_gains(

@@ -49,7 +49,7 @@ from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.robot import new_place
-from identifiability.robot.servo import FOUND, Servo, state_delay
+from identifiability.robot.servo import FOUND, Servo
 from identifiability.robot.sidecar import Value
 from identifiability.workflows.answers import answer_next, answer_quality, with_hints
 from identifiability.workflows.commands import export_line, given_paths, name_logs, source_name
@@ -800,11 +800,11 @@ class PositionPrediction(Result):
         return np.asarray(np.sqrt(np.mean(errors[:, self.alike] ** 2, axis=1)))
 
     def answers(self) -> tuple[Answer, ...]:
-        """Return by how much positions err, what moved the robots, and when, and what is next."""
+        """Return by how much positions err, and what is next."""
         logs = name_logs(self.robot, given_paths(self.logs))
         line = f"identifiability diagnose {source_name(self.robot)} {logs} --report missing.html"
         following = answer_next([("Find out what the robot file misses:", line)])
-        return _position_error(self), _driven(self), following
+        return _position_error(self), following
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint, in mrad or mm."""
@@ -897,16 +897,6 @@ def _position_error(result: PositionPrediction) -> Answer:
     tone = "blue" if len(totals) == 1 else "green" if totals[1] < totals[0] else "amber"
     question = "By how much do positions err?"
     return Answer(question, f"{told[0].upper()}{told[1:]}.", text, tone)
-
-
-def _driven(result: PositionPrediction) -> Answer:
-    at = [k for k, log in enumerate(result.logs) if has_commands(log)]
-    if not at:
-        text = "What a model errs by in torque moves it ever farther: windows tell more than logs."
-        return Answer("What moves the robots?", "The measured torque.", text, "blue")
-    told = (f"{r.name}: {state_delay(np.array(r.delays)[at])}" for r in result.runs)
-    text = "As the sidecar states it, or else so that positions err least."
-    return Answer("When do commands act?", "; ".join(told), text, "blue")
 
 
 def move_fitted(
@@ -1018,20 +1008,18 @@ def _move(
     robot: Robot, name: str, values: Mapping[str, float], logs: Sequence[Log], known: Any = None
 ) -> Simulated:
     """Return a robot with some values as logs move it, commands as late as is known of each."""
-    from identifiability.simulation.rollout import CommandedRobot, forgotten  # noqa: PLC0415
+    from identifiability.simulation.rollout import CommandedRobot, drive, forgotten  # noqa: PLC0415
     from identifiability.workflows.commanded import roll_late  # noqa: PLC0415 - MuJoCo
 
-    motors = Servo.of_torque(len(robot.joints))
     late, found, apart = list[float](), list[Array](), list[Array]()
     for k, log in enumerate(logs):
         if has_commands(log):
-            machine, stop = CommandedRobot(robot, values), len(log)
+            machine = CommandedRobot(robot, values)
             delay, q = roll_late(machine, log, machine.servo.delay if known is None else known[k])
         else:
-            q, stop = CommandedRobot(robot, values, motors).drive(log, WINDOW)
-            delay = 0.0
+            delay, q = 0.0, drive(robot, values, log, WINDOW)
         late.append(delay)
         found.append(q)
-        apart.append((q - log.q)[forgotten(log) : stop])
+        apart.append((q - log.q)[forgotten(log) :])
     errors = np.sqrt(np.mean(np.concatenate(apart) ** 2, axis=0))
     return Simulated(name, tuple(late), tuple(found), errors)

@@ -14,7 +14,7 @@ from __future__ import annotations
 import platform
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import field, replace
+from dataclasses import replace
 from functools import cached_property, partial
 from hashlib import sha256
 from pathlib import Path
@@ -95,9 +95,7 @@ class Recordings:
         Fitted logs, by their place, as they are if commands act one standard deviation of the
         delay later than found, log by log, or if gains that were found are others by one.
     rolled : Rollouts or None
-        On which torque of commands was calibrated,
-    values : mapping
-        and standard parameters by name of what was rolled out.
+        On which torque of commands was calibrated.
     """
 
     fitted: tuple[Log, ...]
@@ -105,7 +103,6 @@ class Recordings:
     hints: tuple[str, ...] = ()
     later: tuple[Mapping[int, Log], ...] = ()
     rolled: Rollouts | None = None
-    values: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def commanded(self) -> bool:
@@ -464,8 +461,8 @@ class Session:
         from identifiability.workflows.commanded import follow_commands  # noqa: PLC0415 - MuJoCo
 
         self.say("rolling out commands", 0.1)
-        found = follow_commands(self.recordings, self.structure, self.how, rng)
-        return replace(self, recordings=found, settled=self.how)
+        found, structure = follow_commands(self.recordings, self.structure, self.how, rng)
+        return replace(self, structure=structure, recordings=found, settled=self.how)
 
     def settle(
         self, done: str = "", prepare: Callable[[Log], Dataset] | None = None

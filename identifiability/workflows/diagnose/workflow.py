@@ -172,7 +172,8 @@ def diagnose(
             near, fixed = settle_prior(fixed if fixed is not False else None, None, True)[0], False
         structure, known = _settle_values(robot, model, fixed, commanded=commanded)
         session = Session(structure, given, preparation, say, engine or Serial())
-        given = session.follow(np.random.default_rng(seed)).recordings
+        session = session.follow(np.random.default_rng(seed))
+        given, robot = session.recordings, session.structure.robot
         ladder = find_ladder(robot, None, beside=True).settle(commanded=commanded)
         own = near, fixed is not False, seed, ladder if model is None else None
         asked = _Asked(session, effects, known, streams[0], *own)
@@ -263,7 +264,10 @@ class _Asked:
         else:
             pairs = [(opening.samples, logs.fitted), (opening.validation, logs.held_out)]
             pairs += zip(looked, (logs.fitted, logs.held_out), strict=False)
-            along = [along_rollouts(opening.structure, s, own, given.values) for s, own in pairs]
+            along = [
+                along_rollouts(opening.structure, s, own, given.rolled.parameters)
+                for s, own in pairs
+            ]
             opening = replace(opening, samples=along[0], validation=along[1])
             looked = along[2:]
         samples, validation = opening.samples, opening.validation
