@@ -39,7 +39,7 @@ from identifiability.simulation.rollout import (
 KINDS = ("Ia", "Fv", "Fc", "off", "play", "limit", "kv", "kp")
 
 #: How far off the logarithm of a gain is at its start, which nothing bounds where all is followed.
-LOOSE: Tolerance = 2.0
+LOOSE: Tolerance = 10.0
 
 #: Shares of the inertia, damping and torque of a joint by which its numbers are varied, and of a
 #: sampling step by which the delay is.
