@@ -137,13 +137,14 @@ def refused(path: Path) -> Iterator[None]:
 @contextmanager
 def quiet() -> Iterator[None]:
     """Keep MuJoCo's warnings off the screen and out of log files in the user's folder."""
+    before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda _message: None)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
     finally:
-        mujoco.set_mju_user_warning(None)
+        mujoco.set_mju_user_warning(before)
 
 
 def _is_idle(compiler: Any, geom: Any) -> bool:

@@ -225,6 +225,7 @@ class ForwardRobot:
         """Return the home configuration, (nq,)."""
         return np.asarray(self._kinematics.home()[: self.model.nq])
 
+    @quiet()
     def _set_joints(self, joints: Mapping[str, Mapping[str, float]]) -> None:
         """Set friction, rotors and springs."""
         model, cables = self.model, {cable.name for cable in self.robot.cables}
