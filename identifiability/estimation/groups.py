@@ -486,10 +486,14 @@ class Alternatives:
 
     @property
     def statement(self) -> str:
-        """What the model seems to miss, and how sure that is, for before ": diagnose"."""
-        if not self.named:
+        """What the model seems to miss, and how sure that is, for before ": diagnose".
+
+        It is said from 20 to 1 on.
+        """
+        sure = (t for t in self.named if t.odds >= RULES.name + RULES.keep)
+        order = sorted(sure, key=lambda t: -t.odds)
+        if not order:
             return ""
-        order = sorted(self.named, key=lambda t: -t.odds)
         told = listing([f"{describe_term(t)} (log odds {t.odds:.3g})" for t in order], TOLD)
         return f"{told} {'seems' if len(order) == 1 else 'seem'} to be missing"
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import field, replace
 from functools import cache, cached_property, lru_cache, partial
-from itertools import combinations, pairwise, product
+from itertools import combinations, product
 
 import numpy as np
 from scipy.optimize import minimize, minimize_scalar
@@ -54,7 +54,7 @@ DELAYS: tuple[Tolerance, ...] = (0.02, 0.05, 0.1, 0.2)
 BETWEEN = np.geomspace(1 / 3, 3.0, 101)
 #: Logs of what is left by which one alternative is as good as another.
 EVEN: Tolerance = 0.02
-#: Joints beyond which neighbours alone are tried as exchanged.
+#: Joints beyond which positions are not tried as exchanged.
 MOST = 8
 #: What is left, by its logarithm, where loops do not close.
 OPEN = 1000
@@ -316,7 +316,7 @@ class _Rows:
         """Yield positions that are exchanged, of another sign or in degrees."""
         names, plain = self.robot.joints, self.plain
         n, do = len(names), "Correct the log, the map of its columns or their unit"
-        for i, j in combinations(range(n), 2) if n <= MOST else pairwise(range(n)):
+        for i, j in combinations(range(n if n <= MOST else 0), 2):
             order, pair = plain.order.copy(), f"{names[i]} and {names[j]}"
             order[[i, j]] = j, i
             swap = replace(plain, remedy=do, motion=plain.motion[order])
@@ -365,17 +365,16 @@ class _Rows:
             return replace(a, values=self._with_file(a))
         if a.apart:
             return self._with_offsets(a)
-        for own in np.eye(len(a.order), dtype=bool)[a.scaled | a.late.any()]:
-            tried = [
-                replace(a, late=late, factor=np.where(own & a.scaled, x * a.factor, a.factor))
-                for x in BETWEEN[:: 5 if a.scaled.sum() == 1 else 1]  # near a unit it is the unit
-                for late in [np.round(x * a.late / self.step) * self.step]
-            ]
-            a = min(tried, key=lambda x: float(self.fit(x).sum()))
-        late, scale = a.late[np.argmax(np.abs(a.late))], a.factor[a.scaled]
-        says, way = a.says, "late" if late > 0 else "early"
+        if a.late.any():
+            some = (np.round(x * a.late / self.step) * self.step for x in BETWEEN[::5])
+            a = min((replace(a, late=late) for late in some), key=self.misfit)
+        for own in np.eye(len(a.order), dtype=bool)[a.scaled]:
+            near = BETWEEN[:: 5 if a.scaled.sum() == 1 else 1]  # a unit rather than beside it
+            some = (np.where(own, x * a.factor, a.factor) for x in near)
+            a = min((replace(a, factor=factor) for factor in some), key=self.misfit)
+        late, scale, says = a.late[np.argmax(np.abs(a.late))], a.factor[a.scaled], a.says
         if late:
-            says += f" seems to be {1e3 * abs(late):.3g} ms {way}"
+            says += f" seems to be {1e3 * abs(late):.3g} ms {'late' if late > 0 else 'early'}"
         elif scale.size == 1:
             says += f" is {1.0 / scale[0]:.2g} times as large as its model's"
         return replace(a, says=says)
@@ -427,18 +426,19 @@ class _Rows:
 
     def _with_offsets(self, a: Alternative) -> Alternative:
         """Return an alternative with the offset of each log, and where they differ most."""
-        (n, _, logs), each = self._constant.shape, np.zeros((*self.seen.X.shape[:2], 0))
-        for own in np.eye(n):  # noise of derivatives says little of levels: rows are whitened
-            each = np.append(each, np.einsum("j,jNl->Njl", own, self._constant), 2)
-        seen = replace(self.seen, X=np.append(self.seen.X, each, 2))
-        model = Missing(with_reversals(self.robot, (), self.structure.present), seen).model()
+        n, _, logs = self._constant.shape
+        # Noise of derivatives says little of levels: rows are whitened.
+        each = np.einsum("jk,jNl->Njkl", np.eye(n), self._constant)
+        X = np.append(self.seen.X, each.reshape(*self.seen.X.shape[:2], -1), 2)
+        none = with_reversals(self.robot, (), self.structure.present)
+        model = Missing(none, replace(self.seen, X=X)).model()
         found = (model.solve().value / model.scale)[self.seen.X.shape[2] :][: n * logs]
         apart = found.reshape(n, logs).T
         apart = apart - apart.mean(0)
-        each, size = apart.std(0, ddof=1), np.sqrt(self.variation)
-        j = int(np.argmax(each / size))
+        each = apart.std(0, ddof=1)
+        j = int(np.argmax(each**2 / self.variation))
         says = f"{a.says} by ±{each[j]:.2g} {self.robot.torque_units[j]} in {self.robot.joints[j]}"
-        names = [s.name for s in self.samples]
+        names = (s.name for s in self.samples)
         return replace(a, says=says, offsets=dict(zip(names, apart, strict=True)))
 
     # What fits to all rows leave of each column of the log.

@@ -499,9 +499,8 @@ class Session:
         clock or zero a log is off moves every other value: what depends on the load alone. So does
         friction of passive joints, for which motors would stand in.
         """
-        sure = [t for t in opening.missing.named if t.odds >= RULES.alternative_nats]
-        own = [t for t in sure if t.group.family in COMPLETED]
-        own.sort(key=lambda t: -t.odds)
+        named = (t for t in opening.missing.named if t.odds >= RULES.alternative_nats)
+        own = [t for t in named if t.group.family in COMPLETED]
         if not own or self.recordings.commanded:
             return opening
         given, texts = opening.structure.model, (f"{t.group.family}@{t.group.place}" for t in own)
