@@ -196,23 +196,22 @@ def test_stated_gains_that_make_all_bodies_heavier_alike_are_said(arm):
     assert replace(arm.servo, rolled=object()).doubt_scale(heavier, within) == []
 
 
-@pytest.mark.parametrize(
-    ("kind", "size"), [("play", 0.03), ("gain", -0.25), ("limit", 30.0), ("", 0.0)]
-)
+ODD = (("play", 0.03), ("gain", -0.25), ("limit", 30.0), ("", 0.0))
+
+
+@pytest.mark.parametrize(("kind", "size"), ODD)
 def test_play_a_gain_and_a_limit_that_are_stated_wrongly_are_said_with_their_size(arm, kind, size):
     rng, how = np.random.default_rng(6), servos.Recorder(200.0, 50.0, 0.006, 14)
     moves, fault = servos.draw_commands(arm, 6.0, 50.0, 0.35, rng), servos.Fault(1, kind, size)
     own = arm.servo.having({"limit": np.array([0.0, size * (kind == "limit")])})
     log = read(arm, servos.record(arm, TRUTH, moves, 6.0, how, rng, own, fault))
-    found = fit_rollouts(arm, [log], file_shares(arm))
-    odd, better, either = find_odd_joints(arm, found)
+    odd, better, either = find_odd_joints(arm, found := fit_rollouts(arm, [log], file_shares(arm)))
     assert len(odd) == bool(kind)
     assert (better is found) == (kind in ("play", ""))
-    assert not either or kind == "gain"  # of two gains one tells the ratio
+    assert not either or kind == "gain"
     for said in odd:
         told = float(re.search(r"'elbow'.*? (?:about|is) ([\d.]+)", said)[1])
-        size += kind == "gain"
-        assert told == pytest.approx(size, rel=0.05 if kind == "limit" else 0.2)
+        assert told == pytest.approx(size + (kind == "gain"), rel=0.05 if size > 1 else 0.2)
 
 
 # Rollouts.
@@ -226,9 +225,9 @@ def move(robot, logs):
 
 def test_a_rollout_does_not_depend_on_the_integrators_step(arm, frames, monkeypatch):
     log, machine = read(arm, frames[1]), CommandedRobot(arm, {})
-    coarse = machine.roll(log, delay=0.004)[0]
+    coarse = machine.roll(log, delay=0.004)
     monkeypatch.setattr("identifiability.simulation.rollout.STEP", 1e-4)
-    fine = machine.roll(log, delay=0.004)[0]
+    fine = machine.roll(log, delay=0.004)
     assert np.sqrt(np.mean((coarse - fine) ** 2)) < 3e-4 * np.ptp(fine)
 
 
@@ -237,8 +236,8 @@ def test_commands_that_act_later_by_less_than_a_step_move_a_robot_later_by_that(
     log = read(arm, frames[1])
     limit = np.array([most, 0.2 * most])
     machine = CommandedRobot(arm, {}, replace(arm.servo, low=-limit, high=limit))
-    before, after = (machine.roll(log, delay=d)[0] for d in (0.0040, 0.0043))
-    slope = (machine.roll(log, delay=0.003)[0] - machine.roll(log, delay=0.005)[0]) / 0.002
+    before, after = (machine.roll(log, delay=d) for d in (0.0040, 0.0043))
+    slope = (machine.roll(log, delay=0.003) - machine.roll(log, delay=0.005)) / 0.002
     rows = slice(len(log) // 2, None)  # those of a start are not later
     apart = (after - before + 3e-4 * slope)[rows]
     assert np.sqrt(np.mean(apart**2)) < 0.01 * np.sqrt(np.mean((3e-4 * slope[rows]) ** 2))
@@ -250,16 +249,14 @@ def test_joints_and_delay_are_found_from_rollouts_of_another_physics(arm, frames
     for kind, near in (("Ia", 0.01), ("Fv", 0.05), ("Fc", 0.03), ("off", 0.06)):
         true = np.array([TRUTH[f"{j}.{kind}"] for j in arm.joints])
         np.testing.assert_allclose(found.numbers[kind], true, atol=near * np.abs(true).max())
-    file = CommandedRobot(arm, {}).roll(logs[0])[0] - logs[0].q
+    file = CommandedRobot(arm, {}).roll(logs[0]) - logs[0].q
     assert np.all(found.errors < 0.05 * np.sqrt(np.mean(file**2, axis=0)))
     assert fit_rollouts(arm, logs[:1], {}, 0.007).delay_errors == 0
     unseen = roll_late(CommandedRobot(arm, found.parameters), logs[1])[1][50:]
     step = 2 * np.pi / 2**14
     assert np.sqrt(np.mean((unseen - logs[1].q[50:]) ** 2)) < step  # of the encoders
-    assert (
-        state_delay([0.0078, 0.0079], "ab")
-        == "commands act 7.8 ms (a), 7.9 ms (b) after their rows"
-    )
+    told = "commands act 7.8 ms (a), 7.9 ms (b) after their rows"
+    assert state_delay([0.0078, 0.0079], "ab") == told
 
 
 # From a log to verdicts and a robot that moves as the log does.

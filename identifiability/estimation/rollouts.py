@@ -149,7 +149,7 @@ def fit_rollouts(
     made = np.concatenate([servo_log(log, known, delay or 0.0).tau for log in logs])
     # What a servo makes of speeds counts within its limits, and what friction does not.
     limited = (known.high < np.inf) & ~np.all((made > known.low) & (made < known.high), axis=0)
-    free[4:6] = False  # no gear has play as yet
+    free[4:6] = False  # no gear has play as yet, and no torque an end that nobody states
     free[-2:] = np.isnan(robot.servo.kv) & (spoken | limited), np.isnan(robot.servo.kp)
     problem = Problem(machine, logs, free, delay, shares)
     x = problem.pack(numbers, delay or 0.0)
@@ -207,8 +207,7 @@ class Problem:
         torque = np.minimum(np.maximum(0.3 * servo.kp, servo.kv) * moved, servo.high)
         damping = servo.kv + inertia / 0.1  # of a servo that takes a tenth of a second
         alike = np.ones(len(inertia))
-        play = PLAY / VARIED * alike
-        sizes = (inertia, damping, torque, torque, play, torque, damping, alike)
+        sizes = (inertia, damping, torque, torque, PLAY / VARIED * alike, torque, damping, alike)
         steps = VARIED * np.concatenate([*sizes, np.ones(len(self.shares))])
         #: By how much each number is varied.
         self.by = np.concatenate([steps, np.full(len(logs), LATER * self.dt)])
@@ -225,13 +224,12 @@ class Problem:
             own |= {f"{joint}.{called}": value for joint, value in pairs}
         return own
 
-    def pack(self, numbers: Mapping[str, Array], late: float) -> Array:
+    def pack(self, numbers: Mapping[str, Array], late: Any) -> Array:
         """Return the vector of joints' numbers and delays, bodies as they are known."""
         none = np.zeros(len(self.trees))
         rows = [numbers.get(k, none) for k in KINDS[:-1]]
-        return np.concatenate(
-            [*rows, none, np.zeros(len(self.shares)), np.full(len(self.logs), late)]
-        )
+        sizes, late = np.zeros(len(self.shares)), np.full(len(self.logs), late)
+        return np.concatenate([*rows, none, sizes, late])
 
     def unpack(self, x: Array) -> tuple[dict[str, Array], Array]:
         """Return the numbers of a vector, and delays."""
@@ -247,18 +245,16 @@ class Problem:
         covariance = self.uncertainty(x, q, J)
         to_gains = np.diag(np.exp(np.append(self.over[-2] * x[gains][n:], np.zeros(n))))
         to_gains[range(n), range(n, 2 * n)] = self.over[-2] * numbers["kv"]
-        known = J.copy()
-        known[:, gains] = 0.0  # their doubt stands by itself
-        late_errors = np.sqrt(np.diag(self.uncertainty(x, q, known))[late])
+        unsure = np.sqrt(np.diag(covariance))
         return Rollouts(
             numbers=numbers,
             parameters=self.parameters(numbers),
             delays=delays,
             errors=self.errors(q),
             missed=self.errors(q) / explicable(self.logs),
-            delay_errors=late_errors * self.varied[late],
+            delay_errors=unsure[late] * self.varied[late],
             covariance=to_gains @ covariance[gains, gains] @ to_gains.T,
-            unsure=np.sqrt(np.diag(covariance)),
+            unsure=unsure,
             search=(self, x, q, J),
         )
 
@@ -347,7 +343,7 @@ class Problem:
             every.append((machine.resized(sizes), own, late))
         step = min(step, *(machine.longest(own) for machine, own, _ in every))
         return [
-            [m.roll(log, [own], d, step=step)[0] for log, d in zip(self.logs, late, strict=True)]
+            [m.roll(log, own, d, step) for log, d in zip(self.logs, late, strict=True)]
             for m, own, late in every
         ]
 

@@ -161,30 +161,27 @@ class CommandedRobot:
     def roll(
         self,
         log: Log,
-        numbers: Sequence[Mapping[str, Array]] = (),
+        numbers: Mapping[str, Array] | None = None,
         delay: float = 0.0,
-        step: float | None = None,
+        step: float = STEP,
     ) -> Array:
-        """Return positions at the samples of a log, (K, N, n); NaN where they diverged.
+        """Return positions at the samples of a log, (N, n); NaN where they diverged.
 
         Parameters
         ----------
         log : Log
             With commands, in the robot's order of joints.
-        numbers : sequence of mapping
-            Joints' numbers of K robots, as of `numbers`, and gains ``kp``, ``kv`` of the servos
-            if others than its own; by default its own alone.
+        numbers : mapping, optional
+            Joints' numbers, as of `numbers`, and gains ``kp``, ``kv`` of the servos if others than
+            its own; by default its own.
         delay : float [s]
-        step : float [s], optional
+        step : float [s]
             Longest one of the integrator.
         """
-        numbers = list(numbers) or [self.numbers()]
+        own = numbers or self.numbers()
         dt = signals.sampling_step(log.t)
-        longest = min(step or STEP, *map(self.longest, numbers))
-        inner = max(1, int(np.ceil(dt / longest - 1e-9)))
-        h = dt / inner
-        speed = starting_speeds(log)
-        models = [self._with(own, h) for own in numbers]
+        h = dt / max(1, int(np.ceil(dt / min(step, self.longest(own)) - 1e-9)))
+        speed, model = starting_speeds(log)[0], self._with(own, h)
         steps = int(np.ceil((log.t[-1] - log.t[0]) / h)) + 2
         # Held commands change between two steps, so that no step holds a share of a change, of
         # which a servo at its limit would make another share of torque.
@@ -192,31 +189,26 @@ class CommandedRobot:
         ahead = next(iter((since - log.t)[since < log.t]), 0.0)
         begin = (float((delay + ahead) / h) % 1.0 - 0.5) * h
         times = log.t[0] + begin + h * np.arange(steps)
-        start = np.zeros((len(models), mujoco.mj_stateSize(self.model, _STATE)))
-        controls = np.empty((len(models), steps, self.model.nu))
-        for k, model in enumerate(models):
-            q, v = self._forward.home(), np.zeros(self.model.nv)
-            q[self.at], v[self.dofs] = log.q[0], speed[0]
-            controls[k] = acting(log, self.servo.having(numbers[k]), times, h, delay)
-            a0 = self._acceleration(model, q, v, controls[k, 0])
-            q[self.at] += begin * speed[0] + (0.5 * begin**2 - h**2 / 8) * a0[self.dofs]
-            v += (begin - 0.5 * h) * a0
-            start[k, 1 : 1 + self.model.nq], start[k, 1 + self.model.nq :][: len(v)] = q, v
+        control = acting(log, self.servo.having(own), times, h, delay)
+        q, v = self._forward.home(), np.zeros(model.nv)
+        q[self.at], v[self.dofs] = log.q[0], speed
+        a0 = self._acceleration(model, q, v, control[0])
+        q[self.at] += begin * speed + (0.5 * begin**2 - h**2 / 8) * a0[self.dofs]
+        v += (begin - 0.5 * h) * a0
+        start = np.zeros(mujoco.mj_stateSize(model, _STATE))
+        start[1 : 1 + model.nq], start[1 + model.nq :][: len(v)] = q, v
         states, _ = rollout.rollout(
-            models,
-            [mujoco.MjData(self.model)],
+            model,
+            mujoco.MjData(model),
             start,
-            controls,
+            control,
             control_spec=int(mujoco.mjtState.mjSTATE_CTRL),
         )
-        out = np.full((len(models), len(log), len(self.at)), np.nan)
-        places = 1 + self.at
+        first = q[self.at]
+        path = np.concatenate([[first - h * v[self.dofs], first], states[0][:, 1 + self.at]])
+        out = _sample(path, (log.t - log.t[0] - begin) / h + 1)
         limit = DIVERGED * (np.abs(log.q).max() + 1.0)
-        for k, moved in enumerate(states):
-            first, speeds = start[k, places], start[k, 1 + self.model.nq + self.dofs]
-            path = np.concatenate([[first - h * speeds, first], moved[:, places]])
-            out[k] = _sample(path, (log.t - log.t[0] - begin) / h + 1)
-            out[k, np.cumsum(~(np.abs(out[k]).max(1) < limit)) > 0] = np.nan
+        out[np.cumsum(~(np.abs(out).max(1) < limit)) > 0] = np.nan
         return out
 
     def _acceleration(self, model: Any, q: Array, v: Array, control: Array) -> Array:
@@ -351,7 +343,7 @@ def start_rollouts(robot: Robot, log: Log) -> tuple[CommandedRobot, dict[str, Ar
     # Frequencies [rad/s] and damping ratios of a servo and what it moves.
     speeds = np.geomspace(2, 250, 17)
     tries, late = [numbers], servo.delay or 0.0
-    apart = machine.roll(log, tries, late, step=COARSE * STEP)[0] - log.q
+    apart = machine.roll(log, numbers, late, COARSE * STEP) - log.q
     if not servo.unknown.any() and np.all(np.sqrt(np.mean(apart**2, 0)) < explicable([log])):
         return machine, numbers
     for w in speeds[speeds < 1.0 / signals.sampling_step(log.t)]:
@@ -361,7 +353,7 @@ def start_rollouts(robot: Robot, log: Log) -> tuple[CommandedRobot, dict[str, Ar
             damping = np.maximum(2 * whole * w * ratio - guess.kv, 0.0)
             tries.append({**numbers, "Ia": whole - bodies, "Fv": damping, "kp": kp})
     # Each at its own step: few of them ask for a short one.
-    q = np.array([machine.roll(log, [own], late, step=COARSE * STEP)[0] for own in tries])
+    q = np.array([machine.roll(log, own, late, COARSE * STEP) for own in tries])
     best = np.nan_to_num((q - log.q) ** 2, nan=1e6).mean(1).argmin(0)
     chosen = {k: np.array([x[k] for x in tries])[best, range(len(best))] for k in numbers}
     return CommandedRobot(robot, {}, replace(guess, kp=chosen["kp"])), chosen

@@ -16,16 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.estimation.rollouts import (
-    KINDS,
-    PLAY,
-    Problem,
-    Rollouts,
-    contradicted,
-    fit_rollouts,
-)
+from identifiability.estimation.rollouts import BEGUN, KINDS, PLAY, Problem, Rollouts, fit_rollouts
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
-from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.errors import LogError, RobotError, listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
@@ -96,8 +88,8 @@ def follow_commands(
     others = [servo] * either
     if better is not found:
         found, servo = better, having_found(servo, better)
-        robot = replace(robot, servo=servo)
-        structure = replace(structure, robot=robot)
+    robot = replace(robot, servo=servo)
+    structure = replace(structure, robot=replace(robot, servo=replace(servo, rolled=None)))
     text = check_found(robot, commanded, found) + state_servos(robot, commanded, found)
 
     def calibrated(log: Log, delay: float | None) -> Log:
@@ -106,8 +98,7 @@ def follow_commands(
     own = {k: calibrated(fitted[k], d) for k, d in zip(at, found.delays.tolist(), strict=True)}
     # No command acts before it is sent: rows that say so hold them otherwise, which is an error.
     errors = np.maximum(found.delay_errors, -found.delays)
-    early = found.delays < -2.0 * found.delay_errors
-    text += f" {phrase('rollouts', 'early')}" if early.any() else ""
+    text += f" {phrase('rollouts', 'early')}" * any(found.delays < -2.0 * found.delay_errors)
     later = [
         {k: moved(log, servo, servo, float(sd))}
         for (k, log), sd in zip(own.items(), errors, strict=True)
@@ -118,9 +109,9 @@ def follow_commands(
         odd, others = odd + scale, [servo.having({"kp": servo.kp / np.exp(np.mean(larger))})]
     others += servo.doubted
     later += [{k: moved(x, servo, other) for k, x in own.items()} for other in others]
-    unseen = (calibrated(x, servo.delay) if of_commands(x) else x for x in recordings.held_out)
+    unseen = [calibrated(x, servo.delay) if of_commands(x) else x for x in recordings.held_out]
     rolled = any(x.rollout is not None for x in own.values())
-    recordings = replace(
+    told = replace(
         recordings,
         fitted=tuple(own.get(k, x) for k, x in enumerate(fitted)),
         held_out=tuple(unseen),
@@ -128,7 +119,7 @@ def follow_commands(
         later=tuple(later),
         rolled=replace(found, search=()),
     )
-    return recordings, structure
+    return told, structure
 
 
 def roll_late(machine: CommandedRobot, log: Log, delay: float | None = None) -> tuple[float, Array]:
@@ -145,7 +136,7 @@ def roll_late(machine: CommandedRobot, log: Log, delay: float | None = None) -> 
     if delay is None:
         problem = Problem(machine, [log], np.zeros((len(KINDS), len(machine.trees)), bool))
         delay = float(problem.descend(problem.pack(machine.numbers(), 0.0))[0][-1])
-    return delay, machine.roll(log, delay=delay)[0]
+    return delay, machine.roll(log, delay=delay)
 
 
 def calibrate(
@@ -202,13 +193,11 @@ def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     assert robot.servo is not None
     share, names = found.missed, [log.name for log in logs]
     k = int(np.argmax(share))
-    if contradicted(share):
-        told = {"kp": robot.servo.kp[k], "kv": robot.servo.kv[k]}
-        joint, source = robot.joints[k], robot.servo.source
-        raise LogError(
-            Finding("servos.contradicted", source, names=names, joint=joint, share=share[k], **told)
-        )
-    (lost,) = np.nonzero(share > ESTIMATION_RULES.rollout_contradicted)
+    if np.median(share) > ESTIMATION_RULES.rollout_contradicted:
+        told = {"kp": robot.servo.kp[k], "kv": robot.servo.kv[k], "share": share[k]}
+        told |= {"joint": robot.joints[k], "names": names}
+        raise LogError(Finding("servos.contradicted", robot.servo.source, **told))
+    lost = np.flatnonzero(share > ESTIMATION_RULES.rollout_contradicted)
     each = [f"'{robot.joints[j]}' ({100 * share[j]:.0f} %)" for j in lost]
     return f"{phrase('rollouts', 'lost', joints=each)} " if each else ""
 
@@ -247,8 +236,7 @@ def find_odd_joints(robot: Robot, found: Rollouts) -> tuple[list[Finding], Rollo
     for tree in odd:
         of, best = problem.trees == tree, list[Any]()
         own = np.argsort(-gained[: problem.bodies.start] * np.tile(of, len(KINDS)))[:3]
-        square = np.sum(left[: n * sum(map(len, tau))].reshape(-1, n)[:, of] ** 2)
-        for k in own[gained[own] > Thresholds().negligible_share ** 2 * square]:
+        for k in own[gained[own] > BEGUN]:
             # What does much less to first order is tried only where the best is no good.
             if best and best[0][0] < 0.5 and gained[k] < 0.5 * gained[own[0]]:
                 break
@@ -334,8 +322,6 @@ def learn_gains(robot: Robot, logs: Sequence[Log]) -> Robot:
 
     Raises
     ------
-    LogError
-        If no gains make it follow.
     RobotError
         If it cannot be rolled out.
     """
@@ -346,10 +332,7 @@ def learn_gains(robot: Robot, logs: Sequence[Log]) -> Robot:
     if not shares:
         raise RobotError(Finding("gains.massless", robot.path))
     found = fit_rollouts(robot, every, shares, robot.servo.delay)
-    names, k = [x.name for x in every], int(np.argmax(found.missed))
-    if contradicted(found.missed):  # of a single joint rollouts with these gains tell
-        raise LogError(Finding("gains.none", robot.joints[k], names=names, share=found.missed[k]))
-    told = state_gains(robot, names, found, shares)
+    told = state_gains(robot, [x.name for x in every], found, shares)
     servo = replace(having_found(robot.servo, found), found=told, rolled=found)
     return replace(robot, servo=servo)
 
@@ -370,17 +353,15 @@ def state_gains(
     asked = robot.servo
     assert asked is not None
     servo = asked.having(found.numbers)
-    less, sure = np.split(np.sqrt(np.diag(found.covariance)), 2)
-    free = np.flatnonzero(np.isnan(asked.kp))
-    each = [f"{robot.joints[k]} {servo.kp[k]:.4g} (± {percent(sure[k], 2)})" for k in free]
-    damped = np.flatnonzero(np.isnan(asked.kv) & (servo.kv > 0))
-    said = [f"kp of {listing(each, 12)}"] if each else []
-    others = [f"{robot.joints[k]} {servo.kv[k]:.4g} (± {less[k]:.2g})" for k in damped]
-    said += [f"kv of {listing(others, 12)}"] if others else []
+    said, sd = list[str](), np.split(np.sqrt(np.diag(found.covariance)), 2)
+    for kind, own, free, by in (
+        ("kp", servo.kp, np.isnan(asked.kp), sd[1] * servo.kp),
+        ("kv", servo.kv, np.isnan(asked.kv) & (servo.kv > 0), sd[0]),
+    ):
+        each = [f"{robot.joints[k]} {own[k]:.4g} (± {by[k]:.2g})" for k in np.flatnonzero(free)]
+        said += [f"{kind} of {listing(each, 12)}"] * any(free)
     text = [phrase("gains.found", "says", names=list(names), gains="; ".join(said))]
     sure_of = min(shares, key=lambda body: shares[body])
     text.append(phrase("gains.found", "bodies", body=sure_of, within=percent(shares[sure_of])))
     held = [robot.joints[k] for k in np.flatnonzero(np.isnan(asked.kv) & ~(servo.kv > 0))]
-    if held:
-        text.append(phrase("gains.found", "damping", joints=held))
-    return " ".join(text)
+    return " ".join([*text, *[phrase("gains.found", "damping", joints=held)] * bool(held)])

@@ -803,8 +803,7 @@ class PositionPrediction(Result):
         """Return by how much positions err, and what is next."""
         logs = name_logs(self.robot, given_paths(self.logs))
         line = f"identifiability diagnose {source_name(self.robot)} {logs} --report missing.html"
-        following = answer_next([("Find out what the robot file misses:", line)])
-        return _position_error(self), following
+        return _position_error(self), answer_next([("Find out what the robot file misses:", line)])
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint, in mrad or mm."""
@@ -840,7 +839,6 @@ class PositionPrediction(Result):
         for run, error in zip(self.runs, self.totals.tolist(), strict=True):
             joints = pd.DataFrame({"error": run.errors}, self.robot.joints).to_dict("index")
             found: dict[str, Any] = {"robot": run.name, "delays": list(run.delays)}
-            found |= dict.fromkeys(("delays_found", "error_windows"))  # of earlier releases
             rollouts.append({**found, "error": error, "joints": joints})
         return {
             "schema": self.schema,
@@ -895,12 +893,11 @@ def _position_error(result: PositionPrediction) -> Answer:
     over = "whole logs" if any(map(has_commands, result.logs)) else over
     text = f"{' → '.join(run.name for run in result.runs)}: over {over} (rms)."
     tone = "blue" if len(totals) == 1 else "green" if totals[1] < totals[0] else "amber"
-    question = "By how much do positions err?"
-    return Answer(question, f"{told[0].upper()}{told[1:]}.", text, tone)
+    return Answer("By how much do positions err?", f"{told[0].upper()}{told[1:]}.", text, tone)
 
 
 def move_fitted(
-    robot: Robot, values: Mapping[str, float], logs: Recordings, beside: Mapping[str, float]
+    robot: Robot, values: Mapping[str, float], logs: Recordings, beside: bool = False
 ) -> PositionPrediction | None:
     """Return how the robot of the file and the fitted one move by commands of unseen logs.
 
@@ -914,8 +911,8 @@ def move_fitted(
     values : mapping
         The fitted standard parameters by name.
     logs : Recordings
-    beside : mapping
-        Those of a robot without what was named; empty for none.
+    beside : bool
+        Whether a robot moves, too, that is without what was named.
     """
     unseen, fitted = (
         tuple(x.select(robot.joints) for x in own if of_commands(x))
@@ -926,8 +923,9 @@ def move_fitted(
         return None
     try:
         pairs = {"the file's": {}, "the fitted robot": values}
-        pairs |= {"one without what was named": beside} if beside else {}
-        late = None if unseen or logs.rolled is None else logs.rolled.delays
+        rolled = logs.rolled
+        pairs |= {"one without what was named": rolled.parameters} if rolled and beside else {}
+        late = None if unseen or rolled is None else rolled.delays
         runs = tuple(_move(robot, *pair, own, late) for pair in pairs.items())
     except RobotError:
         return None

@@ -390,7 +390,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
     @cached_property
     def moved(self) -> predict.PositionPrediction | None:
         """How far rollouts of the nearest real robot are off, of logs of commands."""
-        return predict.move_fitted(self.robot, self.real_robot["parameters"], self.recordings, {})
+        return predict.move_fitted(self.robot, self.real_robot["parameters"], self.recordings)
 
     @cached_property
     def fit(self) -> predict.Fit:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
@@ -519,7 +519,7 @@ def along_rollouts(
     structure: Structure,
     samples: Sequence[Dataset],
     logs: Sequence[Log],
-    values: Mapping[str, float],
+    rolled: Any,
 ) -> tuple[Dataset, ...]:
     """Return samples of logs of commands along the motion of their rollouts.
 
@@ -534,11 +534,10 @@ def along_rollouts(
     samples : sequence of Dataset
     logs : sequence of Log
         What they were prepared from.
-    values : mapping
-        Standard parameters by name of what was rolled out.
+    rolled : Rollouts
     """
     robot, model = structure.robot, structure.model
-    known = {**robot.nominal, **values}
+    known = {**robot.nominal, **rolled.parameters}
     phi = np.array([known.get(name, 0.0) for name in structure.columns])
     out = list[Dataset]()
     for own, log in zip(samples, logs, strict=True):

@@ -346,8 +346,7 @@ class Diagnosis(Result, Setting, Predicts):
         """Return the diagnosis with how far rollouts are off, where logs are of commands."""
         if not logs.commanded:
             return self
-        beside = logs.rolled.parameters if logs.rolled and self.included else {}
-        moved = move_fitted(self.robot, self.physical["parameters"], logs, beside)
+        moved = move_fitted(self.robot, self.physical["parameters"], logs, bool(self.included))
         said = () if moved is None else (moved.told,)
         return replace(self, moved=moved, hints=(*said, *self.hints))
 

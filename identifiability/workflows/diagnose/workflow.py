@@ -259,15 +259,12 @@ class _Asked:
         logs, looked = session.recordings, list[tuple[Dataset, ...]]()
         if own is None:
             looked = [tuple(map(prepare, x)) for x in (logs.fitted, logs.held_out)]
-        if given.rolled is None:
+        if (rolled := given.rolled) is None:
             opening = session.with_instruments(opening, "wls", "auto")[0]
         else:
             pairs = [(opening.samples, logs.fitted), (opening.validation, logs.held_out)]
             pairs += zip(looked, (logs.fitted, logs.held_out), strict=False)
-            along = [
-                along_rollouts(opening.structure, s, own, given.rolled.parameters)
-                for s, own in pairs
-            ]
+            along = [along_rollouts(opening.structure, s, own, rolled) for s, own in pairs]
             opening = replace(opening, samples=along[0], validation=along[1])
             looked = along[2:]
         samples, validation = opening.samples, opening.validation
