@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from identifiability.effects import Family, find_families, title_of
-from identifiability.effects.friction import REVERSALS, ReversalFriction
+from identifiability.effects.friction import REVERSALS, ReversalFriction, RisingFriction
 from identifiability.effects.measurement import TorqueScale
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.mixed_model import (
@@ -578,17 +578,15 @@ def find_alternatives(
     record = regression.instruments
     plain = regression if record is None else replace(regression, instruments=None)
     families = find_families(None, commanded=commanded)
-    missing = Missing.of(plain, families, structure.present).between_reversals()
+    missing = Missing.of(plain, families, structure.present)
+    if commanded or structure.robot.base is not None:
+        missing = missing.between_reversals()
     if not len(missing.seen.y) or not missing.groups:
         return NO_ALTERNATIVES
-    every = missing.model()
-    # A wrong scale of one joint's torque is nearly the model itself, at any size: its prior alone
-    # would widen every label. So it may only be what a function of the load seems to be.
-    usual = tuple(g for g in every.groups if g.family != TorqueScale.name)
-    model = replace(every, groups=usual)
-    terms = model.search()
-    if any(t.group.family == "function_of_load" for t in terms):
-        model, terms = every, every.search()
+    model, terms = _search(missing)
+    if any(t.group.family == RisingFriction.name for t in terms):
+        missing = missing.between_reversals()  # it may be that no record tells when friction turns
+        model, terms = _search(missing)
     if terms and record is not None:
         found = {t.group.family for t in terms}
         some = [f for f in families if f.name in found]
@@ -605,6 +603,20 @@ def find_alternatives(
         early = replace(model, products=blocks.take(np.array([0])))
         terms = early.confirm(terms, blocks.take(np.array([-1])))
     return _conclude(missing, model, terms)
+
+
+def _search(missing: Missing) -> tuple[MixedModel, Terms]:
+    """Return the model of what may be missing, and what is.
+
+    A wrong scale of one joint's torque is nearly the model itself, at any size: its prior alone
+    would widen every label. So it may only be what a function of the load seems to be.
+    """
+    every = missing.model()
+    usual = tuple(g for g in every.groups if g.family != TorqueScale.name)
+    model = replace(every, groups=usual)
+    terms = model.search()
+    load = any(t.group.family == "function_of_load" for t in terms)
+    return (every, every.search()) if load else (model, terms)
 
 
 def _conclude(missing: Missing, model: MixedModel, terms: Terms) -> Alternatives:
