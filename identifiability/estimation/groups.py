@@ -108,8 +108,7 @@ class Excerpt:
         if regression.instruments is not None:
             plain = replace(regression, instruments=None)
         windows = choose_windows([s.outputs for s in plain.samples], most or EXCERPT)
-        chunks: list[Chunk] = []
-        pieces: list[Piece] = []
+        chunks, pieces = list[Chunk](), list[Piece]()
         seen, outputs = [np.empty(0, int)], 0
         for part in (replace(part, windows=windows[part.log]) for part in plain.parts()):
             if not part.is_shown:
@@ -380,8 +379,7 @@ class Missing:
         if always not in self.sets:
             return MixedModel(own, p, groups, scale, prior)
         columns = np.concatenate([c.columns for c in self.sets[always][0]]) + p
-        group = Group(*always, (columns,), 0.0)
-        (term,) = MixedModel(own, p, (group,), scale, prior).gains()
+        (term,) = MixedModel(own, p, (Group(*always, (columns,), 0.0),), scale, prior).gains()
         prior = prior if prior.size else np.zeros((p, p))
         prior = block_diag(prior, np.diag(scale[columns] ** 2 / term.variance))
         return MixedModel(own, p + len(columns), groups, scale, prior)

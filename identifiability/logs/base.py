@@ -122,7 +122,14 @@ def read_base(base: Base, t: Array, values: Values, source: str) -> tuple[Array,
         )
     if turn is None:
         up = turned.inv().apply(slow)
-        up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), TINY)
+        up /= np.maximum(
+            np.linalg.norm(
+                up,
+                axis=1,
+                keepdims=True,
+            ),
+            TINY,
+        )
     else:
         fall = float(np.linalg.norm(base.gravity))
         up = turn.inv().apply(-base.gravity / fall if fall else [0.0, 0.0, 1.0])

@@ -260,10 +260,7 @@ def combine_with_file(
     ranks = [np.linalg.matrix_rank(rows / size, tol=ROUNDOFF) for rows in (A, B)]
     dims = int(sum(ranks) - known.sum())
     return WithFile(
-        share,
-        to_x @ phi,
-        np.where(lost, np.inf, sd),
-        float(chdtrc(dims, squares)) if dims else 1.0,
+        share, to_x @ phi, np.where(lost, np.inf, sd), float(chdtrc(dims, squares)) if dims else 1.0
     )
 
 

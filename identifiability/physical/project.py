@@ -407,11 +407,7 @@ def follow(
         turn = np.zeros_like(J)
         turn[:, ROW, COLUMN] = turn[:, COLUMN, ROW] = (rates @ step).reshape(-1, 10) / TWICE
         values = np.linalg.eigvalsh(turn / np.sqrt(weight)).ravel()
-        reach = min(
-            _room(np.ones(values.size), values),
-            _room(slack, change),
-            _room(y, rise),
-        )
+        reach = min(_room(np.ones(values.size), values), _room(slack, change), _room(y, rise))
         z, slack, y = z + reach * step, slack + reach * change, y + reach * rise
         if weight == light and reach == 1.0 and max(force @ step, product.sum()) < reached:
             yield Optimum(z, np.append(np.zeros(len(maps)), y), curve=curve)

@@ -517,7 +517,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         if self.nothing or used.physical_used or real is None or near <= (1 + DIFFERS) * free:
             return
         joint = self.robot.joints[int(np.argmax(used.fitted.joint_error()[:, 1]))]
-        held = "nothing" if real.nearest is None else join(real.nearest.active)
+        held = join(real.nearest.active if real.nearest else ()) or "nothing"
         what = {"near": error_text(near), "error": percent(free), "joint": joint, "names": held}
         yield sentence("decision.impossible", **what)
 
