@@ -12,7 +12,8 @@ joints, columns exchanged, still, in another unit, an encoder's zero. Robots und
 and robots that float are drawn by `field_commanded`.
 
 One error on a sealed log is divided by that which the same logs give to who knows the truth and
-states it (`Condition.truth`): a robot that stands as it does, a model that has what acts (friction
+states it (`Condition.truth`): a robot that stands as it does, or has no weight where drivers take
+it (in one joint: the file's, which is wrong by as much), a model that has what acts (friction
 that warms up as a steady drift, which it is not), offsets of each run taken out, the best of many
 cut-offs. Where the logs as they should be are the same data but for what was done to columns or to
 the file, they are the truth. Errors are those along the sealed log as it should be where a
@@ -167,6 +168,16 @@ def _without_offsets(x: Logged, robot: Robot) -> Stated:
     return Stated(robot, ({"ladder": _ladder()},), tuple(frames))
 
 
+def _weightless(x: Logged, robot: Robot) -> Stated:
+    """Return a robot without weight, or with the file's in the joint whose driver takes it."""
+    if x.notes["compensated"] is None:
+        model = robot.model.copy()
+        model.gravity.linear = np.zeros(3)
+        return Stated(replace(robot, model=model), ({"ladder": _ladder()},))
+    x.state(f'[torque]\ncompensated = ["{x.notes["compensated"]}"]')
+    return Stated(load_robot(x.path), ({"ladder": _ladder()},))
+
+
 @dataclass(frozen=True)
 class Condition:
     """What a robot or its logs are like.
@@ -246,6 +257,7 @@ def _compensated(some: bool) -> Callable[[Logged], None]:
 
         heaviest = x.robot.joints[int(weigh(x.frames[0]).std(0).argmax())]
         joints = [heaviest] if some else list(x.robot.joints)
+        x.notes["compensated"] = heaviest if some else None
 
         def less(_: int, frame: pd.DataFrame) -> None:
             weight = weigh(frame)
@@ -402,10 +414,22 @@ CONDITIONS = {
     "masses 1e-3": Condition(1, MASSES, _masses(1e-3, 1e-6)),
     "masses in grams": Condition(1, MASSES + "|unit", _grams),
     "gravity compensated": Condition(
-        2, GRAVITY, _compensated(False), of=ARMS, labels=False, sealed="sound scale"
+        2,
+        GRAVITY,
+        _compensated(False),
+        of=ARMS,
+        labels=False,
+        sealed="sound scale",
+        truth=_weightless,
     ),
     "gravity compensated at a joint": Condition(
-        2, GRAVITY, _compensated(True), of=ARMS, labels=False, sealed="sound scale"
+        2,
+        GRAVITY,
+        _compensated(True),
+        of=ARMS,
+        labels=False,
+        sealed="sound scale",
+        truth=_weightless,
     ),
     "motor side, stated": Condition(2, "", _motor_side(True), of=ARMS),
     "motor side, not stated": Condition(
@@ -592,7 +616,7 @@ def sealed_error(
     return float(np.sqrt(np.mean((left**2).sum(0)[known] / (rows * scale**2)[known])))
 
 
-def truth_error(x: Logged, which: Condition, sealed: Any) -> float:
+def truth_error(x: Logged, which: Condition, sealed: Any, scale: Array | None) -> float:
     """Return the error of an analysis of the same logs that is told the truth."""
     assert which.truth is not None
     stated, logs = which.truth(x, load_robot(x.path)), [x.path / f"{n}.parquet" for n in LOGS]
@@ -602,7 +626,7 @@ def truth_error(x: Logged, which: Condition, sealed: Any) -> float:
         a = analyze(
             stated.robot, fitted[:FITTED], fitted[FITTED : FITTED + 1], replicates=0, **options
         )
-        errors.append(sealed_error(a, sealed, centred=which.centred))
+        errors.append(sealed_error(a, sealed, scale, centred=which.centred))
     return min(errors)
 
 
@@ -625,11 +649,12 @@ def examine(x: Logged, which: Condition) -> dict[str, Any]:
         x.notes["sound"].to_parquet(sealed)
     elif which.sealed == "sound scale":
         scale = x.notes["sound"][[f"{j}.tau" for j in robot.joints]].to_numpy().std(0)
+    read = sealed
     if a.alternative is not None:  # under which all is said
-        sealed = a.alternative.read(Log.read(sealed), a.structure)
-    row["error"] = sealed_error(a, sealed, scale, centred=which.centred)
+        read = a.alternative.read(Log.read(sealed), a.structure)
+    row["error"] = sealed_error(a, read, scale, centred=which.centred)
     if which.truth is not None:
-        row["truth"] = truth_error(x, which, sealed)
+        row["truth"] = truth_error(x, which, sealed, scale)
     row |= examine_told(told(a), which.says)
     row["identifiable"] = int(a.to_frame().verdict.eq("identifiable").sum())
     missed: list[str] = []

@@ -59,7 +59,7 @@ LOAD = {kind: RADIUS ** min(k, 1 + (k > 3)) for k, kind in enumerate(INERTIAL_KI
 #: Samples of all logs up to which all are looked at; of more so many windows of so many samples.
 EXCERPT = (6_000, 6, 1_000)
 #: Share of the largest pulse at reversals from which rows are of one.
-TURNS: Tolerance = 0.1
+TURNS: Tolerance = 0.05
 #: Numbers that columns of what may be missing may be, where all act at all joints.
 NUMBERS = 2**27
 #: Families of bodies, with typical values of their kinds.
