@@ -568,15 +568,11 @@ def find_alternatives(
 
     Rows that were held out may only take a name away: those of the last log or of the last part of
     the only one, where there are no others.
-
-    Noise in the motion leaves its own functions: least squares is pulled towards zero by it, and
-    they explain the rest. Where the motion has a second record, whose noise is another, a group is
-    named only if both say that something is missing there.
     """
-    record = regression.instruments
-    plain = regression if record is None else replace(regression, instruments=None)
+    if regression.instruments is not None:
+        regression = replace(regression, instruments=None)
     families = find_families(None, commanded=commanded)
-    missing = Missing.of(plain, families, structure.present)
+    missing = Missing.of(regression, families, structure.present)
     if commanded or structure.robot.base is not None:
         missing = missing.between_reversals()
     if not len(missing.seen.y) or not missing.groups:
@@ -585,12 +581,6 @@ def find_alternatives(
     if any(t.group.family == RisingFriction.name for t in terms):
         missing = missing.between_reversals()  # it may be that no record tells when friction turns
         model, terms = _search(missing)
-    if terms and record is not None:
-        found = {t.group.family for t in terms}
-        some = [f for f in families if f.name in found]
-        second = Missing.of(replace(plain, samples=record), some, structure.present)
-        places = {t.group.place for t in second.under(missing.noise).model().search()}
-        terms = model.settle(tuple(t for t in terms if t.group.place in places))
     if terms and unseen is not None:
         terms = model.confirm(terms, missing.products(Excerpt.of(unseen), among=terms))
     elif terms:

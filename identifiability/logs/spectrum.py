@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-import scipy
 from scipy.special import binom
 
 from identifiability.foundation.linalg import ROUNDOFF
@@ -274,12 +273,6 @@ def choose_band(
 #: Order of the differences that leave noise alone.
 ORDER = 8
 
-#: Shares of the samples in the variance of a difference, and the quantile above which it is cut.
-WEIGHTS = binom(ORDER, np.arange(ORDER + 1)) ** 2 / binom(2 * ORDER, ORDER)
-
-#: Rounds of the fit of variances, and the least of them over the largest when they weigh.
-STEPS = 6
-
 
 def noise_level(x: Array, t: Array | None = None) -> Array:
     """Return the standard deviation of white noise on smooth signals (N, n), (n,).
@@ -313,34 +306,6 @@ def resolution(x: Array) -> Array:
         if len(own) and np.all(np.abs(own / least - np.rint(own / least)) < RULES.negligible):
             found[k] = least
     return found
-
-
-def noise_at_rest(x: Array) -> Array:
-    """Return the variance that white noise on smooth signals x (N, n) has where they are zero.
-
-    Its variance is a constant and a share of the signal's square, both by weighted least
-    squares on squared differences; the largest of these, at jumps and glitches, are cut.
-    """
-    constant = np.zeros(x.shape[1])
-    if len(x) <= ORDER:
-        return constant
-    squares = np.diff(x, ORDER, axis=0) ** 2 / binom(2 * ORDER, ORDER)
-    # Shares of the samples in the variance of a difference, and the quantile above which it
-    # is cut.
-    squares = np.minimum(squares, np.quantile(squares, 0.995, axis=0))
-    near = np.lib.stride_tricks.sliding_window_view(x**2, ORDER + 1, axis=0) @ WEIGHTS
-    for j in np.flatnonzero(~signals.never_moves(x.min(0), x.max(0))):
-        scale = max(float(near[:, j].mean()), 1e-300)
-        A = np.column_stack([np.ones(len(near)), near[:, j] / scale])
-        fitted = np.full(len(near), 1.0)
-        for _ in range(STEPS):  # squares scatter by their own mean: they weigh by one over it
-            # Rounds of the fit of variances, and the least of them over the largest
-            # when they weigh.
-            weight = 1.0 / np.maximum(fitted, 1e-4 * fitted.max())
-            found = scipy.optimize.nnls(A * weight[:, None], squares[:, j] * weight)[0]
-            fitted = A @ found if found.any() else fitted
-        constant[j] = found[0]
-    return constant
 
 
 # How long a series remembers.
