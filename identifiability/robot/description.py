@@ -490,6 +490,11 @@ class Description(Stated):
         return bool(root.tag == "mujoco")
 
     @property
+    def known_servo(self) -> Servo | None:
+        """The servos, if all their gains are known."""
+        return None if self.servo is None or self.servo.unknown.any() else self.servo
+
+    @property
     def identity(self) -> dict[str, Any]:
         """What results say of it in JSON: name, title, what is locked, tilted, known of torque."""
         said: dict[str, Any] = {"name": self.name, "title": self.title}

@@ -28,7 +28,7 @@ from identifiability.robot.description import FIELDS, Axis, Description
 from identifiability.robot.floating import BASE_JOINTS
 from identifiability.robot.kinematics import least_eigenvalue, shortest_turn
 from identifiability.robot.locate import drop_repeated, expand_includes, own_sidecar, place_sidecar
-from identifiability.robot.servo import FOUND, SIDECAR, Servo
+from identifiability.robot.servo import FOUND, Servo
 from identifiability.robot.sidecar import read_sidecar
 
 # The text of a robot file, of which only what changed is written anew: comments, order and
@@ -186,8 +186,8 @@ def write_servos(
 ) -> None:
     """Write position servos of joints in place of what drives them.
 
-    A servo without kp becomes one of velocity; one with a torque offset, which is a bias of its
-    own, a general one.
+    A servo without kp is one of velocity; a torque offset is a bias of its own. What acts against
+    the speed lacks what positions that are late push.
     """
     actuators = top.findall("actuator")
     names = dict(zip(joints, joints, strict=True))
@@ -197,14 +197,10 @@ def write_servos(
             element.remove(old)
     place = actuators[0] if actuators else ET.SubElement(top, "actuator")
     for k, joint in enumerate(joints):
-        kp, kv, off = float(servo.kp[k]), float(servo.kv[k]), offsets.get(joint, 0.0)
-        tag, law = "general", affine_law(kp or kv, np.array([-off, -kp, -kv]))
-        if not off:
-            tag = "position" if kp else "velocity"
-            law = {"kp": f"{kp:.17g}"} if kp else {}
-            law |= {"kv": f"{kv:.17g}"}
+        kp, off = float(servo.kp[k]), offsets.get(joint, 0.0)
+        law = affine_law(kp or float(servo.kv[k]), np.array([-off, -kp, -servo.damping[k]]))
         own = {"name": names[joint], "joint": joint, "gear": "1"}
-        new = ET.SubElement(place, tag, own | law)
+        new = ET.SubElement(place, "general", own | law)
         limits = np.array([servo.low[k], servo.high[k]]) - off
         limited = bool(np.isfinite(limits).all())
         new.set("forcelimited", "true" if limited else "false")
@@ -425,12 +421,20 @@ def edited_text(
             write_option(top, "gravity", numbers(robot.gravity))
         if offsets:
             write_offsets(top, robot.path, offsets)
-        servo = robot.servo
-        if servo is not None:  # rotors and damping are those of short steps, as rollouts have
+        servo = robot.known_servo
+        if servo is not None:
+            # At this step MuJoCo moves it as rollouts do: dry friction does not creep, and rotors
+            # lack what late positions and implicit damping are taken for.
             write_option(top, "timestep", "0.001")
-        told = servo is not None and (servo.source in (SIDECAR, FOUND))
-        if servo is not None and told and not servo.unknown.any():
+            write_option(top, "integrator", "implicitfast")
             write_servos(top, robot.joints, servo, offsets)
+            for name, lead, damping in zip(robot.joints, servo.lead, servo.damping, strict=True):
+                seen = 0.0005 * (joints[name]["damping"] + damping) - lead
+                elements[name].attrib |= {
+                    "armature": f"{max(joints[name]['armature'] - seen, 0.0):.17g}",
+                    "solreffriction": "0.002 1",
+                    "solimpfriction": "0.9999 0.9999",
+                }
     else:
         turn_base(top, robot.gravity)
     old = content.decode("utf-8-sig", errors="replace")
@@ -559,8 +563,8 @@ def _write_joint(
 def _sidecar_text(robot: Description, tables: Mapping[str, Mapping[str, float]]) -> str | None:
     """Return the template's sidecar with other tables of numbers, or None if none is needed."""
     given = {} if robot.sidecar is None else tomllib.loads(robot.sidecar.read_text("utf-8-sig"))
-    servo = robot.servo
-    gains = servo.by_joint(robot.joints) if servo and servo.source == FOUND else {}
+    servo = robot.known_servo
+    gains = servo.by_joint(robot.joints) if servo and (robot.mjcf or servo.source == FOUND) else {}
     new: dict[str, Any] = {key: dict(table) for key, table in tables.items()}
     new |= {"locked": dict(robot.locked)} if robot.lock_option else {}
     new |= {"base": robot.base_option} if robot.base_option is not None else {}

@@ -175,6 +175,9 @@ def write_parameters(
     robot, values = settle_springs(robot, whole)
     alone = read_back(robot, values)
     nominal = {n: v for n, v in values.items() if v != alone.get(n, 0.0)}
+    if robot.mjcf and robot.known_servo is not None:  # whose rotors the file has for its own step
+        exact = {f"{joint}.{part}" for joint in robot.joints for part in robot.inertia_parts}
+        nominal |= {n: v for n, v in values.items() if n in exact}
     tables = {
         "nominal": nominal,
         "shapes": shapes,
@@ -496,7 +499,7 @@ def judge_files(
         Which says that, and how logs become motion.
     """
     if content.rollout is not None:
-        copy = _reread(robot, written.robot, written.sidecar, alone=True)
+        copy = _reread(robot, written.robot, written.sidecar, alone=False)
         return cast("PositionPrediction", predict(robot, copy, logs, forward=True))
     how = None if content.fit is None else content.fit.preparation
     paths = [(robot.path, robot.sidecar, True), (written.robot, written.sidecar, True)]
@@ -549,11 +552,9 @@ def state_servos(robot: Robot, content: ResultEntry) -> str:
         return ""
     return (
         f"{moved.statement} C{state_delay(np.array(moved.delays))[1:]}. "
-        f"Rotors (armature), damping and friction are those of continuous time, of servos that "
-        f"measure at {servo.rate:g} Hz: positions that old take kp / {2 * servo.rate:g} off the "
-        "damping. A simulator's step of h seconds does the same, kp h / 2 where its servo is "
-        "explicit, and adds h / 2 of all damping to the armature where damping is implicit: keep "
-        "the step at 1 ms, as an MJCF then states, or take that off."
+        "An MJCF states rotors (armature), gains and friction for its own step of 1 ms and "
+        "integrator, with which MuJoCo moves as said; its sidecar, a URDF and Isaac have those of "
+        f"continuous time, of servos that measure at {servo.rate:g} Hz."
     )
 
 
