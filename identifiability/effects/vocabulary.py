@@ -75,9 +75,7 @@ def values_in_file(
         Format of the file; by default that of the robot's own.
     """
     kind = kind or file_kinds(robot)[0]
-    own = _stated(robot, tuple(FAMILIES.values()), kind)
-    slips = [p for p in own if p.group == "hysteresis" and p.name in values]
-    stated = {p.name for p in own}
+    stated = {p.name for p in _stated(robot, tuple(FAMILIES.values()), kind)}
     if "stiffness" in joint_numbers(kind):
         stated |= values.keys() - settle_springs(robot, values)[1].keys()
     out = {name: value if name in stated else 0.0 for name, value in values.items()}
@@ -86,9 +84,6 @@ def values_in_file(
         ways = [f"{joint}.{kind}" for kind in ("Fc+", "Fc-") if f"{joint}.{kind}" in values]
         mean = 0.5 * sum(values[name] for name in ways)
         out |= {name: values[name] if joint in held else mean for name in ways}
-    for p in slips:  # beyond its ways it is dry friction
-        out[f"{p.owner}.Fc"] += out[p.name]
-        out[p.name] = 0.0
     return out
 
 

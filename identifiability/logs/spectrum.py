@@ -308,6 +308,18 @@ def resolution(x: Array) -> Array:
     return found
 
 
+def noise_at_rest(x: Array) -> Array:
+    """Return the variance of white noise on smooth signals x (N, n) near zero, (n,).
+
+    It is that of a fifth of the samples, where signals are least: noise may be a share of them.
+    """
+    if len(x) <= ORDER:
+        return np.zeros(x.shape[1])
+    size = np.abs(x[ORDER // 2 : len(x) - ORDER // 2])
+    slow = size <= np.quantile(size, 0.2, axis=0)
+    return np.asarray((_rough(x, None) ** 2 * slow).sum(0) / slow.sum(0))
+
+
 # How long a series remembers.
 
 

@@ -219,8 +219,7 @@ def read_servo(
             f"The servo of '{loose}' in {path} has neither kp nor kv, so its command says nothing "
             "of torque; give its gains in the sidecar: [servo] kp = …, kv = …."
         )
-    said = [entry.kp, entry.kv, entry.limit] != [None] * 3
-    told = said or bool(np.isnan(kp).any())
+    told = bool(entry.kp or entry.kv or entry.limit or np.isnan(kp).any())
     return Servo(
         *(kp, kv, low, high),
         delay=None if entry.delay == "auto" else float(entry.delay),

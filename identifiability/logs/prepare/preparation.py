@@ -33,6 +33,7 @@ from identifiability.logs.spectrum import (
     Band,
     Spectrum,
     choose_band,
+    noise_at_rest,
     noise_level,
     spectra_of,
 )
@@ -81,7 +82,12 @@ class Smoothing:
         band = float(Spectrum.of(windows, dt, 1).bandwidths().max(initial=0.0))
         cutoff = min(max(RULES.cutoff_wide * band, RULES.cutoff_lowest), 0.45 / dt)
         sd = np.sqrt(2 * cutoff * dt) * level
-        return Smoothing(cutoff, np.where(noisy, sd, 0.0), ~noisy)
+        at_rest = np.sqrt(np.mean([noise_at_rest(x) for x in windows], axis=0))
+        # Noise at rest of less than this share of that in motion (rms) cannot be told
+        # from none.
+        at_rest[~noisy | (at_rest < 0.3 * level)] = 0.0
+        raw = at_rest <= sd
+        return None if not at_rest.any() else Smoothing(cutoff, np.minimum(at_rest, sd), raw)
 
     def apply(self, x: Array, dt: float) -> Array:
         """Return velocities x (N, n) smoothed, and their standard deviation, (N, 2, n)."""

@@ -188,13 +188,8 @@ def write_parameters(
     stated = stated_numbers(robot, values)
     sidecar = write_robot(robot, path, bodies, stated, tables, comment)
     parts = robot.inertia_parts if robot.mjcf else ()
-
-    def summed(name: str, value: float) -> bool:  # the file has rotors', and friction's, sum
-        place, _, kind = name.rpartition(".")
-        slips = kind.startswith("Fc") and value == nominal.get(f"{place}.Fc")
-        return kind in parts or (slips and bool(alone.get(name)))
-
-    lost = tuple(name for name, value in nominal.items() if not summed(name, value))
+    # The file has the sum of rotors.
+    lost = tuple(name for name in nominal if name.rpartition(".")[2] not in parts)
     return Written(Path(path), sidecar, lost)
 
 
