@@ -316,6 +316,7 @@ def noise_at_rest(x: Array) -> Array:
     if len(x) <= ORDER:
         return np.zeros(x.shape[1])
     size = np.abs(x[ORDER // 2 : len(x) - ORDER // 2])
+    # The share of samples near zero.
     slow = size <= np.quantile(size, 0.2, axis=0)
     return np.asarray((_rough(x, None) ** 2 * slow).sum(0) / slow.sum(0))
 
