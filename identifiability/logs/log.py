@@ -385,7 +385,15 @@ def _read_log(reading: Reading, pieces: Iterable[Whole]) -> Log:
 
 def _bridge(t: Array, x: Array, lost: np.ndarray) -> Array:
     """Return a column (N,) with straight lines where it is lost, zeros if all of it is."""
-    return np.zeros(len(x)) if lost.all() else np.interp(t, t[~lost], x[~lost])
+    return (
+        np.zeros(len(x))
+        if lost.all()
+        else np.interp(
+            t,
+            t[~lost],
+            x[~lost],
+        )
+    )
 
 
 # Logs that are given twice, and the clock of a session.
@@ -464,7 +472,11 @@ def refuse_silent(logs: Sequence[Log]) -> None:
     q, lost = np.concatenate([log.q for log in logs]), np.concatenate(gone).all(0)
     stays = lost & (np.ptp(q, axis=0) <= RULES.small)
     if 0 < stays.sum() < len(stays):
-        at = zip(np.array(logs[0].joints)[stays], np.median(q, axis=0)[stays], strict=True)
+        at = zip(
+            np.array(logs[0].joints)[stays],
+            np.median(q, axis=0)[stays],
+            strict=True,
+        )
         silent = {str(joint): f"--lock {joint}={x:.4g}" for joint, x in at}
         told = {"names": [log.name for log in logs], "joints": [*silent]}
         raise LogError(Finding("logs.unmeasured", **told, locks=" ".join(silent.values())))

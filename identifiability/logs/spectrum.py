@@ -96,7 +96,11 @@ class Spectrum:
         found = np.array(
             [np.median(self.smooth[a:b], axis=0) for a, b in zip(low, high, strict=True)]
         )
-        nearest = np.clip(np.searchsorted(at, np.arange(last + 1), "right") - 1, 0, len(at) - 1)
+        nearest = np.clip(
+            np.searchsorted(at, np.arange(last + 1), "right") - 1,
+            0,
+            len(at) - 1,
+        )
         density: Array = found[nearest]
         return density
 
