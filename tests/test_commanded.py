@@ -459,11 +459,26 @@ def test_gains_that_nobody_states_are_found_and_one_known_body_fixes_their_scale
     assert not again.servo.unknown.any()
 
 
-def test_limits_tell_kv_from_friction_of_a_file_without_rotors(arm, tmp_path):
-    bare = re.sub(r'(damping|frictionloss|armature)="[^"]*"', "", arm.path.read_text())
-    (tmp_path / "arm.xml").write_text(bare)
+@pytest.fixture
+def bare(arm, tmp_path):
+    """Return the path of the arm's file without rotors and friction."""
+    path, text = tmp_path / "arm.xml", arm.path.read_text()
+    path.write_text(re.sub(r'(damping|frictionloss|armature)="[^"]*"', "", text))
+    return path
+
+
+def test_gains_and_play_are_sought_of_a_file_without_rotors(arm, bare, frames):
+    bare.with_suffix(".toml").write_text('[servo]\nkp = "fit"\n')
+    robot = Robot.load(bare)
+    found = fit_rollouts(robot, [read(arm, frames[0])], file_shares(robot))
+    np.testing.assert_allclose(found.numbers["kp"], arm.servo.kp, rtol=0.25)
+    loose = replace(arm.servo, play=np.array([0.02, 0.02]))
+    assert np.isfinite(CommandedRobot(robot, {}, loose).inertia(np.zeros(2))).all()
+
+
+def test_limits_tell_kv_from_friction_of_a_file_without_rotors(arm, bare):
     servo = replace(arm.servo, low=np.array([-300.0, -60.0]), high=np.array([300.0, 60.0]))
-    known = replace(Robot.load(tmp_path / "arm.xml"), servo=servo)
+    known = replace(Robot.load(bare), servo=servo)
     robot = replace(known, servo=servo.having({"kv": np.full(2, np.nan)}))
     rng, how = np.random.default_rng(4), servos.Recorder(rate=100.0, delay=0.022, bits=14)
     moves = servos.draw_commands(arm, 6.0, how.command_rate, 0.5, rng)

@@ -135,3 +135,10 @@ def test_the_command_answers_first_and_writes_what_was_asked(tmp_path):
     out = CliRunner().invoke(app, ["compare", PLANAR, str(first), str(first)])
     assert out.exit_code == 2
     assert "A log stands on both sides" in out.stderr.replace("\n", " ")
+
+
+def test_friction_of_passive_joints_is_no_change():
+    own, name = campaign("five-bar"), "five-bar"
+    passive = {f"{joint}.Fc": 0.3 for joint in own.robot.passive}
+    rubs = joint_torque(own.robot, own.move, own.rigid, passive)
+    assert not compare(name, logs(name, 8, extra=rubs)[0], logs(name, 9, extra=rubs)[1]).changes

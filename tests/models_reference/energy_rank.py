@@ -16,9 +16,6 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
-
-FloatArray = NDArray[np.float64]
 
 SPREAD = 0.5  # [rad | m] about home, for joints without a range
 SPEED = 3.0  # [rad/s | m/s], so that kinetic energy is of the size of potential energy
@@ -40,31 +37,23 @@ def energy_rank(path: str | Path, samples: int = 1500, seed: int = 0) -> tuple[i
     rank : the number of rigid-body base parameters, gravity included
     gap : the last singular value counted over the first one not counted, columns scaled to norm 1
     """
-    values = singular_values(energy_rows(path, samples, np.random.default_rng(seed)))
+    rows = energy_rows(path, samples, np.random.default_rng(seed))
+    norms = np.linalg.norm(rows, axis=0)
+    kept = norms > TOLERANCE * norms.max()  # columns that vanish are dropped
+    values = np.linalg.svd(rows[:, kept] / norms[kept], compute_uv=False)
     rank = int(np.sum(values > TOLERANCE * values[0]))
     if rank == values.size:
         return rank, float("inf")
     return rank, float(values[rank - 1] / max(values[rank], np.finfo(float).tiny))
 
 
-def singular_values(rows: FloatArray) -> FloatArray:
-    """Singular values after dropping the columns that vanish and scaling the others to norm 1."""
-    norms = np.linalg.norm(rows, axis=0)
-    kept = norms > TOLERANCE * norms.max()
-    return np.linalg.svd(rows[:, kept] / norms[kept], compute_uv=False)
-
-
-def energy_rows(path: str | Path, samples: int, rng: np.random.Generator) -> FloatArray:
+def energy_rows(path: str | Path, samples: int, rng: np.random.Generator) -> np.ndarray:
     """Rows ``h(q, dq) − h(home, 0)`` at random states, (samples, 10 · bodies) [J per unit]."""
     model = mujoco.MjModel.from_xml_path(str(path))
-    if model.nq != model.nv:
-        raise ValueError(
-            f"{path}: energy_rank reads hinges and slides only; found a ball or a free joint."
-        )
     data = mujoco.MjData(model)
     home = model.key_qpos[0].copy() if model.nkey else np.zeros(model.nq)
     reference = energy_row(model, data, home, np.zeros(model.nv))
-    rows: list[FloatArray] = []
+    rows: list[np.ndarray] = []
     for _ in range(10 * samples):
         q = close_loops(model, data, random_position(model, home, rng))
         if q is not None:
@@ -74,9 +63,7 @@ def energy_rows(path: str | Path, samples: int, rng: np.random.Generator) -> Flo
     raise ValueError(f"{path}: only {len(rows)} of {10 * samples} random states could be closed.")
 
 
-def energy_row(
-    model: mujoco.MjModel, data: mujoco.MjData, q: FloatArray, dq: FloatArray
-) -> FloatArray:
+def energy_row(model, data, q, dq) -> np.ndarray:
     """Kinetic plus potential energy per unit of each inertial parameter : (10 · bodies,)."""
     data.qpos[:], data.qvel[:] = q, dq
     mujoco.mj_fwdPosition(model, data)
@@ -95,26 +82,20 @@ def energy_row(
     return np.concatenate(row)
 
 
-def random_position(
-    model: mujoco.MjModel, home: FloatArray, rng: np.random.Generator
-) -> FloatArray:
+def random_position(model, home, rng) -> np.ndarray:
     """Draw a position inside the joint ranges, or near home where the file gives none : (nq,)."""
-    limited = model.jnt_limited.astype(bool)
-    low = np.where(limited, model.jnt_range[:, 0], home - SPREAD)
-    high = np.where(limited, model.jnt_range[:, 1], home + SPREAD)
-    return rng.uniform(low, high)
+    near, limited = home + SPREAD * np.array([[-1.0], [1.0]]), model.jnt_limited.astype(bool)
+    return rng.uniform(*np.where(limited, model.jnt_range.T, near))
 
 
-def random_velocity(
-    model: mujoco.MjModel, data: mujoco.MjData, rng: np.random.Generator
-) -> FloatArray:
+def random_velocity(model, data, rng) -> np.ndarray:
     """Draw a velocity that keeps the loops closed at the position held in `data` : (nv,)."""
     dq = SPEED * rng.standard_normal(model.nv)
     _, jacobian = closures(model, data)
     return dq - np.linalg.pinv(jacobian, rcond=1e-9) @ (jacobian @ dq)
 
 
-def close_loops(model: mujoco.MjModel, data: mujoco.MjData, q: FloatArray) -> FloatArray | None:
+def close_loops(model: mujoco.MjModel, data: mujoco.MjData, q: np.ndarray) -> np.ndarray | None:
     """Find the nearby position with closed loops by Gauss-Newton steps; None if there is none."""
     q = q.copy()
     for _ in range(30):
@@ -127,7 +108,7 @@ def close_loops(model: mujoco.MjModel, data: mujoco.MjData, q: FloatArray) -> Fl
     return None
 
 
-def closures(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[FloatArray, FloatArray]:
+def closures(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:
     """Distances of connected sites and their Jacobian : (3 · loops,) [m], (3 · loops, nv)."""
     residuals, jacobians = [np.zeros(0)], [np.zeros((0, model.nv))]
     for site1, site2 in zip(model.eq_obj1id, model.eq_obj2id, strict=True):
