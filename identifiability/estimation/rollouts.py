@@ -372,7 +372,7 @@ class Problem:
         prior, numbers = self.machine.robot.prior, self.unpack(x)[0]
         found = self.parameters(numbers) if self.shares else {}
         stated = [(found[k] - m) / s for k, (m, s) in prior.items() if k in found]
-        gains = x[: self.over.size][-len(self.trees) :] / LOOSE
+        gains = (x * self.varied)[: self.over.size][-len(self.trees) :] / LOOSE
         return np.array([*numbers["sizes"] / [*self.shares.values()], *stated, *gains])
 
     def linearise(self, x: Array, own: np.ndarray | None = None, by: Array | None = None) -> Array:
