@@ -499,7 +499,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             doubt = f"Nothing is identifiable, because {self.nothing}."
         size, missing = len(self.chosen.submodel), self.missing.statement
         told = answer_trust(self.cautions(), doubt, found, size, missing)
-        odd = [*self._impossible(), *of_key(self.hints, "alternative", "unit")]
+        odd = [*self._impossible(), *of_key(self.hints, "alternative", "unit", "odd_joint")]
         text = f"{self._errors()} {told.short} {told.text}".lstrip()
         return told if doubt or not odd else replace(told, short=odd[0], text=text, tone="amber")
 
