@@ -126,7 +126,7 @@ def answer_quality(
     """
     if not np.isfinite(error):
         return Answer(question, "There is no error to tell.", "", "grey")
-    grade, said = grade_of(error), []
+    grade, said, tone = grade_of(error), [], TONES[grade_of(error)]
     if len(joints) > 1 and np.isfinite(each).all():
         worst = int(np.argmax(each))
         said = [f"Worst joint, over its own variation: {joints[worst]} {error_text(each[worst])}."]
@@ -134,8 +134,10 @@ def answer_quality(
     if np.isfinite(raw) and not math.isclose(raw, error, rel_tol=1e-6):
         errors = sentence("decision.grades", "both", raw=error_text(raw), error=errors)
     short = sentence("decision.grades", grade, errors=errors)
+    if said and tone == "green" and TONES[grade_of(float(each.max()))] == "vermilion":
+        short, said, tone = f"{short} {said[0]}", [], "amber"
     text = " ".join([sentence("decision.uses", grade), *said, more]).rstrip()
-    return Answer(question, short, text, TONES[grade])
+    return Answer(question, short, text, tone)
 
 
 def answer_trust(
