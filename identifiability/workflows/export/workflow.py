@@ -333,6 +333,8 @@ def export(
     else:
         kind = wanted
         alone = physical.error_ra_files.get(kind)
+        # What torque told hangs on no servo of the file, which stay as they are.
+        moved = robot if content.rollout else replace(robot, servo=None)
         what: dict[str, Any] = {
             "keep": False,
             "shapes": shapes,
@@ -341,14 +343,14 @@ def export(
         }
         if list_logs(validate):
             with temporary_folder() as folder:
-                tried = write_parameters(robot, given, Path(folder) / Path(out).name, **what)
+                tried = write_parameters(moved, given, Path(folder) / Path(out).name, **what)
                 unseen = judge_files(own, tried, validate, content)
             if unseen.totals[1] > unseen.totals[0] and not force:
                 raise IdentifiabilityError(
                     f"{unseen.told} So {Path(out).name} would be worse than the file that it comes "
                     "from: write it all the same with --force."
                 )
-        written = write_parameters(robot, given, out, **what)
+        written = write_parameters(moved, given, out, **what)
         if written.sidecar is not None:
             read = partial(_reread, own, written.robot, written.sidecar)
             # Not that of another format's file.
