@@ -264,7 +264,8 @@ def _state_odd(robot: Robot, found: Rollouts, best: Sequence[Any]) -> Finding:
         what.append(phrase("odd_joint", KINDS[k // n], size=x[k], **told))
     kind, j = KINDS[best[0][1] // n], best[0][1] % n
     value, sd = found.numbers[kind][j], found.unsure[best[0][1]]
-    half = 1.96 * sd * (value if kind == "kp" else 1.0)
+    # What late speeds of a servo take off its torque at an end is known to a twentieth of it.
+    half = 1.96 * sd * (value if kind == "kp" else 1.0) + 0.05 * value * (kind == "limit")
     told = {"key": kind, "joint": robot.joints[j], "value": value, "half": half}
     then = phrase("odd_joint", "off" if kind == "play" else "used", **told)
     return Finding("odd_joint", what=" or ".join(what), share=100 * (1 - best[0][0]), then=then)
