@@ -266,6 +266,35 @@ class Machine:
         data.time += STEP
 
 
+def replay(path: Path, log: Log, delay: float) -> Array:
+    """Return how MuJoCo alone moves a written file by the commands of a log, (N, n) [rad or m].
+
+    Commands act late and are averaged over each step about its beginning, as positions lead by half
+    of one; the root is taken to be held.
+    """
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data, h, found = mujoco.MjData(model), model.opt.timestep, np.full(log.q.shape, np.nan)
+    joints = [model.joint(name) for name in log.joints]
+    at = [int(joint.qposadr[0]) for joint in joints]
+    moved = [model.actuator_trnid[k, 0] for k in range(model.nu)]
+    motors = [moved.index(joint.id) for joint in joints]
+    data.qpos[at], found[0] = log.q[0], log.q[0]
+    few = slice(0, 5)
+    speed = np.polyfit(log.t[few] - log.t[0], log.q[few], 1)[0]
+    data.qvel[[int(joint.dofadr[0]) for joint in joints]] = speed
+    row, now, within = 1, float(log.t[0]), h * ((np.arange(20) + 0.5) / 20 - 0.5)
+    while row < len(log.t):
+        acting = np.searchsorted(log.commands_since, now - delay + within, side="right") - 1
+        data.ctrl[motors] = log.q_ref[acting.clip(0)].mean(0)
+        before = data.qpos[at].copy()
+        mujoco.mj_step(model, data)
+        while row < len(log.t) and log.t[row] <= now + h + 1e-12:
+            found[row] = before + (log.t[row] - now) / h * (data.qpos[at] - before)
+            row += 1
+        now += h
+    return found
+
+
 def _held(commands: Array, t: Array, rate: float) -> Array:
     """Return the commands that hold at the time of each joint, (n,)."""
     row = np.clip(np.floor(t * rate + 1e-9).astype(int), 0, len(commands) - 1)

@@ -261,7 +261,8 @@ def _state_odd(robot: Robot, found: Rollouts, best: Sequence[Any]) -> Finding:
     what, n, servo = list[str](), len(robot.joints), found.search[0].machine.servo
     for _, k, (x, *_) in best:
         told = {"joint": robot.joints[k % n], "kp": servo.kp[k % n], "factor": np.exp(x[k])}
-        what.append(phrase("odd_joint", KINDS[k // n], size=x[k], **told))
+        told |= {"size": x[k], "unit": robot.torque_units[k % n]}
+        what.append(phrase("odd_joint", KINDS[k // n], **told))
     kind, j = KINDS[best[0][1] // n], best[0][1] % n
     value, sd = found.numbers[kind][j], found.unsure[best[0][1]]
     # What late speeds of a servo take off its torque at an end is known to a twentieth of it.

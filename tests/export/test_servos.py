@@ -79,6 +79,10 @@ def test_commands_move_the_written_file_beside_the_robots_own(made, tmp_path):
     robot, frames, result, path = made
     moved = export(robot, path, tmp_path / "fitted.xml", validate=frames[1]).unseen
     assert moved.totals == pytest.approx(result.moved.totals, rel=1e-3)  # the file holds it all
+    log, delay = moved.logs[0], moved.runs[-1].delays[0]
+    apart = servos.replay(tmp_path / "fitted.xml", log, delay) - log.q
+    alone = np.sqrt(np.mean(apart[len(apart) // 4 :] ** 2))
+    assert alone == pytest.approx(moved.totals[-1], rel=0.05)
 
 
 def test_an_mjcf_gets_the_servos_of_the_sidecar_and_says_delay_and_step(made):
@@ -111,8 +115,6 @@ def test_servos_of_an_mjcf_go_with_its_urdf(tmp_path):
     robot = Robot.load("hobby-arm")
     saved = Robot.load(robot.save(tmp_path / "arm.xml"))
     np.testing.assert_array_equal(saved.servo.kv, robot.servo.kv)
-    from identifiability.workflows.export import write_parameters
-
     urdf = Robot.load(write_parameters(robot, robot.nominal, tmp_path / "arm.urdf").robot)
     for name in ("kp", "kv", "low", "high"):
         np.testing.assert_allclose(getattr(urdf.servo, name), getattr(robot.servo, name))

@@ -17,7 +17,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-SPREAD = 0.5  # [rad | m] about home, for joints without a range
 SPEED = 3.0  # [rad/s | m/s], so that kinetic energy is of the size of potential energy
 CLOSED = 1e-14  # [m]
 TOLERANCE = 1e-10  # of the largest singular value, columns scaled to norm 1
@@ -40,10 +39,8 @@ def energy_rank(path: str | Path, samples: int = 1500, seed: int = 0) -> tuple[i
     rows = energy_rows(path, samples, np.random.default_rng(seed))
     norms = np.linalg.norm(rows, axis=0)
     kept = norms > TOLERANCE * norms.max()  # columns that vanish are dropped
-    values = np.linalg.svd(rows[:, kept] / norms[kept], compute_uv=False)
+    values = np.append(np.linalg.svd(rows[:, kept] / norms[kept], compute_uv=False), 0.0)
     rank = int(np.sum(values > TOLERANCE * values[0]))
-    if rank == values.size:
-        return rank, float("inf")
     return rank, float(values[rank - 1] / max(values[rank], np.finfo(float).tiny))
 
 
@@ -84,7 +81,8 @@ def energy_row(model, data, q, dq) -> np.ndarray:
 
 def random_position(model, home, rng) -> np.ndarray:
     """Draw a position inside the joint ranges, or near home where the file gives none : (nq,)."""
-    near, limited = home + SPREAD * np.array([[-1.0], [1.0]]), model.jnt_limited.astype(bool)
+    # Joints without a range are drawn near home [rad | m].
+    near, limited = home + np.array([[-0.5], [0.5]]), model.jnt_limited.astype(bool)
     return rng.uniform(*np.where(limited, model.jnt_range.T, near))
 
 
