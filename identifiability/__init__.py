@@ -115,18 +115,8 @@ _HOMES = {
 __all__ = ["__version__", *_HOMES]  # noqa: PLE0604 - names
 
 
-#: Functions that went, and what does their work.
-_GONE = {
-    "identify_gains": "payload(robot, empty, loaded, mass=kg, centre=(x, y, z))",
-    "prepare_samples": "prepare_log(robot, log), which returns a Dataset",
-    "rollout": "predict(robot, result, logs, forward=True)",
-}
-
-
 def __getattr__(name: str) -> Any:
     home = _HOMES.get(name)
-    if name in _GONE:
-        raise AttributeError(f"'{name}' is gone: call {_GONE[name]}")
     if home is None:
         raise AttributeError(f"module 'identifiability' has no attribute '{name}'")
     value = getattr(import_module(f"identifiability.{home}"), name)

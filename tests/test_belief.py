@@ -137,7 +137,6 @@ def test_a_chain_that_has_not_converged_is_withheld_in_json(analysis, unpruned):
     belief = replace(unpruned, physical=replace(physical, convergence=convergence))
     shown, withheld = (belief_dict(analysis.full.submodel.columns, b) for b in (unpruned, belief))
     assert len(shown["physical"]["parameters"]) == 37
-    assert shown["standard"] is None
     assert withheld["physical"]["reasons"] == [NOTHING]
     assert "parameters" not in withheld["physical"]
     ends = [row["interval95"] for row in shown["physical"]["parameters"]]

@@ -1,12 +1,12 @@
 """What others build on: names, signatures, commands, options and JSON keys, pinned line by line.
 
 `public_api.txt` is the pin. Who changes the interface on purpose writes it anew with
-``python tests/test_public_api.py`` and sees the change as a difference of lines; a line that goes
-breaks somebody's program and belongs into the changelog.
+``python tests/test_public_api.py`` and sees the change as a difference of lines.
 """
 
 from __future__ import annotations
 
+import ast
 import inspect as reflection
 import sys
 from collections.abc import Iterator
@@ -151,6 +151,35 @@ def test_schemas_have_a_name_and_a_version():
                if line.startswith("json ")}  # fmt: skip
     assert {"identifiability/analysis/1", "identifiability/pruning/1"} <= schemas
     assert all(s.startswith("identifiability/") and s.split("/")[2].isdigit() for s in schemas)
+
+
+#: Functions that write results as JSON.
+WRITERS = ("to_dict", "to_row", "row", "identity")
+
+
+def constant_keys(source: str) -> Iterator[str]:
+    """One entry a JSON key that always has the same empty value."""
+    functions = (f for f in ast.walk(ast.parse(source)) if isinstance(f, ast.FunctionDef))
+    for function in functions:
+        if function.name not in WRITERS and not function.name.endswith(("_row", "_dict")):
+            continue
+        for node in ast.walk(function):
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == "dict.fromkeys":
+                yield f"{function.name}: {ast.unparse(node)}"
+            if isinstance(node, ast.Dict):
+                yield from (
+                    f"{function.name}: {ast.unparse(key)}"
+                    for key, value in zip(node.keys, node.values, strict=True)
+                    if key is not None and ast.unparse(value) in ("None", "[]", "{}", "()", "''")
+                )
+
+
+def test_no_result_writes_a_key_that_is_always_empty():
+    planted = "def to_dict(self):\n return {'old': None, **dict.fromkeys(('a',))} | {'b': []}"
+    assert len([*constant_keys(planted)]) == 3
+    package = Path(identifiability.__file__).parent
+    found = {path: [*constant_keys(path.read_text())] for path in package.rglob("*.py")}
+    assert not {path: keys for path, keys in found.items() if keys}
 
 
 if __name__ == "__main__":

@@ -40,13 +40,6 @@ class Group(typer.core.TyperGroup):
         super().__init__(**given)
         self.commands = Verbs()  # type: ignore[assignment] # nothing is added to it
 
-    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Return the command that was typed; of one that went, what to type instead."""
-        gone = helps()["gone"]
-        if args and args[0] in gone:
-            ctx.fail(f"'{args[0]}' is gone; {gone[args[0]]}.")
-        return super().resolve_command(ctx, args)
-
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help."""
         told = helps()["verbs"].items()

@@ -293,7 +293,7 @@ def _flattened(
 
 
 class Command(typer.core.TyperCommand):
-    """A command whose help lists what there is when it is asked for, and that knows old options."""
+    """A command whose help lists effects, settings and robots when it is asked for."""
 
     settings: Mapping[str, Field]
 
@@ -311,21 +311,18 @@ class Command(typer.core.TyperCommand):
         super().format_help(ctx, formatter)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Take -v, and refuse an option that went, with what to type instead."""
+        """Take -v, and refuse a setting that is typed as an option, with what to type instead."""
         typed = args[: args.index("--")] if "--" in args else args
         loud = {"-v", "--verbose"}.intersection(typed)
         VERBOSE.set(bool(loud))
         for at, given in enumerate(typed):
             option, equals, value = given.partition("=")
-            gone = helps()["gone"]
-            instead = gone.get(f"{self.name} {option}") or gone.get(option)
             key = option.removeprefix("--").replace("-", "_")
-            if option.startswith("--") and key in self.settings:
-                follows = value if equals else next(iter(typed[at + 1 :]), "VALUE")
-                value = "true" if self.settings[key].kind is bool else follows
-                instead = f"type --set {key}={value}"
-            if instead is not None:
-                ctx.fail(f"{option} is gone; {instead}.")
+            if not option.startswith("--") or key not in self.settings:
+                continue
+            follows = value if equals else next(iter(typed[at + 1 :]), "VALUE")
+            told = "true" if self.settings[key].kind is bool else follows
+            ctx.fail(f"{option} is a setting: type --set {key}={told}.")
         return super().parse_args(ctx, [given for given in args if given not in loud])
 
 

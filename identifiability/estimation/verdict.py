@@ -37,15 +37,6 @@ class Flag(StrEnum):
     STRUCTURAL = "structural"
 
 
-#: What had another name while every flag was a verdict; it answers for one release.
-BEFORE = {
-    Class.SIGN_ONLY: "weak",
-    Flag.BY_CONE: "constraint-determined",
-    Flag.BY_PRIOR: "prior-dominated",
-    Flag.STRUCTURAL: "not identifiable",
-}
-
-
 @frozen
 class Verdict:
     """One parameter with its evidence.
@@ -156,13 +147,7 @@ class Verdict:
         row["sigma_robust_percent"] = percent_of(self.sigma_robust, self.value)
         row |= {"verdict": self.verdict.value, "torque_share": row.pop("share")}
         del row["believed"]
-        row |= {"flags": [flag.value for flag in self.flags], "terms": dict(self.terms)}
-        # Older names of verdicts and terms answer for one release.
-        first = next(iter(self.flags), self.verdict)
-        row["verdict_before"] = BEFORE.get(first, first.value)
-        omitted, alternatives = (self.terms.get(k, 0.0) for k in ("omitted", "alternatives"))
-        row |= {"sigma_omit": omitted, "sigma_alternatives": alternatives}
-        return row | {"sigma_doubt": alternatives, "sigma_models": None, "bias_sigma": None}
+        return row | {"flags": [flag.value for flag in self.flags], "terms": dict(self.terms)}
 
 
 def narrow(v: Verdict, flag: Flag, text: str, ends: tuple[float, float] | None) -> Verdict:

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, TypeVar, get_args
 from pydantic import AfterValidator, BaseModel, Field, ValidationError
 
 from identifiability.foundation.errors import IdentifiabilityError, listing, near_match
-from identifiability.foundation.findings import Finding, sentences
+from identifiability.foundation.findings import Finding
 
 # Read TOML and JSON documents and check them: one sentence about the first problem.
 
@@ -121,9 +121,7 @@ def first_problem(error: ValidationError, schema: type[BaseModel]) -> str:
     *above, last = _keys_of(problem["loc"]) or ("",)
     where = ".".join(str(part) for part in (*above, last))
     if problem["type"] == "extra_forbidden":
-        known, top = _known_keys(schema, above), str((*above, last)[0])
-        if gone := sentences()["gone"].get(f"{top}-{last}"):
-            return f"'{where}' is gone: {gone}."
+        known = _known_keys(schema, above)
         return (
             f"'{where}' is not a key that is known here{near_match(str(last), known)} "
             f"The keys are {listing(known, 20)}."

@@ -192,8 +192,6 @@ class Comparison(OfStructure, Result):
             "robot": self.robot.identity,
             "model": self.submodel.name,
             **{name: getattr(self, name) for name in own},
-            **dict.fromkeys(("kind", "pairs", "level", "tested", "parameters", "drift")),  # of old
-            "found_from": None,
             "changed": bool(self.changes),
             "changes": self.to_frame().to_dict("records"),
         }

@@ -197,10 +197,6 @@ def find_needs(robot: Robot) -> tuple[Need, ...]:
 # What is in a log: its clock, its columns joint by joint, and how it would be prepared.
 
 
-#: Keys of joints that a checks' sentence has taken the place of, for one release.
-OLDER = dict.fromkeys(("step", "torque_step", "frozen", "saturated", "scale"))
-
-
 @frozen
 class Record:
     """What is in a log.
@@ -244,12 +240,10 @@ class Record:
         return {
             "name": self.path or self.name,
             **self.clock,
-            "refused": "",  # older keys
             "sha256": self.sha256,
             "channels": list(self.channels),
             "notes": list(self.notes),
-            "joints": [OLDER | joint for joint in self.joints.to_dict("records")],
-            "repeated": None,
+            "joints": self.joints.to_dict("records"),
         }
 
 
@@ -409,8 +403,6 @@ class Inspection(OfStructure, Result):
             "naming": phrase("needs", "naming"),
             "needs": [asdict(need) for need in self.needs],
             "logs": [r.to_dict() for r in self.records],
-            "excited": None,  # older keys
-            "condition": None,
             "hints": list(self.hints),
             "statement": self.statement,
             "provenance": dict(self.provenance),

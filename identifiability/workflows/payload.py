@@ -422,7 +422,6 @@ class Load(Result):
             "schema": self.schema,
             "robot": self.robot.identity,
             **{name: getattr(self, name) for name in own},
-            **dict.fromkeys(("possible", "by_log", "arm", "pairs")),  # of earlier releases
             "quantities": [{**asdict(q), "told": q.told} for q in self.quantities],
             "parameters": dict(zip(GROUPED_KINDS, self.parameters.tolist(), strict=True)),
             "estimate": dict(zip(GROUPED_KINDS, self.estimate.theta.tolist(), strict=True)),

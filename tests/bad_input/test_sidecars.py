@@ -17,7 +17,6 @@ BAD = {
         "[limits]\nelbow = {q = [0, 1], vel = 2}",
         r"'limits\.elbow\.vel' .* known here\. The keys are q, v, a, tau, power\.",
     ),
-    "key that went": (LOOP + '"base"\naxes = "xz"', r"'loops\.0\.axes' is gone: leave it out"),
     "unknown actuated joint": (
         'actuated = ["shoulde"]',
         "'shoulde' cannot be actuated, .* did you mean 'shoulder'",

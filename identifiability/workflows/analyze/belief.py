@@ -150,24 +150,26 @@ def belief_dict(names: Sequence[str], belief: Belief | None) -> dict[str, Any] |
     """Return a belief for JSON; numbers of a chain that did not converge are withheld."""
     if belief is None:
         return None
-    out = {"note": belief.note, "signs": None, "physical": None, "standard": None}
-    summary = belief.physical
-    if summary is None:
-        return out
+    physical = _physical_dict(names, belief.physical) if belief.physical is not None else None
+    return {"note": belief.note, "physical": physical}
+
+
+def _physical_dict(names: Sequence[str], summary: Summary) -> dict[str, Any]:
+    """Return the physical posterior for JSON."""
     c = summary.convergence
     told = {
-        "trustworthy": summary.convergence.trustworthy,
+        "trustworthy": c.trustworthy,
         "reasons": list(c.reasons),
-        "acceptance": None,
+        "rhat": float(np.max(c.rhat)),
+        "ess": float(np.min(c.ess_bulk)),
     }
-    told |= {"rhat": float(np.max(c.rhat)), "ess": float(np.min(c.ess_bulk))}
-    if summary.convergence.trustworthy:
+    if c.trustworthy:
         pairs = zip(summary.interval.tolist(), summary.stated, strict=True)
         columns = {"name": names, "mean": summary.mean, "sd": summary.sd}
         frame = pd.DataFrame({**columns, "sway": summary.prior_sensitivity})
         frame["interval95"] = [pair if stated else None for pair, stated in pairs]
         told["parameters"] = frame.to_dict("records")
-    return out | {"physical": told}
+    return told
 
 
 # Sample what is believed, and where each parameter comes from.

@@ -87,13 +87,6 @@ WORSE = "no model predicts motion that it has not seen better than a constant to
 # A model that was fitted and judged.
 
 
-#: Keys of models that answer for one release; null in JSON.
-GONE = (
-    *("error_joints", "error_joints_validation", "error_joints_validation_se"),
-    *("worse_at", "physical_margin", "error_ra_validation_se"),
-)
-
-
 @frozen(kw_only=True)
 class ModelResult:
     """A model that was fitted and judged.
@@ -225,7 +218,6 @@ class ModelResult:
             "feasible": self.feasible,
             "signs_possible": not self.infeasible,
             "condition": self.estimate.condition,
-            **dict.fromkeys(GONE),
         }
 
     def rows(self) -> list[dict[str, Any]]:

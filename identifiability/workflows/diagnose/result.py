@@ -452,7 +452,6 @@ class Diagnosis(Result, Setting, Predicts):
             "changes": [_change_row(c) for c in self.changes],
             "after": pick(self, error_ra="error_after", error_ra_validation="held_after"),
             "errors": {"joints": self.error_frame().to_dict("records")},
-            "earlier": {"source": "", "error_ra_validation": None, "turns": []},  # for one release
             "change": {"interval95": list(self.interval), "measured": f"on {self.verified_on}"},
             "roles": {
                 "chosen": "by the evidence of the fitted logs",
@@ -462,7 +461,6 @@ class Diagnosis(Result, Setting, Predicts):
                 "left_out": [c.log for c in self.changes if c.whole],
                 "alternative": self.alternative,
             },
-            "real_robot": None,  # for one release
             "forward": None if self.forward is None else _forward_row(self.forward),
             "fit": self.fit.to_dict(),
             **({} if self.moved is None else {"rollout": self.moved.to_rollout()}),
@@ -470,10 +468,8 @@ class Diagnosis(Result, Setting, Predicts):
                 "statement": self.unexplained,
                 "rms": {x.joint: x.rms for x in self.discrepancies},
             },
-            "aliases": [],  # for one release
             "not_applicable": [vars(r) for r in self.refusals],
             "evidence": [_odds_row(x) for x in self.evidence],
-            "steps": [],  # for one release
             "preparation": {
                 s.path or s.name: list(s.notes) for s in (*self.samples, *self.validation)
             },
@@ -508,12 +504,11 @@ def _change_row(c: Change) -> dict[str, Any]:
         "or": [{"effect": family, "joint": place} for family, place in c.rivals],
         "parameters": dict(zip(c.names, c.sizes.tolist(), strict=True)),
         "errors": dict(zip(c.names, c.sd.tolist(), strict=True)),
-        "open": [],  # for one release
     }
 
 
 def _effect_row(e: NamedEffect) -> dict[str, Any]:
-    """Return an effect as JSON has it; what only older readers ask for is null."""
+    """Return an effect as JSON has it."""
     verified = {
         "error_ra_validation_before": "before",
         "error_ra_validation_after": "after",
@@ -523,14 +518,11 @@ def _effect_row(e: NamedEffect) -> dict[str, Any]:
     }
     return {
         **pick(e, "joints", "weight", "confirmed", "everywhere", effect="name", **verified),
-        "p_value": None,
         "unnamed": e.unnamed,
         "nearest": list(e.nearest),
         "or": list(e.alternatives),
         "confusable_with": [
-            {"effect": r.family, "joint": r.place, "undecided": True}
-            for p in e.placements
-            for r in p.rivals
+            {"effect": r.family, "joint": r.place} for p in e.placements for r in p.rivals
         ],
         "places": [
             {

@@ -37,10 +37,6 @@ from identifiability.workflows.prune.elimination import Refusal, Step
 # The models of the ladder: models on the way down, with what is said of each.
 
 
-#: What earlier releases said of each step, null in JSON until the next one.
-GONE = (*("p_value", "either", "error_squares", "error_squares_se", "error_joints_unseen"),)
-
-
 @frozen(kw_only=True)
 class PrunedModel(ModelResult):
     """One model on the way down, judged with the memory of the chosen model's residual.
@@ -114,7 +110,6 @@ class PrunedModel(ModelResult):
             "move": move.text if move is not None else "",
             "kind": move.kind.value if move is not None else "",
             "reason": self.reason,
-            **dict.fromkeys(GONE),
         }
 
 
@@ -162,11 +157,8 @@ class Ladder(Laddered[PrunedModel]):
             "refused": [
                 {"move": r.move.text, "why": r.move.why, "reason": r.reason} for r in self.refused
             ],
-            "stability": None,  # gone with the next release
-            "absorption": [],  # gone with the next release
             "ladder": self.model_text,
             "effects": list(self.effects),
-            "criterion": "identifiable",  # there were others
             "seed": self.settings["seed"],
         }
 
