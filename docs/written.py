@@ -12,7 +12,8 @@ import re
 import runpy
 import sys
 import textwrap
-from collections.abc import Iterator
+import tomllib
+from collections.abc import Iterator, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Union, get_args, get_origin
@@ -26,7 +27,7 @@ from pydantic_core import PydanticUndefined
 from identifiability.effects import FAMILIES
 from identifiability.effects.effect import AlongAxes, Family, measure_spans
 from identifiability.foundation.documents import toml_text
-from identifiability.foundation.findings import sentences
+from identifiability.foundation.findings import Finding, phrase, sentences
 from identifiability.logs.names import RULES
 from identifiability.quality.registry import CHECKS, Does
 from identifiability.regression.reduction import LadderEntry
@@ -200,6 +201,37 @@ def write_effects() -> tuple[str, dict[str, str]]:
     return "\n".join(out), pictures
 
 
+def fill(key: str, value: Any) -> Any:
+    """Return a value of an example, with parts of the sentence written out."""
+    if isinstance(value, list):
+        return [fill(key, item) for item in value]
+    if isinstance(value, dict):
+        numbers = {name: fill(key, item) for name, item in value.items()}
+        return phrase(key, numbers.pop("part"), **numbers)
+    return value
+
+
+def example_sentences(key: str) -> list[str]:
+    """Return the sentences of a key, filled by the examples of ``message_examples.toml``."""
+    examples = tomllib.loads((DOCS / "message_examples.toml").read_text(encoding="utf-8"))
+    assert key in examples, f"docs/message_examples.toml has no example of '{key}'"
+    out = []
+    for example in examples[key]:
+        numbers = {name: fill(key, value) for name, value in example.items()}
+        out.append(str(Finding(key, numbers.pop("subject", ""), **numbers)))
+    return out
+
+
+def write_table_of_messages(keys: Sequence[str]) -> list[str]:
+    """Return the lines of a table of messages, one row a key."""
+    out, table = ["| check | it says | it means | what to do |", "|---|---|---|---|"], sentences()
+    for key in keys:
+        says = "<br>".join(example_sentences(key)).replace("<inertial>", "`<inertial>`")
+        cells = (f"`{key}`", says, table[key]["means"], table[key]["do"])
+        out.append(f"| {' | '.join(_cell(x) for x in cells)} |")
+    return [*out, ""]
+
+
 def write_messages() -> str:
     """Return the page of what data-quality checks say, by what follows from it."""
     follows = {
@@ -209,17 +241,15 @@ def write_messages() -> str:
         Does.HINTS: "What is only said",
         Does.WEIGHS: "What has less weight in the fit",
     }
-    out, table = [], sentences()
+    out = []
     import_module("identifiability.workflows.session")  # whose checks need a fit
     for does, heading in follows.items():
         out += [f"## {heading}", ""]
         out += [f"{does[0].upper()}{does[1:]}.", ""] if does is not Does.HINTS else []
-        out += ["| check | it says | it means | what to do |", "|---|---|---|---|"]
-        for key in [c.key for c in CHECKS if c.does is does]:
-            says = re.sub(r"{[^}]*}", "…", table[key]["says"])
-            cells = (f"`{key}`", says, table[key]["means"], table[key]["do"])
-            out.append(f"| {' | '.join(_cell(x) for x in cells)} |")
-        out.append("")
+        out += write_table_of_messages([c.key for c in CHECKS if c.does is does])
+    checks = {c.key for c in CHECKS}
+    others = [key for key, own in sentences().items() if "level" in own and key not in checks]
+    out += ["## What reading, preparation and fit say", "", *write_table_of_messages(others)]
     return "\n".join(out)
 
 
@@ -287,10 +317,10 @@ at a joint of an arm that swings.
 """
 MESSAGES = """# Messages
 
-What `inspect` and every verb that reads logs say where a log contradicts the robot file, the limits
-or physics. Each sentence names its columns; … is what changes from log to log. Of two explanations
-the first in this order is given. A message says what was seen, not what is certain: the first
-column is the evidence, the second its usual cause. A check is one function under `@check`.
+`inspect` and every verb that reads logs print these messages where a log contradicts the robot
+file, the limits or physics. Names and numbers here are examples. If two checks explain the same
+rows, the first one in this order is printed. "It says" is the evidence, "it means" the usual cause.
+Each check is one function under `@check`.
 """
 LOG_WORDS = """# Words of logs
 

@@ -1,6 +1,7 @@
 """The reference pages that are written from the code say what the code says."""
 
 import ast
+import re
 import runpy
 import tomllib
 from importlib import import_module
@@ -53,6 +54,20 @@ def test_every_check_stands_in_the_order_and_in_the_table_of_sentences():
         assert own["means"].strip().endswith("."), key
         assert own["do"].strip().endswith("."), key
     assert {*ORDER} <= {*table}
+
+
+def test_the_page_of_messages_shows_every_message_and_each_of_its_parts_without_holes():
+    page = (DOCS / "reference" / "messages.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| `(\w+)` \| (.*?) \| ", page, re.MULTILINE))
+    documented = {key: own for key, own in sentences().items() if "level" in own}
+    assert {*rows} == {*documented}
+    examples = tomllib.loads((DOCS / "message_examples.toml").read_text(encoding="utf-8"))
+    for key, says in rows.items():
+        said = re.sub(r"\d … [-\d]|= …", "", says)  # a range, and what is to be filled in
+        assert not re.search(r"…|{\w*}|{\w+:|[a-z]}", said), key
+        parts = {*documented[key]} - {"level", "says", "means", "do", "done"}
+        shown = {part for part in parts if f"'part': '{part}'" in str(examples[key])}
+        assert shown == parts, key
 
 
 def holes(text):

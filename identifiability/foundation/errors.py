@@ -82,6 +82,11 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
     return folded[close[0]] if close else None
 
 
+def with_article(noun: str) -> str:
+    """Return a noun with its indefinite article, by its first letter: ``an acceleration``."""
+    return f"{'an' if noun[:1] in 'aeiou' else 'a'} {noun}"
+
+
 def listing(names: Iterable[str], most: int = 12, between: str = ", ") -> str:
     """Return the names as ``a, b, c`` and say how many were left out past `most`."""
     names = list(names)

@@ -16,7 +16,7 @@ import re
 from collections.abc import Sequence
 from functools import cache
 
-from identifiability.foundation.errors import LogError
+from identifiability.foundation.errors import LogError, with_article
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 
@@ -141,7 +141,9 @@ NONE = ("", "-", "–", "1", "none", "n/a")
 _WORDS = {
     "t": "time",
     "q": "position",
+    "q_ref": "commanded position",
     "dq": "velocity",
+    "dq_ref": "commanded velocity",
     "ddq": "acceleration",
     "current": "current",
 }
@@ -177,8 +179,9 @@ class Unit:
         if self.dimension not in DIMENSIONS[kind]:
             what = _WORDS.get(kind, "torque or force")
             raise LogError(
-                f"{source}: column '{column}' is a {what}, but the log says that its unit is "
-                f"'{self.text}'; check which column is which, and rename it or repair the unit."
+                f"{source}: column '{column}' is {with_article(what)}, but the log says that its "
+                f"unit is '{self.text}'; check which column is which, and rename it or repair the "
+                "unit."
             )
 
 

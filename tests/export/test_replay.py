@@ -1,9 +1,13 @@
 """MuJoCo and Pinocchio find in an exported file the errors that were stated for it."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from identifiability import analyze, prune
+from identifiability.effects import FAMILIES
 from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import find_base_parameters
@@ -88,3 +92,12 @@ def test_an_effect_with_a_shape_comes_back_with_it(replayed, tmp_path):
     assert "cannot hold Stribeck friction (shoulder.Fs, elbow.Fs): it stands in the sidecar" in (
         found.exported.statement
     )
+
+
+def test_a_statement_has_one_article_before_each_effect(replayed, tmp_path):
+    result, log = fit("two-link", "stribeck_friction")
+    exported = replayed(result.robot, result, log, tmp_path).exported
+    for family in FAMILIES.values():
+        said = replace(exported, beside={family.title: ("elbow.x",)}).statement
+        assert family.title in said
+        assert not re.search(r"\b(no|an?|the) (an?|the)\b", said), said

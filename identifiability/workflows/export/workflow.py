@@ -262,7 +262,7 @@ class Exported:
             told, stand = listing(beside), "it stands" if len(beside) == 1 else "they stand"
             lacks = f"{told}: {stand} in the sidecar, which simulators do not read."
             misread = {*self.beside} <= {FAMILIES[name].title for name in MISREADS}
-            kept = f"{self.robot.name} has no {told}: torque is meant as it should have been read."
+            kept = f"{self.robot.name} leaves out {told}: its torque is what a sound sensor reads."
             parts.append(kept if misread else f"{self.robot.name} cannot hold {lacks}")
             alone = self.error_ra if misread else alone
         if self.snippet is not None:

@@ -1,5 +1,7 @@
 """What columns of other names are taken for, and the rule that a refusal proposes."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -8,7 +10,7 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Renames
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.names import RULES, find_unit, guess_column, words_of
+from identifiability.logs.names import DIMENSIONS, RULES, find_unit, guess_column, words_of
 
 ARM = tuple(f"panda_joint{k}" for k in (1, 2, 3))
 UR = ("shoulder_pan_joint", "elbow_joint", "wrist_3_joint")
@@ -184,3 +186,11 @@ def test_a_command_is_read_as_a_measurement_is(name, kind, factor):
     guess = guess_column(name, name, ["shoulder", "elbow"])
     assert (guess.joint, guess.kind) == ("elbow", kind)
     assert (guess.unit and guess.unit.factor) == (factor and pytest.approx(factor))
+
+
+@pytest.mark.parametrize("kind", DIMENSIONS)
+def test_a_refused_unit_has_one_article_that_fits(kind):
+    with pytest.raises(LogError) as refused:
+        find_unit("N" if kind == "t" else "s").check(kind, "x", "run.csv")
+    said = str(refused.value)
+    assert re.search(r" is (an [aeiou]|a [^aeiou])\w+", said), said
