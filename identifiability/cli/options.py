@@ -20,6 +20,7 @@ from functools import cache
 from inspect import Parameter, Signature, signature
 from mimetypes import guess_type
 from pathlib import Path
+from string import Template
 from types import NoneType, UnionType
 from typing import (
     TYPE_CHECKING,
@@ -38,6 +39,8 @@ from typer import Argument, Option
 from typer.models import OptionInfo, ParameterInfo
 
 from identifiability.cli.common import VERBOSE, check_outputs, progress, sentences, write_all
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
+from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.errors import OutputError, near_match
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.options import (
@@ -51,6 +54,7 @@ from identifiability.foundation.options import (
     check_option,
     choices,
 )
+from identifiability.physical.rules import RULES as PHYSICAL_RULES
 
 if TYPE_CHECKING:
     from identifiability.foundation.engines import Engine
@@ -65,7 +69,14 @@ TAKES_EFFECTS = {"effects": (), "hide": (), "separate": (), "model": ("calibrate
 @cache
 def helps() -> dict[str, Any]:
     """Return what the terminal says of each verb, and what there is without plugins."""
-    return tomllib.loads(Path(__file__).with_name("help.toml").read_text("utf-8"))
+    text = Path(__file__).with_name("help.toml").read_text("utf-8")
+    return tomllib.loads(Template(text).substitute(help_numbers()))
+
+
+def help_numbers() -> dict[str, str]:
+    """Return the constants of the code that help states, by their names in ``help.toml``."""
+    rules = {"body_within": PHYSICAL_RULES.body_within, "name_odds": ESTIMATION_RULES.name}
+    return {name: f"{value:,g}" for name, value in (vars(DEFAULTS) | rules).items()}
 
 
 # What is known of an option beside its kind.

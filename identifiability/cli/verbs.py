@@ -19,6 +19,7 @@ from typer import Argument, Exit, Option
 from identifiability.cli import common, options
 from identifiability.cli.options import Verb
 from identifiability.foundation import options as kinds
+from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.findings import Finding
 
@@ -116,7 +117,7 @@ def run_demo(
     robot, logs = Robot.load("3-rps"), []
     for name, rng in zip(("601", "595"), np.random.default_rng(seed).spawn(2), strict=True):
         say(f"simulating trajectory {name}", 0.0)
-        motion = find_motion(robot, name, 100 if quick else None, rng)
+        motion = find_motion(robot, name, DEFAULTS.samples_quick if quick else None, rng)
         log = simulate(
             robot,
             motion,
@@ -455,9 +456,9 @@ class Searched:
 
     table: ClassVar[str] = ""
 
-    harmonics: kinds.Harmonics = 5
-    samples: int = 750
-    evaluations: kinds.Count = 11_000
+    harmonics: kinds.Harmonics = DEFAULTS.harmonics
+    samples: int = DEFAULTS.samples
+    evaluations: kinds.Count = DEFAULTS.evaluations
 
 
 @dataclass(frozen=True)
@@ -483,7 +484,7 @@ def excite(
     start_from: Annotated[Sequence[str] | None, options.Records()] = None,
     separate: Sequence[str] | None = None,
     seed: kinds.Seed = 0,
-    rate: Annotated[float, kinds.within(1, 100_000)] = 500.0,
+    rate: Annotated[float, kinds.within(1, 100_000)] = DEFAULTS.rate,
     report: Annotated[Path | None, options.Writes(".html", ".htm")] = None,
 ) -> None:
     """Find a motion that is worth measuring, within the limits of the robot."""

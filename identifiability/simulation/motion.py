@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 from scipy.interpolate import CubicSpline
 
+from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.findings import Finding
@@ -199,8 +200,8 @@ def random_trajectory(
     robot: Robot,
     rng: np.random.Generator,
     *,
-    period: float = 7.5,
-    samples: int = 750,
+    period: float = DEFAULTS.period,
+    samples: int = DEFAULTS.samples,
     harmonics: int = 5,
 ) -> Trajectory:
     """Return a random Fourier trajectory that fills the robot's limits without leaving them.

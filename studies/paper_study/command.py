@@ -16,6 +16,7 @@ from shared import ROOT
 import paper_study
 from identifiability.cli.common import progress, sentences
 from identifiability.cli.options import Place
+from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, Serial
 from identifiability.foundation.errors import IdentifiabilityError
 from paper_study.index import write_index
@@ -36,7 +37,7 @@ class Options:
     quick : bool
         Few seeds and coarse grids.
     seeds : int or None
-        Trials of every case; None for 40, or 4 if quick.
+        Trials of every case; None for the default.
     engine : Engine
         Where trials run.
     robot : str
@@ -53,7 +54,7 @@ class Options:
     @property
     def draws(self) -> int:
         """Trials of a case."""
-        return self.seeds or (4 if self.quick else 40)
+        return self.seeds or (DEFAULTS.draws_quick if self.quick else DEFAULTS.draws)
 
     def fewer(self, full: int, quick: int) -> int:
         """Return a smaller number of trials, for wide grids."""
@@ -136,7 +137,8 @@ def main(argv: Sequence[str], place: Place | None = None) -> int:
     parser = argparse.ArgumentParser(prog="studies", description="Run studies by the registry.")
     parser.add_argument("names", nargs="*", help="such as 3, figure4, coverage (the paper's)")
     parser.add_argument("--quick", action="store_true", help="in short: few seeds, coarse grids")
-    parser.add_argument("--seeds", type=int, help="trials of every case (40; 4 if quick)")
+    draws = f"trials of every case ({DEFAULTS.draws}; {DEFAULTS.draws_quick} if quick)"
+    parser.add_argument("--seeds", type=int, help=draws)
     parser.add_argument("--workers", type=int, help="processes (one a core)")
     parser.add_argument("--out", type=Path, default=ROOT / "reports", help="folder (reports)")
     given = parser.parse_args(argv)

@@ -29,6 +29,7 @@ from identifiability.estimation.groups import Alternatives
 from identifiability.estimation.prediction import Prediction, Task, predict, predict_all
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Flag, Verdict, judge, narrow
+from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import LogError, ModelError, listing
 from identifiability.foundation.findings import Finding
@@ -530,7 +531,8 @@ def analyze(
         Least squares, or instrumental variables, which noise in the motion does not bias; ``auto``
         takes the latter if any log has a second record of its motion.
     replicates : int, optional
-        Refits of the block bootstrap, 0 for none; by default 1000, or 200 if `quick`.
+        Refits of the block bootstrap, 0 for none; by default `DEFAULTS.refits`, or
+        `DEFAULTS.refits_quick` if `quick`.
     posterior : bool
         Also sample the posteriors of the selected model; costs two to three times the rest. Off
         everywhere unless asked for: it says more of what the data leave open, and never changes a
@@ -559,7 +561,7 @@ def analyze(
         With one sentence on what to do.
     """
     say, base = progress or quiet, find_estimator(method)
-    draws = settle_count(replicates, 1000, 200, quick=quick)
+    draws = settle_count(replicates, DEFAULTS.refits, DEFAULTS.refits_quick, quick=quick)
     streams = np.random.default_rng(seed).spawn(3)
     with one_thread("blas"):
         robot = Robot.of(robot)

@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.foundation.answers import Answer, Column, Table
+from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, Serial
 from identifiability.foundation.options import Repeated, Replicates, Seed, checked, settle_count
 from identifiability.foundation.result import Result, by_name
@@ -144,7 +145,8 @@ def calibrate(
     model : str, optional
         Which model of the ladder; by default the one to use, of a model file its only one.
     replicates : int, optional
-        Simulated repetitions; by default 240, or 28 if `quick`.
+        Simulated repetitions; by default `DEFAULTS.repetitions`, or
+        `DEFAULTS.repetitions_quick` if `quick`.
     refits : int
         Of the bootstrap in each.
     seed : int
@@ -164,8 +166,8 @@ def calibrate(
     analysis.robot.check_stands("calibration")
     trials = settle_count(
         replicates,
-        240,
-        28,
+        DEFAULTS.repetitions,
+        DEFAULTS.repetitions_quick,
         quick=quick,
     )
     entry = None if analysis.source is None else analysis.source.entry.models

@@ -17,6 +17,7 @@ from scipy.special import ndtr
 
 from identifiability.effects import Part, Placed, find_family, title_of
 from identifiability.estimation.rules import RULES
+from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import one_thread
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.linalg import TINY
@@ -126,7 +127,7 @@ def find_next(
     d: Diagnosis,
     *,
     limits: LimitsLike | None = None,
-    duration: Positive = 7.5,
+    duration: Positive = DEFAULTS.period,
     harmonics: Annotated[int, counted(2, 50)] = 5,
     evaluations: Annotated[int, at_least(1)] = EVALUATIONS,
     seed: Seed = 0,

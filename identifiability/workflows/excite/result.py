@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.foundation.answers import Answer, Cell, Column, Table
+from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.errors import ClosureError, LogError, listing
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
@@ -206,7 +207,7 @@ class Excitation(Result):
         own = {"name": self.names, "unit": self.units, "sigma_ratio": self.gain}
         return by_name(pd.DataFrame(own))
 
-    def play(self, rate: float = 500.0, periods: int = 1) -> PrescribedMotion:
+    def play(self, rate: float = DEFAULTS.rate, periods: int = 1) -> PrescribedMotion:
         """Return what a controller plays: from rest, through whole periods, back to rest.
 
         Parameters
@@ -274,7 +275,7 @@ class Excitation(Result):
             "provenance": dict(self.provenance),
         }
 
-    def write_motion(self, path: str | Path, rate: float = 500.0, periods: int = 1) -> Path:
+    def write_motion(self, path: str | Path, rate: float = DEFAULTS.rate, periods: int = 1) -> Path:
         """Write the motion as a controller plays it, from rest to rest (`play`).
 
         Parameters

@@ -9,6 +9,7 @@ from typing import Annotated
 import numpy as np
 
 from identifiability.estimation.rules import Thresholds
+from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
@@ -45,16 +46,16 @@ from identifiability.workflows.session import Logs, Progress, Session, quiet, st
 def excite(
     robot: RobotLike,
     *,
-    harmonics: Harmonics = 5,
+    harmonics: Harmonics = DEFAULTS.harmonics,
     duration: Duration | None = None,
-    samples: int = 750,
+    samples: int = DEFAULTS.samples,
     limits: LimitsLike | None = None,
     parameters: Names | None = None,
     model: ModelLike | None = None,
     start_from: Logs | None = None,
     separate: Names | None = None,
     preparation: Preparation | None = None,
-    evaluations: Count = 11_000,
+    evaluations: Count = DEFAULTS.evaluations,
     seed: Seed = 0,
     progress: Progress | None = None,
     engine: Engine | None = None,
@@ -67,7 +68,7 @@ def excite(
     harmonics : int
         Harmonics of the finite Fourier series [Swevers 1997].
     duration : float [s], optional
-        The period, by default 7.5 s.
+        The period, by default `DEFAULTS.period`.
     samples : int
         Samples a period; all of them are checked.
     limits : mapping, path or None
@@ -117,7 +118,7 @@ def excite(
         question = pose_question(robot, model, parameters, separate)
         bounds = find_limits(robot, limits)
         hints = (*wrong, *free_again(model))
-        series = Series(bounds, duration or 7.5, harmonics)
+        series = Series(bounds, duration or DEFAULTS.period, harmonics)
         options = {"evaluations": evaluations, "preparation": preparation or Preparation()}
         return find_motion(
             question,

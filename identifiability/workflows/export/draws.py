@@ -25,6 +25,7 @@ from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
 from identifiability.logs.tables import PARQUET, write_table
 from identifiability.physical.fitted_model import LeastSquares, physical_set
+from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.posterior.ensemble import ENSEMBLES, sample_posterior
 from identifiability.posterior.target import Prior, Target
 from identifiability.regression.structure import Structure
@@ -131,7 +132,7 @@ def draw_robots(
     robot = Robot.of(robot)
     fit = result if isinstance(result, Fit) else read_fit(result, robot)
     # Share of their size by which bodies differ from the file's, where logs hold no torque.
-    usual = robot.said.prior_relative if robot.servo is None else 0.2
+    usual = robot.said.prior_relative if robot.servo is None else PHYSICAL_RULES.body_within
     share = usual if prior is None else prior
     structure, data = fit.structure, fit.of_standard
     region, rng = physical_set(structure), np.random.default_rng(seed)

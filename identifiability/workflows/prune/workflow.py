@@ -19,6 +19,7 @@ from identifiability.estimation.estimate import (
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.evidence import Evidence, HeldOut, near_best
 from identifiability.estimation.prediction import Task, predict_all
+from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.foundation.findings import of_key
@@ -128,7 +129,8 @@ def prune(
     estimator : {"auto", "ls", "iv"}
         As for `analyze`.
     replicates : int, optional
-        Resampled logs of the bootstrap beside σ; by default 200, or 20 if `quick`.
+        Resampled logs of the bootstrap; by default `DEFAULTS.resampled`, or
+        `DEFAULTS.resampled_quick` if `quick`.
     cad_prior : float, optional
         As for `analyze`: keeps the nearest real robot near the robot file.
     prior : float, optional
@@ -149,7 +151,7 @@ def prune(
         With one sentence on what to do.
     """
     say, base = progress or quiet, find_estimator(method)
-    draws = settle_count(replicates, 200, 20, quick=quick)
+    draws = settle_count(replicates, DEFAULTS.resampled, DEFAULTS.resampled_quick, quick=quick)
     streams = np.random.default_rng(seed).spawn(3)
     with one_thread("blas"):
         with running(engine) as runner:
