@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from identifiability.estimation.rules import Thresholds as Thresholds
     from identifiability.estimation.verdict import Verdict as Verdict
     from identifiability.foundation.errors import IdentifiabilityError as IdentifiabilityError
+    from identifiability.foundation.keyed import Row as Row
     from identifiability.logs import Log as Log
     from identifiability.logs.prepare import (
         Dataset as Dataset,
@@ -88,6 +89,7 @@ _HOMES = {
         "estimation.rules": ("Thresholds",),
         "estimation.verdict": ("Verdict",),
         "foundation.errors": ("IdentifiabilityError",),
+        "foundation.keyed": ("Row",),
         "logs": ("Log",),
         "logs.prepare": ("Dataset", "Preparation", "prepare_log"),
         "regression.structure": ("BaseParameters", "find_base_parameters"),

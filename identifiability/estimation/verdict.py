@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from enum import StrEnum
 from typing import Any
@@ -13,6 +13,7 @@ from scipy.special import ndtr
 from identifiability.estimation.fit import OF_VALUES, Fit
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.findings import phrase
+from identifiability.foundation.keyed import Row
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import REACH
 from identifiability.foundation.values import frozen
@@ -159,6 +160,35 @@ def withdraw(verdicts: Sequence[Verdict], why: str) -> tuple[Verdict, ...]:
     """Return verdicts that believe no parameter, for a reason that holds for all of them."""
     none, reason = Class.NOT_IDENTIFIABLE, f"{why[0].upper()}{why[1:]}."
     return tuple(replace(v, verdict=none, flags=(), reason=reason) for v in verdicts)
+
+
+def to_row(written: Mapping[str, Any]) -> Row:
+    """Return what `Verdict.to_row` wrote (live, or read from JSON) as a row."""
+    own = ("name", "value", "interval95", "unit", "verdict", "reason")
+    terms = [np.inf if term is None else term for term in written["terms"].values()]
+    low, high = (np.nan if end is None else end for end in written["interval95"] or (None, None))
+    return Row(
+        name=written["name"],
+        estimate=written["value"],
+        standard_error=float(np.linalg.norm(terms)),
+        interval=(low, high),
+        unit=written["unit"],
+        verdict=written["verdict"],
+        reason=written["reason"],
+        details={name: value for name, value in written.items() if name not in own},
+    )
+
+
+def name_rows(
+    chosen: Sequence[Mapping[str, Any]], full: Sequence[Mapping[str, Any]]
+) -> Iterator[Row]:
+    """Yield the rows of the model to use, then those that the unpruned model alone has."""
+    yield from map(to_row, chosen)
+    names = {written["name"] for written in chosen}
+    for written in full:
+        if written["name"] not in names:
+            reason = f"The model to use leaves it out. In the unpruned model: {written['reason']}"
+            yield to_row({**written, "reason": reason})
 
 
 def percent_of(sigma: float, value: float) -> float:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from identifiability.foundation import handed
 from identifiability.foundation.findings import Finding, ledger, of_key
+from identifiability.foundation.keyed import Keyed
 from identifiability.foundation.output import check_ending, write_json
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ def by_name(frame: pd.DataFrame, column: int = 0) -> pd.DataFrame:
     return frame.set_index(frame.iloc[:, column].rename(None), drop=False)
 
 
-class Result(ABC):
+class Result(Keyed, ABC):
     """An answer; `schema` names its kind in JSON and finds its page."""
 
     schema: ClassVar[str]
@@ -125,7 +126,7 @@ class Result(ABC):
     def __dir__(self) -> list[str]:
         """What completion offers: what is asked of results, not what they are made of."""
         asked = {"answers", "figures", "findings", "from_json", "next", "statement", "tables"}
-        asked |= {"chosen", "hints", "models", "play", "predict", "robot", "summary"}
+        asked |= {"row_names", "chosen", "hints", "models", "play", "predict", "robot", "summary"}
         offered = ("_", "to_", "write_")
         return [n for n in super().__dir__() if n in asked or n.startswith(offered)]
 

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.linalg import null_space
 
 from identifiability.effects import FAMILIES
+from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import (
     RANK_TOLERANCE,
     SPAN_TOLERANCE,
@@ -119,6 +120,19 @@ class BaseParameters:
     def labels(self) -> tuple[str, ...]:
         """Labels of all groups."""
         return tuple(self.label(row) for row in range(len(self)))
+
+    def explain_absence(self, name: str) -> str:
+        """Return why a standard parameter is no base parameter; empty for any other name."""
+        if name in self.without_effect:
+            return "it never changes the torque of this robot."
+        groups = [
+            self.names[row]
+            for row in range(len(self))
+            if name in [parameter.name for _, parameter in self.terms(row)]
+        ]
+        if not groups or name in self.names:
+            return ""
+        return f"motion determines it only in combination, as part of {listing(groups, 4)}."
 
     @cached_property
     def nonnegative(self) -> np.ndarray:

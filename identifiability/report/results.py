@@ -19,10 +19,12 @@ from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 from pydantic import RootModel
 
+from identifiability.estimation.verdict import name_rows
 from identifiability.foundation.answers import Answer, Table, frame_table
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.errors import IdentifiabilityError, ModelError
 from identifiability.foundation.findings import Finding
+from identifiability.foundation.keyed import Row, name_estimates
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import check_ending, write_text
 from identifiability.foundation.result import Result, by_name
@@ -371,6 +373,16 @@ class KeptResult(Result):
         frame = self.to_frame()
         return (frame_table(frame[[name for name in KEPT if name in frame]]),)
 
+    def rows_by_name(self) -> Iterable[Row]:
+        """Return the rows that were written: verdicts, or the values of a fit."""
+        if "parameters" in self.content:
+            return name_rows(self.content["parameters"], self.content["full_parameters"])
+        fit = self.content["fit"]
+        variances = [row[k] for k, row in enumerate(fit["covariance"])]
+        sigma = [np.inf if variance is None else variance**0.5 for variance in variances]
+        columns = (fit["names"], fit["values"], sigma, fit["units"])
+        return name_estimates(zip(*columns, strict=True))
+
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter of the model to use, of a diagnosis an effect."""
         rows = self.content.get("parameters", self.content.get("effects"))
@@ -396,13 +408,13 @@ def read_result(path: str | Path) -> KeptResult:
     Raises
     ------
     IdentifiabilityError
-        If it is none, or of a release that did not write its answers.
+        If it is none.
     """
     content = read_document(path, _Content, "JSON", "result", IdentifiabilityError).root
     told, rows = {"statement", "answers", "findings"}, {"parameters", "effects"}
     if told - content.keys() or not rows & content.keys():
         raise IdentifiabilityError(
-            f"{path} is no result of analyze, prune or diagnose of this release; make it again."
+            f"{path} is no result of analyze, prune or diagnose; write one with --json."
         )
     return KeptResult(path, content)
 

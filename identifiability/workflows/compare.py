@@ -6,7 +6,7 @@ Logs are compared by the mixed model: what may differ is a group that acts in so
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -27,6 +27,7 @@ from identifiability.foundation.answers import Answer, Table
 from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding
+from identifiability.foundation.keyed import Row, name_estimates
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import checked
 from identifiability.foundation.result import Result, by_name
@@ -179,6 +180,20 @@ class Comparison(OfStructure, Result):
         """Return one row a number that changed."""
         table = table_changes(self.changes, TABLE)
         return (replace(table, columns=with_hints("changes", *table.columns)),)
+
+    def rows_by_name(self) -> Iterator[Row]:
+        """Yield one row a number that changed; the surest change of a name stands last."""
+        for change in reversed(self.changes):
+            columns = (change.names, change.sizes.tolist(), change.sd.tolist(), change.units)
+            reason = f"{change.called}: log odds {change.odds:.3g}."
+            details = {"what": change.what, "kind": change.kind, "log_odds": change.odds}
+            told = {"verdict": "changed", "reason": reason, "details": details}
+            yield from name_estimates(zip(*columns, strict=True), **told)
+
+    def explain_absence(self, name: str) -> str:
+        """Return that a parameter of the model did not change."""
+        known = name in self.structure.columns
+        return "no change of it was found between these logs." if known else ""
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a number that changed: what, by how much, interval, log odds."""

@@ -8,7 +8,7 @@ known tells the torque gains instead, joint by joint.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
 from shlex import quote
 from typing import Any, ClassVar, cast
@@ -25,6 +25,7 @@ from identifiability.estimation.verdict import percent_of
 from identifiability.foundation.answers import Answer, Table, frame_table
 from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import listing
+from identifiability.foundation.keyed import Row
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array
 from identifiability.foundation.options import OptionError, Positive, checked
@@ -406,6 +407,20 @@ class Load(Result):
         """What makes the answer doubtful, and what to do."""
         lacks = self.estimate.lacks
         return (sentence(WORDS_OF, "changed", lacks=listing(lacks, 4)),) if lacks else ()
+
+    def rows_by_name(self) -> Iterator[Row]:
+        """Yield the quantities of the load, and the gain of each joint by the joint's name."""
+        for quantity in (*self.quantities, *self.gains):
+            yield Row(
+                name=quantity.name,
+                estimate=quantity.value,
+                standard_error=quantity.half / REACH,
+                interval=(quantity.low, quantity.high),
+                unit=quantity.unit,
+                verdict="identifiable" if quantity.told else "not identifiable",
+                reason=quantity.why,
+                details={},
+            )
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a quantity: ``name``, value, interval, unit, whether it is told, why.

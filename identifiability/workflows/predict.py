@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -25,6 +25,7 @@ from identifiability.foundation.documents import read_document
 from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing
 from identifiability.foundation.findings import Finding, phrase
+from identifiability.foundation.keyed import Keyed, Row, name_estimates
 from identifiability.foundation.names import BASE, Array, shorten_paths
 from identifiability.foundation.options import Expected, OptionError, checked
 from identifiability.foundation.result import Result, by_name
@@ -340,7 +341,7 @@ class Predicts(ABC):
 
 
 @frozen(kw_only=True)
-class Fit(Predicts):
+class Fit(Keyed, Predicts):
     """A fitted model as its result keeps it.
 
     Attributes
@@ -414,6 +415,16 @@ class Fit(Predicts):
         """What it says of standard parameters, in units of its standard deviations."""
         told = LeastSquares.of_normal(*self.of_labels, self.base_unknown)
         return told.through(self.structure.G)
+
+    def rows_by_name(self) -> Iterator[Row]:
+        """Yield one row a parameter; a fit has no verdicts."""
+        sigma = np.sqrt(np.diag(self.covariance)).tolist()
+        columns = (self.names, self.values.tolist(), sigma, self.submodel.units)
+        return name_estimates(zip(*columns, strict=True))
+
+    def explain_absence(self, name: str) -> str:
+        """Return in which combinations a standard parameter is."""
+        return self.structure.base.explain_absence(name)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter: name, value, standard deviation, unit."""

@@ -29,11 +29,12 @@ from identifiability.estimation.prediction import (
     widening,
 )
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.verdict import Class, Flag, Verdict, percent_of, withdraw
+from identifiability.estimation.verdict import Class, Flag, Verdict, name_rows, percent_of, withdraw
 from identifiability.foundation import handed
 from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.findings import of_key
+from identifiability.foundation.keyed import Row
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.options import check_choice
@@ -319,6 +320,14 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         own, every = self.chosen.used[1], self.everywhere
         raw = own if every is None else every
         return replace(own, errors=np.stack([own.errors[0], raw.errors[1]]))
+
+    def rows_by_name(self) -> Iterator[Row]:
+        """Yield the verdicts of the model to use, then those of what it leaves out."""
+        return name_rows(self.chosen.rows(), self.full.rows())
+
+    def explain_absence(self, name: str) -> str:
+        """Return in which combinations a standard parameter is."""
+        return self.base.explain_absence(name)
 
     @property
     def _physics(self) -> str:

@@ -7,7 +7,7 @@ one, with what the model leaves out; noise is like the residual; the motion errs
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -16,6 +16,7 @@ import pandas as pd
 from identifiability.foundation.answers import Answer, Column, Table
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, Serial
+from identifiability.foundation.keyed import Row
 from identifiability.foundation.options import Repeated, Replicates, Seed, checked, settle_count
 from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import REACH, join, rough_percent
@@ -82,6 +83,21 @@ class Calibration(Result):
     def word(self) -> Word:
         """Yes, no, or that the trials do not say; of what the analysis does not believe, no."""
         return "no" if self.analysis.nothing else decide(self.cell)
+
+    def rows_by_name(self) -> Iterator[Row]:
+        """Yield the coverage of each parameter's 95 % interval, a share with its own interval."""
+        told = f"coverage of the 95 % interval in {len(self.cell.held)} repetitions."
+        for name, covered in zip(self.cell.names, self.cell.each, strict=True):
+            low = name in self.cell.below
+            yield Row(
+                name=name,
+                estimate=covered.value,
+                standard_error=(covered.high - covered.low) / (2 * REACH),
+                interval=(covered.low, covered.high),
+                verdict="below 95 %" if low else "not below 95 %",
+                reason=told,
+                details=vars(covered),
+            )
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter, the worst first: coverage with its Monte-Carlo interval."""

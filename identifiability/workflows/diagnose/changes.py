@@ -197,12 +197,12 @@ def frame_changes(changes: Sequence[Change]) -> pd.DataFrame:
         for name, size, sd, unit in zip(c.names, c.sizes, c.sd, c.units, strict=True)
     ]
     columns = "what kind name change low high unit share share_sd log_odds logs or"
-    return pd.DataFrame(rows, columns=columns.split()).assign(p=np.nan)
+    return pd.DataFrame(rows, columns=columns.split())
 
 
 def table_changes(changes: Sequence[Change], caption: str) -> Table:
     """Return the same as a table."""
-    own = frame_changes(changes).drop(columns=["kind", "share_sd", "p"])
+    own = frame_changes(changes).drop(columns=["kind", "share_sd"])
     own = own.loc[:, (own != "").any()]  # nothing is said of where without several logs
     return frame_table(own.rename(columns={"log_odds": "log odds", "logs": "in"}), caption)
 

@@ -19,6 +19,7 @@ from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.answers import Answer, Column, Note, Table
 from identifiability.foundation.engines import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.foundation.keyed import Row, name_estimates
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import BASE, Array
 from identifiability.foundation.output import write_text
@@ -404,6 +405,21 @@ class Diagnosis(Result, Setting, Predicts):
             )
         parts.append(f"The residual looks like {_looks(self)}")
         return " ".join(f"{part}." for part in parts)
+
+    def rows_by_name(self) -> Iterator[Row]:
+        """Yield the parameters of the model, then those of the named effects with their odds."""
+        yield from self.fit.rows_by_name()
+        for effect in self.effects:
+            confirmed = "confirmed" if effect.confirmed else "not confirmed"
+            for place in effect.placements:
+                reason = f"{effect.called}: log odds {place.odds:.3g} on the fitted motion."
+                details = {"effect": effect.name, "joint": place.place, "log_odds": place.odds}
+                told = {"verdict": confirmed, "reason": reason, "details": details}
+                yield from name_estimates(place.rows, **told)
+
+    def explain_absence(self, name: str) -> str:
+        """Return in which combinations a standard parameter is."""
+        return self.fit.explain_absence(name)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row for every named effect and place.
