@@ -29,6 +29,9 @@ from typing import TYPE_CHECKING, Any
 
 from identifiability.foundation import __version__
 
+#: The distribution that this package is of; another one has a package of the same name.
+__distribution__ = "robot-identifiability"
+
 if TYPE_CHECKING:
     from identifiability.effects.effect import Effect as Effect
     from identifiability.estimation.estimate import estimate as estimate

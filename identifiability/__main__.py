@@ -56,4 +56,6 @@ def _stop() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    from robot_identifiability import main as check_and_run
+
+    check_and_run()
