@@ -1,25 +1,31 @@
 """The pictures of README and docs; ``MUJOCO_GL=egl python docs/pictures.py`` makes them.
 
 The arm is drawn by MuJoCo (without ``MUJOCO_GL`` on a screen), the first screens of the pages of
-``docs/gallery.py`` by Chromium.
+``docs/gallery.py`` by Chromium. ``images/pictures.json`` keeps the answers that each picture shows;
+with it, tests find pictures that are out of date.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import json
 import runpy
 import shutil
 import subprocess
 import tempfile
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 
+from identifiability.foundation.result import Result
 from identifiability.workflows.analyze import Analysis
 
 DOCS = Path(__file__).resolve().parent
 IMAGES = DOCS / "images"
+#: What each picture says, as it was made.
+RECORD = IMAGES / "pictures.json"
 
 #: Visual geometry is kept, and links that do not move stay bodies of their own.
 _VISIBLE = '<mujoco><compiler discardvisual="false" fusestatic="false"/></mujoco>'
@@ -85,18 +91,35 @@ def photograph(page: Path, path: Path, width: int = 1280, height: int = 900) -> 
         smaller.quantize(128).save(path, optimize=True)
 
 
+def describe_picture(result: Result, picture: Path) -> dict[str, object]:
+    """Return what a picture of a result says: its answers, and the hash of its file."""
+    return {"sha256": sha256(picture.read_bytes()).hexdigest(), "answers": shown_answers(result)}
+
+
+def shown_answers(result: Result) -> dict[str, str]:
+    """Return the short answer to each question of a page, and what its next lines are for."""
+    answers = {answer.question: answer.short for answer in result.answers()}
+    return answers | {"next lines": " ".join(purpose for purpose, _ in result.next())}
+
+
 def main() -> None:
     """Make the pictures."""
     argparse.ArgumentParser(description=__doc__.split("\n")[0]).parse_args()
     IMAGES.mkdir(parents=True, exist_ok=True)
     pages = runpy.run_path(str(DOCS / "gallery.py"))["PAGES"]
+    record = {}
     for name, make in pages.items():
         with tempfile.TemporaryDirectory() as place, contextlib.chdir(place):
             result = make(Path())
             page = result.write_report(Path(place) / f"{name}.html")
-            photograph(page, IMAGES / f"page-{name}.png")
+            pictures = [IMAGES / f"page-{name}.png"]
+            photograph(page, pictures[0])
             if name == "arm":
-                draw_arm(result, IMAGES / "arm.png")
+                pictures.append(IMAGES / "arm.png")
+                draw_arm(result, pictures[1])
+            record |= {picture.name: describe_picture(result, picture) for picture in pictures}
+    text = json.dumps(record, indent=1, ensure_ascii=False, sort_keys=True)
+    RECORD.write_text(text + "\n", encoding="utf-8")
     for path in sorted(IMAGES.iterdir()):
         print(f"{path.relative_to(IMAGES.parents[1])}: {path.stat().st_size // 1024} kB")
 

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import io
+import json
 import re
+import runpy
 import shlex
 import sys
 import tempfile
 from collections.abc import Iterator
 from functools import partial
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -71,7 +74,7 @@ def type_in(line: str, *, quick: bool) -> None:
         done = CliRunner().invoke(app, words)
         assert done.exit_code == 0, f"{line}\n{done.output}\n{done.exception}"
     else:
-        assert line == "pip install .", f"nothing runs '{line}' here"
+        assert line in ("pip install .", "make demo", "make test"), f"nothing runs '{line}' here"
 
 
 def run(page: Path, folder: Path, *, quick: bool) -> list[tuple[str, str]]:
@@ -140,12 +143,79 @@ def test_only_rounding_may_be_otherwise():
     assert not agree("it is possible", "it is impossible")
 
 
-def test_the_readme_is_short_and_shows_before_it_tells():
+def test_the_readme_is_short_and_begins_with_two_commands_and_pictures():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     assert len(text.splitlines()) <= 120
-    first = next(blocks(ROOT / "README.md"))
-    assert text[: text.index(first[2])].count("](docs/images/") == 6
-    assert len(lines(next(b[2] for b in blocks(ROOT / "README.md") if "analyze" in b[2]))) <= 3
+    first, second, study, *_ = (block for _, _, block in blocks(ROOT / "README.md"))
+    assert lines(first) == ["make demo", "make test"]
+    before = text[: text.index(first)].partition("\n")[2]
+    assert len(re.findall(r"\.(?=\s)", before)) == 3  # sentences
+    assert lines(second) == ["pip install ."]
+    assert text[: text.index(second)].count("](docs/images/") == 6
+    assert len(lines(study)) <= 3
+
+
+#: What each picture shows, as docs/pictures.py wrote it beside them.
+PICTURED = json.loads((ROOT / "docs/images/pictures.json").read_text(encoding="utf-8"))
+
+
+def said_in(text: str) -> tuple[set[str], set[str]]:
+    """Counts such as '29 of 52', and percentages, that a text states."""
+    return {*re.findall(r"\d+ of \d+", text)}, {*re.findall(r"\d[\d.]*(?= %)", text)}
+
+
+def differs(readme: str, shown: str) -> set[str]:
+    """Figures of the README's study that pictures do not show; they may be rounded."""
+    counts, shares = said_in(readme)
+    shown_counts, shown_shares = said_in(shown)
+    wrong = counts - shown_counts
+    for share in shares:
+        places = len(share.partition(".")[2])
+        wrong |= {share} - {f"{float(x):.{places}f}" for x in shown_shares}
+    return wrong
+
+
+def test_figures_of_the_readme_are_those_of_its_pictures():
+    assert differs("29 of 52, error 2.7 % and 1.2 %", "32 of 52, 2.74 % and 1.3 %") == {
+        "29 of 52",
+        "1.2",
+    }
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    study = text.partition("## From URDF and CSV")[2].partition("\n## ")[0]
+    shown = " ".join(s for n in ("arm", "missing") for s in answers_in(f"page-{n}.png").values())
+    assert len(said_in(study)[1]) >= 3
+    assert differs(study, shown) == set()
+
+
+def answers_in(picture: str) -> dict[str, str]:
+    """Question and short answer that a picture shows."""
+    return PICTURED[picture]["answers"]
+
+
+def test_each_picture_of_a_page_is_the_file_that_was_described():
+    folder = ROOT / "docs" / "images"
+    assert {p.name for p in folder.glob("page-*.png")} <= {*PICTURED}
+    for name, told in PICTURED.items():
+        assert sha256((folder / name).read_bytes()).hexdigest() == told["sha256"], name
+
+
+GALLERY = runpy.run_path(str(ROOT / "docs" / "gallery.py"))["PAGES"]
+PICTURES = runpy.run_path(str(ROOT / "docs" / "pictures.py"))
+#: Pages whose figures the README states.
+STATED = ("arm", "missing")
+
+
+@pytest.mark.parametrize(
+    "page", [pytest.param(p, marks=() if p in STATED else pytest.mark.everything) for p in GALLERY]
+)
+def test_a_picture_shows_the_answers_of_today(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    today = PICTURES["shown_answers"](GALLERY[page](Path()))
+    shown = answers_in(f"page-{page}.png")
+    stale = "run MUJOCO_GL=egl python docs/pictures.py"
+    assert today.keys() == shown.keys(), stale
+    for question, short in today.items():
+        assert agree(short, shown[question]), f"{short}\n{shown[question]}\n{stale}"
 
 
 def test_there_is_a_tutorial_that_leads_to_a_decision():

@@ -4,7 +4,10 @@ import re
 import tomllib
 from pathlib import Path
 
+from typer.main import get_command
+
 import identifiability
+from identifiability.cli import app
 
 ROOT = Path(__file__).resolve().parents[1]
 TOML = tomllib.loads((ROOT / "pyproject.toml").read_text())
@@ -28,6 +31,15 @@ def test_the_readme_in_an_index_has_no_relative_link_and_each_leads_to_a_file():
         base = raw if picture else f"{HOME}/blob/main/"
         assert link.startswith(base), link
         assert (ROOT / link.removeprefix(base)).exists(), link
+
+
+def test_the_changelog_is_one_page_on_this_version_and_names_every_command():
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 60
+    assert re.findall(r"^## (\S+)", text, re.MULTILINE) == [identifiability.__version__]
+    told = text.partition("**Commands**")[2].partition("**Answers**")[0].partition("\n")[2]
+    named = set(re.findall(r"`([a-z]+)`", told))
+    assert named == set(get_command(app).commands)
 
 
 def test_sentences_on_extras_name_an_extra_of_a_checkout():
