@@ -11,12 +11,14 @@ from shutil import rmtree
 from tempfile import mkdtemp
 from time import monotonic
 from typing import TYPE_CHECKING, Literal, NoReturn
-from unicodedata import category
 
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, legible
 from identifiability.foundation.findings import Finding
+from identifiability.foundation.quoting import for_terminal
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from identifiability.foundation.answers import Table
     from identifiability.foundation.result import Result
 
@@ -48,11 +50,8 @@ def sentences() -> Iterator[None]:
 
 
 def _fail(sentence: str) -> NoReturn:
-    from rich.console import Console  # noqa: PLC0415
-
-    Console(stderr=True).print(
-        f"[red]Error:[/] {escaped(sentence)}", highlight=False, soft_wrap=True
-    )
+    console = terminal(stderr=True)
+    console.print(f"[red]Error:[/] {escaped(sentence)}", highlight=False, soft_wrap=True)
     raise SystemExit(2) from None
 
 
@@ -60,15 +59,14 @@ def escaped(text: str) -> str:
     """Return text in which rich finds no markup, and a terminal no command."""
     from rich.markup import escape  # noqa: PLC0415
 
-    return escape(harmless(text))
+    return escape(for_terminal(text, keep="\n\t"))
 
 
-def harmless(text: str) -> str:
-    """Return text whose control characters are shown instead of obeyed; lines stay lines."""
-    return "".join(
-        repr(c)[1:-1] if category(c) in ("Cc", "Cf", "Zl", "Zp") and c not in "\n\t" else c
-        for c in text
-    )
+def terminal(*, stderr: bool = False) -> Console:
+    """Return the terminal, which prints ``:x:`` in a name as it stands."""
+    from rich.console import Console  # noqa: PLC0415
+
+    return Console(stderr=stderr, emoji=False)
 
 
 @contextmanager
@@ -78,9 +76,8 @@ def progress(*, show: bool = True) -> Iterator[Callable[[str, float], None]]:
     Elsewhere one line says how long it takes, if it takes long.
     """
     from rich import progress as bars  # noqa: PLC0415
-    from rich.console import Console  # noqa: PLC0415
 
-    console = Console(stderr=True)
+    console = terminal(stderr=True)
     columns = (bars.TextColumn("{task.description}"), bars.BarColumn(), bars.TimeRemainingColumn())
     hidden = not (show and console.is_terminal)
     with bars.Progress(*columns, console=console, transient=True, disable=hidden) as bar:
@@ -110,10 +107,9 @@ def check_outputs(*paths: Path | None, inputs: Iterable[str | Path | None] = ())
 
 def print_table(shown: Table, rows: int, title: str) -> None:
     """Print a table of a result, with at most so many rows, under its caption or a title."""
-    from rich.console import Console  # noqa: PLC0415
     from rich.table import Table as Grid  # noqa: PLC0415
 
-    console, grid = Console(), Grid()  # a title of its own would be wrapped to its width
+    console, grid = terminal(), Grid()  # a title of its own would be wrapped to its width
     own = shown.brief(rows)
     for column in own.columns:
         side: Literal["left", "right"] = "right" if column.kind in ("number", "bar") else "left"
@@ -161,19 +157,18 @@ def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[st
 
 def print_next(result: Result) -> None:
     """Print what the page proposes first, with the line to type."""
-    from rich.console import Console  # noqa: PLC0415
-
     for what, command in result.next()[:1]:
-        line = f"Next {what[0].lower()}{what[1:]} {command}"
-        # No markup, in which a pattern such as \\[Nm\\] would lose its backslashes.
-        Console().print(harmless(line), markup=False, highlight=False, soft_wrap=True)
+        print_command(f"Next {what[0].lower()}{what[1:]}", command)
+
+
+def print_command(what: str, command: str) -> None:
+    """Print a line to type as it stands: not wrapped, and without markup."""
+    sys.stdout.write(f"{what} {for_terminal(command)}\n")
 
 
 def print_end(texts: Iterable[str], written: Iterable[Path] = ()) -> None:
     """Print what is said last: sentences, and the paths of what was written."""
-    from rich.console import Console  # noqa: PLC0415
-
-    console = Console()
+    console = terminal()
     for text in texts:
         console.print(escaped(text), highlight=False, soft_wrap=not console.is_terminal)
     for path in written:

@@ -433,6 +433,8 @@ def _read_settings(
         for group in (Derived, Place, Fitted):
             table, known = group.table, [field.name for field in options_of(group)]
             for key in stated[table]:
+                if key in getattr(group, "typed", ()):
+                    raise OptionError(Finding("option.typed", key, table=table))
                 check_option(f"A key of the sidecar's [{table}]", key, Literal[tuple(known)])
             found |= {k: v for k, v in stated[table].items() if tables.get(k) == table}
     for text in typed:
@@ -621,6 +623,9 @@ class Place:
     """Where long work runs."""
 
     table: ClassVar[str] = "run"
+
+    #: A cluster and a resume folder send objects that may run code, so no sidecar names them.
+    typed: ClassVar[tuple[str, ...]] = ("scheduler", "resume")
 
     workers: Count | None = None
     scheduler: str | None = None

@@ -71,11 +71,13 @@ def new(
     logs: Annotated[Sequence[str], Argument(), options.Records()] = (),
     robot: str = "six-dof-arm",
 ) -> None:
-    """Make a folder to begin a study in: robot, sidecar, logs, script and Makefile."""
+    """Make a folder to begin a study in: robot, sidecar, logs and a script."""
     from identifiability.workflows.study import new_study  # noqa: PLC0415
 
     made = new_study(folder, robot, logs)
-    common.print_end([*made.notes, made.statement], made.written)
+    common.print_end([*made.notes, made.statement])
+    common.print_command("Begin with:", made.next_line)
+    common.print_end([], made.written)
 
 
 @Verb
@@ -94,7 +96,7 @@ def demo(
         written = [*read, *outputs.write(result, say)]
     common.print_result(result, written)
     page = (folder / "demo.html").resolve().as_uri()
-    print(f"Open the page: python -m webbrowser {page}")
+    common.print_command("Open the page:", f"python -m webbrowser {page}")
 
 
 def run_demo(

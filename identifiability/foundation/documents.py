@@ -14,6 +14,7 @@ from pydantic import AfterValidator, BaseModel, Field, ValidationError
 
 from identifiability.foundation.errors import IdentifiabilityError, listing, near_match
 from identifiability.foundation.findings import Finding
+from identifiability.foundation.quoting import for_toml, toml_key
 
 # Read TOML and JSON documents and check them: one sentence about the first problem.
 
@@ -162,9 +163,6 @@ def _table_in(annotation: Any) -> type[BaseModel] | None:
 # Write tables of values as TOML.
 
 
-_BARE = re.compile(r"[A-Za-z0-9_-]+")
-
-
 def toml_text(document: Mapping[str, Any]) -> str:
     """Return a document of numbers, texts, lists and tables as the text of a TOML file.
 
@@ -183,24 +181,11 @@ def toml_text(document: Mapping[str, Any]) -> str:
     lines, sections = [], []
     for key, value in document.items():
         if isinstance(value, Mapping):
-            sections.append((f"[{_key(key)}]", value))
+            sections.append((f"[{toml_key(key)}]", value))
         elif isinstance(value, list) and value and all(isinstance(v, Mapping) for v in value):
-            sections += [(f"[[{_key(key)}]]", table) for table in value]
+            sections += [(f"[[{toml_key(key)}]]", table) for table in value]
         else:
-            lines.append(f"{_key(key)} = {_value(value)}")
+            lines.append(f"{toml_key(key)} = {for_toml(value)}")
     for head, table in sections:
-        lines += ["", head, *(f"{_key(k)} = {_value(v)}" for k, v in table.items())]
+        lines += ["", head, *(f"{toml_key(k)} = {for_toml(v)}" for k, v in table.items())]
     return "\n".join(lines).lstrip("\n") + "\n"
-
-
-def _key(name: str) -> str:
-    return name if _BARE.fullmatch(name) else json.dumps(name, ensure_ascii=False)
-
-
-def _value(value: Any) -> str:
-    """Return a value on one line; numbers, texts and words for true and false are those of JSON."""
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{_key(k)} = {_value(v)}" for k, v in value.items()) + "}"
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(map(_value, value)) + "]"
-    return json.dumps(value, ensure_ascii=False)

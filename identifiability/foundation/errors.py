@@ -5,16 +5,14 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterable
-from unicodedata import category
+
+from identifiability.foundation.quoting import for_terminal
 
 #: Letters of a quoted name beyond which its middle is left out, and letters of its ends.
 _LONG, _HEAD, _TAIL = 240, 100, 60
 
 #: Letters of a sentence beyond which its middle is left out.
 LONGEST = 4000
-
-#: Kinds of characters that are written as escapes: control, format, surrogate, line, paragraph.
-_UNSEEN = ("Cc", "Cf", "Cs", "Zl", "Zp")
 
 
 class IdentifiabilityError(Exception):
@@ -61,9 +59,7 @@ def legible(sentence: str) -> str:
     What comes from files may hold line ends, other control characters, halves of letters, and
     thousands of them.
     """
-    line = "".join(
-        c.encode("unicode_escape").decode() if category(c) in _UNSEEN else c for c in sentence
-    )
+    line = for_terminal(sentence)
     line = re.sub(rf"[^' ]{{{_LONG},}}", lambda m: f"{m[0][:_HEAD]}…{m[0][-_TAIL:]}", line)
     return line if len(line) <= LONGEST else f"{line[: LONGEST // 2]}…{line[-LONGEST // 3 :]}"
 

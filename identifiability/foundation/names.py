@@ -204,6 +204,21 @@ class Renames:
         return "; ".join(f"{old}={new}" for old, new in self.rules)
 
 
+def name_rule(old: str, new: str) -> str:
+    r"""Return the rule ``OLD=NEW`` that renames one name, whatever letters it has.
+
+    Examples
+    --------
+    >>> print(name_rule("pos[1]", "elbow.q"), name_rule("*", "elbow.q"))
+    pos[1]=elbow.q \*=elbow.q
+    """
+    try:
+        Renames.of({old: new})
+    except ValueError:
+        return f"{re.escape(old)}={new.replace(chr(92), 2 * chr(92))}"
+    return f"{old}={new}"
+
+
 def shorten_paths(paths: Sequence[str]) -> list[str]:
     """Return paths without the folders that are not needed to tell each from the others.
 

@@ -106,7 +106,8 @@ def write_text(path: str | Path, text: str) -> Path:
     ------
     OutputError
     """
-    return write_bytes(path, text.encode("utf-8"))
+    # A path may hold bytes that are no UTF-8; HTML, JSON and CSV show them as escapes.
+    return write_bytes(path, text.encode("utf-8", "backslashreplace"))
 
 
 def write_bytes(path: str | Path, content: bytes) -> Path:

@@ -18,7 +18,8 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing, near_match, nearest
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import TIME_UNITS, Array
+from identifiability.foundation.names import TIME_UNITS, Array, name_rule
+from identifiability.foundation.quoting import option_for_shell, toml_key
 from identifiability.foundation.values import frozen
 from identifiability.logs.checks import CHANNELS, COMMANDS, to_floats
 from identifiability.logs.conventions import Conventions
@@ -205,7 +206,7 @@ def _choose(guesses: Sequence[Column], known: Conventions, source: str) -> dict[
             raise LogError(
                 f"{source} has several columns that may be "
                 f"{'the time' if name == 't' else repr(name)}: {listing(columns, 6)}; say which it "
-                f"is, as in --map '{columns[0].strip()}={name}'."
+                f"is, as in {_map_word(columns[0], name)}."
             )
         out[name] = (literal or those)[0]
     return out
@@ -256,13 +257,15 @@ def _in_si(column: Column, units: Mapping[str, str], source: str, known: Convent
     if unread and known.columns.apply(name) == name:
         example = next(u for u, (what, _) in UNITS.items() if what == DIMENSIONS[kind][0])
         gain = (
-            f"give what one of it is in N·m or N ([torque] gain = {{{column.joint} = …}} in the "
-            f"sidecar) with --map '{name}={column.name}'"
+            "give what one of it is in N·m or N "
+            f"([torque] gain = {{{toml_key(column.joint)} = …}} in the "
+            f"sidecar) with {_map_word(name, column.name)}"
         )
         raise LogError(
             f"{source}: the column '{name}' states the unit '{unread}', which is not known; "
-            f"say in which one {column.name} is given, as in --map '{name}={column.name} "
-            f"[{example}]', or {gain if column.kind == 'tau' else 'correct the header'}."
+            f"say in which one {column.name} is given, as in "
+            f"{_map_word(name, f'{column.name} [{example}]')}, "
+            f"or {gain if column.kind == 'tau' else 'correct the header'}."
         )
     # A scale of 1 leaves degrees what they are; others are of ticks.
     degrees = kind in ANGULAR and column.joint in known.degrees and scale == 1.0
@@ -289,7 +292,7 @@ def _settle_torque(
                 "columns.gain",
                 source,
                 joints=[*unknown],
-                first=unknown[0],
+                first=toml_key(unknown[0]),
             )
         )
     loose = [j for j in given if j not in known.motors and torque.at("ratio", j) is None]
@@ -299,7 +302,7 @@ def _settle_torque(
                 "columns.ratio",
                 source,
                 joints=[*loose],
-                first=loose[0],
+                first=toml_key(loose[0]),
             )
         )
     factors = {j: torque.factor(j) for j in given}
@@ -436,7 +439,7 @@ def _in_order(loose: Sequence[Column], source: str, known: Conventions) -> list[
     raise LogError(
         f"{source} numbers its joints otherwise than the robot has them ({listing(columns)}; the "
         f"robot has {count}: {listing(known.joints)}); say which is which, as in "
-        f"--map '{columns[0].strip()}={known.joints[0]}.{kind}'."
+        f"{_map_word(columns[0], f'{known.joints[0]}.{kind}')}."
     )
 
 
@@ -522,7 +525,7 @@ def _refuse_missing(
                 "columns.time",
                 source,
                 columns=every,
-                first=[*likely, "OLD"][0],
+                rename=_map_word([*likely, "OLD"][0], "t"),
             )
         )
     has = [*dict.fromkeys(c.joint for c in measured.values() if c.kind in ("q", "tau"))]
@@ -540,7 +543,7 @@ def tell_missing(
 ) -> Finding:
     """Return what to say of columns that are missing, of some of the joints that are wanted."""
     joints = list(dict.fromkeys(map(_owner, missing)))
-    locks = "".join(f" --lock {j}" for j in joints)  # where all miss some, their names are others
+    locks = "".join(f" {option_for_shell('--lock', j)}" for j in joints)
     others = listing(dict.fromkeys(_owner(n) if _kind(n) in SPELLED else n for n in free))
     first = missing[0] if len(missing) < 2 * len(joints) else joints[0]
     return Finding(
@@ -548,9 +551,15 @@ def tell_missing(
         source,
         missing=listing(missing, 4),
         near=near_match(missing[0], free),
+        # Where every joint misses some, the joints have other names in the log.
         locks=f" Lock what does not move:{locks}." if len(joints) < len(wanted) else "",
-        maps=f" If one of {others} is it, add --map 'OLD={first}'." if free else RECORD,
+        maps=f" If one of {others} is it, add {_map_word('OLD', first)}." if free else RECORD,
     )
+
+
+def _map_word(old: str, new: str) -> str:
+    """Return the option that renames a column, as a sentence shows it."""
+    return option_for_shell("--map", name_rule(old.strip(), new), always=True)
 
 
 def _owner(name: str) -> str:

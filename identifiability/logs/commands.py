@@ -13,6 +13,7 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
+from identifiability.foundation.quoting import option_for_shell
 from identifiability.logs import signals
 from identifiability.logs.log import Log
 from identifiability.logs.rules import RULES
@@ -153,10 +154,11 @@ def check_commands(log: Log) -> None:
             continue
         degrees = 0.5 < np.radians(told / max(moved, RULES.small)) < 2.0
         if degrees or _follows(command, q, most) <= 0.5:
+            rule = option_for_shell("--map", f"COLUMN={joint}.cmd", always=True)
             raise LogError(
                 f"{log.name}: '{joint}' does not follow its command"
                 f"{'; it looks like degrees' if degrees else ''}: say which column is its command, "
-                f"as in --map 'COLUMN={joint}.cmd', and in which unit; if that is right, its servo "
+                f"as in {rule}, and in which unit; if that is right, its servo "
                 "is too weak for this motion: leave the log out."
             )
 

@@ -22,6 +22,7 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array, numbered, shorten_paths
 from identifiability.foundation.options import Expected, FilePath, Names, check_option, checked
+from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
@@ -477,6 +478,6 @@ def refuse_silent(logs: Sequence[Log]) -> None:
             np.median(q, axis=0)[stays],
             strict=True,
         )
-        silent = {str(joint): f"--lock {joint}={x:.4g}" for joint, x in at}
+        silent = {str(j): option_for_shell("--lock", f"{j}={x:.4g}") for j, x in at}
         told = {"names": [log.name for log in logs], "joints": [*silent]}
         raise LogError(Finding("logs.unmeasured", **told, locks=" ".join(silent.values())))

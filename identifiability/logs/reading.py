@@ -15,6 +15,7 @@ import numpy as np
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
+from identifiability.foundation.quoting import option_for_shell
 from identifiability.logs import signals
 from identifiability.logs.base import find_base
 from identifiability.logs.checks import CHANNELS, Clock, Numbers, to_floats
@@ -270,9 +271,10 @@ class Reading:
                     "stretch of the log in which it stands still."
                 )
             if abs(at - held) > RULES.small:
+                lock = option_for_shell("--lock", f"{joint}={at:.4g}")
                 yield (
-                    f"'{joint}' stands at {at:.4g} and is locked at {held:.4g}: lock it there, "
-                    f"--lock {joint}={at:.4g}"
+                    f"'{joint}' stands at {at:.4g} and is locked at {held:.4g}: "
+                    f"lock it there, {lock}"
                 )
 
     def _check(self, values: Mapping[str, Array]) -> None:

@@ -14,6 +14,7 @@ from identifiability.estimation.estimate import Outliers, weigh_outliers
 from identifiability.estimation.estimator import Estimator
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
+from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.rounding import REACH
 from identifiability.logs.commands import of_commands
 from identifiability.logs.gaps import smallest_change
@@ -174,7 +175,8 @@ def find_still(logs: MeasuredLogs) -> list[Finding]:
     if not (still and any(s.outputs for s in surveys)):
         return []
     at = dict(zip(logs.robot.joints, np.median(logs.motion.actuated_q, 0), strict=True))
-    locks = " ".join(f"--lock {j}={at[j]:.4g}" for j in still if j in at)
+    places = [f"{joint}={at[joint]:.4g}" for joint in still if joint in at]
+    locks = " ".join(option_for_shell("--lock", place) for place in places)
     columns = tuple(f"{j}.tau" for j in still)
     locks = f" ({locks})" if locks else ""
     return [

@@ -9,7 +9,6 @@ for all that fit it (``leg*_lower.Ixx``; ``*`` is any letters, ``?`` one). A mod
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +23,7 @@ from identifiability.foundation.errors import ModelError, listing, near_match
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array, find_named, is_pattern, specificity
 from identifiability.foundation.options import Expected
+from identifiability.foundation.quoting import for_toml, toml_comment
 from identifiability.foundation.values import frozen
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.information import Information
@@ -205,19 +205,15 @@ def free_again(model: ModelLike | None) -> tuple[str, ...]:
 
 def ladder_text(entry: LadderEntry, comment: str = "") -> str:
     """Return a ladder as the text of its file."""
-    lines = [f"# {comment}"] if comment else []
+    lines = [toml_comment(comment)] if comment else []
     for submodel in entry.models:
         given = submodel.model_dump(by_alias=True, exclude_defaults=True)
         tables = {k: given.pop(k) for k in ("hold", "tie", "random") if k in given}
-        lines += ["", "[[models]]", *(f"{k} = {_toml(v)}" for k, v in given.items())]
+        lines += ["", "[[models]]", *(f"{k} = {for_toml(v)}" for k, v in given.items())]
         for name, table in tables.items():
-            lines += [f"[models.{name}]", *(f"{_toml(k)} = {_toml(v)}" for k, v in table.items())]
+            lines.append(f"[models.{name}]")
+            lines += [f"{for_toml(k)} = {for_toml(v)}" for k, v in table.items()]
     return "\n".join(lines).lstrip("\n") + "\n"
-
-
-def _toml(value: str | float | list[str]) -> str:
-    """Return a value in TOML, whose strings, numbers and lists of strings are those of JSON."""
-    return json.dumps(value, ensure_ascii=False)
 
 
 def default_ladder(robot: Robot) -> LadderEntry:

@@ -15,6 +15,7 @@ True
 """
 
 from identifiability.foundation.answers import Answer, Cell, Column, Note, Table, frame_table
+from identifiability.foundation.quoting import for_svg
 from identifiability.report import plot
 from identifiability.report.blocks import (
     Answers,
@@ -29,7 +30,7 @@ from identifiability.report.blocks import (
     Terms,
     check_cell,
 )
-from identifiability.report.figures import COLOURS, canvas, drawn, plain, svg
+from identifiability.report.figures import COLOURS, canvas, drawn, svg
 from identifiability.report.results import Page, build_page, render_page, write_page, write_result
 
 build_analysis_page, write_analysis_report = build_page, write_result
@@ -56,8 +57,8 @@ __all__ = [
     "canvas",
     "check_cell",
     "drawn",
+    "for_svg",
     "frame_table",
-    "plain",
     "plot",
     "render_page",
     "svg",

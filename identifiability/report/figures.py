@@ -10,18 +10,17 @@ from __future__ import annotations
 import hashlib
 import io
 import re
-import unicodedata
 import warnings
 from collections.abc import Callable, Sequence
 from functools import wraps
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal, ParamSpec
-from urllib.parse import quote, unquote
+from urllib.parse import unquote
 
 import matplotlib as mpl
 import numpy as np
-from markupsafe import Markup, escape
+from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
@@ -30,6 +29,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from matplotlib.transforms import ScaledTranslation
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.quoting import for_html, for_svg, svg_id
 from identifiability.foundation.rounding import REACH, format_number
 from identifiability.foundation.values import frozen
 
@@ -131,17 +131,9 @@ def canvas(
     return figure, list(axes[:, 0])
 
 
-def plain(name: str, most: int = 28) -> str:
-    """Return a name from a file so that it is drawn as it stands: no mathtext, one line, short."""
-    name = "".join(" " if unicodedata.category(c).startswith("C") else c for c in name)
-    if len(name) > most:
-        name = f"{name[: most // 2]}…{name[-(most - most // 2 - 1) :]}"
-    return name.replace("$", r"\$")
-
-
 def label_width(names: Sequence[str]) -> float:
     """Return the room that row labels need [px]."""
-    return 16 + 6.5 * max((len(plain(name)) for name in names), default=0)
+    return 16 + 6.5 * max((len(for_svg(name)) for name in names), default=0)
 
 
 def strokes(axes: Axes, starts: Array, ends: Array, colour: str, **style: Any) -> None:
@@ -250,7 +242,7 @@ def svg(figure: Figure, alt: str = "") -> Markup:
     rules = "".join(f".{name}{{{style}}}" for style, name in classes.items())
     width, height = (round(72 * x) for x in figure.get_size_inches())
     return Markup(
-        f'<svg viewBox="0 0 {width} {height}" role="img" aria-label="{escape(alt)}">'
+        f'<svg viewBox="0 0 {width} {height}" role="img" aria-label="{for_html(alt)}">'
         f"<style>{rules}</style>{body}</svg>"
     )
 
@@ -260,7 +252,7 @@ def _clean_tag(tag: str, key: str, classes: dict[str, str]) -> str:
 
     Styles that repeat become `classes`, which halves the size of a figure.
     """
-    tag = re.sub(rf'id="{MARKED}([^"]*)"', lambda m: f'data-row="{escape(unquote(m[1]))}"', tag)
+    tag = re.sub(rf'id="{MARKED}([^"]*)"', lambda m: f'data-row="{for_html(unquote(m[1]))}"', tag)
     if tag.startswith("<g "):
         tag = re.sub(r'\s+id="[^"]*"', "", tag)
     tag = re.sub(r'\bid="([^"]*)"', rf'id="{key}-\1"', tag)
@@ -306,12 +298,12 @@ def row_canvas(
         label = axes.text(
             0,
             k,
-            plain(name),
+            for_svg(name),
             transform=beside,
             va="center_baseline",
             **style,
         )
-        label.set_gid(MARKED + quote(name, safe=""))  # it is not escaped in SVG
+        label.set_gid(MARKED + svg_id(name))
     axes.spines["left"].set_visible(False)
     axes.set_xlabel(xlabel)
     return figure, axes
@@ -340,7 +332,7 @@ def label_axes(
     axes.set_ylabel(y)
     if title:
         axes.set_title(
-            plain(title, most),
+            for_svg(title, most),
             pad=pad,
             color=INK,
             fontweight="bold",

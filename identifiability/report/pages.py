@@ -18,6 +18,7 @@ from identifiability.effects import title_of
 from identifiability.foundation.answers import Cell, Column, Note, Table
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import shorten_paths
+from identifiability.foundation.quoting import for_svg
 from identifiability.foundation.rounding import (
     NONE,
     digits,
@@ -48,7 +49,7 @@ from identifiability.report.blocks import (
     torque_traces,
     traces,
 )
-from identifiability.report.figures import draw_curve, draw_forward, draw_intervals, plain
+from identifiability.report.figures import draw_curve, draw_forward, draw_intervals
 from identifiability.report.skeleton import LINE, move_skeletons, move_with_torque
 from identifiability.robot import complete_motion
 from identifiability.robot.kinematics import Point
@@ -696,7 +697,7 @@ def rollout_moving(result: PositionPrediction) -> Moving | None:
         return None
     lines = {name: q[:, worst] for name, (_, q) in motions.items()}
     below = Trace.of(
-        plain(joint),
+        for_svg(joint),
         unit,
         log.t - log.t[0],
         lines,

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 import pandas as pd
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from markupsafe import Markup, escape
+from markupsafe import Markup
 from matplotlib.figure import Figure
 from pydantic import RootModel
 
@@ -27,6 +27,7 @@ from identifiability.foundation.findings import Finding
 from identifiability.foundation.keyed import Row, name_estimates
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import check_ending, write_text
+from identifiability.foundation.quoting import for_html
 from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import superscript
 from identifiability.foundation.values import frozen
@@ -165,7 +166,7 @@ def set_symbols(text: str) -> Markup:
     >>> print(set_symbols("-2e-05 of run-1.csv, arm-2, 1-2 and 3 %"))
     −2·10⁻⁵ of run-1.csv, arm-2, 1-2 and 3 %
     """
-    escaped = str(escape(text))  # first: a link is one already
+    escaped = str(for_html(text))
     escaped = re.sub(r"(?<![\w.)\]-])-(?=\.?\d)", "−", escaped)
     escaped = re.sub(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]\d\d+)\b", _powered, escaped)
     escaped = re.sub(r"(?<=\d) (?=[%σ×])", "\u00a0", escaped)

@@ -9,8 +9,8 @@ import numpy as np
 import pinocchio as pin
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.quoting import for_svg
 from identifiability.report.blocks import Moving, Trace
-from identifiability.report.figures import plain
 from identifiability.robot import Motion, Robot
 from identifiability.robot.kinematics import Point, shortest_turn
 from identifiability.workflows.answers import sentence
@@ -197,7 +197,7 @@ def move_with_torque(
     moving = replace(
         moving,
         torque=Trace.of(
-            plain(name),
+            for_svg(name),
             unit,
             t[:end] - t[0],
             own,

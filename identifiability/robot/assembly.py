@@ -15,9 +15,11 @@ import numpy as np
 import pinocchio as pin
 
 from identifiability.foundation.errors import RobotError, listing, near_match
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
-from identifiability.foundation.names import INERTIAL_KINDS, Array, Renames
+from identifiability.foundation.names import INERTIAL_KINDS, Array, Renames, is_pattern
 from identifiability.foundation.options import Expected
+from identifiability.foundation.quoting import for_toml, option_for_shell, toml_key
 from identifiability.robot.closure import Closed, count_independent, invert, newton, stretch_home
 from identifiability.robot.description import (
     ENDLESS,
@@ -56,6 +58,12 @@ LockOption = Annotated[
 ]
 
 
+def _split_lock(word: str) -> tuple[str, str | None]:
+    """Return joint and position of ``NAME=VALUE``; None as the position of ``NAME``."""
+    name, equals, value = word.rpartition("=")
+    return (name.strip(), value or None) if equals else (word.strip(), None)
+
+
 def read_locks(given: LockOption | None) -> dict[str, float | None]:
     """Return the joints to lock, as an option or a sidecar gives them.
 
@@ -68,7 +76,7 @@ def read_locks(given: LockOption | None) -> dict[str, float | None]:
     if isinstance(given, Mapping):
         pairs: Iterable[tuple[str, Any]] = given.items()
     else:
-        pairs = [(w.partition("=")[0].strip(), w.partition("=")[2] or None) for w in words]
+        pairs = [_split_lock(word) for word in words]
     out: dict[str, float | None] = {}
     for name, value in pairs:
         try:
@@ -330,8 +338,8 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
             f"{robot.path}: the loops give {count} independent equations for {len(dependent)} "
             f"passive joints, so not all {len(index)} actuated joints are free; remove an actuator "
             "or a closure, or name the joints that have motors, in <actuator> of an MJCF or in the "
-            f'sidecar: actuated = ["{names[0]}", …] (or give the lengths and angles of redundant '
-            "loops all their digits)."
+            f"sidecar: actuated = [{for_toml(names[0])}, …] (or give the lengths and angles of "
+            "redundant loops all their digits)."
         )
     posed = stated.posed or bool(set(extra.home) & set(robot.passive))
     if there.error[0] > RULES.home_open or (enough and closed.error[0] >= ROUNDOFF):
@@ -370,7 +378,7 @@ def _refuse_loose(robot: Description, count: int) -> NoReturn:
         advice = f" Ball and floating joints ({listing(wide)}) can only be passive in a closed "
         advice += "loop; write a ball that is driven as three hinges in one body."
     if single:
-        locks = listing([f"--lock {name}" for name in single], between=" ")
+        locks = listing([option_for_shell("--lock", name) for name in single], between=" ")
         advice += f" What stands still, as a gripper may, is locked: {locks} (or {single[0]}=0.02)."
     raise RobotError(
         f"{robot.path}: {len(robot.dependent)} joints have no actuator ({listing(robot.passive)}) "
@@ -400,7 +408,7 @@ def _close_home(robot: Description, gap: float, closed: Closed, *, stated: bool)
     if closes and not stated and np.abs(q - robot.home).max() <= RULES.leap:
         return replace(robot, home=q, assembled=True)
     if closes and single.keys() >= {*robot.passive}:
-        found = (f"{n} = {q[single[n].iq]:.4f}" for n in robot.passive)
+        found = (f"{toml_key(n)} = {q[single[n].iq]:.4f}" for n in robot.passive)
         such_as = f", such as {', '.join(found)}"
     if stated and robot.mjcf:
         sites = "if an anchor of <connect> is meant there, name two sites instead (site1, site2), "
@@ -414,6 +422,18 @@ def _close_home(robot: Description, gap: float, closed: Closed, *, stated: bool)
 
 
 # Put a `Description` together from model, closures and sidecar; they must determine the motion.
+
+
+def refuse_patterns(path: Path, names: Iterable[str]) -> None:
+    """Refuse names that a sidecar or a ladder cannot tell from a pattern.
+
+    Raises
+    ------
+    RobotError
+    """
+    odd = [name for name in names if is_pattern(name)]
+    if odd:
+        raise RobotError(Finding("robot.pattern", path, name=odd[0]))
 
 
 def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -> Description:
@@ -433,6 +453,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     bodies = tuple(names[joint - 1] for joint in stated.carriers)
     motors = tuple(extra.transmission.motors) if extra.transmission else ()
     dofs = tuple(d for j in stated.tree.joints for d in j.dofs)
+    refuse_patterns(path, (*bodies, *dofs, *stated.locked, *motors, *stated.combinations))
     stated = combine_joints(path, extra, stated, (*bodies, *dofs, *stated.locked, *motors))
     lines = (*motors, *stated.combinations)
     extra = settle_names(path, extra, bodies, dofs, lines, stated.locked, stated.welded)

@@ -14,7 +14,6 @@ import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, Literal
 
@@ -23,6 +22,8 @@ import pinocchio as pin
 
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.linalg import TINY
+from identifiability.foundation.names import find_named
+from identifiability.foundation.quoting import for_toml
 from identifiability.robot.assembly import (
     LockOption,
     assemble,
@@ -85,8 +86,9 @@ def read_robot(
         stated = _read_urdf(path, root, extra)
     check_magnitudes(path, stated)
     robot = assemble(path, chosen, extra, stated)
-    option = (n for n in robot.locked if n in given or any(fnmatchcase(n, x) for x in given))
-    return replace(robot, lock_option=tuple(option), base_option=base)
+    named = {name for text in given for name in find_named(text, robot.locked)}
+    option = tuple(name for name in robot.locked if name in named)
+    return replace(robot, lock_option=option, base_option=base)
 
 
 def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
@@ -118,7 +120,7 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
             raise RobotError(
                 f"{path}: joint '{name}' mimics '{of}', which is none of the others"
                 f"{near_match(of, others)} Correct the file, or say in the sidecar what it "
-                f'follows ([[couplings]]) or that it stands still (locked = ["{name}"]).'
+                f"follows ([[couplings]]) or that it stands still (locked = {for_toml([name])})."
             )
     single = [model.names[j] for j in range(1, model.njoints) if model.joints[j].nv == 1]
     locked, couplings = settle_locks(path, extra, dict.fromkeys(single, 0.0), mimics, fixed)

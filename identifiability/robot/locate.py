@@ -12,6 +12,7 @@ from importlib import resources
 from pathlib import Path
 
 from identifiability.foundation.errors import RobotError, near_match
+from identifiability.foundation.quoting import path_for_shell
 from identifiability.foundation.rules import Tolerance
 
 # Which sidecar belongs to a robot file: its own (arm.xml.toml), or one for its stem (arm.toml).
@@ -211,16 +212,21 @@ def read_markup(path: Path) -> ET.Element:
     return root
 
 
+def is_computed(text: str) -> bool:
+    """Return whether xacro would compute a part of a text."""
+    return "${" in text or "$(" in text
+
+
 def _check_expanded(path: Path, root: ET.Element) -> None:
     """Refuse what xacro has not gone through: the parts that it stands for would be lost."""
     for element in root.iter():
         space, _, tag = element.tag.rpartition("}")
-        named = [text for text in element.attrib.values() if "${" in text or "$(" in text]
+        named = [text for text in element.attrib.values() if is_computed(text)]
         if named or ("xacro" in space and tag not in ("property", "arg")):
             left = named[0] if named else f"<xacro:{tag}>"
             raise RobotError(
                 f"{path} is a xacro file that was not expanded ('{left}' is left in it); run "
-                f"'xacro {path.name} > robot.urdf' and give robot.urdf."
+                f"xacro {path_for_shell(path.name)} > robot.urdf and give robot.urdf."
             )
 
 

@@ -39,16 +39,19 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import pinocchio as pin
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from identifiability.foundation.documents import Span, first_problem, read_document, toml_text
 from identifiability.foundation.errors import RobotError, listing, near_match
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import check_apart, check_ending, write_text, write_together
+from identifiability.foundation.quoting import fits_xml, for_xml
 from identifiability.robot.assembly import position_limits
 from identifiability.robot.description import Coupling, Description
 from identifiability.robot.kinematics import WORLD, Joint, Point
+from identifiability.robot.locate import is_computed
 from identifiability.robot.sidecar import Sidecar, Triple
 from identifiability.robot.write import numbers, turn_base, urdf_inertial, urdf_joint
 
@@ -57,7 +60,18 @@ BASE = "base"
 
 
 Distance = Annotated[float, Field(ge=-1e6, le=1e6)]
-Name = Annotated[str, Field(min_length=1)]
+
+
+def _writable(name: str) -> str:
+    """Check that a robot file can hold a name."""
+    if not fits_xml(name):
+        raise ValueError("a robot file cannot hold its control characters; give another name")
+    if is_computed(name):
+        raise ValueError("xacro would compute '${' or '$('; give another name")
+    return name
+
+
+Name = Annotated[str, Field(min_length=1), AfterValidator(_writable)]
 #: A number in the file's unit, or a text such as ``-pi/2``.
 Angle = (
     float
@@ -166,7 +180,7 @@ def write_table(table: str | Path | Mapping[str, Any], out: str | Path) -> tuple
     sidecar |= {"guessed": guessed} if guessed else {}
     texts = {
         out.with_suffix(".toml"): toml_text(sidecar).encode(),
-        out: f"{ET.tostring(top, encoding='unicode')}\n".encode(),
+        out: f"{for_xml(top)}\n".encode(),
     }
     write_together([*texts.items()])
     return notes
@@ -468,6 +482,10 @@ def write_converted(robot: Description, path: Path) -> None:
         )
     robot.check_stands("conversion to another format")
     top = converted_mjcf(robot) if path.suffix == ".xml" else converted_urdf(robot)
+    names = [name for element in top.iter() for name in element.attrib.values()]
+    computed = [name for name in names if is_computed(name)]
+    if path.suffix == ".urdf" and computed:
+        raise RobotError(Finding("robot.computed", robot.path, name=computed[0]))
     ET.indent(top)
-    write_text(path, ET.tostring(top, encoding="unicode") + "\n")
+    write_text(path, f"{for_xml(top)}\n")
     write_text(path.with_suffix(".toml"), toml_text(converted_sidecar(robot, path)))

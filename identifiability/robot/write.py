@@ -23,6 +23,7 @@ from identifiability.foundation.errors import OutputError, RobotError
 from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_together
+from identifiability.foundation.quoting import for_xml, toml_comment, xml_comment
 from identifiability.robot.closure import rest_along
 from identifiability.robot.description import FIELDS, Axis, Description
 from identifiability.robot.floating import BASE_JOINTS
@@ -62,9 +63,9 @@ def edited(old: str, new: str, comment: str) -> str:
     for i, j, size in SequenceMatcher(None, next(keys), next(keys)).get_matching_blocks():
         for (before, tag, said), k in zip(was[i : i + size], range(j, j + size), strict=True):
             now[k] = before, tag, _edited_tag(said, now[k][2])
-    if comment:  # two hyphens end one
+    if comment:
         margin = now[1][0][now[1][0].rfind("\n") :]
-        now[0] = (*now[0], f"{margin}<!-- {comment.replace('--', '– ')} -->")
+        now[0] = (*now[0], f"{margin}{xml_comment(comment)}")
     return "".join(map("".join, now)) + (_PIECE.sub("", old) or "\n")
 
 
@@ -362,7 +363,8 @@ def write_robot(
     taken = robot.sidecar if path.resolve() != robot.path.resolve() else None
     beside = place_sidecar(path, taken)
     if extra is None and beside == own_sidecar(path):
-        extra = f"# {path.name} needs none; {path.with_suffix('.toml').name} is another file's.\n"
+        other = path.with_suffix(".toml").name
+        extra = f"{toml_comment(f'{path.name} needs none; {other} is the file of another.')}\n"
     _check_beside(beside, path, needed=extra is not None)
     pair = [] if extra is None else [(beside, extra.encode())]
     write_together([*pair, (path, text.encode())])
@@ -442,7 +444,7 @@ def edited_text(
         old = ""  # in another encoding: all of it is written anew
     step = re.search(r"\n([ \t]+)<", old)
     ET.indent(top, step[1] if step else "  ")
-    return edited(old, ET.tostring(top, "unicode").replace(" />", "/>"), comment)
+    return edited(old, for_xml(top).replace(" />", "/>"), comment)
 
 
 def _check_template(robot: Description, top: ET.Element) -> None:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields
-from shlex import quote
 
+from identifiability.foundation.quoting import for_shell, option_for_shell, path_for_shell
 from identifiability.foundation.result import Result
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation
@@ -19,31 +19,46 @@ from identifiability.robot.locate import find_sidecar, shipped_folder
 OPTIONS = ("derivatives", "cutoff", "decimate")
 
 
-def source_name(robot: Robot) -> str:
-    """Return how a command names the robot, with what was said of it by options.
-
-    It is the path that was given, or the name of a shipped robot.
-    """
+def robot_word(robot: Robot) -> str:
+    """Return the robot as one word of a command: its path, or the name of a shipped robot."""
     shipped = robot.path.parent.parent == shipped_folder()
-    name = robot.path.parent.name if shipped else quote(str(robot.path))
-    other = robot.sidecar is not None and robot.sidecar != find_sidecar(robot.path)
-    sidecar = [f"--sidecar {quote(str(robot.sidecar))}"] if other and robot.sidecar else []
-    sidecar += [] if robot.base_option is None else [f"--set base={robot.base_option}"]
-    locks = (f"{joint}={robot.locked[joint]:g}" for joint in robot.lock_option)
-    return " ".join([name, *sidecar, *(f"--lock {quote(lock)}" for lock in locks)])
+    return for_shell(robot.path.parent.name) if shipped else path_for_shell(robot.path)
 
 
-def export_line(robot: Robot, result: str = "{file}") -> tuple[str, str]:
-    """Return what a fitted robot is exported for, and how: never over the file that it has."""
+def source_name(robot: Robot) -> str:
+    """Return the robot of a command, and the options that say what was said of it by options."""
+    words = [robot_word(robot)]
+    if robot.sidecar is not None and robot.sidecar != find_sidecar(robot.path):
+        words.append(f"--sidecar {path_for_shell(robot.sidecar)}")
+    if robot.base_option is not None:
+        words.append(f"--set base={robot.base_option}")
+    locks = [f"{joint}={robot.locked[joint]:g}" for joint in robot.lock_option]
+    words += [option_for_shell("--lock", lock) for lock in locks]
+    return " ".join(words)
+
+
+#: What a line that `export_line` returns is for.
+EXPORT = "Take the robot into a simulator:"
+
+
+def export_line(robot: Robot, result: str) -> str:
+    """Return the line that exports a fitted robot, and never over the robot's file.
+
+    Parameters
+    ----------
+    robot : Robot
+    result : str
+        JSON of the result, as a word of a shell.
+    """
     name = "refitted.xml" if robot.path.name == "fitted.xml" else "fitted.xml"
-    line = f"identifiability export {source_name(robot)} {result} --out {name}"
-    return "Take the robot into a simulator:", line
+    return f"identifiability export {source_name(robot)} {result} --out {name}"
 
 
 def reading_options(robot: Robot) -> str:
     """Return the options by which a command reads logs as they were read; begins with a space."""
     own, said = robot.said, robot.said.columns.items()  # the sidecar is read again
-    words = [f"--map {quote('='.join(x))}" for x in robot.columns.rules if x not in said]
+    rules = [rule for rule in robot.columns.rules if rule not in said]
+    words = [option_for_shell("--map", "=".join(rule)) for rule in rules]
     words += [f"--set time_unit={robot.time_unit}"] * (robot.time_unit != (own.time.unit or ""))
     words += [f"--set angles={robot.angles}"] * (robot.angles != own.angles)
     return "".join(f" {word}" for word in words)
@@ -78,14 +93,14 @@ def name_logs(robot: Robot, paths: Iterable[str], option: str = "", how: object 
     how : Preparation, optional
         What was asked for.
     """
-    files = [f"{option} {quote(path)}".strip() for path in dict.fromkeys(paths)]
+    files = [f"{option} {path_for_shell(path)}".strip() for path in dict.fromkeys(paths)]
     return f"{' '.join(files)}{reading_options(robot)}{preparing_options(how)}"
 
 
 def compare_line(robot: Robot, paths: Iterable[str], how: object) -> tuple[str, str]:
     """Return what logs are compared for, and how: the first with all others."""
     files = [*dict.fromkeys(paths)]
-    more = "".join(f" --after {quote(path)}" for path in files[2:])
+    more = "".join(f" --after {path_for_shell(path)}" for path in files[2:])
     two = name_logs(robot, files[:2], how=how)
     line = f"identifiability compare {source_name(robot)} {two}{more}"
     return "See what differs between the logs:", line
@@ -98,23 +113,25 @@ def held_back(samples: Sequence[Dataset], fitted: Sequence[Dataset] = ()) -> str
     """
     own = given_paths(fitted)
     paths = (path for path in dict.fromkeys(given_paths(samples)) if path not in own)
-    return "".join(f" --validate {quote(path)}" for path in paths)
+    return "".join(f" --validate {path_for_shell(path)}" for path in paths)
 
 
-def on_file(result: Result, kind: str, name: str, make: str, use: str) -> str:
-    """Return a command on a file of a result; what writes it comes before, where nobody has.
+def on_file(result: Result, kind: str, name: str, make: str, use: Callable[[str], str]) -> str:
+    """Return a command on a file of a result, after the command that writes it if there is none.
 
     Parameters
     ----------
     result : Result
     kind : {"json", "model"}
     name : str
-        What the file is called if it is yet to be written.
-    make, use : str
-        Commands that end in the option and name of the file, and that have ``{file}`` for it.
+        Name of the file if it is yet to be written.
+    make : str
+        Command that writes it; its last word is the option for the file.
+    use : callable
+        Takes the file as a word of a shell and returns the command.
     """
     there = result.written(kind)
-    line = use.replace("{file}", quote(there or name))
+    line = use(path_for_shell(there or name))
     return line if there else f"{make} {name} && {line}"
 
 
@@ -123,4 +140,4 @@ def ladder_option(robot: Robot, source: LadderSource | None) -> str:
     if source is None or not source.origin.lower().endswith(".toml"):
         return ""
     given = str(ladder_path(robot)) != source.origin
-    return f" --ladder {quote(source.origin)}" if given else ""
+    return f" --ladder {path_for_shell(source.origin)}" if given else ""

@@ -30,6 +30,7 @@ from identifiability.foundation.findings import Finding
 from identifiability.foundation.keyed import Row, name_estimates
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import checked
+from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset, Preparation
@@ -285,8 +286,8 @@ def _next_commands(result: Comparison) -> list[tuple[str, str]]:
     loads = [c.place for c in result.changes if c.kind == "load"]
     if loads:
         fitted = f"identifiability analyze {robot} {before} --json analyze.json"
-        weigh = f"{name_logs(result.robot, result.after)} --body {loads[0]}"
-        call = f"{fitted} && identifiability payload {robot} analyze.json {weigh}"
+        logs, body = name_logs(result.robot, result.after), option_for_shell("--body", loads[0])
+        call = f"{fitted} && identifiability payload {robot} analyze.json {logs} {body}"
         return [("Fit the robot without the load, and weigh the load:", call)]
     fit = f"identifiability analyze {robot} {after} --json analyze.json --report report.html"
     return [("Fit the robot as it is now:", fit)]

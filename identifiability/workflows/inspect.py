@@ -6,7 +6,6 @@ are read, prepared, and whether robot file, limits and physics contradict them.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, field, replace
 from typing import Any, ClassVar, Literal
@@ -22,6 +21,7 @@ from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import ledger, phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import checked
+from identifiability.foundation.quoting import for_toml
 from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import (
     NONE,
@@ -46,7 +46,7 @@ from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.sidecar import read_sidecar
 from identifiability.workflows.answers import answer_next, hint_note, sentence, with_hints
-from identifiability.workflows.commands import name_logs, source_name
+from identifiability.workflows.commands import name_logs, robot_word, source_name
 from identifiability.workflows.session import (
     Logs,
     Progress,
@@ -180,11 +180,11 @@ def find_needs(robot: Robot) -> tuple[Need, ...]:
     """Return what the robot file leaves open, the most important first."""
     needs = [Need(wrong)] if (wrong := find_impossible_bodies(robot)) else []
     if robot.assembled:
-        table = [f"{json.dumps(name)} = {x:.6g}" for name, x in robot.home_table.items()]
+        table = [f"{for_toml(name)} = {x:.6g}" for name, x in robot.home_table.items()]
         whole = len(table) == len(robot.tree.joints)
         needs.append(Need(robot.describe_assembly(), "\n".join(["[home]", *table] * whole)))
     if not robot.mjcf and read_sidecar(robot.sidecar).actuated is None:
-        line = f"actuated = {json.dumps(robot.joints)}"
+        line = f"actuated = {for_toml(robot.joints)}"
         needs.append(Need(phrase("needs", "actuated"), line))
     if not has_masses(robot):
         needs.append(Need(phrase("needs", "guessed" if robot.guessed else "masses")))
@@ -532,7 +532,7 @@ def _open(result: Inspection) -> Answer:
 def _next_commands(result: Inspection) -> list[tuple[str, str]]:
     robot = source_name(result.robot)
     if not result.records:
-        study = f"identifiability new study --robot {robot.partition(' --')[0]}"
+        study = f"identifiability new study --robot {robot_word(result.robot)}"
         motion = f"identifiability excite {robot} --out motion.json --report motion.html"
         return [
             ("Begin a folder with an empty log of the right columns:", study),

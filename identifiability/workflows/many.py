@@ -15,7 +15,6 @@ from functools import partial
 from operator import itemgetter
 from pathlib import Path
 from typing import Any, ClassVar, Literal, get_type_hints
-from urllib.parse import quote
 
 import pandas as pd
 
@@ -25,6 +24,7 @@ from identifiability.foundation.errors import IdentifiabilityError, OutputError,
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.options import FilePath, OptionError, check_option, checked
 from identifiability.foundation.output import temporary_folder, write_bytes
+from identifiability.foundation.quoting import for_link
 from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import NONE, error_text, format_count, percent
 from identifiability.foundation.values import frozen
@@ -198,7 +198,7 @@ class Fleet(Result):
         """Return one row a robot."""
         own = with_hints(
             "fleet",
-            Column("robot", "text", lambda r: Cell(r["robot"], r["robot"], link=quote(r["page"]))),
+            Column("robot", "text", _robot_cell),
             Column("held out", "text", lambda r: ", ".join(r["held"]) or NONE),
             Column("model", "text", itemgetter("model")),
             Column("size", "number", itemgetter("parameters")),
@@ -294,6 +294,11 @@ def analyze_many(
     result.to_json(folder / JSON)
     result.write_report(folder / PAGE)
     return result
+
+
+def _robot_cell(row: Mapping[str, Any]) -> Cell:
+    """Return the name of a robot, which leads to its page."""
+    return Cell(row["robot"], row["robot"], link=for_link(row["page"]))
 
 
 def _known(error: float | None) -> float:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
-from shlex import quote
 from typing import Any, ClassVar, cast
 
 import numpy as np
@@ -29,6 +28,7 @@ from identifiability.foundation.keyed import Row
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array
 from identifiability.foundation.options import OptionError, Positive, checked
+from identifiability.foundation.quoting import for_toml, option_for_shell, path_for_shell
 from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import REACH, measured
 from identifiability.foundation.rules import Tolerance
@@ -399,8 +399,8 @@ class Load(Result):
     @property
     def sidecar(self) -> str:
         """Lines for the robot's sidecar; nothing if no gain is told."""
-        pairs = ", ".join(f'"{g.name}" = {g.value:.6g}' for g in self.gains if g.told)
-        return f"[torque]\ngain = {{{pairs}}}\n" if pairs else ""
+        gains = {g.name: float(f"{g.value:.6g}") for g in self.gains if g.told}
+        return f"[torque]\ngain = {for_toml(gains)}\n" if gains else ""
 
     @property
     def caveats(self) -> tuple[str, ...]:
@@ -623,7 +623,8 @@ def _gains(result: Load) -> Answer:
 
 def _next_commands(result: Load) -> list[tuple[str, str]]:
     robot, logs = source_name(result.robot), name_logs(result.robot, result.logs)
-    call = f"identifiability payload {robot} {quote(result.origin)} {logs} --body {result.body}"
+    fitted, body = path_for_shell(result.origin), option_for_shell("--body", result.body)
+    call = f"identifiability payload {robot} {fitted} {logs} {body}"
     text = "Weigh it against a log of the same motion without the load (empty.csv):"
     other = [] if result.without or result.gains else [(text, f"{call} --without empty.csv")]
     begun = name_logs(result.robot, result.logs, "--start-from")

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from shlex import quote
 from typing import Annotated, Any, ClassVar, cast
 
 import numpy as np
@@ -28,6 +27,7 @@ from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.keyed import Keyed, Row, name_estimates
 from identifiability.foundation.names import BASE, Array, shorten_paths
 from identifiability.foundation.options import Expected, OptionError, checked
+from identifiability.foundation.quoting import path_for_shell
 from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import digits, error_text, format_count, join
 from identifiability.foundation.rules import Tolerance
@@ -53,7 +53,13 @@ from identifiability.robot.robot import new_place
 from identifiability.robot.servo import FOUND, Servo
 from identifiability.robot.sidecar import Value
 from identifiability.workflows.answers import answer_next, answer_quality, with_hints
-from identifiability.workflows.commands import export_line, given_paths, name_logs, source_name
+from identifiability.workflows.commands import (
+    EXPORT,
+    export_line,
+    given_paths,
+    name_logs,
+    source_name,
+)
 from identifiability.workflows.session import Logs, Recordings, Session, in_memory, read_recordings
 
 
@@ -724,7 +730,7 @@ def _trust(result: TorquePrediction) -> Answer:
 
 
 def _next_commands(result: TorquePrediction) -> list[tuple[str, str]]:
-    robot, given = source_name(result.robot), quote(result.fit.origin)
+    robot, given = source_name(result.robot), path_for_shell(result.fit.origin)
     every = name_logs(result.robot, result.logs)
     pairs = zip(result.logs, result.measured, strict=True)
     measured = name_logs(result.robot, [n for n, known in pairs if known])
@@ -734,7 +740,7 @@ def _next_commands(result: TorquePrediction) -> list[tuple[str, str]]:
     if _few(result):
         line = f"identifiability diagnose {robot} {measured} --report missing.html"
         return [("Find out what is missing on this motion:", line), *table]
-    return [*table, export_line(result.robot, given)]
+    return [*table, (EXPORT, export_line(result.robot, given))]
 
 
 # `PositionPrediction`: how robots move as logged commands, or torques, make them.

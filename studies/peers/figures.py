@@ -17,8 +17,8 @@ from identifiability.report.figures import (
     MUTED,
     canvas,
     drawn,
+    for_svg,
     log_scale,
-    plain,
     row_canvas,
 )
 
@@ -135,8 +135,9 @@ def draw_pairs(names: Sequence[str], ours: Array, naive: Array, unit: str = "tim
     for row, (a, b) in enumerate(zip(ours, naive, strict=True)):
         axes.plot([a, b], [row, row], color=MUTED, linewidth=1, zorder=0)
         axes.annotate(
-            plain(f"{times_faster(b / a)} ×"), (1, row), (6, 0), xycoords=("axes fraction", "data"),
-            textcoords="offset points", va="center", color=INK, fontsize=10.5,
+            for_svg(f"{times_faster(b / a)} ×"), (1, row), (6, 0),
+            xycoords=("axes fraction", "data"), textcoords="offset points", va="center",
+            color=INK, fontsize=10.5,
         )  # fmt: skip
     every = np.concatenate([ours, naive])
     log_scale(axes, 0.6 * float(every.min()), 1.7 * float(every.max()))

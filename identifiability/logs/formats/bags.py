@@ -27,6 +27,7 @@ import numpy as np
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array, numbered
+from identifiability.foundation.quoting import path_for_shell
 from identifiability.logs.form import PLAIN
 from identifiability.logs.formats.reader import Whole, hash_files, reader
 
@@ -161,7 +162,7 @@ def _choose_topic(path: Path, reader: Any, wanted: str) -> str:
                 "bag.several",
                 path,
                 topics=[*found],
-                first=(told or found)[0],
+                example=path_for_shell(f"{path}:{(told or found)[0]}", always=True),
             )
         )
     raise _no_topic(path, "joint states", wanted, found)

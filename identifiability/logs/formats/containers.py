@@ -65,7 +65,7 @@ def read_mat(path: Path, _: Conventions) -> Whole:
     with path.open("rb") as file:
         newer = file.read(len(_NEWER)) == _NEWER
     if newer:
-        raise LogError(Finding("arrays.matlab", path, name=path.name))
+        raise LogError(Finding("arrays.matlab", path))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # on objects of MATLAB's own, which hold no arrays
         arrays = loadmat(path, simplify_cells=True)

@@ -20,6 +20,7 @@ import numpy as np
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import numbered
+from identifiability.foundation.quoting import path_for_shell
 from identifiability.logs.form import PLAIN
 from identifiability.logs.formats.reader import Whole, reader
 from identifiability.logs.names import KINDS
@@ -110,7 +111,7 @@ def read_episode(path: str | Path) -> pd.DataFrame:
                 "dataset.several",
                 path,
                 count=len(episodes),
-                name=folder.name,
+                example=path_for_shell(f"{folder.name}:0", always=True),
             )
         )
     number = int(split_episodes(episodes[0])[1])

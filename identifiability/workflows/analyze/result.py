@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from statistics import NormalDist
 from textwrap import shorten
 from typing import Any, ClassVar, Generic, Self, TypeVar
@@ -363,16 +363,17 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         again = f"identifiability {verb} {of}{ladder}"
         find, out = f"identifiability diagnose {of}", list[tuple[str, str]]()
         if verb == "prune":
-            line = f"{find} --model {{file}}"
-            find = commands.on_file(self, "model", "pruned.toml", f"{again} --out", line)
+            use = partial("{} --model {}".format, find)
+            find = commands.on_file(self, "model", "pruned.toml", f"{again} --out", use)
         elif self.chosen.count(Class.IDENTIFIABLE) < len(self.chosen.submodel):
             text = "Drop what noise decides, and keep a model that a real robot can have:"
             line = f"{again.replace('analyze', 'prune', 1)} --report pruned.html --json prune.json"
             begun = commands.name_logs(self.robot, names, "--start-from", how)
             more = f"identifiability excite {robot} {begun} --out next.json"
             out = [(text, line), ("Or measure what these logs leave open:", more)]
-        text, line = commands.export_line(self.robot)
-        out.append((text, commands.on_file(self, "json", f"{verb}.json", f"{again} --json", line)))
+        export = partial(commands.export_line, self.robot)
+        line = commands.on_file(self, "json", f"{verb}.json", f"{again} --json", export)
+        out.append((commands.EXPORT, line))
         missing = ("Find out what the model misses:", f"{find} --report missing.html")
         very_good = grade_of(self.chosen.error_ra_validation) == "very-good"
         first = self.missing.functions or self.chosen.contradicted or not very_good

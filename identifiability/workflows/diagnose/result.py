@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
-from shlex import quote
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -23,6 +22,7 @@ from identifiability.foundation.keyed import Row, name_estimates
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import BASE, Array
 from identifiability.foundation.output import write_text
+from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import REACH, digits, error_text, join, percent
 from identifiability.foundation.rules import Tolerance
@@ -36,6 +36,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.answers import after_mass, answer_next, answer_quality, with_hints
 from identifiability.workflows.commands import (
+    EXPORT,
     compare_line,
     export_line,
     given_paths,
@@ -568,7 +569,9 @@ def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
     paths = given_paths(d.samples)
     given = name_logs(d.robot, paths, how=d.preparation)
     logs, model = given + held_back(d.validation, d.samples), d.provenance.get("model")
-    again = f"identifiability diagnose {robot} {logs}{f' --model {quote(model)}' if model else ''}"
+    again = f"identifiability diagnose {robot} {logs}"
+    if model:
+        again = f"{again} {option_for_shell('--model', model)}"
     undecided = any(e.alternatives for e in d.effects) and not d.written("next")
     tells = "Find the motion that tells one name from the other:", f"{again} --next motion.json"
     out = [tells] if undecided else []
@@ -576,11 +579,12 @@ def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
     if any(x.explained.get("log", 0.0) > 0.25 for x in d.discrepancies):
         out.insert(0, compare_line(d.robot, paths, d.preparation))
     if d.included:
-        judge = f"identifiability analyze {robot} {logs} --ladder {{file}} --report report.html"
-        line = on_file(d, "model", "model.toml", f"{again} --out", judge)
+        judge = f"identifiability analyze {robot} {logs}"
+        use = partial("{} --ladder {} --report report.html".format, judge)
+        line = on_file(d, "model", "model.toml", f"{again} --out", use)
         out.append(("Judge the parameters of the diagnosed model:", line))
-    text, use = export_line(d.robot)
-    return [*out, (text, on_file(d, "json", "diagnose.json", f"{again} --json", use))]
+    export = partial(export_line, d.robot)
+    return [*out, (EXPORT, on_file(d, "json", "diagnose.json", f"{again} --json", export))]
 
 
 ODDS = "Log odds for it on the fitted motion, all that was asked counted [nat]."

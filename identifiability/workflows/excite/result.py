@@ -10,7 +10,6 @@ from dataclasses import field
 from functools import cached_property
 from io import BytesIO
 from pathlib import Path
-from shlex import quote
 from typing import Any, ClassVar
 
 import numpy as np
@@ -23,6 +22,7 @@ from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import MOST_SAMPLES
 from identifiability.foundation.output import check_ending, csv_text, write_bytes, write_text
+from identifiability.foundation.quoting import path_for_shell
 from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import digits, format_count, format_number, percent
 from identifiability.foundation.values import frozen
@@ -375,7 +375,7 @@ def _next_commands(result: Excitation) -> list[tuple[str, str]]:
     measured = [("When it is measured (as next.csv), judge all logs together:", analyze)]
     if there is None:  # another motion would be rehearsed
         return measured
-    line = f"identifiability simulate {robot} {quote(there)} --out rehearsal.csv"
+    line = f"identifiability simulate {robot} {path_for_shell(there)} --out rehearsal.csv"
     return [("Rehearse it in simulation:", line), *measured]
 
 

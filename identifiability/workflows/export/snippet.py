@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from pprint import pformat
 from types import SimpleNamespace
 from typing import Any
 
@@ -18,6 +17,7 @@ from identifiability.effects import FAMILIES, AlongAxes
 from identifiability.effects.effect import POSTURES, RESTS, SPEEDS
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_text
+from identifiability.foundation.quoting import for_python
 from identifiability.robot import Robot
 from identifiability.robot.description import Axis
 from identifiability.simulation.motion import usual_limits
@@ -35,7 +35,7 @@ OWN = {
     and not family.loaded
 }
 
-TEXT = '''"""Torque that {file} cannot hold: in MuJoCo, when the model is loaded,
+TEXT = '''"""Torque that the robot file cannot hold: in MuJoCo, when the model is loaded,
 `mujoco.set_mjcb_passive(add_torque)`.
 
 TABLES has of each joint the levels of dry friction over |speed| and over position, and torque over
@@ -44,6 +44,7 @@ speed and over position, as (places, values) [SI]; a controller of Isaac interpo
 
 import numpy as np
 
+FILE = {file}
 TABLES = {tables}
 
 
@@ -101,8 +102,7 @@ def write_snippet(whole: Robot, alone: Robot, path: Path) -> tuple[Path | None, 
             "torque over speed": _rounded(np.append(-v[::-1], v), np.append(torque[::-1], torque)),
             "torque over position": _rounded(q, torques - torque[0]),
         }
-    told = pformat(tables, width=96, compact=True, sort_dicts=False)
-    text = TEXT.format(file=alone.path.name, tables=told)
+    text = TEXT.format(file=for_python(alone.path.name), tables=for_python(tables, width=96))
     return write_text(path, text) if tables else None, [*found]
 
 

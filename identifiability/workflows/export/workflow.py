@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
@@ -34,6 +36,7 @@ from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS
 from identifiability.foundation.options import ExportFormat, FilePath, checked
 from identifiability.foundation.output import check_ending, temporary_folder, write_text
+from identifiability.foundation.quoting import for_patch, for_python
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import state_mass
@@ -387,13 +390,18 @@ def _write_patch(robot: Robot, result: Path | str, path: Path, **how: Any) -> Ex
 def _difference(own: Path | None, new: Path) -> str:
     """Return a unified diff of two files, the first of which need not be there."""
     old, changed = (
-        [] if path is None else path.read_bytes().decode("utf-8").splitlines(keepends=True)
-        for path in (own, new)
+        [] if path is None else _lines_of(path.read_bytes().decode("utf-8")) for path in (own, new)
     )
-    names = "/dev/null" if own is None else f"a/{own.name}", f"b/{(own or new).name}"
+    before = "/dev/null" if own is None else for_patch(f"a/{own.name}")
+    names = before, for_patch(f"b/{(own or new).name}")
     ended = "{}\n\\ No newline at end of file\n"
     lines = unified_diff(old, changed, *names)
     return "".join(line if line.endswith("\n") else ended.format(line) for line in lines)
+
+
+def _lines_of(text: str) -> list[str]:
+    """Return the lines of a text as a patch counts them: a line feed alone ends one."""
+    return io.StringIO(text, newline="\n").readlines()
 
 
 def _as_stated(robot: Robot, given: Mapping[str, float]) -> dict[str, float]:
@@ -555,7 +563,7 @@ def state_servos(robot: Robot, content: ResultEntry) -> str:
     )
 
 
-ACTUATORS = '''"""Servos of {title}, fitted: a configuration for Isaac Lab.
+ACTUATORS = '''"""Fitted servos of a robot: a configuration for Isaac Lab.
 
 Friction is torque [N·m], as Isaac Sim 5 and later take it; numbers are those of
 continuous time. What the logs do not determine by itself is near the robot file's.
@@ -563,11 +571,12 @@ continuous time. What the logs do not determine by itself is near the robot file
 
 from isaaclab.actuators import DelayedPDActuatorCfg
 
+ROBOT = {title}
 PHYSICS_DT = 0.001  # [s], that of your simulation: delays are whole steps of it
 DELAY = {delay:.6g}  # [s], from a command's row until it acts
 
 SERVOS = DelayedPDActuatorCfg(
-    joint_names_expr={joints!r},
+    joint_names_expr={joints},
 {rows}
     min_delay=round(DELAY / PHYSICS_DT),
     max_delay=round(DELAY / PHYSICS_DT),
@@ -602,15 +611,15 @@ def write_isaaclab(
     for word, kind in (kinds | {"dynamic_friction": "Fc"}).items():
         columns[word] = np.array([given.get(f"{j}.{kind}", 0.0) for j in robot.joints])
     rows = []
+    names = [re.escape(joint) for joint in robot.joints]  # Isaac Lab reads them as patterns
     for word, values in columns.items():
-        pairs = zip(robot.joints, values.tolist(), strict=True)
-        known = ", ".join(f'"{j}": {x:.6g}' for j, x in pairs if not np.isnan(x))
-        rows += [f"    {word}={{{known}}},"] if known else []
-    title, late = robot.title or robot.name, max(delay or 0.0, 0.0)
+        pairs = zip(names, values.tolist(), strict=True)
+        known = {name: float(f"{x:.6g}") for name, x in pairs if not np.isnan(x)}
+        rows += [f"    {word}={for_python(known)},"] if known else []
     text = ACTUATORS.format(
-        title=title,
-        delay=late,
-        joints=[*robot.joints],
+        title=for_python(robot.title or robot.name),
+        delay=max(delay or 0.0, 0.0),
+        joints=for_python(names),
         rows="\n".join(rows),
     )
     return write_text(out, text)

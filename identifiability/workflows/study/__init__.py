@@ -1,10 +1,8 @@
-"""A folder to begin a study in: robot, sidecar, logs, script and Makefile, which run at once."""
+"""A folder to begin a study in: robot, sidecar, logs and a script that runs at once."""
 
 from __future__ import annotations
 
-import json
 import os
-import shlex
 from collections.abc import Sequence
 from dataclasses import replace
 from importlib import resources
@@ -13,10 +11,11 @@ from string import Template
 from tempfile import TemporaryDirectory
 from typing import Annotated
 
-from identifiability.foundation.errors import LogError, OutputError
+from identifiability.foundation.errors import OutputError
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.options import Expected, FilePath, checked
-from identifiability.foundation.output import check_writable, write_together
+from identifiability.foundation.output import check_writable, csv_text, write_together
+from identifiability.foundation.quoting import for_python, for_toml, path_for_shell, toml_key
 from identifiability.foundation.values import frozen
 from identifiability.logs.formats.reader import check_there
 from identifiability.robot import Robot
@@ -30,7 +29,7 @@ from identifiability.workflows.inspect import template_frame
 #: What a study begins with where nothing is said: the arm whose logs are shipped.
 SHIPPED = "six-dof-arm"
 
-#: Logs that a study has, in its script and its Makefile.
+#: Logs that a study has in its script.
 RUNS = ("run1.csv", "run2.csv", "run3.csv")
 
 
@@ -46,9 +45,9 @@ class Study:
     written : tuple of Path
         Its files.
     fitted : tuple of str
-        Logs that its script and Makefile fit, seen from the folder.
+        Logs that its script fits, seen from the folder.
     held_back : str or None
-        The log that judges.
+        The held-out log.
     has_logs : bool
         Whether these are there.
     notes : tuple of str
@@ -67,19 +66,19 @@ class Study:
     def next_line(self) -> str:
         """The first command to type."""
         if self.has_logs:
-            given = shlex.join([self.robot, *self.fitted])
-            judge = f" --validate {shlex.quote(self.held_back)}" if self.held_back else ""
+            given = " ".join(map(path_for_shell, [self.robot, *self.fitted]))
+            judge = f" --validate {path_for_shell(self.held_back)}" if self.held_back else ""
             verb = f"analyze {given}{judge} --report report.html"
         else:
-            verb = f"inspect {shlex.quote(self.robot)}"
-        return f"cd {shlex.quote(str(self.folder))} && identifiability {verb}"
+            verb = f"inspect {path_for_shell(self.robot)}"
+        return f"cd {path_for_shell(self.folder)} && identifiability {verb}"
 
     @property
     def statement(self) -> str:
-        """What is there, and what to do next."""
+        """What is in the folder."""
         logs = [*self.fitted, *filter(None, [self.held_back])]
         told = phrase("study", "logs" if self.has_logs else "alone", logs=logs, runs=[*RUNS])
-        return f"{self.folder} is a study of {self.robot}, {told}. Begin with: {self.next_line}"
+        return f"{self.folder} is a study of {self.robot}, {told}."
 
 
 @checked
@@ -98,8 +97,8 @@ def new_study(
         MJCF or URDF file, which is copied with its sidecar, a table of Denavit and Hartenberg
         (TOML), of which URDF and sidecar are written, or a shipped robot's name, such as 3-rps.
     logs : sequence of path, optional
-        Your own logs, which stay where they are: script and Makefile name them. The last of several
-        judges and is not fitted.
+        Your own logs, which stay where they are: the script names them. The last of several
+        is held out.
 
     Raises
     ------
@@ -118,8 +117,6 @@ def new_study(
     source = locate_robot(robot)
     for log in logs:
         check_there(Path(log))
-        if set(str(log)) & set(" #$:"):
-            raise LogError(Finding("study.log", log))
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise OutputError(Finding("study.there", folder))
     check_writable(folder / source.name if folder.is_dir() else folder)
@@ -131,14 +128,13 @@ def new_study(
     names = [os.path.relpath(log, folder) for log in logs] or list(RUNS)
     fitted, held_back = (names[:-1], names[-1]) if len(names) > 1 else (names, None)
     has_logs = bool(logs) or all(name in files for name in names)
-    told = _told(source.name, sidecar.name, fitted, held_back)
-    texts = {name: _filled(name, told) for name in ("study.py", "Makefile")}
+    texts = {"study.py": _filled("study.py", _facts_of_script(source.name, fitted, held_back))}
     if not has_logs or (logs and sidecar.name not in files):
         known = Robot.load(source)
         if not has_logs:
-            texts["template.csv"] = template_frame(known).to_csv(index=False)
+            texts["template.csv"] = csv_text(template_frame(known))
         if sidecar.name not in files:
-            texts[sidecar.name] = _filled("sidecar.toml", {**told, **_facts(known)})
+            texts[sidecar.name] = _filled("sidecar.toml", _facts(known))
     whole = {name: path.read_bytes() for name, path in files.items()}
     whole |= {name: text.encode() for name, text in texts.items()}
     new = not folder.exists()
@@ -159,16 +155,13 @@ def new_study(
     )
 
 
-def _told(robot: str, sidecar: str, fitted: Sequence[str], held_back: str | None) -> dict[str, str]:
-    """Return what stands in script and Makefile."""
+def _facts_of_script(robot: str, fitted: Sequence[str], held_back: str | None) -> dict[str, str]:
+    """Return the names in the script, as Python."""
+    held_out = [] if held_back is None else [held_back]
     return {
-        "ROBOT": robot,
-        "SIDECAR": sidecar,
-        "LOGS": repr(list(fitted)),
-        "HELD_BACK": repr(held_back) if held_back else "()",
-        "MAKE_LOGS": " ".join(fitted),
-        "MAKE_HELD": held_back or "",
-        "VALIDATE": "--validate $(HELD_BACK)" if held_back else "",
+        "ROBOT": for_python(robot),
+        "LOGS": for_python(list(fitted)),
+        "HELD_OUT": for_python(held_out),
     }
 
 
@@ -186,7 +179,7 @@ def _filled(name: str, told: dict[str, str]) -> str:
 def _facts(robot: Robot) -> dict[str, str]:
     """Return what a sidecar begins with."""
     return {
-        "NAME": json.dumps(robot.title, ensure_ascii=False),
-        "ACTUATED": json.dumps(list(robot.joints), ensure_ascii=False),
-        "FIRST": next(iter(robot.joints), "joint"),
+        "NAME": for_toml(robot.title),
+        "ACTUATED": for_toml(robot.joints),
+        "FIRST": toml_key(next(iter(robot.joints), "joint")),
     }
