@@ -200,16 +200,16 @@ def for_xml(element: ElementTree.Element) -> str:
     return _NOT_XML.sub("\ufffd", ElementTree.tostring(element, encoding="unicode"))
 
 
-def xml_comment(text: str) -> str:
-    """Return a text as an XML comment, which no text of its own ends.
+def for_xml_comment(text: str) -> str:
+    """Return a text as it stands between the marks of an XML comment, which it cannot end.
 
     Examples
     --------
-    >>> xml_comment("a --> b-")
-    '<!-- a – > b- -->'
+    >>> for_xml_comment("a --> b-")
+    ' a – > b- '
     """
     inside = _NOT_XML.sub("\ufffd", text).replace("--", "– ")
-    return f"<!-- {inside} -->"
+    return f" {inside} "
 
 
 # TOML: sidecars and ladders.

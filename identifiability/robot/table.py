@@ -39,7 +39,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import pinocchio as pin
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from identifiability.foundation.documents import Span, first_problem, read_document, toml_text
 from identifiability.foundation.errors import RobotError, listing, near_match
@@ -47,7 +47,7 @@ from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import check_apart, check_ending, write_text, write_together
-from identifiability.foundation.quoting import fits_xml, for_xml
+from identifiability.foundation.quoting import fits_xml, for_xml, for_xml_comment
 from identifiability.robot.assembly import position_limits
 from identifiability.robot.description import Coupling, Description
 from identifiability.robot.kinematics import WORLD, Joint, Point
@@ -62,16 +62,7 @@ BASE = "base"
 Distance = Annotated[float, Field(ge=-1e6, le=1e6)]
 
 
-def _writable(name: str) -> str:
-    """Check that a robot file can hold a name."""
-    if not fits_xml(name):
-        raise ValueError("a robot file cannot hold its control characters; give another name")
-    if is_computed(name):
-        raise ValueError("xacro would compute '${' or '$('; give another name")
-    return name
-
-
-Name = Annotated[str, Field(min_length=1), AfterValidator(_writable)]
+Name = Annotated[str, Field(min_length=1)]
 #: A number in the file's unit, or a text such as ``-pi/2``.
 Angle = (
     float
@@ -174,7 +165,8 @@ def write_table(table: str | Path | Mapping[str, Any], out: str | Path) -> tuple
     ball = "has no mass and is taken for a ball of 1 kg; state what is known."
     notes = (f"{listing(guessed)} {ball}",) if guessed else ()
     top = _urdf(read)
-    top.insert(0, ET.Comment(f" {' '.join([f'From {source}.', *notes]).replace('--', '- -')} "))
+    _check_names(top, source)
+    top.insert(0, ET.Comment(for_xml_comment(" ".join([f"From {source}.", *notes]))))
     ET.indent(top)
     sidecar = {"name": read.name} | read.sidecar.model_dump(mode="json", exclude_unset=True)
     sidecar |= {"guessed": guessed} if guessed else {}
@@ -458,6 +450,20 @@ def converted_sidecar(robot: Description, path: Path) -> dict[str, Any]:
 # the text of its file: no geometry, so a simulator shows nothing and nothing collides.
 
 
+def _check_names(top: ET.Element, source: str | Path) -> None:
+    """Refuse names that a robot file cannot hold.
+
+    Raises
+    ------
+    RobotError
+    """
+    for name in (name for element in top.iter() for name in element.attrib.values()):
+        if not fits_xml(name):
+            raise RobotError(Finding("robot.control", source, name=name))
+        if top.tag == "robot" and is_computed(name):
+            raise RobotError(Finding("robot.computed", source, name=name))
+
+
 def write_converted(robot: Description, path: Path) -> None:
     """Write a robot in another format, with placeholders for its inertias, and its sidecar.
 
@@ -482,10 +488,7 @@ def write_converted(robot: Description, path: Path) -> None:
         )
     robot.check_stands("conversion to another format")
     top = converted_mjcf(robot) if path.suffix == ".xml" else converted_urdf(robot)
-    names = [name for element in top.iter() for name in element.attrib.values()]
-    computed = [name for name in names if is_computed(name)]
-    if path.suffix == ".urdf" and computed:
-        raise RobotError(Finding("robot.computed", robot.path, name=computed[0]))
+    _check_names(top, robot.path)
     ET.indent(top)
     write_text(path, f"{for_xml(top)}\n")
     write_text(path.with_suffix(".toml"), toml_text(converted_sidecar(robot, path)))

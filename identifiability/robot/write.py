@@ -23,7 +23,7 @@ from identifiability.foundation.errors import OutputError, RobotError
 from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_together
-from identifiability.foundation.quoting import for_xml, toml_comment, xml_comment
+from identifiability.foundation.quoting import for_xml, for_xml_comment, toml_comment
 from identifiability.robot.closure import rest_along
 from identifiability.robot.description import FIELDS, Axis, Description
 from identifiability.robot.floating import BASE_JOINTS
@@ -65,7 +65,7 @@ def edited(old: str, new: str, comment: str) -> str:
             now[k] = before, tag, _edited_tag(said, now[k][2])
     if comment:
         margin = now[1][0][now[1][0].rfind("\n") :]
-        now[0] = (*now[0], f"{margin}{xml_comment(comment)}")
+        now[0] = (*now[0], f"{margin}<!--{for_xml_comment(comment)}-->")
     return "".join(map("".join, now)) + (_PIECE.sub("", old) or "\n")
 
 
