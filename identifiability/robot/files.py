@@ -118,9 +118,9 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
             mimics.append(Coupling(name, name, offset, {of: (0.0, slope)}))
         elif name not in instead:
             raise RobotError(
-                f"{path}: joint '{name}' mimics '{of}', which is none of the others"
-                f"{near_match(of, others)} Correct the file, or say in the sidecar what it "
-                f"follows ([[couplings]]) or that it stands still (locked = {for_toml([name])})."
+                f"{path}: joint '{name}' mimics '{of}', but there is no other joint of that name"
+                f"{near_match(of, others)} Correct the file, or state a coupling in the sidecar "
+                f"([[couplings]]), or lock the joint (locked = {for_toml([name])})."
             )
     single = [model.names[j] for j in range(1, model.njoints) if model.joints[j].nv == 1]
     locked, couplings = settle_locks(path, extra, dict.fromkeys(single, 0.0), mimics, fixed)

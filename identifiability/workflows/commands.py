@@ -26,7 +26,7 @@ def robot_word(robot: Robot) -> str:
 
 
 def source_name(robot: Robot) -> str:
-    """Return the robot of a command, and the options that say what was said of it by options."""
+    """Return the robot of a command with its sidecar, base and locks as options."""
     words = [robot_word(robot)]
     if robot.sidecar is not None and robot.sidecar != find_sidecar(robot.path):
         words.append(f"--sidecar {path_for_shell(robot.sidecar)}")
@@ -77,7 +77,7 @@ def preparing_options(how: object) -> str:
 
 
 def given_paths(logs: Iterable[Log | Dataset]) -> tuple[str, ...]:
-    """Return the paths of logs as they were given; of those in memory what they are called."""
+    """Return the paths of logs as they were given, and the names of logs in memory."""
     return tuple(log.path or log.name for log in logs)
 
 
@@ -98,7 +98,7 @@ def name_logs(robot: Robot, paths: Iterable[str], option: str = "", how: object 
 
 
 def compare_line(robot: Robot, paths: Iterable[str], how: object) -> tuple[str, str]:
-    """Return what logs are compared for, and how: the first with all others."""
+    """Return the line that compares the first log with all others, after its purpose."""
     files = [*dict.fromkeys(paths)]
     more = "".join(f" --after {path_for_shell(path)}" for path in files[2:])
     two = name_logs(robot, files[:2], how=how)

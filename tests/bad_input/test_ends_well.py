@@ -10,16 +10,17 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from identifiability.cli.common import harmless
 from identifiability.cli.options import Outputs
 from identifiability.foundation import output
 from identifiability.foundation.errors import OutputError
 from identifiability.foundation.output import csv_text, write_text
+from identifiability.foundation.quoting import for_terminal
 
 
 def test_control_characters_are_shown_and_not_obeyed():
-    assert harmless("a\x1b[2Jb\nc\td\u202ee\x9b") == "a\\x1b[2Jb\nc\td\\u202ee\\x9b"
-    assert harmless("Gelenk_ä 控制 é") == "Gelenk_ä 控制 é"
+    shown = for_terminal("a\x1b[2Jb\nc\td\u202ee\x9b", keep="\n\t")
+    assert shown == "a\\x1b[2Jb\nc\td\\u202ee\\x9b"
+    assert for_terminal("Gelenk_ä 控制 é", keep="\n\t") == "Gelenk_ä 控制 é"
 
 
 @pytest.mark.parametrize("name", ["=cmd|'/C calc'!A0.q", "+1.q", "-x.q", "@sum.q", "\tx.q"])

@@ -75,7 +75,7 @@ class Study:
 
     @property
     def statement(self) -> str:
-        """What is in the folder."""
+        """The files of the study, in one sentence."""
         logs = [*self.fitted, *filter(None, [self.held_back])]
         told = phrase("study", "logs" if self.has_logs else "alone", logs=logs, runs=[*RUNS])
         return f"{self.folder} is a study of {self.robot}, {told}."
@@ -177,7 +177,7 @@ def _filled(name: str, told: dict[str, str]) -> str:
 
 
 def _facts(robot: Robot) -> dict[str, str]:
-    """Return what a sidecar begins with."""
+    """Return the values of a new sidecar, as TOML."""
     return {
         "NAME": for_toml(robot.title),
         "ACTUATED": for_toml(robot.joints),
