@@ -205,7 +205,7 @@ class Renames:
 
 
 def name_rule(old: str, new: str) -> str:
-    r"""Return the rule ``OLD=NEW`` that renames one name, whatever letters it has.
+    r"""Return the rule ``OLD=NEW`` that renames one name, with any letters.
 
     Examples
     --------

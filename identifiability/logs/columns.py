@@ -257,7 +257,7 @@ def _in_si(column: Column, units: Mapping[str, str], source: str, known: Convent
     if unread and known.columns.apply(name) == name:
         example = next(u for u, (what, _) in UNITS.items() if what == DIMENSIONS[kind][0])
         gain = (
-            "give what one of it is in N·m or N "
+            "give one unit in N·m or N "
             f"([torque] gain = {{{toml_key(column.joint)} = …}} in the "
             f"sidecar) with {_map_word(name, column.name)}"
         )

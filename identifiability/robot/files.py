@@ -118,9 +118,9 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
             mimics.append(Coupling(name, name, offset, {of: (0.0, slope)}))
         elif name not in instead:
             raise RobotError(
-                f"{path}: joint '{name}' mimics '{of}', but there is no other joint of that name"
-                f"{near_match(of, others)} Correct the file, or state a coupling in the sidecar "
-                f"([[couplings]]), or lock the joint (locked = {for_toml([name])})."
+                f"{path}: joint '{name}' mimics '{of}', but no other joint has that name"
+                f"{near_match(of, others)} Correct the file, or state [[couplings]] "
+                f"in the sidecar, or lock the joint (locked = {for_toml([name])})."
             )
     single = [model.names[j] for j in range(1, model.njoints) if model.joints[j].nv == 1]
     locked, couplings = settle_locks(path, extra, dict.fromkeys(single, 0.0), mimics, fixed)

@@ -65,7 +65,7 @@ def test_a_joint_may_follow_what_the_sidecar_says_where_the_file_names_none(load
 <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
 <joint name="wrist" type="revolute"><parent link="arm"/><child link="tip"/><axis xyz="0 1 0"/>
 <mimic joint="elbo"/></joint></robot>"""
-    with pytest.raises(RobotError, match="'wrist' mimics 'elbo', but there is no other") as error:
+    with pytest.raises(RobotError, match="'wrist' mimics 'elbo', but no other joint") as error:
         load("</robot>", hand)
     assert "did you mean 'elbow'?" in str(error.value)
     assert "[[couplings]]" in str(error.value)
@@ -77,7 +77,7 @@ def test_a_joint_may_follow_what_the_sidecar_says_where_the_file_names_none(load
 
 #: Public files that are refused, and what the sentence says.
 REFUSED = {
-    "alex_psyonic_hands.urdf": "mimics 'index_q1', but there is no other",
+    "alex_psyonic_hands.urdf": "mimics 'index_q1', but no other joint",
     "quadrotor_base.urdf": "has no joint that moves; there is nothing to identify",
     "ur3.urdf": "has no <link>; it may only define parts",
     "iris_simple.urdf": "has no joint that moves; there is nothing to identify",
