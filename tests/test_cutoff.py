@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from identifiability import analyze
+from identifiability import analyze, diagnose, prune
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.findings import of_key
 from identifiability.logs.prepare import Preparation
 from identifiability.simulation import Noise
 
@@ -58,3 +60,45 @@ def test_noise_that_pulls_values_down_is_said(positions):
     assert hint.startswith("Noise of what is differentiated has ")
     quiet = analyze("two-link", positions(5e-3), replicates=0).samples[0].cutoff
     assert f"set it to {quiet:.2g} Hz (--set cutoff)" in hint
+
+
+#: Every so-manieth sample of a log of 100 Hz: of 4 Hz, which no cut-off of the others suits.
+SLOW = slice(None, None, 25)
+
+
+@pytest.fixture(scope="module")
+def slow(positions):
+    """A log that is sampled at 4 Hz."""
+    log = positions(2e-5, 1)
+    return replace(log.each(lambda x: x[SLOW], t=log.t[SLOW]), name="slow", sha256="slow")
+
+
+@pytest.mark.parametrize("cutoff", [None, 12.0])
+@pytest.mark.parametrize("verb", [analyze, prune, diagnose])
+def test_a_slower_held_out_log_is_judged_in_its_own_band(verb, cutoff, positions, slow):
+    how = None if cutoff is None else Preparation(cutoff=cutoff)
+    options = {} if verb is diagnose else {"replicates": 0}
+    found = verb("two-link", positions(2e-5), slow, preparation=how, **options)
+    (said,) = of_key(found.hints, "own_band")
+    assert said.startswith("slow is judged in its own band, up to 0.8 Hz: with 4 samples a second")
+    assert said.endswith(f"cut-off of the fitted logs, {said.numbers['cutoff']:.3g} Hz.")
+    assert said.numbers["cutoff"] == (cutoff or pytest.approx(8, rel=0.01))
+
+
+def test_the_log_held_out_moves_no_fitted_value(positions, slow):
+    alone = analyze("two-link", positions(2e-5), replicates=0)
+    judged = analyze("two-link", positions(2e-5), slow, replicates=0)
+    assert [s.cutoff for s in judged.samples] == [s.cutoff for s in alone.samples]
+    pairs = zip(judged.models, alone.models, strict=True)
+    assert all((a.estimate.value == b.estimate.value).all() for a, b in pairs)
+    assert judged.validation[0].band == pytest.approx(0.8)
+
+
+def test_a_result_predicts_a_slower_log_in_its_own_band(positions, slow):
+    (said,) = of_key(analyze("two-link", positions(2e-5)).predict(slow).hints, "own_band")
+    assert "up to 0.8 Hz" in said
+
+
+def test_a_fitted_log_that_cannot_have_the_cut_off_is_refused(positions, slow):
+    with pytest.raises(LogError, match=r"cut-off 12 Hz does not lie between .* \(2 Hz\)"):
+        analyze("two-link", [positions(2e-5), slow], preparation=Preparation(cutoff=12.0))

@@ -26,6 +26,7 @@ from identifiability.logs import Log
 from identifiability.logs.commands import check_commands, moved, of_commands, servo_log
 from identifiability.logs.contradictions import check_units
 from identifiability.logs.prepare import Preparation, prepare_log
+from identifiability.logs.prepare.preparation import fit_band
 from identifiability.logs.spectrum import noise_level, resolution
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.regression.structure import Structure
@@ -92,10 +93,10 @@ def follow_commands(
     structure = replace(structure, robot=replace(robot, servo=replace(servo, rolled=None)))
     text = check_found(robot, commanded, found) + state_servos(robot, commanded, found)
 
-    def calibrated(log: Log, delay: float | None) -> Log:
+    def calibrated(log: Log, delay: float | None, how: Preparation) -> Log:
         return calibrate(structure, log.select(robot.joints), delay, found.parameters, how, rng)
 
-    own = {k: calibrated(fitted[k], d) for k, d in zip(at, found.delays.tolist(), strict=True)}
+    own = {k: calibrated(fitted[k], d, how) for k, d in zip(at, found.delays.tolist(), strict=True)}
     # No command acts before it is sent: rows that say so hold them otherwise, which is an error.
     errors = np.maximum(found.delay_errors, -found.delays)
     text += f" {phrase('rollouts', 'early')}" * any(found.delays < -2.0 * found.delay_errors)
@@ -109,7 +110,11 @@ def follow_commands(
         odd, others = odd + scale, [servo.having({"kp": servo.kp / np.exp(np.mean(larger))})]
     others += servo.doubted
     later += [{k: moved(x, servo, other) for k, x in own.items()} for other in others]
-    unseen = [calibrated(x, servo.delay) if of_commands(x) else x for x in recordings.held_out]
+    bands = [fit_band(robot, x, how) or how for x in recordings.held_out]
+    unseen = [
+        calibrated(log, servo.delay, band) if of_commands(log) else log
+        for log, band in zip(recordings.held_out, bands, strict=True)
+    ]
     rolled = any(x.rollout is not None for x in own.values())
     told = replace(
         recordings,

@@ -489,7 +489,7 @@ def _along(fit: Fit, logs: Logs, engine: Engine | None) -> TorquePrediction:
         measured=measured,
         motion=samples[0].motion,
         notes={s.path or s.name: s.notes for s in samples},
-        hints=(*state_missing(fit.missing), *known.hints),
+        hints=(*state_missing(fit.missing), *known.hints, *(x for s in samples for x in s.hints)),
         **dict(zip(names, joined, strict=True)),
     )
 

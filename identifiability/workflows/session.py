@@ -52,7 +52,7 @@ from identifiability.logs.log import check_held_out, refuse_silent, share_clock,
 from identifiability.logs.prepare import Dataset, Preparation, prepare_log
 from identifiability.logs.prepare.dataset import explain_silence, require_signal
 from identifiability.logs.prepare.instruments import add_instrument
-from identifiability.logs.prepare.preparation import settle_cutoff
+from identifiability.logs.prepare.preparation import fit_band, settle_cutoff
 from identifiability.physical.cad_prior import load_by_fit
 from identifiability.quality import MeasuredLogs, Reading, find_always, find_oddities, mend
 from identifiability.quality.hints import leave_out_rows, weigh_rows
@@ -256,6 +256,28 @@ def in_memory(logs: Sequence[InMemory]) -> list[InMemory]:
     if long:
         raise too_long(long[0])
     return list(logs)
+
+
+def prepare_unfitted(
+    prepare: Callable[..., Dataset], robot: Robot, how: Preparation | None
+) -> Callable[[Log], Dataset]:
+    """Return a function that prepares a log which had no say in the cut-off.
+
+    Parameters
+    ----------
+    prepare : callable(Log, how=Preparation) -> Dataset
+    robot : Robot
+    how : Preparation or None
+        Of the fitted logs.
+    """
+    return partial(_prepare_unfitted, prepare=prepare, robot=robot, how=how)
+
+
+def _prepare_unfitted(
+    log: Log, prepare: Callable[..., Dataset], robot: Robot, how: Preparation | None
+) -> Dataset:
+    own = fit_band(robot, log, how)
+    return prepare(log) if own is how else prepare(log, how=own)
 
 
 # What decided the numbers of a result: versions, seed, options, and hashes of what went in.
@@ -465,7 +487,7 @@ class Session:
         return replace(self, structure=structure, recordings=found, settled=self.how)
 
     def settle(
-        self, done: str = "", prepare: Callable[[Log], Dataset] | None = None
+        self, done: str = "", prepare: Callable[..., Dataset] | None = None
     ) -> tuple[Session, Opening]:
         """Return the session under the model that its fitted logs prefer, and its opening.
 
@@ -518,7 +540,7 @@ class Session:
     def open(
         self,
         done: str = "",
-        prepare: Callable[[Log], Dataset] | None = None,
+        prepare: Callable[..., Dataset] | None = None,
         *,
         seek: bool = True,
     ) -> Opening:
@@ -529,7 +551,7 @@ class Session:
         done : str
             What cannot be done, as a participle, with fitted logs that have nothing to explain;
             empty where that is an answer too: then nothing is held out either.
-        prepare : callable(Log) -> Dataset, optional
+        prepare : callable(Log, how=Preparation) -> Dataset, optional
             Of a whole log, each where the engine puts it; by default `prepare_log`, which puts
             stretches of one there.
         seek : bool
@@ -538,7 +560,8 @@ class Session:
         own_way, recordings = prepare or self._preparing(), self.recordings
         each = map if prepare is None else self.engine.map
         train = tuple(each(own_way, recordings.fitted))
-        held_out = tuple(each(own_way, recordings.held_out))
+        unseen = prepare_unfitted(own_way, self.structure.robot, self.how)
+        held_out = tuple(each(unseen, recordings.held_out))
         if done:
             require_signal(train, done)
         require_signal(held_out, "verified")
@@ -561,7 +584,9 @@ class Session:
         )
 
     def prepare(self, recordings: Sequence[Log], done: str = "") -> list[Dataset]:
-        """Return some of the logs prepared, for verbs to which what is odd about them is no sign.
+        """Return logs prepared for the fitted model of a result, without a search for oddities.
+
+        A log that cannot have the cut-off of the result gets its own band.
 
         Parameters
         ----------
@@ -569,12 +594,13 @@ class Session:
         done : str
             As of `open`; empty where logs that have nothing to explain will do.
         """
-        samples = list(map(self._preparing(), recordings))
+        prepare = prepare_unfitted(self._preparing(), self.structure.robot, self.how)
+        samples = list(map(prepare, recordings))
         if done:
             require_signal(samples, done)
         return samples
 
-    def _preparing(self) -> Callable[[Log], Dataset]:
+    def _preparing(self) -> Callable[..., Dataset]:
         reading = share(self.say, "reading logs", 0.1, 0.2)
         robot = self.structure.robot
         return partial(prepare_log, robot, how=self.how, engine=self.engine, progress=reading)

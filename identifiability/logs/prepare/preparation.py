@@ -546,16 +546,16 @@ def plan_gaps(plan: Plan, gaps: Gaps, samples: int) -> Plan:
         # Fewest samples between two gaps that are used.
         least = max(4, int(np.ceil(1.0 / (plan.band * plan.step))))
     grid = gaps.divide(longest, least)
-    uneven = []
+    hints = [*plan.hints]
     if plan.cutoff is not None and abs(gaps.drift) > RULES.small:
-        uneven = [
+        hints.append(
             f"{gaps.name} is sampled unevenly: the mean step is {percent(gaps.drift, 2)} off the "
             f"usual {gaps.step:.3g} s, and what is differentiated errs by as much: give samples at "
             "even steps, or measured velocities and accelerations."
-        ]
+        )
     if grid is None:
-        return replace(plan, hints=tuple(uneven))
-    notes, hints, split = [*plan.notes], uneven, np.isin(gaps.rows + 1, grid.breaks)
+        return replace(plan, hints=tuple(hints))
+    notes, split = [*plan.notes], np.isin(gaps.rows + 1, grid.breaks)
     if len(grid.after) and plan.cutoff is not None:
         longest = float(gaps.length[~split].max())
         notes.append(
@@ -633,10 +633,13 @@ class SettledPreparation(Preparation):
         What it lets through.
     stands : bool or None
         Whether joints ever stand in any of the logs; None asks each log.
+    common : float or None [Hz]
+        The cut-off of the fitted logs, where a log that cannot have it gets its own band.
     """
 
     band: Band | None = None
     stands: bool | None = None
+    common: float | None = None
 
 
 def settle_cutoff(
@@ -665,9 +668,10 @@ def settle_cutoff(
         how = _settle(robot, computed, how)
     if how.keep_rest or not logs:
         return how
+    bands = [fit_band(robot, log, how) or how for log in logs]  # `make_plan` refuses fitted logs
     stays = [
-        Stays.of(_plan_motion(log, x, how), [joint_log(robot, w) for w in x.logs], x.origins)
-        for log, x in zip(logs, raw, strict=True)
+        Stays.of(_plan_motion(log, x, band), [joint_log(robot, w) for w in x.logs], x.origins)
+        for log, x, band in zip(logs, raw, bands, strict=True)
     ]
     return SettledPreparation(**{**vars(how), "stands": ever_stand(stays)})
 
@@ -685,6 +689,34 @@ def _settle(robot: Robot, logs: Sequence[Windows], how: Preparation) -> SettledP
     band = choose_band(spectra, sliding, how.cutoff)
     own = {"cutoff": band.cutoff, "outputs": how.outputs or band.outputs, "band": band}
     return SettledPreparation(**{**vars(how), **own})
+
+
+def fit_band(robot: Robot, log: Log, how: Preparation | None) -> Preparation | None:
+    """Return the preparation of a log that had no say in the cut-off.
+
+    A log that cannot have the cut-off gets its own band, as one that is sampled more slowly.
+
+    Parameters
+    ----------
+    robot : Robot
+    log : Log
+        Held out, or new to a result.
+    how : Preparation or None
+        Of the fitted logs.
+
+    Raises
+    ------
+    LogError
+        If the log does not fit the robot.
+    """
+    if how is None or how.cutoff is None or not _is_filtered(log, how):
+        return how
+    raw = Windows.of(log, mend=True)
+    common = _motion_cutoff(raw.gaps, how)
+    if _lets_through(log, raw.gaps, common):
+        return how
+    free = replace(how, cutoff=None, outputs=None)
+    return replace(_settle(robot, [raw], free), common=common)
 
 
 def _is_filtered(log: Log, how: Preparation) -> bool:
@@ -771,15 +803,40 @@ def _plan_derivatives(log: Log, gaps: Gaps, how: Preparation) -> Plan:
     return _plan_filter(log, gaps, plan, how)
 
 
+def _motion_cutoff(gaps: Gaps, how: Preparation) -> float:
+    """Return the low-pass of a log's motion [Hz]: it never ends below the band of torque."""
+    assert how.cutoff is not None
+    if how.outputs is None:
+        return how.cutoff
+    highest = RULES.cutoff_highest / gaps.step  # others may be sampled faster
+    return max(how.outputs, min(how.cutoff, highest))
+
+
+def _lowest_cutoff(log: Log) -> float:
+    """Return the frequency of one oscillation over the length of a log [Hz]."""
+    return 1.0 / (log.clock.last - log.clock.first)
+
+
+def _lets_through(log: Log, gaps: Gaps, cutoff: float) -> bool:
+    """Return whether a log is long enough and sampled fast enough for a cut-off [Hz]."""
+    return _lowest_cutoff(log) <= cutoff < 0.5 / gaps.step
+
+
+def _state_own_band(log: Log, dt: float, how: Preparation) -> tuple[Finding, ...]:
+    """Return the statement of a log's own band; none where it has the band of the fitted logs."""
+    if not isinstance(how, SettledPreparation) or how.common is None:
+        return ()
+    bands = {"band": how.outputs, "cutoff": how.common}
+    span = log.clock.last - log.clock.first
+    return (Finding("own_band", log.name, rate=1.0 / dt, span=span, **bands),)
+
+
 def _plan_filter(log: Log, gaps: Gaps, plan: Plan, how: Preparation) -> Plan:
-    dt, jitter, cutoff = gaps.step, "", how.cutoff
+    dt, jitter, cutoff = gaps.step, "", _motion_cutoff(gaps, how)
     if gaps.jitter > RULES.small:
         jitter = f" (time stamps jitter by {100 * gaps.jitter:.0f} % of a step; taken as even)"
-    assert cutoff is not None
-    if how.outputs is not None:  # chosen for logs of which some are sampled faster
-        cutoff = max(how.outputs, min(cutoff, RULES.cutoff_highest / dt))
-    lowest = 1.0 / (log.clock.last - log.clock.first)
-    if not lowest <= cutoff < 0.5 / dt:
+    if not _lets_through(log, gaps, cutoff):
+        lowest = _lowest_cutoff(log)
         raise LogError(
             f"The cut-off {cutoff:g} Hz does not lie between one over the length of {log.name} "
             f"({lowest:.3g} Hz) and half its sampling rate ({0.5 / dt:g} Hz)."
@@ -799,4 +856,5 @@ def _plan_filter(log: Log, gaps: Gaps, plan: Plan, how: Preparation) -> Plan:
         cutoff=cutoff,
         band=outputs,
         notes=(note,),
+        hints=_state_own_band(log, dt, how),
     )

@@ -92,6 +92,7 @@ from identifiability.workflows.session import (
     Session,
     common_delay,
     count_offsets,
+    prepare_unfitted,
     quiet,
     read_recordings,
     settle_gains,
@@ -258,7 +259,8 @@ class _Asked:
             opening = replace(opening, structure=at_fit)
         logs, looked = session.recordings, list[tuple[Dataset, ...]]()
         if own is None:
-            looked = [tuple(map(prepare, x)) for x in (logs.fitted, logs.held_out)]
+            unseen = prepare_unfitted(prepare, self.session.structure.robot, session.how)
+            looked = [tuple(map(prepare, logs.fitted)), tuple(map(unseen, logs.held_out))]
         if (rolled := given.rolled) is None:
             opening = session.with_instruments(opening, "wls", "auto")[0]
         else:
