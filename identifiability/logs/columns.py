@@ -39,6 +39,7 @@ from identifiability.logs.names import (
     words_for,
     words_of,
 )
+from identifiability.logs.questions import ask_which
 from identifiability.logs.rules import RULES
 
 if TYPE_CHECKING:
@@ -136,7 +137,7 @@ def name_columns(
     if _all_there({g.name for g in literal}, known, needed):
         measured = [g for g in measured if g.literal or g.joint in known.locked]
     settled, how = settle_numbers([*measured, *commands], source, known, names, first or {})
-    taken = _choose(settled, known, source)
+    taken = _choose(settled, names, known, source)
     commanding = settle_commands(taken, names, source, known, torque=torque)
     needed = ("q",) if commanding else needed
     wanted = _all_there(taken, known, needed)
@@ -150,7 +151,12 @@ def name_columns(
         tuple(_in_si(c, units or {}, source, known) for c in those) for those in (own, held)
     )
     columns, torque_notes = _settle_torque(columns, wanted, known, source)
-    notes = (*_tell(names, columns, wanted, how), *_tell_angles(wanted, known), *torque_notes)
+    notes = (
+        *_tell(names, columns, wanted, how),
+        *_state_time(settled, taken["t"]),
+        *_tell_angles(wanted, known),
+        *torque_notes,
+    )
     return Naming(
         columns,
         wanted,
@@ -190,26 +196,59 @@ def _all_there(
     return ()
 
 
-def _choose(guesses: Sequence[Column], known: Conventions, source: str) -> dict[str, Column]:
-    """Return the one column of each channel of each joint, and of time."""
+def _choose(
+    guesses: Sequence[Column], names: Mapping[str, str], known: Conventions, source: str
+) -> dict[str, Column]:
+    """Return the one column of each channel of each joint, and of time.
+
+    Raises
+    ------
+    LogError
+        With one question about all channels for which there are several.
+    """
     found: dict[str, list[Column]] = {}
     for guess in guesses:
         if guess.kind not in ("current", BARE):
             found.setdefault(guess.name, []).append(guess)
-    out = {}
+    out: dict[str, Column] = {}
+    several: dict[str, list[Column]] = {}
     for name, those in found.items():
-        literal = [g for g in those if g.literal] or [g for g in those if g.source == "__time"]
-        if len(those) > 1 and len(literal) != 1:
-            if those[0].kind in ("dq", "ddq") or those[0].joint in known.locked:
-                continue  # velocities are computed then
-            columns = [g.source for g in those]
-            raise LogError(
-                f"{source} has several columns that may be "
-                f"{'the time' if name == 't' else repr(name)}: {listing(columns, 6)}; say which it "
-                f"is, as in {_map_word(columns[0], name)}."
-            )
-        out[name] = (literal or those)[0]
+        best = _preferred(those, names)
+        if len(best) == 1:
+            out[name] = best[0]
+        elif those[0].kind not in ("dq", "ddq") and those[0].joint not in known.locked:
+            several[name] = those  # velocities are computed then
+    if several:
+        raise LogError(ask_which(source, several))
     return out
+
+
+def _preferred(columns: Sequence[Column], names: Mapping[str, str]) -> Sequence[Column]:
+    """Return the columns of one channel that go before the others; all if none does.
+
+    Those with the documented name go first, then those that the user renamed. Of several times,
+    PlotJuggler's goes first, then the stamp of a ROS header: a recorder's clock jitters.
+    """
+    orders = (
+        [g for g in columns if g.literal],
+        [g for g in columns if names[g.source] != g.source.strip()],
+        [g for g in columns if g.source == "__time"],
+        [g for g in columns if g.kind == "t" and is_stamp(g.source)],
+    )
+    return next((some for some in orders if some), columns)
+
+
+def is_stamp(column: str) -> bool:
+    """Return whether a column is the stamp of a ROS header."""
+    return {"header", "stamp"}.issubset(words_of(column))
+
+
+def _state_time(guesses: Sequence[Column], time: Column) -> list[str]:
+    """Return which of several times was taken, half a sentence; nothing where `t` says it."""
+    others = [f"'{g.source}'" for g in guesses if g.kind == "t" and g.source != time.source]
+    if time.literal or not others:
+        return []
+    return [f"of several times '{time.source}' was taken, not {listing(others)}"]
 
 
 def _unmeasured(

@@ -19,7 +19,14 @@ from identifiability.foundation.quoting import option_for_shell
 from identifiability.logs import signals
 from identifiability.logs.base import find_base
 from identifiability.logs.checks import CHANNELS, Clock, Numbers, to_floats
-from identifiability.logs.columns import Naming, as_times, name_columns, settle_time, start_of
+from identifiability.logs.columns import (
+    Naming,
+    as_times,
+    is_stamp,
+    name_columns,
+    settle_time,
+    start_of,
+)
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN, Form
 from identifiability.logs.formats.reader import Whole
@@ -245,6 +252,7 @@ class Reading:
             self._base = find_base(columns, self.known.base, self.known.columns)
             columns = [c for c in columns if c not in self._base.values()]
         units = dict(zip(columns, self._form.units, strict=False))
+        columns = [c for c in columns if not (is_stamp(c) and is_zero(frame[c]))]
         naming = name_columns(columns, self.source, self.known, units, first)
         self.naming = settle_time(naming, frame, self.source, self.known)
         self._numbers = {c.name: Numbers(c.name, self.source) for c in self.naming.columns}
@@ -322,6 +330,11 @@ class Reading:
         found |= {c: every[c][last] for c in self.naming.commands}
         self._numbers = {}
         return stack_channels(joints, found), note
+
+
+def is_zero(column: pd.Series) -> bool:
+    """Return whether a column of numbers begins with zero, as stamps do that nobody set."""
+    return bool((to_floats(column[:1]) == 0.0).any())
 
 
 def stack_channels(joints: Sequence[str], columns: Mapping[str, Array]) -> dict[str, Array]:

@@ -84,7 +84,7 @@ REFUSED = {
     "two torques": (
         ["t", *each("{j}_{k}", PAIR, ("pos", "torque", "effort"))],
         PAIR,
-        r"several columns that may be 'shoulder\.tau'.*--map 'shoulder_torque=",
+        r"several columns that may be 'shoulder\.tau'.*--map '\(\.\+\)_torque=\\1\.tau'\.",
     ),
     "more numbers": (
         ["t", *each("{k}{j}", (1, 2, 3), ("q", "tau"))],

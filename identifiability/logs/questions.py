@@ -1,0 +1,146 @@
+r"""Ask one question about all columns of a log that may be the same, with options that settle it.
+
+Logs write such columns joint by joint, as ``elbow.tau_measured`` and ``elbow.tau_feedback``. One
+pattern answers for all joints: ``--map '(.+)\.tau_measured=\1.tau'``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+
+from identifiability.foundation.errors import listing
+from identifiability.foundation.findings import Finding
+from identifiability.foundation.names import Renames
+from identifiability.foundation.quoting import option_for_shell
+from identifiability.logs.names import Column
+
+#: Parts of a name: letters, digits, or signs between them.
+_PARTS = re.compile(r"[A-Za-z]+|\d+|[^A-Za-z\d]+")
+
+#: A rule of ``--map``: a column or a regular expression, and its name here.
+MapRule = tuple[str, str]
+
+
+def ask_which(source: str, candidates: Mapping[str, Sequence[Column]]) -> Finding:
+    """Return the question which columns are meant, with one command that answers it.
+
+    Parameters
+    ----------
+    source : str
+        Name of the table in sentences.
+    candidates : mapping of str to sequence of Column
+        By the name that a log has for a channel, ``elbow.tau`` or ``t``, the columns it may be.
+    """
+    channels: dict[str, dict[str, Sequence[Column]]] = {}
+    for columns in candidates.values():
+        channels.setdefault(columns[0].kind, {})[columns[0].joint] = columns
+    questions = [_question(kind, joints) for kind, joints in channels.items()]
+    rules = [rule for kind, joints in channels.items() for rule in propose_rules(kind, joints)]
+    options = [option_for_shell("--map", "=".join(rule), always=True) for rule in rules]
+    several = {"channels": "; ".join(questions), "count": len(candidates)}
+    return Finding("columns.several", source, options=" ".join(options), **several)
+
+
+def _question(kind: str, joints: Mapping[str, Sequence[Column]]) -> str:
+    """Return what the columns of a channel may be, for its first joint and the number of others."""
+    joint, columns = next(iter(joints.items()))
+    what = "the time" if kind == "t" else f"'{joint}.{kind}'"
+    names = listing([c.source for c in columns], 6)
+    more = f" (and so for {len(joints)} joints)" if len(joints) > 1 else ""
+    return f"{what}: {names}{more}"
+
+
+def propose_rules(kind: str, joints: Mapping[str, Sequence[Column]]) -> list[MapRule]:
+    """Return rules of ``--map`` that take the first candidate of every joint.
+
+    Parameters
+    ----------
+    kind : str
+        The channel.
+    joints : mapping of str to sequence of Column
+        Candidates by joint; the time has the joint "".
+    """
+    if kind == "t":
+        return [(_literal(joints[""][0].source.strip()), "t")]
+    first = {joint: columns[0].source.strip() for joint, columns in joints.items()}
+    numbered = all(c.number >= 0 for columns in joints.values() for c in columns)
+    for rule, names in _patterns(kind, first, numbered=numbered):
+        others = {c.source.strip() for columns in joints.values() for c in columns[1:]}
+        if _settles(rule, names, others):
+            return [rule]
+    return [(_literal(column), f"{joint}.{kind}") for joint, column in first.items()]
+
+
+def _patterns(
+    kind: str, columns: Mapping[str, str], *, numbered: bool
+) -> Iterator[tuple[MapRule, dict[str, str]]]:
+    """Yield rules with one group for the joint, and the names that they give to columns."""
+    if len(columns) < 2:
+        return
+    before, middles, after = split_names([*columns.values()])
+    if not all(middles):
+        return
+    digits = all(m.isdecimal() for m in middles)
+    group = r"(\d+)" if digits else "(.+)"
+    old = f"{re.escape(before)}{group}{re.escape(after)}"
+    head, _, tail = next(iter(columns)).partition(middles[0])
+    ends = []
+    if [f"{head}{m}{tail}" for m in middles] == [*columns]:
+        ends.append((head, f"{tail}.{kind}"))
+    if numbered and digits:  # joints in the robot's order
+        ends.append((f"{kind}_", ""))
+    for start, end in ends:
+        joint = r"\g<1>" if end[:1].isdecimal() else r"\1"
+        new = f"{_plain(start)}{joint}{_plain(end)}"
+        names = [f"{start}{m}{end}" for m in middles]
+        yield (old, new), dict(zip(columns.values(), names, strict=True))
+
+
+def split_names(names: Sequence[str]) -> tuple[str, list[str], str]:
+    """Return what names have in common at both ends, and the different parts between.
+
+    Example
+    -------
+    >>> split_names(["left_arm.tau", "right_arm.tau"])
+    ('', ['left', 'right'], '_arm.tau')
+    """
+    parts = [_PARTS.findall(name) for name in names]
+    shortest = min(map(len, parts))
+    head = _count_common(parts, shortest)
+    tail = _count_common([x[::-1] for x in parts], shortest - head)
+    middles = ["".join(x[head : len(x) - tail]) for x in parts]
+    first = parts[0]
+    return "".join(first[:head]), middles, "".join(first[len(first) - tail :])
+
+
+def _count_common(rows: Sequence[Sequence[str]], most: int) -> int:
+    """Return how many first items all rows have in common."""
+    count = 0
+    while count < most and len({row[count] for row in rows}) == 1:
+        count += 1
+    return count
+
+
+def _settles(rule: MapRule, names: Mapping[str, str], others: set[str]) -> bool:
+    """Return whether a rule gives columns their names and leaves the other candidates alone."""
+    try:
+        rules = Renames.of(dict([rule]))
+    except ValueError:
+        return False
+    renamed = all(rules.apply(column) == name for column, name in names.items())
+    return renamed and all(rules.apply(column) == column for column in others)
+
+
+def _plain(text: str) -> str:
+    """Return a text as it stands in what a rule makes of a name."""
+    return text.replace("\\", r"\\")
+
+
+def _literal(column: str) -> str:
+    """Return a column as the left side of a rule."""
+    try:
+        re.compile(column)
+    except re.error:
+        return re.escape(column)
+    return column
