@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from numpy.typing import NDArray
@@ -112,6 +112,55 @@ def find_named(text: str, names: Iterable[str]) -> list[str]:
     letters = {"*": ".*", "?": "."}
     rule = re.compile("".join(letters.get(c, re.escape(c)) for c in text), re.DOTALL)
     return [name for name in known if rule.fullmatch(name)]
+
+
+#: Parts of a name between which a pattern may begin or end.
+_PARTS = re.compile(r"[A-Za-z]+|\d|[^A-Za-z\d]+")
+
+
+def find_patterns(names: Iterable[str], others: Iterable[str]) -> list[str]:
+    """Return few names and patterns that stand for all of some names and for no other.
+
+    Parameters
+    ----------
+    names : iterable of str
+    others : iterable of str
+        Names for which no pattern may stand.
+
+    Example
+    -------
+    >>> find_patterns(["left_hip", "left_knee", "head"], ["right_hip", "right_knee"])
+    ['left*', 'head']
+    """
+    wanted = list(dict.fromkeys(names))
+    known = [*wanted, *others]
+    allowed = set(wanted)
+    covers: dict[str, set[str]] = {}
+    for pattern in dict.fromkeys(p for name in wanted for p in _patterns_of(name)):
+        found = set(find_named(pattern, known))
+        if len(found) > 1 and found <= allowed:
+            covers[pattern] = found
+    out: list[str] = []
+    rest = set(wanted)
+    while covers:
+        best = max(covers, key=lambda p: (len(covers[p] & rest), -len(p)))
+        if len(covers[best] & rest) < 2:
+            break
+        out.append(best)
+        rest -= covers.pop(best)
+    return [*out, *(name for name in wanted if name in rest)]
+
+
+def _patterns_of(name: str) -> Iterator[str]:
+    """Yield patterns that stand for a name: with its beginning, its end, or without digits."""
+    parts = _PARTS.findall(name) if len(name) <= LONGEST else []
+    for k in range(1, len(parts)):
+        yield "".join([*parts[:k], "*"])
+        yield "".join(["*", *parts[k:]])
+    for digits in re.finditer(r"\d+", name) if parts else ():
+        before, after = name[: digits.start()], name[digits.end() :]
+        yield f"{before}*{after}"
+        yield f"{before}{'?' * len(digits[0])}{after}"
 
 
 def inertial_unit(kind: str) -> str:

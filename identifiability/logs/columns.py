@@ -18,7 +18,7 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing, near_match, nearest
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import TIME_UNITS, Array, name_rule
+from identifiability.foundation.names import TIME_UNITS, Array, find_patterns, name_rule
 from identifiability.foundation.quoting import option_for_shell, toml_key
 from identifiability.foundation.values import frozen
 from identifiability.logs.checks import CHANNELS, COMMANDS, to_floats
@@ -39,7 +39,7 @@ from identifiability.logs.names import (
     words_for,
     words_of,
 )
-from identifiability.logs.questions import ask_which
+from identifiability.logs.questions import ask_which, write_option
 from identifiability.logs.rules import RULES
 
 if TYPE_CHECKING:
@@ -520,7 +520,9 @@ def settle_commands(
     if known.servo is not None and not any(c.kind in COMMANDS for c in taken.values()):
         joints = next((j for j in lost.values() if j), known.joints)
         missing = [f"{j}.cmd" for j in joints]
-        raise LogError(tell_missing(source, missing, known.joints, _free(names, taken)))
+        raise LogError(
+            tell_missing(source, missing, known.joints, _free(names, taken), known.passive)
+        )
     told = [repr(c.source) for c in taken.values() if c.kind in ("q_ref", "dq_ref")]
     if told and known.servo is None:
         what = _NO_SERVO if known.base is None else _NO_STAND.format(body=known.base.body)
@@ -570,7 +572,7 @@ def _refuse_missing(
     has = [*dict.fromkeys(c.joint for c in measured.values() if c.kind in ("q", "tau"))]
     wanted = known.motors if {*has} & {*known.motors} else known.joints or has or ["<joint>"]
     missing = [n for j in wanted for n in (f"{j}.q", f"{j}.tau") if n not in taken]
-    raise LogError(tell_missing(source, missing, wanted, free))
+    raise LogError(tell_missing(source, missing, wanted, free, known.passive))
 
 
 #: What to do where no column is left that could be a missing one.
@@ -578,20 +580,40 @@ RECORD = " Log what is missing, too: no mass follows from positions alone."
 
 
 def tell_missing(
-    source: str, missing: Sequence[str], wanted: Sequence[str], free: Sequence[str]
+    source: str,
+    missing: Sequence[str],
+    wanted: Sequence[str],
+    free: Sequence[str],
+    passive: Sequence[str] = (),
 ) -> Finding:
-    """Return what to say of columns that are missing, of some of the joints that are wanted."""
+    """Return the refusal of a log that lacks columns, with options that lock the joints.
+
+    Parameters
+    ----------
+    source : str
+        Name of the log in sentences.
+    missing : sequence of str
+        Columns that the log lacks.
+    wanted : sequence of str
+        Joints that a log needs columns of.
+    free : sequence of str
+        Columns that were taken for nothing.
+    passive : sequence of str
+        Joints that no option may lock.
+    """
     joints = list(dict.fromkeys(map(_owner, missing)))
-    locks = "".join(f" {option_for_shell('--lock', j)}" for j in joints)
+    moving = [j for j in (*wanted, *passive) if j not in joints]
+    patterns = find_patterns(joints, moving)
+    options = [option_for_shell("--lock", text, always=True) for text in patterns]
     others = listing(dict.fromkeys(_owner(n) if _kind(n) in SPELLED else n for n in free))
     first = missing[0] if len(missing) < 2 * len(joints) else joints[0]
+    some = len(joints) < len(wanted)  # where all miss some, their names are others
     return Finding(
         "columns.missing",
         source,
         missing=listing(missing, 4),
         near=near_match(missing[0], free),
-        # Where every joint misses some, the joints have other names in the log.
-        locks=f" Lock what does not move:{locks}." if len(joints) < len(wanted) else "",
+        locks=f" Lock what does not move: {' '.join(options)}." if some else "",
         maps=f" If one of {others} is it, add {_map_word('OLD', first)}." if free else RECORD,
     )
 

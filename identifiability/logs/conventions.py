@@ -46,6 +46,8 @@ class Conventions:
         Whether commands are read beside torque, too.
     base : Base or None
         What floats, of whose motion logs have columns.
+    passive : tuple of str
+        Joints that no motor drives, of which logs need no columns.
     """
 
     joints: tuple[str, ...] = ()
@@ -60,6 +62,7 @@ class Conventions:
     servo: Servo | None = None
     commands: bool = False
     base: Base | None = None
+    passive: tuple[str, ...] = ()
 
     @staticmethod
     def of(robot: Robot) -> Conventions:
@@ -80,4 +83,5 @@ class Conventions:
             locked=robot.locked,
             servo=robot.servo,
             base=robot.base,
+            passive=tuple(j for j in robot.home_table if j not in robot.motor_joints),
         )

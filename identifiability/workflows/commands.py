@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields
 
+from identifiability.foundation.names import find_patterns
 from identifiability.foundation.quoting import for_shell, option_for_shell, path_for_shell
 from identifiability.foundation.result import Result
 from identifiability.logs import Log
@@ -25,6 +26,17 @@ def robot_word(robot: Robot) -> str:
     return for_shell(robot.path.parent.name) if shipped else path_for_shell(robot.path)
 
 
+def _locks(robot: Robot) -> list[str]:
+    """Return the values of ``--lock`` that lock joints as they were; one for joints alike."""
+    at = {joint: f"{robot.locked[joint]:g}" for joint in robot.lock_option}
+    out: list[str] = []
+    for position in dict.fromkeys(at.values()):
+        own = [joint for joint in at if at[joint] == position]
+        others = [joint for joint in (*robot.home_table, *robot.locked) if joint not in own]
+        out += [f"{text}={position}" for text in find_patterns(own, others)]
+    return out
+
+
 def source_name(robot: Robot) -> str:
     """Return the robot of a command with its sidecar, base and locks as options."""
     words = [robot_word(robot)]
@@ -32,8 +44,7 @@ def source_name(robot: Robot) -> str:
         words.append(f"--sidecar {path_for_shell(robot.sidecar)}")
     if robot.base_option is not None:
         words.append(f"--set base={robot.base_option}")
-    locks = [f"{joint}={robot.locked[joint]:g}" for joint in robot.lock_option]
-    words += [option_for_shell("--lock", lock) for lock in locks]
+    words += [option_for_shell("--lock", lock) for lock in _locks(robot)]
     return " ".join(words)
 
 

@@ -129,7 +129,7 @@ def test_a_rule_of_the_form_that_is_proposed_helps(form):
 def test_joints_that_the_log_does_not_have_are_proposed_for_locking():
     hand = (*ARM, "panda_finger_joint1")
     columns = ["t", *each("fer_joint{j}.{k}", (1, 2, 3), ("q", "tau"))]
-    with pytest.raises(LogError, match=r"no column panda_finger_joint1\.q, .* --lock panda_f"):
+    with pytest.raises(LogError, match=r"no column panda_finger_joint1\.q, .* --lock 'panda_f"):
         read(columns, hand, Renames.of({r"fer_joint(\d)": r"panda_joint\1"}))
 
 

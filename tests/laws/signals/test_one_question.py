@@ -2,16 +2,21 @@
 
 import re
 import shlex
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pandas as pd
 import pytest
+from typer.testing import CliRunner
 
+from identifiability.cli import app
 from identifiability.foundation.errors import LogError
-from identifiability.foundation.names import Renames
+from identifiability.foundation.names import Renames, find_named
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
+from identifiability.robot import Robot
+from identifiability.workflows.commands import source_name
 
 ARM = ("shoulder", "elbow", "wrist")
 
@@ -133,3 +138,40 @@ def test_the_stamp_of_the_header_goes_before_the_time_of_the_recorder_and_is_rep
 def test_stamps_that_nobody_set_are_passed_over():
     log = Log.from_frame(echoed(0), "run", Conventions(joints=ARM[:2]))
     assert log.t[1] - log.t[0] == pytest.approx(0.015, rel=1e-4)
+
+
+SHIPPED = ("quadruped", "hobby-arm", "six-ups", "delta", "palletizer", "walking-quadruped")
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_the_joints_that_a_log_lacks_are_locked_by_patterns_that_stand_for_no_other(name):
+    robot = Robot.load(name)
+    measured = [f"{j}.{kind}" for j in robot.motor_joints[:2] for kind in ("q", "tau")]
+    said = asked(table(["t", *measured]), replace(Conventions.of(robot), base=None))
+    every = [*robot.motor_joints, *robot.home_table]
+    found = {j for text in options_in(said, "--lock") for j in find_named(text, every)}
+    assert found == {*robot.motor_joints[2:]}
+
+
+def test_pasted_locks_let_a_log_of_some_joints_be_read(tmp_path):
+    leg = ("FL_hip_joint", "FL_thigh_joint", "FL_calf_joint")
+    path = tmp_path / "run.csv"
+    frame = table(["t", *(f"{j}.{kind}" for j in leg for kind in ("q", "tau"))], 400)
+    wave = np.sin(np.outer(frame["t"], np.arange(1, 7)))
+    frame.iloc[:, 1:] = 0.1 * wave
+    frame.to_csv(path, index=False)
+    refusal = CliRunner().invoke(app, ["inspect", "quadruped", str(path)])
+    assert refusal.exit_code == 2
+    locks = options_in(refusal.stderr.strip(), "--lock")
+    assert len(locks) <= 3, locks
+    words = [word for lock in locks for word in ("--lock", lock)]
+    accepted = CliRunner().invoke(app, ["inspect", "quadruped", str(path), *words])
+    assert accepted.exit_code == 0, accepted.output
+
+
+def test_next_lines_repeat_locks_by_the_same_patterns():
+    robot = Robot.load("quadruped", lock=["F*", "RL_*=0.1", "RR_hip_joint"])
+    given = shlex.split(source_name(robot))
+    again = Robot.load("quadruped", lock=given[2::2])
+    assert again.locked == robot.locked
+    assert len(given) < 2 * len(robot.locked)
