@@ -30,6 +30,7 @@ from identifiability.logs.columns import (
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN, Form
 from identifiability.logs.formats.reader import Whole
+from identifiability.logs.long_tables import unstack
 from identifiability.logs.names import INDEX, guess_column
 from identifiability.logs.rows import WINDOW, divide_rows, gather, is_long
 from identifiability.logs.rules import RULES
@@ -143,6 +144,14 @@ def with_index(frame: pd.DataFrame) -> pd.DataFrame:
     return frame.reset_index(names=name)
 
 
+def _as_table(frame: pd.DataFrame) -> pd.DataFrame:
+    """Return a table with texts for names, its index among the columns if it may be the time."""
+    start = frame.attrs.get("start")
+    table = with_index(frame.set_axis([str(c) for c in frame.columns], axis=1))
+    table.attrs = {"start": start}
+    return table
+
+
 class Reading:
     """What is found as a table is read, piece by piece.
 
@@ -185,7 +194,9 @@ class Reading:
             If a column is missing, there twice, or of another kind altogether, a value cannot be,
             or the times are too few or do not increase.
         """
-        values = gather(self._take(*piece) for piece in pieces)
+        tables = ((_as_table(frame), form, digest) for frame, form, digest in pieces)
+        turned = unstack(tables, self.known, self.source)
+        values = gather(self._take(*piece) for piece in turned)
         locked = {c.joint: values.pop(f"locked {c.joint}") for c in self.naming.locked}
         notes = [*self._form.notes, *self.naming.notes, *self._check_locked(locked)]
         raw = {key: values.pop(key) for key in self._base}
@@ -208,7 +219,6 @@ class Reading:
     def _take(self, frame: pd.DataFrame, form: Form, digest: str) -> dict[str, Array]:
         """Return the next rows of what a log is made of, with checks of each value."""
         start = frame.attrs.get("start")
-        frame = with_index(frame.set_axis([str(c) for c in frame.columns], axis=1))
         frame.attrs = {}  # pandas would copy them, deeply, with each column
         self._form, self.sha256 = form, digest
         if self.known.joints == BASE_JOINTS[:1]:  # of a body alone no column is about a joint

@@ -1,0 +1,274 @@
+"""Turn long tables, with a row for each joint and time, into tables with one row a time.
+
+A long table has a column that names the joint, and one column a channel: time, joint, position,
+velocity, effort. Rows of one time may stand together, or all rows of one joint. The first kind is
+turned piece by piece, so that a table of any length can be read. The second is held in memory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import chain, pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from identifiability.foundation.errors import LogError, listing
+from identifiability.foundation.findings import Finding
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.logs.checks import to_floats
+from identifiability.logs.columns import as_dates, is_stamp, rename
+from identifiability.logs.conventions import Conventions
+from identifiability.logs.form import Form
+from identifiability.logs.formats.reader import Whole
+from identifiability.logs.names import (
+    SILENT,
+    SPELLED,
+    Column,
+    bracketed,
+    guess_column,
+    split_unit,
+    words_for,
+    words_of,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: Words of a column that names the joint of each row.
+LABELS = frozenset(("joint", "joints", "axis", "axes", "motor", "actuator", "id", "ids"))
+LABELS |= frozenset(words_for("name"))
+
+#: Names of joints that a long table has at most.
+MOST_LABELS = 200
+
+#: Rows of a table that is sorted by joint, at most, and times that are turned at once.
+MOST_ROWS, PART = 10_000_000, 50_000
+
+
+@frozen
+class Layout:
+    """Columns of a long table.
+
+    Attributes
+    ----------
+    label : str
+        Column that names the joint of a row.
+    time : str
+        Column whose equal values are one time.
+    times : tuple of str
+        All columns of time.
+    channels : mapping of str to str
+        Columns with a value of the joint, and the name of each channel.
+    """
+
+    label: str
+    time: str
+    times: tuple[str, ...]
+    channels: Mapping[str, str]
+
+    @property
+    def note(self) -> str:
+        """Half a sentence on how the table was read."""
+        called = [f"'{c}' as {name}" for c, name in self.channels.items()]
+        by = f"by '{self.time}' and '{self.label}'"
+        return f"its rows of one joint each were put side by side {by}: {listing(called, 6)}"
+
+    def name_column(self, joint: str, channel: str) -> str:
+        """Return the column that a channel of a joint has in a table with one row a time."""
+        name = self.channels[channel]
+        unit = f" [{bracketed(channel)}]" if bracketed(channel) else ""
+        return f"{name}[{joint}]{unit}" if joint.isdecimal() else f"{joint}.{name}{unit}"
+
+
+def unstack(pieces: Iterable[Whole], known: Conventions, source: str) -> Iterator[Whole]:
+    """Yield the pieces of a table; those of a long table with one row a time.
+
+    Parameters
+    ----------
+    pieces : iterable of (DataFrame, Form, str)
+        As `identifiability.logs.tables.read_pieces` yields them.
+    known : Conventions
+    source : str
+        Name of the table in sentences.
+
+    Raises
+    ------
+    LogError
+        If a joint has two rows of one time, or a table that is sorted by joint is too long.
+    """
+    given = iter(pieces)
+    first = next(given, None)
+    if first is None:
+        return
+    layout = find_layout(first[0], known)
+    every = chain([first], given)
+    if layout is None:
+        yield from every
+        return
+    last: list[Whole] = []
+
+    def frames() -> Iterator[pd.DataFrame]:
+        for piece in every:
+            last[:] = [piece]
+            yield piece[0]
+
+    joints: list[str] = []
+    for block in _blocks(frames(), layout, source):
+        joints = joints or find_joints(block[layout.label])
+        _, form, digest = last[0]
+        yield _turn(block, layout, joints, source), _form_of(form, layout, joints), digest
+
+
+def find_layout(frame: pd.DataFrame, known: Conventions) -> Layout | None:
+    """Return the columns of a long table by its first rows; None for any other table."""
+    names = {str(c): rename(str(c).strip(), known) for c in frame.columns}
+    guesses = {c: g for c, n in names.items() if (g := guess_column(c, n, ())) is not None}
+    times = [c for c, g in guesses.items() if g.kind == "t"]
+    channels = {c: g for c, g in guesses.items() if g.kind in SPELLED and g.number < 0}
+    labels = [c for c, name in names.items() if c not in guesses and _is_label(name)]
+    if not (times and channels and labels):
+        return None
+    texts = [c for c in labels if frame[c].dtype.kind not in "biuf"]
+    label = [*texts, *labels][0]
+    joints = find_joints(frame[label])
+    if not 0 < len(joints) <= min(MOST_LABELS, len(frame) // 2):
+        return None
+    if len(known.joints) == 1 and len(joints) == 1 and rename(joints[0], known) != known.joints[0]:
+        return None  # the table is about that joint, whatever the label says
+    stated = [c for c in times if names[c] == "t"]
+    stamps = [c for c in times if is_stamp(c)]
+    time = [*stated, *stamps, *times][0]
+    return Layout(label, time, tuple(times), _name_channels(channels, names))
+
+
+def _is_label(name: str) -> bool:
+    """Return whether a column names the joint of each row."""
+    words = {w for w in words_of(name) if w not in SILENT or w in LABELS}
+    return bool(words) and words <= LABELS
+
+
+def _name_channels(channels: Mapping[str, Column], names: Mapping[str, str]) -> dict[str, str]:
+    """Return the names of channels: the documented one where one column alone may be it."""
+    out: dict[str, str] = {}
+    for kind in dict.fromkeys(g.kind for g in channels.values()):
+        columns = [c for c, g in channels.items() if g.kind == kind]
+        mapped = [c for c in columns if names[c] != c.strip()]
+        columns = mapped if len(mapped) == 1 else columns
+        alone = len(columns) == 1
+        out |= {c: kind if alone else split_unit(c.strip())[0] for c in columns}
+    return out
+
+
+def find_joints(labels: pd.Series) -> list[str]:
+    """Return the names of joints in a column, in the order in which they appear."""
+    return list(dict.fromkeys(_as_texts(labels)))
+
+
+def _as_texts(labels: pd.Series) -> list[str]:
+    """Return labels as texts; whole numbers have no decimals, and empty cells are left out."""
+    given = labels.dropna()
+    if given.dtype.kind == "f" and (given == given.round()).all():
+        given = given.astype(np.int64)
+    return [str(label).strip() for label in given]
+
+
+def _blocks(frames: Iterable[pd.DataFrame], layout: Layout, source: str) -> Iterator[pd.DataFrame]:
+    """Yield rows in the order of time, all rows of a time in one block.
+
+    Raises
+    ------
+    LogError
+        If a table that is sorted by joint is too long.
+    """
+    import pandas as pd  # noqa: PLC0415 - heavy, and workers that read Parquet do without it
+
+    waiting: list[pd.DataFrame] = []
+    by_time = False
+    for frame in frames:
+        waiting.append(frame[frame[layout.label].notna()])
+        by_time = by_time or not _is_sorted_by_joint(waiting[-1][layout.label])
+        if by_time:
+            block = pd.concat(waiting, ignore_index=True)
+            complete = _count_complete(_time_keys(block[layout.time]))
+            waiting = [block[complete:]]
+            if complete:
+                yield block[:complete]
+        elif sum(map(len, waiting)) > MOST_ROWS:
+            raise LogError(Finding("long.sorted", source, label=layout.label, rows=MOST_ROWS))
+    block = pd.concat(waiting, ignore_index=True)
+    keys = _time_keys(block[layout.time])
+    order = np.argsort(keys, kind="stable") if not by_time else np.arange(len(keys))
+    starts = np.flatnonzero(_is_new(keys[order]))
+    for start, stop in pairwise([*starts[::PART].tolist(), len(keys)]):
+        yield block.iloc[order[start:stop]]
+
+
+def _is_sorted_by_joint(labels: pd.Series) -> bool:
+    """Return whether all rows of a joint stand together."""
+    texts = np.array(_as_texts(labels), dtype=object)
+    changes = int((texts[1:] != texts[:-1]).sum())
+    return changes < len(set(texts.tolist()))
+
+
+def _time_keys(times: pd.Series) -> Array:
+    """Return numbers in the order of times (N,); NaN for what is no time."""
+    dates = as_dates(times, 0)
+    return to_floats(times) if dates is None else dates.to_numpy()
+
+
+def _is_new(keys: Array) -> np.ndarray:
+    """Return at which rows another time begins, (N,) bool."""
+    return np.concatenate([[True], keys[1:] != keys[:-1]])[: len(keys)]
+
+
+def _count_complete(keys: Array) -> int:
+    """Return the number of rows before the last time, whose rows may go on."""
+    return int(np.flatnonzero(_is_new(keys))[-1]) if len(keys) else 0
+
+
+def _turn(block: pd.DataFrame, layout: Layout, joints: Sequence[str], source: str) -> pd.DataFrame:
+    """Return rows of a long table as a table with one row a time.
+
+    Raises
+    ------
+    LogError
+        If a joint is new, or has two rows of one time.
+    """
+    import pandas as pd  # noqa: PLC0415 - heavy, and workers that read Parquet do without it
+
+    new = _is_new(_time_keys(block[layout.time]))
+    time = np.cumsum(new) - 1
+    place = {joint: k for k, joint in enumerate(joints)}
+    texts = _as_texts(block[layout.label])
+    unknown = [text for text in dict.fromkeys(texts) if text not in place]
+    if unknown:
+        raise LogError(Finding("long.late", source, joint=unknown[0], label=layout.label))
+    joint = np.array([place[text] for text in texts], dtype=int)
+    cell = time * len(joints) + joint
+    order = np.sort(cell)
+    twice = order[1:][order[1:] == order[:-1]]
+    if len(twice):
+        at, of = divmod(int(twice[0]), len(joints))
+        when = str(block[layout.time].to_numpy()[new][at])
+        raise LogError(Finding("long.twice", source, joint=joints[of], time=when))
+    columns: dict[str, Any] = {c: block[c].to_numpy()[new] for c in layout.times}
+    for channel in layout.channels:
+        given = block[channel]
+        kind = float if given.dtype.kind in "biuf" else object
+        values = np.full((int(new.sum()), len(joints)), np.nan, dtype=kind)
+        values[time, joint] = given.to_numpy(kind)
+        for k, name in enumerate(joints):
+            columns[layout.name_column(name, channel)] = values[:, k]
+    return pd.DataFrame(columns)
+
+
+def _form_of(form: Form, layout: Layout, joints: Sequence[str]) -> Form:
+    """Return the form of a table with one row a time, with the units of its columns."""
+    stated = dict(zip(form.columns, form.units, strict=False))
+    times = [stated.get(c, "") for c in layout.times]
+    channels = [stated.get(c, "") for c in layout.channels for _ in joints]
+    units = (*times, *channels) if form.units else ()
+    return replace(form, units=units, notes=(*form.notes, layout.note))
