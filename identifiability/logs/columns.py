@@ -39,7 +39,7 @@ from identifiability.logs.names import (
     words_for,
     words_of,
 )
-from identifiability.logs.questions import ask_which, write_option
+from identifiability.logs.questions import ask_which
 from identifiability.logs.rules import RULES
 
 if TYPE_CHECKING:

@@ -24,6 +24,7 @@ from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import Form
 from identifiability.logs.formats.reader import Whole
 from identifiability.logs.names import (
+    LONGEST_NAME,
     SILENT,
     SPELLED,
     Column,
@@ -134,7 +135,8 @@ def find_layout(frame: pd.DataFrame, known: Conventions) -> Layout | None:
     texts = [c for c in labels if frame[c].dtype.kind not in "biuf"]
     label = [*texts, *labels][0]
     joints = find_joints(frame[label])
-    if not 0 < len(joints) <= min(MOST_LABELS, len(frame) // 2):
+    longest = max(map(len, joints), default=0)
+    if longest > LONGEST_NAME or not 0 < len(joints) <= min(MOST_LABELS, len(frame) // 2):
         return None
     if len(known.joints) == 1 and len(joints) == 1 and rename(joints[0], known) != known.joints[0]:
         return None  # the table is about that joint, whatever the label says

@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from functools import cache
 
 from identifiability.foundation.errors import LogError, with_article
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 
@@ -148,6 +149,9 @@ _WORDS = {
     "current": "current",
 }
 
+#: Letters of a unit, and of the name of a column; and columns of a table, at most.
+LONGEST_UNIT, LONGEST_NAME, MOST_COLUMNS = 200, 1000, 20_000
+
 _BRACKETS = re.compile(r"\s*[\[(<]\s*([^\])>]*?)\s*[\])>]\s*$")
 
 
@@ -187,6 +191,8 @@ class Unit:
 
 def find_unit(text: str) -> Unit | None:
     """Return the unit that a text is, with brackets or without; None if it is none."""
+    if len(text) > LONGEST_UNIT:
+        return None
     inner = _BRACKETS.fullmatch(text)
     stated = (inner[1] if inner else text).strip()
     plain = re.sub(r"[\s·⋅*.^]", "", stated).replace("²", "2").replace("μ", "µ")
@@ -198,8 +204,25 @@ def find_unit(text: str) -> Unit | None:
 
 def is_no_unit(text: str) -> bool:
     """Whether a cell of a row of units says that its column has none."""
+    if len(text) > LONGEST_UNIT:
+        return False
     inner = _BRACKETS.fullmatch(text.strip())
     return (inner[1] if inner else text.strip()).casefold() in NONE
+
+
+def check_names(source: str, names: Sequence[str]) -> None:
+    """Refuse a table with more columns, or longer names, than a log has.
+
+    Raises
+    ------
+    LogError
+    """
+    if len(names) > MOST_COLUMNS:
+        raise LogError(Finding("columns.many", source, count=len(names), most=MOST_COLUMNS))
+    longest = max(names, key=len, default="")
+    if len(longest) > LONGEST_NAME:
+        holes = {"start": longest[:40], "letters": len(longest), "most": LONGEST_NAME}
+        raise LogError(Finding("columns.long", source, **holes))
 
 
 def are_units(row: Sequence[str]) -> bool:

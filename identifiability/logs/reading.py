@@ -31,7 +31,7 @@ from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN, Form
 from identifiability.logs.formats.reader import Whole
 from identifiability.logs.long_tables import unstack
-from identifiability.logs.names import INDEX, guess_column
+from identifiability.logs.names import INDEX, check_names, guess_column
 from identifiability.logs.rows import WINDOW, divide_rows, gather, is_long
 from identifiability.logs.rules import RULES
 from identifiability.robot.floating import BASE_JOINTS
@@ -144,10 +144,18 @@ def with_index(frame: pd.DataFrame) -> pd.DataFrame:
     return frame.reset_index(names=name)
 
 
-def _as_table(frame: pd.DataFrame) -> pd.DataFrame:
-    """Return a table with texts for names, its index among the columns if it may be the time."""
+def _as_table(frame: pd.DataFrame, source: str) -> pd.DataFrame:
+    """Return a table with texts for names, its index among the columns if it may be the time.
+
+    Raises
+    ------
+    LogError
+        If it has more columns or longer names than a log has.
+    """
     start = frame.attrs.get("start")
-    table = with_index(frame.set_axis([str(c) for c in frame.columns], axis=1))
+    names = [str(c) for c in frame.columns]
+    check_names(source, names)
+    table = with_index(frame.set_axis(names, axis=1))
     table.attrs = {"start": start}
     return table
 
@@ -194,7 +202,7 @@ class Reading:
             If a column is missing, there twice, or of another kind altogether, a value cannot be,
             or the times are too few or do not increase.
         """
-        tables = ((_as_table(frame), form, digest) for frame, form, digest in pieces)
+        tables = ((_as_table(frame, self.source), form, digest) for frame, form, digest in pieces)
         turned = unstack(tables, self.known, self.source)
         values = gather(self._take(*piece) for piece in turned)
         locked = {c.joint: values.pop(f"locked {c.joint}") for c in self.naming.locked}

@@ -17,6 +17,7 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.output import check_ending, csv_text, write_bytes, write_text
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN, Form, find_encoding, find_form
+from identifiability.logs.formats.parquet import check_parquet
 from identifiability.logs.formats.reader import (
     MISSING,
     Whole,
@@ -26,6 +27,7 @@ from identifiability.logs.formats.reader import (
     hash_files,
     list_files,
 )
+from identifiability.logs.names import check_names
 from identifiability.logs.reading import with_index
 
 if TYPE_CHECKING:
@@ -153,13 +155,17 @@ def _stamp(place: Path) -> list[tuple[int, int]]:
 def _read_parquet(path: Path) -> Iterator[tuple[pd.DataFrame, Form]]:
     from pyarrow.parquet import ParquetFile  # noqa: PLC0415 - only who reads Parquet pays for it
 
+    texts = check_parquet(path)
     # Without a buffer of a bounded size whole columns of a group of rows are read ahead.
-    with ParquetFile(path, pre_buffer=False, buffer_size=1 << 18) as file:
+    how = {"pre_buffer": False, "buffer_size": 1 << 18, "read_dictionary": texts}
+    with ParquetFile(path, **how) as file:
         if not file.metadata.num_rows:
             yield file.read().to_pandas(), PLAIN
         rows = max(1, PIECE_CELLS // max(file.metadata.num_columns, 1))
         for batch in file.iter_batches(rows, use_threads=False):
-            yield batch.to_pandas(), PLAIN
+            frame = batch.to_pandas()
+            kept = {c: frame[c].astype(object) for c in texts}  # rows share texts
+            yield frame.assign(**kept), PLAIN
 
 
 def _read_csv(path: Path) -> Iterator[tuple[pd.DataFrame, Form]]:
@@ -171,6 +177,7 @@ def _read_csv(path: Path) -> Iterator[tuple[pd.DataFrame, Form]]:
     text = start.decode(encoding, "replace")
     check_text(path, text[:4096])
     form, row = find_form(text, encoding), 0
+    check_names(str(path), form.columns)
     wrong = "strict" if encoding.startswith("utf-8") else "replace"
     with path.open(encoding=encoding, errors=wrong, newline="") as file:
         for _ in range(form.lines):

@@ -112,7 +112,9 @@ def test_rows_at_times_of_their_own_are_brought_together(arm):
 def test_two_rows_of_a_joint_at_one_time_are_refused(arm):
     frame = long_of(arm)
     twice = pd.concat([frame, frame.iloc[[7]]]).sort_values("time", kind="stable")
-    with pytest.raises(LogError, match=r"log has two rows of the joint 'elbow' at the time 0\.1125"):
+    with pytest.raises(
+        LogError, match=r"log has two rows of the joint 'elbow' at the time 0\.1125"
+    ):
         Log.from_frame(twice, "log", known())
 
 

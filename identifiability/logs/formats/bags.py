@@ -20,7 +20,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
@@ -29,7 +29,13 @@ from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array, numbered
 from identifiability.foundation.quoting import path_for_shell
 from identifiability.logs.form import PLAIN
-from identifiability.logs.formats.reader import Whole, hash_files, reader
+from identifiability.logs.formats.reader import (
+    Whole,
+    check_unpacked,
+    hash_files,
+    list_files,
+    reader,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -40,6 +46,9 @@ if TYPE_CHECKING:
 
 #: Files that are bags by themselves.
 BAGS = (".mcap", ".db3", ".bag")
+
+#: Bytes before the records of MCAP, and the type of its chunks; bytes of a record's header in bags.
+_MCAP_MAGIC, _MCAP_CHUNK, _BAG_HEADER = 8, 6, 4096
 
 #: What ROS 2 and ROS 1 call the type.
 JOINT_STATE = ("sensor_msgs/msg/JointState", "sensor_msgs/JointState")
@@ -136,8 +145,43 @@ def _opened(path: Path) -> Iterator[Any]:
         from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
     except ImportError:
         raise LogError(Finding("bag.extra", path)) from None
+    for file in list_files(path):
+        check_unpacked(file, _count_chunks(file))
     with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
         yield reader
+
+
+def _count_chunks(path: Path) -> int:
+    """Return the bytes to which the chunks of a bag unpack, as their headers state it."""
+    count = {".mcap": _mcap_chunks, ".bag": _bag_chunks}.get(path.suffix.lower())
+    if count is None:
+        return 0
+    with path.open("rb") as file:
+        return sum(count(file))
+
+
+def _mcap_chunks(file: BinaryIO) -> Iterator[int]:
+    """Yield the stated sizes of chunks: records of type 6, whose size stands behind two times."""
+    file.seek(_MCAP_MAGIC)
+    while len(head := file.read(9)) == 9:
+        kind, length = head[0], int.from_bytes(head[1:], "little")
+        begin = file.read(min(length, 24))
+        if kind == _MCAP_CHUNK and len(begin) == 24:
+            yield int.from_bytes(begin[16:], "little")
+        file.seek(length - len(begin), 1)
+
+
+def _bag_chunks(file: BinaryIO) -> Iterator[int]:
+    """Yield the stated sizes of chunks: records whose header has a size."""
+    file.readline()
+    while len(length := file.read(4)) == 4:
+        size = int.from_bytes(length, "little")
+        header = file.read(min(size, _BAG_HEADER))
+        file.seek(size - len(header), 1)
+        _, found, after = header.partition(b"size=")
+        if found and b"compression=" in header:
+            yield int.from_bytes(after[:4], "little")
+        file.seek(int.from_bytes(file.read(4), "little"), 1)
 
 
 def _messages(reader: Any, topic: str, kinds: Collection[str]) -> Iterator[tuple[int, Any]]:

@@ -7,9 +7,10 @@ Arrays of one value a sample are columns of their name; of (N, n) arrays column 
 from __future__ import annotations
 
 import warnings
+import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -17,8 +18,16 @@ from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import numbered
 from identifiability.logs.form import PLAIN, Form, find_form
-from identifiability.logs.formats.reader import Whole, hash_files, reader
-from identifiability.logs.names import guess_column
+from identifiability.logs.formats.reader import (
+    TIMES,
+    UNPACKED,
+    Whole,
+    check_unpacked,
+    count_zipped,
+    hash_files,
+    reader,
+)
+from identifiability.logs.names import check_names, guess_column
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,6 +40,19 @@ NAMES = ("joints", "joint_names", "names", "name")
 #: How MATLAB's files since 7.3 begin.
 _NEWER = b"MATLAB 7.3 MAT-file"
 
+#: Bytes before the elements of older ones, the type of compressed elements, and bytes of a step.
+_MAT_HEADER, _COMPRESSED, _STEP = 128, 15, 1 << 20
+
+#: Orders of bytes, by the last two letters of the header.
+_ORDERS: Mapping[bytes, Literal["little", "big"]] = {b"IM": "little", b"MI": "big"}
+
+#: Bytes of XML that any workbook may have, and cells, empty ones included, beside those of its XML.
+SHEETS, CELLS = 8_000_000, 200_000
+
+#: Texts of cells that hold nothing, as pandas reads them, and errors of formulas.
+EMPTY = frozenset(("", "NA", "N/A", "n/a", "nan", "NaN", "null", "NULL", "None", "<NA>"))
+EMPTY |= {"#N/A", "#DIV/0!", "#NAME?", "#NULL!", "#NUM!", "#REF!", "#VALUE!"}
+
 
 @reader("NumPy", ".npz")
 def read_npz(path: Path, _: Conventions) -> Whole:
@@ -41,6 +63,7 @@ def read_npz(path: Path, _: Conventions) -> Whole:
     LogError
         If it holds no table.
     """
+    check_unpacked(path, count_zipped(path))
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
@@ -66,10 +89,39 @@ def read_mat(path: Path, _: Conventions) -> Whole:
         newer = file.read(len(_NEWER)) == _NEWER
     if newer:
         raise LogError(Finding("arrays.matlab", path))
+    check_unpacked(path, _count_matlab(path))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # on objects of MATLAB's own, which hold no arrays
         arrays = loadmat(path, simplify_cells=True)
     return frame_of(arrays, str(path)), PLAIN, hash_files(path)
+
+
+def _count_matlab(path: Path) -> int:
+    """Return the bytes to which compressed variables unpack; counting stops beyond the limit.
+
+    After a header of 128 bytes each element has its type and size (MATLAB's MAT-File Format).
+    Older files, which do not compress, have another header.
+    """
+    found, most = 0, max(UNPACKED, TIMES * path.stat().st_size)
+    with path.open("rb") as file:
+        mark = file.read(_MAT_HEADER)[-2:]
+        order = _ORDERS.get(mark)
+        while order and found <= most and len(tag := file.read(8)) == 8:
+            kind, size = (int.from_bytes(part, order) for part in (tag[:4], tag[4:]))
+            if kind != _COMPRESSED:
+                file.seek(size, 1)
+                continue
+            found += _count_deflated(file.read(size), most - found)
+    return found
+
+
+def _count_deflated(content: bytes, most: int) -> int:
+    """Return the bytes to which a zlib stream unpacks; counting stops beyond a number of bytes."""
+    unpacking, found = zlib.decompressobj(), 0
+    while content and found <= most and not unpacking.eof:
+        found += len(unpacking.decompress(content, _STEP))
+        content = unpacking.unconsumed_tail
+    return found
 
 
 @reader("Excel", ".xlsx", ".xlsm")
@@ -81,20 +133,7 @@ def read_sheet(path: Path, _: Conventions) -> Whole:
     LogError
         If it holds no table.
     """
-    import pandas as pd  # noqa: PLC0415
-
-    try:
-        sheets = pd.read_excel(
-            path,
-            sheet_name=None,
-            header=None,
-            dtype=object,
-            engine="openpyxl",
-        )
-    except ImportError:
-        raise LogError(Finding("arrays.excel", path)) from None
-    cut = {str(k): x.dropna(how="all").dropna(axis=1, how="all") for k, x in sheets.items()}
-    filled = {name: sheet for name, sheet in cut.items() if not sheet.empty}
+    filled = _read_sheets(path)
     if not filled:
         raise LogError(f"{path} has no sheet that holds anything.")
     name, sheet = next(iter(filled.items()))
@@ -118,6 +157,67 @@ def read_sheet(path: Path, _: Conventions) -> Whole:
     return rows.infer_objects(), form, hash_files(path)
 
 
+def _read_sheets(path: Path) -> dict[str, pd.DataFrame]:
+    """Return the cells of the sheets that hold anything, without empty rows and columns.
+
+    Raises
+    ------
+    LogError
+        If the workbook unpacks to far more than its size, or nothing reads workbooks.
+    """
+    import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
+
+    try:
+        from openpyxl import load_workbook  # noqa: PLC0415 - an extra
+    except ImportError:
+        raise LogError(Finding("arrays.excel", path)) from None
+    size = count_zipped(path)
+    check_unpacked(path, size, SHEETS)
+    left = CELLS + size // 4  # a filled cell takes more bytes
+    found: dict[str, pd.DataFrame] = {}
+    book = load_workbook(path, read_only=True, data_only=True, keep_links=False)
+    try:
+        for sheet in book.worksheets:
+            rows, left = _read_cells(path, sheet, left)
+            table = pd.DataFrame(rows, dtype=object)
+            table = table.dropna(how="all").dropna(axis=1, how="all")
+            if not table.empty:
+                found[str(sheet.title)] = table
+    finally:
+        book.close()
+    return found
+
+
+def _read_cells(path: Path, sheet: Any, most: int) -> tuple[list[list[object]], int]:
+    """Return the rows of a sheet without empty cells at their ends, and how many more are allowed.
+
+    A cell far to the right or far below stands for millions of empty ones before it.
+
+    Raises
+    ------
+    LogError
+        If there are more cells than allowed.
+    """
+    sheet.reset_dimensions()
+    rows: list[list[object]] = []
+    width, left = 0, most
+    for row in sheet.iter_rows(values_only=True):
+        left -= 1 + len(row)
+        cells = [None if _is_empty(cell) else cell for cell in row]
+        while cells and cells[-1] is None:
+            cells.pop()
+        rows.append(cells)
+        width = max(width, len(cells))
+        if left < 0 or width * len(rows) > most:  # short rows are filled up
+            raise LogError(Finding("arrays.cells", path))
+    return rows, left
+
+
+def _is_empty(cell: object) -> bool:
+    """Return whether a cell holds nothing, or the error of a formula."""
+    return cell is None or (isinstance(cell, str) and cell.strip() in EMPTY)
+
+
 def frame_of(arrays: Mapping[str, Any], source: str) -> pd.DataFrame:
     """Return arrays of one number of samples as a table.
 
@@ -137,6 +237,7 @@ def frame_of(arrays: Mapping[str, Any], source: str) -> pd.DataFrame:
     import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
 
     flat = _shortened(_flatten(arrays))
+    check_names(source, [*flat])
     names = _joint_names(flat)
     numbers = {k: x for k, x in flat.items() if x.dtype.kind in "fiumM"}
     shaped = {k: np.atleast_1d(x.squeeze()) for k, x in numbers.items()}

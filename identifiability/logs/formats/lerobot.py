@@ -22,6 +22,7 @@ from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import numbered
 from identifiability.foundation.quoting import path_for_shell
 from identifiability.logs.form import PLAIN
+from identifiability.logs.formats.parquet import check_parquet
 from identifiability.logs.formats.reader import Whole, reader
 from identifiability.logs.names import KINDS
 
@@ -43,6 +44,12 @@ FEATURES = {
 }
 
 _COMMANDS = {"q": "cmd", "dq": "dq_cmd", "tau": "tau_cmd", "current": "current_cmd"}
+
+#: The file of one episode in v2.
+_EPISODE_FILE = re.compile(r"episode_\d+\.parquet")
+
+#: Rates [Hz] that a dataset may state.
+RATES = (1e-3, 1e7)
 
 #: Numbers of episodes behind a colon.
 _EPISODES = re.compile(r"(\d{1,9})(?:-(\d{1,9}))?")
@@ -84,7 +91,24 @@ def list_episodes(path: str | Path) -> list[Path]:
             f"{folder} has the episodes 0 to {count - 1}, not {text}; name one as "
             f"'{folder.name}:0', or several as '{folder.name}:0-{count - 1}'."
         )
+    held = last + 1 if first == last else _count_held(folder)
+    if last - first >= held:
+        said = {"count": count, "held": held, "name": folder.name, "last": max(held - 1, 0)}
+        raise LogError(Finding("dataset.episodes", folder, **said))
     return [Path(f"{folder}:{k}") for k in range(first, last + 1)]
+
+
+def _count_held(folder: Path) -> int:
+    """Return the number of episodes that the files of a dataset hold at most.
+
+    In v2 each episode has a file. In v3 each has at least one row.
+    """
+    from pyarrow.parquet import read_metadata  # noqa: PLC0415 - only who reads datasets pays for it
+
+    files = [*(folder / "data").glob("**/*.parquet")]
+    if any(_EPISODE_FILE.fullmatch(file.name) for file in files):
+        return len(files)
+    return sum(read_metadata(file).num_rows for file in files)
 
 
 def read_episode(path: str | Path) -> pd.DataFrame:
@@ -119,6 +143,8 @@ def read_episode(path: str | Path) -> pd.DataFrame:
     # In v2 each has a file of its own: else a thousand files are opened a thousand times.
     files = [str(f) for f in (folder / "data").glob(f"*/episode_{number:06d}.parquet")]
     data = ds.dataset(files or folder / "data", format="parquet")
+    for file in data.files:
+        check_parquet(Path(file))
     wanted = [name for name in FEATURES if name in data.schema.names]
     lacking = {"timestamp", "episode_index", "observation.state"} - {*data.schema.names}
     if lacking:
@@ -148,7 +174,7 @@ def _times(given: Any, info: Mapping[str, Any]) -> np.ndarray:
     """Return times [s]; those of single precision that count samples, to the last digit."""
     t = np.array(given.to_pylist(), float).reshape(-1)
     fps = info.get("fps")
-    if isinstance(fps, (int, float)) and fps > 0:
+    if isinstance(fps, (int, float)) and RATES[0] <= fps <= RATES[1]:
         even = np.round(t * fps) / fps
         if np.all(np.abs(t - even) <= np.spacing(np.abs(t).astype(np.float32))):
             return even

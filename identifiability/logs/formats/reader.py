@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
+from zipfile import ZipFile
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding, sentences
@@ -154,6 +155,37 @@ def check_text(path: Path, start: str) -> None:
                 read=READ,
             )
         )
+
+
+#: Bytes that any file may unpack to, and how many times its own size larger files may.
+UNPACKED, TIMES = 64_000_000, 100
+
+
+def check_unpacked(path: Path, unpacked: int, least: int = UNPACKED) -> None:
+    """Refuse a file that unpacks to far more than its size, before it is unpacked.
+
+    Parameters
+    ----------
+    path : Path
+    unpacked : int
+        Bytes in memory, as far as they were counted.
+    least : int
+        Bytes to which any file may unpack.
+
+    Raises
+    ------
+    LogError
+    """
+    size = path.stat().st_size
+    if unpacked > max(least, TIMES * size):
+        sizes = {"size": size / 1e6, "unpacked": unpacked / 1e6, "times": TIMES}
+        raise LogError(Finding("file.unpacked", path, **sizes))
+
+
+def count_zipped(path: Path) -> int:
+    """Return the bytes to which a ZIP archive unpacks, by its directory: readers stop there."""
+    with ZipFile(path) as archive:
+        return sum(entry.file_size for entry in archive.infolist())
 
 
 def list_files(place: Path) -> list[Path]:

@@ -1,0 +1,50 @@
+"""Check Parquet files before they are read: what their rows take in memory, by their metadata."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from identifiability.logs.formats.reader import check_unpacked
+from identifiability.logs.names import check_names
+
+#: Bytes of a value in memory.
+VALUE = 8
+
+#: Bytes that values of any file may take.
+LEAST = 256_000_000
+
+
+def check_parquet(path: Path) -> list[str]:
+    """Refuse a file whose values take far more memory than it has bytes.
+
+    Runs of one value take next to no bytes. Metadata state the number of values, those of lists
+    included.
+
+    Returns
+    -------
+    list of str
+        Columns of text. They are read as a dictionary, for a long text may stand in every row.
+
+    Raises
+    ------
+    LogError
+    """
+    from pyarrow.parquet import ParquetFile  # noqa: PLC0415 - only who reads Parquet pays for it
+
+    with ParquetFile(path, pre_buffer=False) as file:
+        metadata, schema = file.metadata, file.schema
+        names = [str(schema.column(k).path) for k in range(len(schema))]
+        check_names(str(path), names)
+        values = stated = 0
+        for k in range(metadata.num_row_groups):
+            group = metadata.row_group(k)
+            stated += group.total_byte_size
+            values += sum(group.column(c).num_values for c in range(group.num_columns))
+        check_unpacked(path, max(stated, VALUE * values), LEAST)
+        kinds = [schema.column(k).physical_type for k in range(len(schema))]
+        single = [schema.column(k).max_repetition_level == 0 for k in range(len(schema))]
+        return [
+            name
+            for name, kind, alone in zip(names, kinds, single, strict=True)
+            if kind == "BYTE_ARRAY" and alone and "." not in name
+        ]
