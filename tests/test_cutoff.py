@@ -66,6 +66,12 @@ def test_noise_that_pulls_values_down_is_said(positions):
 SLOW = slice(None, None, 25)
 
 
+def about_band(result):
+    """Return what a result says of a log's own band."""
+    (said,) = of_key(result.hints, "own_band")
+    return said
+
+
 @pytest.fixture(scope="module")
 def slow(positions):
     """A log that is sampled at 4 Hz."""
@@ -79,7 +85,7 @@ def test_a_slower_held_out_log_is_judged_in_its_own_band(verb, cutoff, positions
     how = None if cutoff is None else Preparation(cutoff=cutoff)
     options = {} if verb is diagnose else {"replicates": 0}
     found = verb("two-link", positions(2e-5), slow, preparation=how, **options)
-    (said,) = of_key(found.hints, "own_band")
+    said = about_band(found)
     assert said.startswith("slow is judged in its own band, up to 0.8 Hz: with 4 samples a second")
     assert said.endswith(f"cut-off of the fitted logs, {said.numbers['cutoff']:.3g} Hz.")
     assert said.numbers["cutoff"] == (cutoff or pytest.approx(8, rel=0.01))
@@ -95,8 +101,8 @@ def test_the_log_held_out_moves_no_fitted_value(positions, slow):
 
 
 def test_a_result_predicts_a_slower_log_in_its_own_band(positions, slow):
-    (said,) = of_key(analyze("two-link", positions(2e-5)).predict(slow).hints, "own_band")
-    assert "up to 0.8 Hz" in said
+    predicted = analyze("two-link", positions(2e-5)).predict(slow)
+    assert "up to 0.8 Hz" in about_band(predicted)
 
 
 def test_a_fitted_log_that_cannot_have_the_cut_off_is_refused(positions, slow):

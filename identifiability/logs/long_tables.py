@@ -42,11 +42,8 @@ if TYPE_CHECKING:
 LABELS = frozenset(("joint", "joints", "axis", "axes", "motor", "actuator", "id", "ids"))
 LABELS |= frozenset(words_for("name"))
 
-#: Names of joints that a long table has at most.
-MOST_LABELS = 200
-
-#: Rows of a table that is sorted by joint, at most, and times that are turned at once.
-MOST_ROWS, PART = 10_000_000, 50_000
+#: Joints of a long table, and rows of one that is sorted by joint, at most; times turned at once.
+MOST_LABELS, MOST_ROWS, PART = 200, 10_000_000, 50_000
 
 
 @frozen
@@ -127,23 +124,39 @@ def find_layout(frame: pd.DataFrame, known: Conventions) -> Layout | None:
     """Return the columns of a long table by its first rows; None for any other table."""
     names = {str(c): rename(str(c).strip(), known) for c in frame.columns}
     guesses = {c: g for c, n in names.items() if (g := guess_column(c, n, ())) is not None}
-    times = [c for c, g in guesses.items() if g.kind == "t"]
+    times = tuple(c for c, g in guesses.items() if g.kind == "t")
     channels = {c: g for c, g in guesses.items() if g.kind in SPELLED and g.number < 0}
     labels = [c for c, name in names.items() if c not in guesses and _is_label(name)]
     if not (times and channels and labels):
         return None
-    texts = [c for c in labels if frame[c].dtype.kind not in "biuf"]
-    label = [*texts, *labels][0]
-    joints = find_joints(frame[label])
-    longest = max(map(len, joints), default=0)
-    if longest > LONGEST_NAME or not 0 < len(joints) <= min(MOST_LABELS, len(frame) // 2):
+    label = _choose_label(frame, labels)
+    if not _name_joints(frame[label], known):
         return None
-    if len(known.joints) == 1 and len(joints) == 1 and rename(joints[0], known) != known.joints[0]:
-        return None  # the table is about that joint, whatever the label says
+    time = _choose_time(times, names)
+    return Layout(label, time, times, _name_channels(channels, names))
+
+
+def _choose_label(frame: pd.DataFrame, labels: Sequence[str]) -> str:
+    """Return the column that names joints: one of text goes before one of numbers."""
+    texts = [c for c in labels if frame[c].dtype.kind not in "biuf"]
+    return [*texts, *labels][0]
+
+
+def _choose_time(times: Sequence[str], names: Mapping[str, str]) -> str:
+    """Return the column whose equal values are one time."""
     stated = [c for c in times if names[c] == "t"]
     stamps = [c for c in times if is_stamp(c)]
-    time = [*stated, *stamps, *times][0]
-    return Layout(label, time, tuple(times), _name_channels(channels, names))
+    return [*stated, *stamps, *times][0]
+
+
+def _name_joints(labels: pd.Series, known: Conventions) -> bool:
+    """Return whether labels are the names of joints: few, and each in several rows."""
+    joints = find_joints(labels)
+    longest = max(map(len, joints), default=0)
+    few = 0 < len(joints) <= min(MOST_LABELS, len(labels) // 2)
+    # A table of one joint is about that joint, whatever the label says.
+    other = len(known.joints) == len(joints) == 1 and rename(joints[0], known) != known.joints[0]
+    return few and longest <= LONGEST_NAME and not other
 
 
 def _is_label(name: str) -> bool:
@@ -242,29 +255,61 @@ def _turn(block: pd.DataFrame, layout: Layout, joints: Sequence[str], source: st
     import pandas as pd  # noqa: PLC0415 - heavy, and workers that read Parquet do without it
 
     new = _is_new(_time_keys(block[layout.time]))
-    time = np.cumsum(new) - 1
+    row = np.cumsum(new) - 1
+    joint = _find_places(block[layout.label], layout, joints, source)
+    _check_once(block[layout.time], row, joint, joints, source)
+    shape = int(new.sum()), len(joints)
+    columns: dict[str, Any] = {c: block[c].to_numpy()[new] for c in layout.times}
+    for channel in layout.channels:
+        values = _spread_values(block[channel], row, joint, shape)
+        names = [layout.name_column(name, channel) for name in joints]
+        columns |= zip(names, values.T, strict=True)
+    return pd.DataFrame(columns)
+
+
+def _find_places(
+    labels: pd.Series, layout: Layout, joints: Sequence[str], source: str
+) -> np.ndarray:
+    """Return the place of each row's joint among all joints, (N,) int.
+
+    Raises
+    ------
+    LogError
+        If a joint is new.
+    """
     place = {joint: k for k, joint in enumerate(joints)}
-    texts = _as_texts(block[layout.label])
+    texts = _as_texts(labels)
     unknown = [text for text in dict.fromkeys(texts) if text not in place]
     if unknown:
         raise LogError(Finding("long.late", source, joint=unknown[0], label=layout.label))
-    joint = np.array([place[text] for text in texts], dtype=int)
-    cell = time * len(joints) + joint
-    order = np.sort(cell)
-    twice = order[1:][order[1:] == order[:-1]]
-    if len(twice):
-        at, of = divmod(int(twice[0]), len(joints))
-        when = str(block[layout.time].to_numpy()[new][at])
-        raise LogError(Finding("long.twice", source, joint=joints[of], time=when))
-    columns: dict[str, Any] = {c: block[c].to_numpy()[new] for c in layout.times}
-    for channel in layout.channels:
-        given = block[channel]
-        kind = float if given.dtype.kind in "biuf" else object
-        values = np.full((int(new.sum()), len(joints)), np.nan, dtype=kind)
-        values[time, joint] = given.to_numpy(kind)
-        for k, name in enumerate(joints):
-            columns[layout.name_column(name, channel)] = values[:, k]
-    return pd.DataFrame(columns)
+    return np.array([place[text] for text in texts], dtype=int)
+
+
+def _check_once(
+    times: pd.Series, row: np.ndarray, joint: np.ndarray, joints: Sequence[str], source: str
+) -> None:
+    """Refuse two rows of one joint and time.
+
+    Raises
+    ------
+    LogError
+    """
+    cells = row * len(joints) + joint
+    _, first = np.unique(cells, return_index=True)
+    if len(first) < len(cells):
+        again = np.setdiff1d(np.arange(len(cells)), first)[0]
+        said = {"joint": joints[joint[again]], "time": str(times.iloc[again])}
+        raise LogError(Finding("long.twice", source, **said))
+
+
+def _spread_values(
+    given: pd.Series, row: np.ndarray, joint: np.ndarray, shape: tuple[int, int]
+) -> np.ndarray:
+    """Return the values of a channel, (times, joints); NaN where a joint has no row."""
+    kind = float if given.dtype.kind in "biuf" else object
+    values = np.full(shape, np.nan, dtype=kind)
+    values[row, joint] = given.to_numpy(kind)
+    return values
 
 
 def _form_of(form: Form, layout: Layout, joints: Sequence[str]) -> Form:

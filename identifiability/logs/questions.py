@@ -84,17 +84,22 @@ def _patterns(
     digits = all(m.isdecimal() for m in middles)
     group = r"(\d+)" if digits else "(.+)"
     old = f"{re.escape(before)}{group}{re.escape(after)}"
-    head, _, tail = next(iter(columns)).partition(middles[0])
-    ends = []
-    if [f"{head}{m}{tail}" for m in middles] == [*columns]:
-        ends.append((head, f"{tail}.{kind}"))
-    if numbered and digits:  # joints in the robot's order
-        ends.append((f"{kind}_", ""))
-    for start, end in ends:
+    for start, end in _new_ends(kind, [*columns], middles, numbered=numbered and digits):
         joint = r"\g<1>" if end[:1].isdecimal() else r"\1"
         new = f"{_plain(start)}{joint}{_plain(end)}"
         names = [f"{start}{m}{end}" for m in middles]
         yield (old, new), dict(zip(columns.values(), names, strict=True))
+
+
+def _new_ends(
+    kind: str, joints: Sequence[str], middles: Sequence[str], *, numbered: bool
+) -> Iterator[tuple[str, str]]:
+    """Yield what stands before and behind the group in the new names of columns."""
+    head, _, tail = joints[0].partition(middles[0])
+    if [f"{head}{m}{tail}" for m in middles] == [*joints]:
+        yield head, f"{tail}.{kind}"
+    if numbered:  # joints in the robot's order
+        yield f"{kind}_", ""
 
 
 def split_names(names: Sequence[str]) -> tuple[str, list[str], str]:

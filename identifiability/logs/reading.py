@@ -144,20 +144,20 @@ def with_index(frame: pd.DataFrame) -> pd.DataFrame:
     return frame.reset_index(names=name)
 
 
-def _as_table(frame: pd.DataFrame, source: str) -> pd.DataFrame:
-    """Return a table with texts for names, its index among the columns if it may be the time.
+def _as_tables(pieces: Iterable[Whole], source: str) -> Iterator[Whole]:
+    """Yield tables with texts for names, their index among the columns if it may be the time.
 
     Raises
     ------
     LogError
-        If it has more columns or longer names than a log has.
+        If one has more columns or longer names than a log has.
     """
-    start = frame.attrs.get("start")
-    names = [str(c) for c in frame.columns]
-    check_names(source, names)
-    table = with_index(frame.set_axis(names, axis=1))
-    table.attrs = {"start": start}
-    return table
+    for frame, form, digest in pieces:
+        names = [str(c) for c in frame.columns]
+        check_names(source, names)
+        table = with_index(frame.set_axis(names, axis=1))
+        table.attrs = {"start": frame.attrs.get("start")}
+        yield table, form, digest
 
 
 class Reading:
@@ -202,9 +202,8 @@ class Reading:
             If a column is missing, there twice, or of another kind altogether, a value cannot be,
             or the times are too few or do not increase.
         """
-        tables = ((_as_table(frame, self.source), form, digest) for frame, form, digest in pieces)
-        turned = unstack(tables, self.known, self.source)
-        values = gather(self._take(*piece) for piece in turned)
+        tables = unstack(_as_tables(pieces, self.source), self.known, self.source)
+        values = gather(self._take(*piece) for piece in tables)
         locked = {c.joint: values.pop(f"locked {c.joint}") for c in self.naming.locked}
         notes = [*self._form.notes, *self.naming.notes, *self._check_locked(locked)]
         raw = {key: values.pop(key) for key in self._base}

@@ -93,10 +93,13 @@ def follow_commands(
     structure = replace(structure, robot=replace(robot, servo=replace(servo, rolled=None)))
     text = check_found(robot, commanded, found) + state_servos(robot, commanded, found)
 
-    def calibrated(log: Log, delay: float | None, how: Preparation) -> Log:
-        return calibrate(structure, log.select(robot.joints), delay, found.parameters, how, rng)
+    def calibrated(log: Log, delay: float | None, band: Preparation = how) -> Log:
+        return calibrate(structure, log.select(robot.joints), delay, found.parameters, band, rng)
 
-    own = {k: calibrated(fitted[k], d, how) for k, d in zip(at, found.delays.tolist(), strict=True)}
+    def judged(log: Log) -> Log:
+        return calibrated(log, servo.delay, fit_band(robot, log, how) or how)
+
+    own = {k: calibrated(fitted[k], d) for k, d in zip(at, found.delays.tolist(), strict=True)}
     # No command acts before it is sent: rows that say so hold them otherwise, which is an error.
     errors = np.maximum(found.delay_errors, -found.delays)
     text += f" {phrase('rollouts', 'early')}" * any(found.delays < -2.0 * found.delay_errors)
@@ -110,11 +113,7 @@ def follow_commands(
         odd, others = odd + scale, [servo.having({"kp": servo.kp / np.exp(np.mean(larger))})]
     others += servo.doubted
     later += [{k: moved(x, servo, other) for k, x in own.items()} for other in others]
-    bands = [fit_band(robot, x, how) or how for x in recordings.held_out]
-    unseen = [
-        calibrated(log, servo.delay, band) if of_commands(log) else log
-        for log, band in zip(recordings.held_out, bands, strict=True)
-    ]
+    unseen = [judged(x) if of_commands(x) else x for x in recordings.held_out]
     rolled = any(x.rollout is not None for x in own.values())
     told = replace(
         recordings,

@@ -6,13 +6,16 @@ import pytest
 
 from identifiability import analyze
 from identifiability.foundation.errors import LogError
-from identifiability.foundation.names import Renames
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.robot import Robot
 
 JOINTS = ("shoulder", "elbow")
 CHANNELS = {"position": "q", "velocity": "dq", "effort": "tau"}
+
+
+def one_joint(name):
+    return Conventions(joints=(name,))
 
 
 def known(**options):
@@ -27,6 +30,13 @@ def long_of(arm, labels=JOINTS, channels=CHANNELS, time="time", label="joint"):
         parts.append(pd.DataFrame({time: arm["t"], label: called, **columns}))
     by_joint = pd.concat(parts, ignore_index=True)
     return by_joint.sort_values(time, kind="stable", ignore_index=True)
+
+
+def refused(given, read=lambda frame: Log.from_frame(frame, "log", known())):
+    """Return the sentence with which a table is refused."""
+    with pytest.raises(LogError) as refusal:
+        read(given)
+    return str(refusal.value)
 
 
 def same(log, arm):
@@ -95,10 +105,9 @@ def test_a_row_of_units_counts_for_all_joints(arm, write):
 def test_two_torques_in_a_long_table_are_one_question(arm):
     channels = {"position": "q", "velocity": "dq", "tau_measured": "tau", "tau_feedback": "q"}
     frame = long_of(arm, channels=channels)
-    with pytest.raises(LogError, match=r"--map '\(\.\+\)\\\.tau_measured=\\1\.tau'"):
-        Log.from_frame(frame, "log", known())
-    rules = Renames.of({r"(.+)\.tau_measured": r"\1.tau"})
-    same(Log.from_frame(frame, "log", known(columns=dict(rules.rules))), arm)
+    assert r"--map '(.+)\.tau_measured=\1.tau'" in refused(frame)
+    rules = {r"(.+)\.tau_measured": r"\1.tau"}
+    same(Log.from_frame(frame, "log", known(columns=rules)), arm)
 
 
 def test_rows_at_times_of_their_own_are_brought_together(arm):
@@ -112,15 +121,12 @@ def test_rows_at_times_of_their_own_are_brought_together(arm):
 def test_two_rows_of_a_joint_at_one_time_are_refused(arm):
     frame = long_of(arm)
     twice = pd.concat([frame, frame.iloc[[7]]]).sort_values("time", kind="stable")
-    with pytest.raises(
-        LogError, match=r"log has two rows of the joint 'elbow' at the time 0\.1125"
-    ):
-        Log.from_frame(twice, "log", known())
+    assert refused(twice).startswith("log has two rows of the joint 'elbow' at the time 0.1125;")
 
 
 def test_a_label_in_a_table_of_one_joint_says_nothing(arm):
     frame = arm[["t", "elbow.q", "elbow.tau"]].set_axis(["t", "position", "torque"], axis=1)
-    log = Log.from_frame(frame.assign(name="run 3"), "log", Conventions(joints=("elbow",)))
+    log = Log.from_frame(frame.assign(name="run 3"), "log", one_joint("elbow"))
     np.testing.assert_array_equal(log.q[:, 0], arm["elbow.q"])
 
 
@@ -128,5 +134,6 @@ def test_a_joint_that_appears_late_is_refused(arm, write, read_long):
     frame = pd.concat([long_of(arm)] * 3, ignore_index=True)
     frame["time"] = np.repeat(0.01 * np.arange(len(frame) // 2), 2)
     frame.loc[len(frame) - 1, "joint"] = "finger"
-    with pytest.raises(LogError, match=r"the joint 'finger' appears in 'joint' for the first time"):
-        read_long(write("log.csv", frame), known())
+    path = write("log.csv", frame)
+    said = refused(path, lambda given: read_long(given, known()))
+    assert "the joint 'finger' appears in 'joint' for the first time" in said

@@ -179,7 +179,9 @@ def _read_sheets(path: Path) -> dict[str, pd.DataFrame]:
     try:
         for sheet in book.worksheets:
             rows, left = _read_cells(path, sheet, left)
-            table = pd.DataFrame(rows, dtype=object)
+            width = max(map(len, rows), default=0)
+            filled_up = [[*row, *[None] * (width - len(row))] for row in rows]
+            table = pd.DataFrame(filled_up, columns=range(width), dtype=object)
             table = table.dropna(how="all").dropna(axis=1, how="all")
             if not table.empty:
                 found[str(sheet.title)] = table

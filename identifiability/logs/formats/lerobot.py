@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,6 +25,7 @@ from identifiability.logs.form import PLAIN
 from identifiability.logs.formats.parquet import check_parquet
 from identifiability.logs.formats.reader import Whole, reader
 from identifiability.logs.names import KINDS
+from identifiability.logs.rules import RULES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,9 +48,6 @@ _COMMANDS = {"q": "cmd", "dq": "dq_cmd", "tau": "tau_cmd", "current": "current_c
 
 #: The file of one episode in v2.
 _EPISODE_FILE = re.compile(r"episode_\d+\.parquet")
-
-#: Rates [Hz] that a dataset may state.
-RATES = (1e-3, 1e7)
 
 #: Numbers of episodes behind a colon.
 _EPISODES = re.compile(r"(\d{1,9})(?:-(\d{1,9}))?")
@@ -143,8 +141,7 @@ def read_episode(path: str | Path) -> pd.DataFrame:
     # In v2 each has a file of its own: else a thousand files are opened a thousand times.
     files = [str(f) for f in (folder / "data").glob(f"*/episode_{number:06d}.parquet")]
     data = ds.dataset(files or folder / "data", format="parquet")
-    for file in data.files:
-        check_parquet(Path(file))
+    _check_files(data.files)
     wanted = [name for name in FEATURES if name in data.schema.names]
     lacking = {"timestamp", "episode_index", "observation.state"} - {*data.schema.names}
     if lacking:
@@ -157,6 +154,17 @@ def read_episode(path: str | Path) -> pd.DataFrame:
         values = np.array(rows[feature].to_pylist(), float).reshape(rows.num_rows, -1)
         columns |= zip(_columns(feature, values.shape[1], info), values.T, strict=True)
     return pd.DataFrame(columns)
+
+
+def _check_files(files: Iterable[str]) -> None:
+    """Refuse Parquet files whose values take far more memory than they have bytes.
+
+    Raises
+    ------
+    LogError
+    """
+    for file in files:
+        check_parquet(Path(file))
 
 
 def _read_info(folder: Path) -> Mapping[str, Any]:
@@ -174,7 +182,7 @@ def _times(given: Any, info: Mapping[str, Any]) -> np.ndarray:
     """Return times [s]; those of single precision that count samples, to the last digit."""
     t = np.array(given.to_pylist(), float).reshape(-1)
     fps = info.get("fps")
-    if isinstance(fps, (int, float)) and RATES[0] <= fps <= RATES[1]:
+    if isinstance(fps, (int, float)) and 0 < fps <= 1.0 / RULES.steps[0]:
         even = np.round(t * fps) / fps
         if np.all(np.abs(t - even) <= np.spacing(np.abs(t).astype(np.float32))):
             return even

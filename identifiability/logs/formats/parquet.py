@@ -7,11 +7,8 @@ from pathlib import Path
 from identifiability.logs.formats.reader import check_unpacked
 from identifiability.logs.names import check_names
 
-#: Bytes of a value in memory.
-VALUE = 8
-
-#: Bytes that values of any file may take.
-LEAST = 256_000_000
+#: Bytes of a value in memory, and bytes that the values of any file may take.
+VALUE, LEAST = 8, 256_000_000
 
 
 def check_parquet(path: Path) -> list[str]:

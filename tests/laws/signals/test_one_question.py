@@ -35,6 +35,11 @@ def options_in(sentence, option):
     return [value for name, value in pairwise(words) if name == option]
 
 
+def named(joints, **rules):
+    """Return what is known of logs of these joints."""
+    return Conventions(joints=tuple(joints), columns=Renames.of(rules))
+
+
 def asked(frame, known):
     """Return the question about a table."""
     with pytest.raises(LogError) as refused:
@@ -92,14 +97,13 @@ def test_the_other_answer_is_given_by_the_other_name():
     frame = table(["t", *columns])
     ((old, new),) = answered(frame, ARM)[1].items()
     other = {old.replace("tau_measured", "tau_feedback"): new}
-    log = Log.from_frame(frame, "run", Conventions(joints=ARM, columns=Renames.of(other)))
+    log = Log.from_frame(frame, "run", named(ARM, **other))
     assert log.tau[0].tolist() == [7, 8, 9]
 
 
 def test_joints_without_a_common_pattern_are_settled_by_one_command_all_the_same():
     columns = ["A(q", "B)q", "elbow tau", "elbow effort", "tau shoulder", "shoulder torque"]
-    known = Conventions(joints=ARM[:2], columns=Renames.of({r"A\(q": "shoulder.q",
-                                                            r"B\)q": "elbow.q"}))  # fmt: skip
+    known = named(ARM[:2], **{r"A\(q": "shoulder.q", r"B\)q": "elbow.q"})
     rules = options_in(asked(table(["t", *columns]), known), "--map")
     assert [rule.rpartition("=")[2] for rule in rules] == ["elbow.tau", "shoulder.tau"]
 
@@ -124,7 +128,7 @@ def echoed(stamp):
 
 
 def test_the_stamp_of_the_header_goes_before_the_time_of_the_recorder_and_is_reported(tmp_path):
-    known, path = Conventions(joints=ARM[:2]), tmp_path / "run.csv"
+    known, path = named(ARM[:2]), tmp_path / "run.csv"
     frame = echoed(10**18 + 10**7 * np.arange(40))
     frame.to_csv(path, index=False)
     for log in (Log.read(path, known), Log.from_frame(frame, "run", known)):
@@ -136,8 +140,13 @@ def test_the_stamp_of_the_header_goes_before_the_time_of_the_recorder_and_is_rep
 
 
 def test_stamps_that_nobody_set_are_passed_over():
-    log = Log.from_frame(echoed(0), "run", Conventions(joints=ARM[:2]))
+    log = Log.from_frame(echoed(0), "run", named(ARM[:2]))
     assert log.t[1] - log.t[0] == pytest.approx(0.015, rel=1e-4)
+
+
+def inspected(*words):
+    """Return the outcome of a command in this process."""
+    return CliRunner().invoke(app, ["inspect", *map(str, words)])
 
 
 SHIPPED = ("quadruped", "hobby-arm", "six-ups", "delta", "palletizer", "walking-quadruped")
@@ -160,12 +169,12 @@ def test_pasted_locks_let_a_log_of_some_joints_be_read(tmp_path):
     wave = np.sin(np.outer(frame["t"], np.arange(1, 7)))
     frame.iloc[:, 1:] = 0.1 * wave
     frame.to_csv(path, index=False)
-    refusal = CliRunner().invoke(app, ["inspect", "quadruped", str(path)])
+    refusal = inspected("quadruped", path)
     assert refusal.exit_code == 2
     locks = options_in(refusal.stderr.strip(), "--lock")
     assert len(locks) <= 3, locks
     words = [word for lock in locks for word in ("--lock", lock)]
-    accepted = CliRunner().invoke(app, ["inspect", "quadruped", str(path), *words])
+    accepted = inspected("quadruped", path, *words)
     assert accepted.exit_code == 0, accepted.output
 
 
