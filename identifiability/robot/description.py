@@ -7,7 +7,6 @@ and what is known of masses, centres and limits.
 from __future__ import annotations
 
 import hashlib
-import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import field as default
 from dataclasses import replace
@@ -24,7 +23,7 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot.floating import SIX, Base
 from identifiability.robot.kinematics import WORLD, Point, Tree, shortest_turn
-from identifiability.robot.locate import read_included
+from identifiability.robot.locate import ROOTS, parse_xml, read_included
 from identifiability.robot.servo import Servo
 from identifiability.robot.sidecar import KnownTorque, MeasuredTorque, Sidecar
 
@@ -486,8 +485,7 @@ class Description(Stated):
     @cached_property
     def mjcf(self) -> bool:
         """Whether the robot file is MJCF; else it is URDF."""
-        _, root = next(ET.iterparse(self.path, ["start"]))
-        return bool(root.tag == "mujoco")
+        return bool(parse_xml(self.path, ROOTS).tag == "mujoco")
 
     @property
     def known_servo(self) -> Servo | None:

@@ -224,14 +224,32 @@ def _ask_for_base(path: Path, model: Any) -> None:
         )
 
 
-def plain_urdf(root: ET.Element, name: str) -> str:
-    """Return a URDF whose continuous joints are revolute ones, as far as they like.
+#: What identification needs of a URDF: elements by the one that they are parts of.
+_NEEDED = {
+    "robot": ("link", "joint"),
+    "link": ("inertial",),
+    "joint": ("parent", "child", "origin", "axis", "limit", "dynamics", "mimic"),
+}
 
-    Pinocchio holds a continuous joint as cosine and sine, from which nobody can tell how often it
-    has turned; mimic joints follow that. What its reader demands and identification does not need
-    (a name, limits, an effort) is added.
+
+def _keep_needed(root: ET.Element) -> ET.Element:
+    """Return a copy of a URDF without looks, collisions and what simulators add."""
+    bare = ET.Element(root.tag, root.attrib)
+    for part in root:
+        if part.tag in _NEEDED["robot"]:
+            kept = ET.SubElement(bare, part.tag, part.attrib)
+            kept.extend(copy.deepcopy(child) for child in part if child.tag in _NEEDED[part.tag])
+    return bare
+
+
+def plain_urdf(root: ET.Element, name: str) -> str:
+    """Return a URDF of what identification needs, whose continuous joints are revolute ones.
+
+    Pinocchio holds a continuous joint as cosine and sine, which do not count turns; mimic joints
+    follow a position. Looks, collisions and simulators' parts are left out. A name, limits and an
+    effort, which Pinocchio's reader demands, are added.
     """
-    plain = copy.deepcopy(root)
+    plain = _keep_needed(root)
     plain.set("name", root.get("name") or name)
     for joint in plain.findall("joint"):
         kind, limit = joint.get("type"), joint.find("limit")

@@ -5,9 +5,11 @@ It is parsed as far as its size allows: what has no end is refused at once.
 
 from __future__ import annotations
 
-import io
-import itertools
+import codecs
+import contextlib
+import math
 import xml.etree.ElementTree as ET
+from collections import Counter
 from importlib import resources
 from pathlib import Path
 
@@ -102,17 +104,44 @@ SMALLEST = 1 / LARGEST
 # Parse the XML of a robot file as far as its size allows: what has no end is refused at once.
 
 
-#: What is larger would take minutes, or all the stack, to read: bytes with all includes.
+#: Bytes of meshes that weigh, and bytes of XML with all includes.
 MOST_BYTES = 50_000_000
+MOST_TEXT = 10_000_000
+#: Bodies that move, when bodies on fixed joints are parts of those that carry them.
 MOST_BODIES = 200
 MOST_ELEMENTS = 20_000
 DEEPEST = 250
 
+#: Attributes of one element. Readers of XML in C++ take the square of their number in time.
+MOST_ATTRIBUTES = 100
+
 #: Files that are included; one that includes itself is refused by their number.
 MOST_INCLUDES = 100
 
+#: The largest number in an attribute of an MJCF that asks for copies, rows, samples or vertices.
+MOST_COPIES = {
+    "count": MOST_ELEMENTS,
+    "nrow": 4_000,
+    "ncol": 4_000,
+    "nsample": 10_000,
+    "actdim": 1_000,
+    "params": 1_000,
+}
 
-def check_files(path: Path, *files: Path) -> None:
+#: Parts of sections of an MJCF. MuJoCo takes the square of their number to take them out.
+MOST_PARTS = {"asset": 1_000, "contact": 3_000, "sensor": 3_000, "custom": 3_000, "light": 3_000}
+
+#: Elements of an MJCF that hold tables of numbers or lists of names, as long as the file allows.
+_TABLES = {
+    *("mesh", "hfield", "texture", "skin", "bone", "flex", "flexcomp", "key"),
+    *("numeric", "text", "tuple", "config"),
+}
+
+#: Roots of robot files.
+ROOTS = ("mujoco", "robot")
+
+
+def check_files(path: Path, *files: Path, most: int = MOST_BYTES) -> None:
     """Refuse files of a robot that are too large together, or none, such as a pipe without end.
 
     Raises
@@ -122,31 +151,121 @@ def check_files(path: Path, *files: Path) -> None:
     odd = next((file for file in files if file.exists() and not file.is_file()), None)
     if odd is not None:
         raise RobotError(f"{odd} cannot be read: it is no file.")
-    if sum(file.stat().st_size for file in files if file.exists()) > MOST_BYTES:
+    if sum(file.stat().st_size for file in files if file.exists()) > most:
         raise RobotError(
-            f"{path} is larger than {MOST_BYTES // 10**6} MB; robot files are read up to that."
+            f"{path} is larger than {most // 10**6} MB; robot files are read up to that."
         )
 
 
-def parse_xml(path: Path, roots: tuple[str, ...]) -> ET.Element:
+def read_bytes(path: Path) -> bytes:
+    """Return the content of a robot file that begins with its XML declaration, if it has one.
+
+    Blank lines and comments before the declaration move behind it. XML allows none there, and
+    public files have them.
+    """
+    content = path.read_bytes()
+    mark = content.startswith(codecs.BOM_UTF8) * len(codecs.BOM_UTF8)
+    at = mark
+    while True:
+        at = len(content) - len(content[at:].lstrip())
+        comment_end = content.find(b"-->", at)
+        if not content.startswith(b"<!--", at) or comment_end < 0:
+            break
+        at = comment_end + len(b"-->")
+    end = content.find(b"?>", at) + len(b"?>")
+    if at == mark or not content.startswith(b"<?xml ", at) or end < at:
+        return content
+    return content[at:end] + content[mark:at] + content[end:]
+
+
+class _Builder:
+    """Builds the tree of a file, and refuses the file at the first limit that it passes.
+
+    Text between elements is left out: no robot is stated in it.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file, for sentences.
+    room : int
+        Elements that the file may have.
+    """
+
+    def __init__(self, path: Path, room: int) -> None:
+        self.path, self.room, self.level = path, room, 0
+        self.tree = ET.TreeBuilder()
+
+    def doctype(self, *_declared: str | None) -> None:
+        """Refuse a document type: its entities and attributes multiply what a file holds."""
+        raise RobotError(
+            f"{self.path} declares a document type, <!DOCTYPE …>; no robot needs one: take it out, "
+            "and write its entities where they are used."
+        )
+
+    def start(self, tag: str, attributes: dict[str, str]) -> ET.Element:
+        """Add an element."""
+        self.room -= 1
+        self.level += 1
+        if self.room < 0:
+            raise _too_large(self.path, f"more than {MOST_ELEMENTS} elements")
+        if self.level > DEEPEST:
+            raise _too_large(self.path, f"elements in each other, more than {DEEPEST} levels deep")
+        if len(attributes) > MOST_ATTRIBUTES:
+            raise _too_large(self.path, f"an element with more than {MOST_ATTRIBUTES} attributes")
+        words = [tag, *attributes]
+        words += [text for key, text in attributes.items() if key == "name" or tag not in _TABLES]
+        if max(map(len, words)) > LONGEST_NAME:
+            raise _too_large(self.path, f"a name or value of more than {LONGEST_NAME} letters")
+        for key in MOST_COPIES.keys() & attributes.keys():
+            self._check_copies(tag, key, attributes[key])
+        return self.tree.start(tag, attributes)
+
+    def _check_copies(self, tag: str, key: str, text: str) -> None:
+        """Refuse a number of copies, rows, samples or vertices that nobody waits for."""
+        if not all(abs(number) <= MOST_COPIES[key] for number in _read_numbers(text)):
+            what = f"<{tag} {key}=…>, with a number larger than {MOST_COPIES[key]}"
+            raise _too_large(self.path, what)
+
+    def end(self, tag: str) -> ET.Element:
+        """End an element."""
+        self.level -= 1
+        return self.tree.end(tag)
+
+    def close(self) -> ET.Element:
+        """Return the root element."""
+        return self.tree.close()
+
+
+def _read_numbers(text: str) -> list[float]:
+    """Return the numbers of an attribute; MuJoCo refuses what is none."""
+    found = []
+    for word in text.split():
+        with contextlib.suppress(ValueError):
+            found.append(float(word))
+    return found
+
+
+def parse_xml(path: Path, roots: tuple[str, ...], room: int = MOST_ELEMENTS) -> ET.Element:
     """Return the root element of a file, which must be one of some.
+
+    Parameters
+    ----------
+    path : Path
+    roots : tuple of str
+    room : int
+        Elements that the file may have.
 
     Raises
     ------
     RobotError
     """
     try:
-        check_files(path, path)
-        content = path.read_bytes()
-        if b"<!DOCTYPE" in content:  # its entities and attributes multiply what a file holds
-            raise RobotError(
-                f"{path} declares a document type, <!DOCTYPE …>; no robot needs one: take it out, "
-                "and write its entities where they are used."
-            )
-        elements = (element for _, element in ET.iterparse(io.BytesIO(content), ["start"]))
-        root: ET.Element = next(elements)
-        if sum(1 for _ in itertools.islice(elements, MOST_ELEMENTS)) == MOST_ELEMENTS:
-            raise _too_large(path)
+        check_files(path, path, most=MOST_TEXT)
+        parser = ET.XMLParser(target=_Builder(path, room))
+        content = memoryview(read_bytes(path))
+        for start in range(0, len(content), _PIECE):
+            parser.feed(bytes(content[start : start + _PIECE]))
+        root: ET.Element = parser.close()
     except (ET.ParseError, OSError, ValueError, LookupError) as error:
         reason = getattr(error, "strerror", None) or error
         raise RobotError(f"{path} cannot be read as MJCF or URDF: {reason}.") from None
@@ -158,8 +277,32 @@ def parse_xml(path: Path, roots: tuple[str, ...]) -> ET.Element:
     return root
 
 
-def expand_includes(path: Path, root: ET.Element, found: list[Path]) -> None:
-    """Put the children of included files where they are included, and note these files."""
+#: Bytes that are parsed before the limits are looked at again.
+_PIECE = 65_536
+
+
+def expand_includes(path: Path, root: ET.Element, found: list[Path], room: int) -> int:
+    """Put the children of included files where they are included, and note these files.
+
+    Parameters
+    ----------
+    path : Path
+    root : Element
+        What is changed in place.
+    found : list of Path
+        Included files, to which more are added.
+    room : int
+        Elements that may still be included.
+
+    Returns
+    -------
+    int
+        Elements that may be included after that.
+
+    Raises
+    ------
+    RobotError
+    """
     for parent in list(root.iter()):
         for child in [c for c in parent if c.tag == "include"]:
             file = path.parent / child.get("file", "")
@@ -169,34 +312,95 @@ def expand_includes(path: Path, root: ET.Element, found: list[Path]) -> None:
                     f"{path} includes more than {MOST_INCLUDES} files, or files include each other "
                     "in a ring; put them together."
                 )
-            check_files(path, path, *found)
-            inner = parse_xml(file, ("mujoco", "mujocoinclude"))
-            expand_includes(path, inner, found)
+            check_files(path, path, *found, most=MOST_TEXT)
+            inner = parse_xml(file, ("mujoco", "mujocoinclude"), room)
+            room = expand_includes(path, inner, found, room - sum(1 for _ in inner.iter()))
             at = list(parent).index(child)
             parent[at : at + 1] = list(inner)
+    return room
 
 
-def _too_large(path: Path) -> RobotError:
-    return RobotError(
-        f"{path} is too large: robots of up to {MOST_BODIES} bodies, {MOST_ELEMENTS} elements and "
-        f"{DEEPEST} levels are read; simplify it."
-    )
+def _too_large(path: Path, what: str) -> RobotError:
+    return RobotError(f"{path} is too large: it has {what}; simplify it.")
 
 
 def _check_size(path: Path, root: ET.Element) -> None:
-    """Refuse what would take minutes, or all the memory, with <replicate> counted out."""
+    """Refuse what would take minutes, or all the memory, with copies counted out.
+
+    A body that hangs on its parent without a joint is part of the parent.
+    """
+    movable = {"joint", "freejoint"}
+    attached = _count_attached(path, root)
     level, bodies, elements = [(root, 1)], 0, 0
     for _ in range(DEEPEST):
         below = []
         for element, times in level:
-            bodies += times * (element.tag in ("body", "link"))
-            elements += times
-            copies = element.get("count", "") if element.tag == "replicate" else ""
-            many = times * (int(copies) if copies.lstrip("+").isdecimal() else 1)
+            elements += times * (attached if element.tag == "attach" else _count_parts(element))
+            if element.tag == "body":
+                bodies += times * any(child.tag in movable for child in element)
+            many = times * (_count_copies(element) if element.tag == "replicate" else 1)
             below += [(child, many) for child in element]
         level = below
-    if level or bodies > MOST_BODIES or elements > MOST_ELEMENTS:
-        raise _too_large(path)
+    joints = root.findall("joint")
+    bodies += sum(joint.get("type") != "fixed" for joint in joints)
+    if level:
+        raise _too_large(path, f"elements in each other, more than {DEEPEST} levels deep")
+    if bodies > MOST_BODIES:
+        raise RobotError(
+            f"{path} has {bodies} bodies that move, with fixed joints merged; robots of up to "
+            f"{MOST_BODIES} are read: leave bodies out, or fix joints that do not move."
+        )
+    if elements > MOST_ELEMENTS:
+        raise _too_large(path, f"more than {MOST_ELEMENTS} elements, with copies counted")
+    if root.tag == "mujoco":
+        _check_parts(path, root)
+
+
+def _check_parts(path: Path, root: ET.Element) -> None:
+    """Refuse an MJCF of which too many parts would be taken out."""
+    found = Counter({tag: sum(map(len, root.findall(tag))) for tag in MOST_PARTS})
+    found["light"] = sum(1 for _ in root.iter("light"))
+    for tag, most in MOST_PARTS.items():
+        if found[tag] > most:
+            raise _too_large(path, f"{found[tag]} parts of <{tag}>, and up to {most} are read")
+
+
+def _count_attached(path: Path, root: ET.Element) -> int:
+    """Return the elements of the largest model that an MJCF attaches.
+
+    MuJoCo reads these files by itself, so they are checked before it does.
+
+    Raises
+    ------
+    RobotError
+        If an attached file includes or attaches others.
+    """
+    files = [Path(model.get("file", "")) for model in root.iterfind("asset/model")]
+    check_files(path, path, *files, most=MOST_TEXT)
+    largest = 1
+    for file in (file for file in files if file.is_file()):
+        model = parse_xml(file, ("mujoco",))
+        tags = Counter(element.tag for element in model.iter())
+        if tags["include"] or tags["attach"]:
+            raise RobotError(
+                f"{path} attaches {file}, which includes or attaches other files; put them "
+                "together."
+            )
+        _check_size(file, model)
+        largest = max(largest, tags.total())
+    return largest
+
+
+def _count_copies(element: ET.Element) -> int:
+    """Return how many copies an element of an MJCF asks for."""
+    numbers = _read_numbers(element.get("count", ""))
+    return math.prod(max(1, round(number)) for number in numbers)
+
+
+def _count_parts(element: ET.Element) -> int:
+    """Return how many elements an element stands for, apart from its children."""
+    makes_parts = element.tag == "flexcomp" or (element.tag == "replicate" and not len(element))
+    return _count_copies(element) if makes_parts else 1
 
 
 def read_markup(path: Path) -> ET.Element:
@@ -233,7 +437,7 @@ def _check_expanded(path: Path, root: ET.Element) -> None:
 def file_text(path: Path, root: ET.Element) -> str:
     """Return an MJCF as one text: as it stands, or with its includes in their places."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_bytes(path).decode("utf-8-sig")
     except ValueError:  # another encoding
         text = ""
     if text and "<include" not in text:
@@ -249,9 +453,9 @@ def read_included(path: Path) -> tuple[ET.Element, list[Path]]:
     RobotError
     """
     found: list[Path] = []
-    root = parse_xml(path, ("mujoco", "robot"))
+    root = parse_xml(path, ROOTS)
     if root.tag == "mujoco":
-        expand_includes(path, root, found)
+        expand_includes(path, root, found, MOST_ELEMENTS - sum(1 for _ in root.iter()))
     _check_size(path, root)
     return root, found
 

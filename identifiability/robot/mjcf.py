@@ -67,7 +67,7 @@ def read_spec(
     """
     spec = mujoco.MjSpec.from_string(file_text(path, read_markup(path)))
     spec.modelfiledir = str(path.parent)
-    spec.nkey = spec.nuserdata = 0  # room for what is not there
+    _forget_room(spec)
     for geom in list(spec.geoms):
         if not (geom.contype or geom.conaffinity) if shapes else _is_idle(spec.compiler, geom):
             spec.delete(geom)
@@ -158,6 +158,14 @@ def _is_idle(compiler: Any, geom: Any) -> bool:
     while body is not None and not body.joints:
         body = body.parent
     return body is None and compiler.settotalmass <= 0
+
+
+def _forget_room(spec: Any) -> None:
+    """Take back the memory that a file asks for: for keys, user data, contacts and the stack."""
+    spec.nkey = spec.nuserdata = 0
+    automatic = [word for word in dir(spec) if word.startswith("nuser_")]
+    for word in (*automatic, "njmax", "nconmax", "nstack", "memory"):
+        setattr(spec, word, -1)
 
 
 def _forget_looks(spec: Any, more: str) -> None:
@@ -358,7 +366,8 @@ class Actuator:
 def read_actuators(m: Any) -> list[Actuator]:
     """Return the actuators of a compiled MJCF, in its order."""
     found = []
-    for a in range(m.nu):
+    first_controls = getattr(m, "actuator_ctrladr", range(m.nu))  # of several; MuJoCo 4 and later
+    for a, control in enumerate(first_controls):
         kind, target = int(m.actuator_trntype[a]), int(m.actuator_trnid[a, 0])
         pulls = kind == int(_TRN.mjTRN_TENDON)
         arms = {m.joint(target).name: 1.0} if kind in _ON_JOINT else {}
@@ -373,7 +382,9 @@ def read_actuators(m: Any) -> list[Actuator]:
                 gain=float(m.actuator_gainprm[a, 0]),
                 bias=m.actuator_biasprm[a, :3] * (int(m.actuator_biastype[a]) == _AFFINE),
                 force=m.actuator_forcerange[a] if m.actuator_forcelimited[a] else ENDLESS_SPAN,
-                command=m.actuator_ctrlrange[a] if m.actuator_ctrllimited[a] else ENDLESS_SPAN,
+                command=m.actuator_ctrlrange[control]
+                if m.actuator_ctrllimited[control]
+                else ENDLESS_SPAN,
                 numbers=_numbers(m, "actuator", a),
             )
         )

@@ -28,7 +28,14 @@ from identifiability.robot.closure import rest_along
 from identifiability.robot.description import FIELDS, Axis, Description
 from identifiability.robot.floating import BASE_JOINTS
 from identifiability.robot.kinematics import least_eigenvalue, shortest_turn
-from identifiability.robot.locate import drop_repeated, expand_includes, own_sidecar, place_sidecar
+from identifiability.robot.locate import (
+    MOST_ELEMENTS,
+    drop_repeated,
+    expand_includes,
+    own_sidecar,
+    place_sidecar,
+    read_bytes,
+)
 from identifiability.robot.servo import FOUND, Servo
 from identifiability.robot.sidecar import read_sidecar
 
@@ -395,9 +402,9 @@ def edited_text(
     RobotError
         If the file has no place for them, or a body has no mass.
     """
-    content = robot.path.read_bytes()
+    content = read_bytes(robot.path)
     top = read_elements(content)
-    expand_includes(robot.path, top, [])
+    expand_includes(robot.path, top, [], MOST_ELEMENTS)
     _check_template(robot, top)
     if not robot.mjcf:
         drop_repeated(top)

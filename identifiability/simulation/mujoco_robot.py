@@ -20,7 +20,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 from identifiability.robot.files import release_root
-from identifiability.robot.locate import check_files, drop_repeated
+from identifiability.robot.locate import check_files, drop_repeated, read_markup
 from identifiability.robot.mjcf import add_base, quiet, read_spec, refused
 
 # A robot file as MuJoCo compiles it, and its loops and couplings in MuJoCo's terms.
@@ -47,7 +47,7 @@ def robot_spec(robot: Robot, *, balance: str = "false", shapes: bool = False) ->
             spec = read_spec(robot.path, robot.outside, **how)
         else:
             said = robot.said.base if robot.base is None else "floating"
-            root, _ = release_root(ET.parse(robot.path).getroot(), said)
+            root, _ = release_root(read_markup(robot.path), said)
             meshes = _take_meshes(robot, root) if shapes else {}
             spec = mujoco.MjSpec.from_string(bare_urdf(root, balance, shapes=shapes), None, meshes)
             if robot.base is not None:

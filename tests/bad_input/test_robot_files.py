@@ -94,8 +94,12 @@ NAMING = {"connect@site1", "connect@site2", "motor@joint", "parent@link", "child
 def attributes(*, names: bool):
     """Every (robot, place, attribute) of the three files whose value is a name, or a number."""
     for robot in ("two-link", "five-bar", "six-dof-arm"):
-        for at, element in enumerate(ET.parse(locate_robot(robot)).iter()):
-            for key, value in element.items():
+        tree = ET.parse(locate_robot(robot))
+        looks = {
+            part for tag in ("visual", "collision") for x in tree.iter(tag) for part in x.iter()
+        }
+        for at, element in enumerate(tree.iter()):
+            for key, value in element.items() if element not in looks else ():
                 kind = f"{element.tag}@{key}"
                 number = kind in POSITIVE or element.tag in (
                     "inertia",

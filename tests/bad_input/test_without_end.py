@@ -87,9 +87,9 @@ def including(count, deep):
 ROBOTS = {
     "elements": (
         arm("<site/>" * xml.MOST_ELEMENTS),
-        "too large: robots of up to 200 bodies, 20000",
+        "too large: it has more than 20000 elements; simplify it",
     ),
-    "bytes": (sparse, "larger than 50 MB"),
+    "bytes": (sparse, "larger than 10 MB"),
     "includes": (including(xml.MOST_INCLUDES + 1, deep=False), "includes more than 100 files"),
     "room": (arm(head='<size nkey="2000000000"/>', mass="0"), "mass and inertia"),
     "copies by a sign": (arm('<replicate count="+99999999"><body/></replicate>'), "is too large"),
