@@ -25,7 +25,7 @@ def test_an_infeasible_cad_file_is_told_of_first_and_a_ball_stands_in(simulated,
     (tmp_path / "broken.toml").write_text(shipped.sidecar.read_text())
     robot = Robot.load(path)
     result = analyze(robot, simulated("six-dof-arm", "a", 0), replicates=0)
-    assert result.hints[0].startswith("The robot file states a body that cannot exist. link_1")
+    assert result.hints[0].startswith("The robot file states a body that cannot exist: link_1")
     said = result.chosen.physical.sentence
     assert "no body with mass and possible moments for link_1: where the logs are silent" in said
     assert result.chosen.physical.cad_weight > 0

@@ -27,6 +27,7 @@ from identifiability.physical.rules import RULES
 from identifiability.regression.reduction import Submodel, leave_to_terms
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
+from identifiability.robot.inertials import describe_faults, find_faults
 
 
 @frozen
@@ -90,16 +91,30 @@ def leave_undecided(structure: Structure, submodel: Submodel) -> PhysicalResult:
     return PhysicalResult(physical_set(structure), value, found[0], found[1:], "")
 
 
-def find_impossible_bodies(robot: Robot) -> str:
-    """Return one sentence on the bodies of the robot file that cannot exist, or nothing."""
+def check_bodies(robot: Robot) -> dict[str, str]:
+    """Return why moving bodies cannot exist, with what is fixed to them, by body."""
     ten = {b: np.array([robot.nominal[f"{b}.{k}"] for k in GROUPED_KINDS]) for b in robot.bodies}
-    wrong = [why for body, theta in ten.items() if (why := check_body(theta, body))]
-    if not wrong:
+    reasons = {body: check_body(theta, body) for body, theta in ten.items()}
+    return {body: reason for body, reason in reasons.items() if reason}
+
+
+def find_impossible_bodies(robot: Robot) -> str:
+    """Return one sentence on all bodies of the robot file that cannot exist, or nothing.
+
+    It quotes the numbers of the file. MuJoCo refuses, or corrects, such bodies of an MJCF itself.
+    """
+    frames = {f.name: f.parentJoint for f in robot.model.frames if f.parentJoint}
+    faults = {} if robot.mjcf else find_faults(robot.path, frames)
+    explained = {frames[body] for body in faults}
+    carriers = dict(zip(robot.bodies, robot.carriers, strict=True))
+    for body, reason in check_bodies(robot).items():
+        if carriers[body] not in explained:
+            faults[body] = reason.rstrip(".")
+    if not faults:
         return ""
-    more = f" {len(wrong) - 1} more bodies are like that." if len(wrong) > 1 else ""
     return (
-        f"The robot file states a body that cannot exist. {wrong[0]}{more} Correct <inertial> "
-        "there: the nearest real robot, its prior and every comparison with the file rest on it."
+        f"{describe_faults(faults)} Correct <inertial> there: the nearest real robot, its prior "
+        "and every comparison with the file rest on it."
     )
 
 

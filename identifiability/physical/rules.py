@@ -13,6 +13,16 @@ class Rules(RuleTable):
     """Limits and scales by which it is judged whether bodies can exist."""
 
     body_within: Annotated[float, "bodies of the file are within this share, by hand"] = 0.2
+    densest: Annotated[
+        float, "density that no material exceeds, osmium's [kg/m³], CRC Handbook"
+    ] = 22_600.0
+    widest: Annotated[
+        float, "radius of gyration of a body over the robot's reach that is reported, by hand"
+    ] = 2.0
+    lightest: Annotated[
+        float,
+        "masses over the cube of the reach below which lengths are no metres [kg/m³], by hand",
+    ] = 1e-5
     left_out: Annotated[
         float, "share of torque left out and needed by bodies, that is said, by hand"
     ] = 1e-3

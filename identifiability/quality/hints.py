@@ -22,6 +22,7 @@ from identifiability.logs.prepare.dataset import Dataset, stands_still
 from identifiability.logs.rules import RULES
 from identifiability.logs.spikes import TURN
 from identifiability.physical.feasibility import find_impossible_bodies
+from identifiability.physical.plausibility import check_plausible
 from identifiability.quality.registry import Does, MeasuredLogs, check, without
 from identifiability.regression.information import Information
 
@@ -129,6 +130,12 @@ def find_bodies(logs: MeasuredLogs) -> list[Finding]:
     """Return the bodies of the file that cannot exist."""
     text = find_impossible_bodies(logs.robot)
     return [Finding("bodies", text)] if text else []
+
+
+@check("dense", Does.HINTS, always=True)
+def find_implausible(logs: MeasuredLogs) -> list[Finding]:
+    """Return what the file states that no robot is: densities, sizes, units, legs on a base."""
+    return check_plausible(logs.robot)
 
 
 @check("assembly", Does.HINTS, always=True)

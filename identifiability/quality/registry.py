@@ -27,7 +27,7 @@ from identifiability.robot import Motion, Robot
 ORDER = (
     *("silent", "stuck", "wraps", "spikes", "commands", "contradictions"),
     *("flat", "unheld", "effects", "unit"),
-    *("bodies", "assembly", "outside", "beyond", "still", "outliers"),
+    *("bodies", "dense", "assembly", "outside", "beyond", "still", "outliers"),
 )
 
 #: Returns findings of `MeasuredLogs`, none for sound logs; what mends returns logs that are being

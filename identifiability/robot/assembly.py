@@ -33,8 +33,9 @@ from identifiability.robot.description import (
     name_numbers,
 )
 from identifiability.robot.floating import BASE_JOINTS, Base, Contact, Imu, Wrench
+from identifiability.robot.inertials import describe_faults, find_faults
 from identifiability.robot.kinematics import Point, body_names
-from identifiability.robot.locate import LARGEST
+from identifiability.robot.locate import LARGEST, SMALLEST
 from identifiability.robot.rules import RULES
 from identifiability.robot.servo import read_servo
 from identifiability.robot.sidecar import (
@@ -195,7 +196,15 @@ def check_nominal(path: Path, values: Mapping[str, float], rotor: str) -> None:
         owner, _, kind = name.rpartition(".")
         if not abs(value) < LARGEST:
             raise RobotError(f"{path}: {name} = {value:g} is no number of a robot; give SI units.")
+        if kind == "m" and 0 < value < (1 - NEARLY) * SMALLEST:
+            raise RobotError(
+                f"{path}: {name} = {value:g} kg is below {SMALLEST:g} kg, the least mass that is "
+                f"read; correct '{owner}', or give it no mass."
+            )
         if value < 0 and kind in {*NOT_NEGATIVE, rotor}:
+            faults = find_faults(path) if kind in INERTIAL_KINDS else {}
+            if faults:
+                raise RobotError(f"{path}: {describe_faults(faults)} Correct <inertial> there.")
             raise RobotError(
                 f"{path}: the file, or its sidecar, states {name} = {value:g}; stiffness, damping, "
                 "friction, armature, mass and moments of inertia are not negative: correct "

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import copy
 import os
-import re
 import sys
 import tempfile
 import xml.etree.ElementTree as ET
@@ -32,8 +31,8 @@ from identifiability.robot.assembly import (
     settle_locks,
 )
 from identifiability.robot.description import Coupling, Description, Stated
-from identifiability.robot.floating import BASE_JOINTS, Base
-from identifiability.robot.kinematics import body_names, read_tree, weld
+from identifiability.robot.floating import BASE_JOINTS, Base, find_legs
+from identifiability.robot.kinematics import WORLD, body_names, read_tree, weld
 from identifiability.robot.locate import find_sidecar, locate_robot, read_markup
 from identifiability.robot.sidecar import Sidecar, check_known, read_sidecar
 from identifiability.robot.write import numbers, root_link, urdf_joint
@@ -159,11 +158,16 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     )
 
 
+#: The root link that stands for the world: what is fixed to it is bolted down.
+WORLD_LINK = "world"
+
+
 def release_root(root: ET.Element, base: str | None) -> tuple[ET.Element, str]:
     """Return a URDF that begins with the link that floats, if one does, and what it floats on.
 
     That is the joint of type ``floating`` on which the rest hangs, or the root link itself where
-    it is said to float. One that is said to be fixed is.
+    it is said to float. One that is said to be fixed is. Where the root link is ``world``, what is
+    fixed to it floats instead.
 
     Parameters
     ----------
@@ -173,7 +177,10 @@ def release_root(root: ET.Element, base: str | None) -> tuple[ET.Element, str]:
     root, top = copy.deepcopy(root), root_link(root)
     parents = ((joint, joint.find("parent")) for joint in root.findall("joint"))
     first = [joint for joint, end in parents if end is not None and end.get("link") == top]
-    if len(first) != 1 or first[0].get("type") != "floating":
+    kind = first[0].get("type") if len(first) == 1 else ""
+    if kind == "fixed" and top == WORLD_LINK and base == "floating":
+        kind = "floating"
+    if kind != "floating":
         return root, top if base == "floating" else ""
     if base == "fixed":
         first[0].set("type", "fixed")
@@ -201,10 +208,6 @@ def _add_base(root: ET.Element) -> ET.Element:
     return made
 
 
-#: What links and joints of legs are called.
-_LEG = re.compile(r"(?i)leg|hip|thigh|knee|calf|shank|shin|ankle|foot|haa|hfe|kfe")
-
-
 def _ask_for_base(path: Path, model: Any) -> None:
     """Refuse a robot on legs whose root link hangs on nothing: it may walk, or be bolted down.
 
@@ -213,8 +216,12 @@ def _ask_for_base(path: Path, model: Any) -> None:
     RobotError
     """
     root = next(f.name for f in model.frames if f.type == pin.FrameType.BODY)
-    pairs = zip(model.names[1:], body_names(model), [*model.parents][1:], strict=True)
-    legs = [body for joint, body, above in pairs if not above and _LEG.search(f"{joint} {body}")]
+    if root == WORLD_LINK:
+        return
+    parents = [parent - 1 for parent in [*model.parents][1:]]
+    bodies = body_names(model)
+    on_root = {body for body, parent in zip(bodies, parents, strict=True) if parent == WORLD}
+    legs = [leg for leg in find_legs([*model.names[1:]], bodies, parents) if leg in on_root]
     if len(legs) > 1 and model.inertias[0].mass:
         raise RobotError(
             f"{path}: its root link '{root}' hangs on nothing and carries the legs "

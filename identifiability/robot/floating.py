@@ -9,6 +9,7 @@ for forces from outside: measured ones are known, others are eliminated (`elimin
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import field
 from typing import Literal
@@ -282,3 +283,25 @@ def closed_contacts(contacts: Sequence[Contact], t: Array, flags: Array) -> np.n
     reaches = [int(np.ceil(c.margin / step)) for c in contacts]
     each = [maximum_filter1d(flags[:, k], 2 * reach + 1) for k, reach in enumerate(reaches)]
     return np.reshape(each, (-1, len(t))).T > 0.5
+
+
+# Legs: what a robot that may walk has, by the names of its joints and bodies.
+
+
+#: What links and joints of legs are called.
+_LEG = re.compile(r"(?i)leg|hip|thigh|knee|calf|shank|shin|ankle|foot|haa|hfe|kfe")
+
+
+def find_legs(joints: Sequence[str], bodies: Sequence[str], parents: Sequence[int]) -> list[str]:
+    """Return the first body of each leg, by the names of joints and bodies.
+
+    Parameters
+    ----------
+    joints, bodies : sequence of str
+        A joint and the body behind it.
+    parents : sequence of int
+        Index of the body before each; negative where there is none.
+    """
+    is_leg = [bool(_LEG.search(f"{j} {b}")) for j, b in zip(joints, bodies, strict=True)]
+    first = [leg and not (up >= 0 and is_leg[up]) for leg, up in zip(is_leg, parents, strict=True)]
+    return [body for body, starts in zip(bodies, first, strict=True) if starts]

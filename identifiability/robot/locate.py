@@ -14,6 +14,7 @@ from importlib import resources
 from pathlib import Path
 
 from identifiability.foundation.errors import RobotError, near_match
+from identifiability.foundation.linalg import TINY
 from identifiability.foundation.quoting import path_for_shell
 from identifiability.foundation.rules import Tolerance
 
@@ -96,9 +97,11 @@ def locate_robot(source: str | Path) -> Path:
 #: Letters of a name.
 LONGEST_NAME = 500
 
-#: No mass, moment, length or gravity in SI units is larger, and no mass smaller unless it is zero.
+#: No mass, moment, length or gravity in SI units is larger.
 LARGEST: Tolerance = 1e15
-SMALLEST = 1 / LARGEST
+
+#: No mass is smaller [kg], unless it is zero: centres of mass are quotients by it.
+SMALLEST = TINY
 
 
 # Parse the XML of a robot file as far as its size allows: what has no end is refused at once.

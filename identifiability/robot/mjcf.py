@@ -25,6 +25,7 @@ from identifiability.foundation.values import frozen
 from identifiability.robot.assembly import settle_locks
 from identifiability.robot.description import FIELDS, Cable, Coupling, Loop, Stated
 from identifiability.robot.floating import BASE_JOINTS, SIX, Base
+from identifiability.robot.inertials import describe_faults, find_faults
 from identifiability.robot.kinematics import WORLD, Joint, Point, Tree, read_tree, weld
 from identifiability.robot.locate import check_files, file_text, read_markup
 from identifiability.robot.sidecar import Sidecar
@@ -131,6 +132,8 @@ def refused(path: Path) -> Iterator[None]:
         known = {e.get(key) or "" for e in read_markup(path).iter() for key in ("name", "class")}
         lost = quoted and quoted[1] not in {*known, "hinge", "slide"} and text[:6] != "Schema"
         end = near_match(quoted[1], known) if quoted and lost else "."
+        faults = describe_faults(find_faults(path)) if "inertia" in text else ""
+        end += f" {faults} Correct <inertial> there." * bool(faults)
         raise RobotError(f"{path} cannot be read by MuJoCo: {text}{end}") from None
 
 

@@ -41,6 +41,7 @@ from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.prepare.preparation import joint_log
 from identifiability.logs.spectrum import Spectrum, noise_level
 from identifiability.physical.feasibility import find_impossible_bodies
+from identifiability.physical.plausibility import check_plausible
 from identifiability.regression.reduction import ModelLike, choose_model, find_ladder, ladder_model
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot, RobotLike
@@ -179,6 +180,7 @@ def template_frame(robot: Robot) -> pd.DataFrame:
 def find_needs(robot: Robot) -> tuple[Need, ...]:
     """Return what the robot file leaves open, the most important first."""
     needs = [Need(wrong)] if (wrong := find_impossible_bodies(robot)) else []
+    needs += [Need(finding) for finding in check_plausible(robot)]
     if robot.assembled:
         table = [f"{for_toml(name)} = {x:.6g}" for name, x in robot.home_table.items()]
         whole = len(table) == len(robot.tree.joints)

@@ -18,7 +18,7 @@ from identifiability.foundation.errors import IdentifiabilityError, RobotError, 
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.physical.feasibility import find_impossible_bodies
+from identifiability.physical.feasibility import check_bodies, find_impossible_bodies
 from identifiability.physical.fitted_model import FittedModel, Fixed, LeastSquares
 from identifiability.physical.project import project
 from identifiability.posterior.diagnostics import (
@@ -227,9 +227,8 @@ def state_prior(structure: Structure, data: LeastSquares, share: float = 0.0) ->
         If the robot file states a body that cannot exist, with its name.
     """
     robot, names = structure.robot, structure.columns
-    impossible = find_impossible_bodies(robot)
-    if impossible:
-        raise IdentifiabilityError(f"{robot.path}: {impossible}")
+    if check_bodies(robot):
+        raise IdentifiabilityError(f"{robot.path}: {find_impossible_bodies(robot)}")
     share = share or robot.said.prior_relative
     prior = Prior.around(structure.nominal, structure.inertial, share, widest(data))
     mean, sd = np.array(prior.mean), np.array(prior.sd)

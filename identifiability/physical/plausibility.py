@@ -1,0 +1,115 @@
+"""Numbers of a robot file that no robot has: densities, sizes, millimetres, legs on a fixed base.
+
+A body of some mass has a least inertia, that of a ball of the densest material. It is not larger
+than the robot itself, and a robot is not lighter than thin air.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from identifiability.foundation.findings import Finding
+from identifiability.foundation.names import GROUPED_KINDS, Array
+from identifiability.physical.feasibility import check_bodies
+from identifiability.physical.pseudo_inertia import to_matrix
+from identifiability.physical.rules import RULES
+from identifiability.robot import Robot
+from identifiability.robot.floating import find_legs
+from identifiability.robot.inertials import read_inertials
+from identifiability.robot.kinematics import WORLD
+from identifiability.robot.locate import read_markup
+
+
+def check_plausible(robot: Robot) -> list[Finding]:
+    """Return what is implausible about the numbers of a robot file."""
+    scale = find_millimetres(robot)
+    return [*scale, *([] if scale else find_implausible_bodies(robot)), *find_fixed_legs(robot)]
+
+
+def find_implausible_bodies(robot: Robot) -> list[Finding]:
+    """Return bodies whose inertia is too small or too large for their mass and the robot's size."""
+    largest = max(measure_reach(robot), 1.0)
+    impossible = check_bodies(robot)
+    dense, wide = [], []
+    for body in robot.bodies:
+        theta = np.array([robot.nominal[f"{body}.{kind}"] for kind in GROUPED_KINDS])
+        mass = float(theta[9])
+        if mass <= 0 or body in (*robot.guessed, *impossible):
+            continue
+        spread = measure_spread(theta)
+        if spread < least_spread(mass):
+            dense.append(body)
+        elif np.sqrt(spread / mass) > RULES.widest * largest:
+            wide.append(body)
+    return _state_bodies(robot, "dense", dense) + _state_bodies(robot, "wide", wide, reach=largest)
+
+
+def _state_bodies(robot: Robot, key: str, bodies: Sequence[str], **more: float) -> list[Finding]:
+    """Return the finding on some bodies, with the numbers that the file states of them."""
+    if not bodies:
+        return []
+    stated = {x.body: x.numbers for x in read_inertials(read_markup(robot.path))}
+    quoted = [f"{body} ({stated[body]})" if body in stated else body for body in bodies]
+    return [Finding(key, robot.path.name, bodies=quoted, **more)]
+
+
+def measure_spread(theta: Array) -> float:
+    """Return the second moment of a body about its centre of mass, ∫|r|² dm [kg·m²].
+
+    Parameters
+    ----------
+    theta : (10,) [kg m², kg m, kg]
+        In the order of `GROUPED_KINDS`, with a mass that is not zero.
+    """
+    mass, first = theta[9], theta[6:9]
+    about_origin = float(np.trace(to_matrix(theta)[:3, :3]))
+    return about_origin - float(first @ first) / float(mass)
+
+
+def least_spread(mass: float) -> float:
+    """Return the second moment of a ball of the densest material, 3/5 m r² [kg·m²].
+
+    Parameters
+    ----------
+    mass : float [kg]
+    """
+    radius = (3.0 * mass / (4.0 * np.pi * RULES.densest)) ** (1 / 3)
+    return 0.6 * mass * radius**2
+
+
+def measure_reach(robot: Robot) -> float:
+    """Return the longest way from a first joint along the joints behind it to a centre of mass [m].
+
+    Where the robot stands in its world does not count.
+    """
+    ways = np.zeros(len(robot.tree.joints))
+    for k, joint in enumerate(robot.tree.joints):
+        if joint.parent != WORLD:
+            ways[k] = ways[joint.parent] + np.linalg.norm(joint.translation)
+    reach = float(ways.max(initial=0.0))
+    for body, carrier in zip(robot.bodies, robot.carriers, strict=True):
+        mass = robot.nominal[f"{body}.m"]
+        first = [robot.nominal[f"{body}.m{axis}"] for axis in "xyz"]
+        if mass > 0:
+            reach = max(reach, float(ways[carrier - 1] + np.linalg.norm(first) / mass))
+    return reach
+
+
+def find_millimetres(robot: Robot) -> list[Finding]:
+    """Return that lengths seem to be millimetres: in metres the robot weighs less than thin air."""
+    masses = sum(robot.nominal[f"{body}.m"] for body in robot.bodies)
+    reach = measure_reach(robot)
+    if reach == 0 or (masses or 1.0) / reach**3 > RULES.lightest:
+        return []
+    return [Finding("millimetres", robot.path.name, reach=reach, mass=masses)]
+
+
+def find_fixed_legs(robot: Robot) -> list[Finding]:
+    """Return legs that hang on a base which the file, and nobody else, holds still."""
+    if robot.base is not None or robot.said.base is not None or robot.closed:
+        return []
+    joints = [robot.tree.joints[link.first].dofs[0] for link in robot.links]
+    legs = find_legs(joints, robot.bodies, [link.parent for link in robot.links])
+    return [Finding("legs", robot.path.name, legs=legs)] if len(legs) > 1 else []
