@@ -6,8 +6,6 @@ than the robot itself, and a robot is not lighter than thin air.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from identifiability.foundation.findings import Finding
@@ -43,16 +41,21 @@ def find_implausible_bodies(robot: Robot) -> list[Finding]:
             dense.append(body)
         elif np.sqrt(spread / mass) > RULES.widest * largest:
             wide.append(body)
-    return _state_bodies(robot, "dense", dense) + _state_bodies(robot, "wide", wide, reach=largest)
+    name, stated = robot.path.name, _quote_bodies(robot)
+    found = []
+    if dense:
+        found.append(Finding("dense", name, bodies=[stated[body] for body in dense]))
+    if wide:
+        quoted = [stated[body] for body in wide]
+        found.append(Finding("wide", name, bodies=quoted, reach=largest))
+    return found
 
 
-def _state_bodies(robot: Robot, key: str, bodies: Sequence[str], **more: float) -> list[Finding]:
-    """Return the finding on some bodies, with the numbers that the file states of them."""
-    if not bodies:
-        return []
-    stated = {x.body: x.numbers for x in read_inertials(read_markup(robot.path))}
-    quoted = [f"{body} ({stated[body]})" if body in stated else body for body in bodies]
-    return [Finding(key, robot.path.name, bodies=quoted, **more)]
+def _quote_bodies(robot: Robot) -> dict[str, str]:
+    """Return each moving body with the numbers that its file states of it, if it states some."""
+    inertials = read_inertials(read_markup(robot.path))
+    stated = {x.body: f"{x.body} ({x.numbers})" for x in inertials}
+    return {body: stated.get(body, body) for body in robot.bodies}
 
 
 def measure_spread(theta: Array) -> float:
@@ -76,7 +79,7 @@ def least_spread(mass: float) -> float:
     mass : float [kg]
     """
     radius = (3.0 * mass / (4.0 * np.pi * RULES.densest)) ** (1 / 3)
-    return 0.6 * mass * radius**2
+    return float(0.6 * mass * radius**2)
 
 
 def measure_reach(robot: Robot) -> float:

@@ -117,7 +117,7 @@ def _read_urdf(inertial: ET.Element) -> tuple[float, dict[str, float]]:
 
 def _read_mjcf(inertial: ET.Element) -> tuple[float, dict[str, float]]:
     """Return mass and moments of an ``<inertial>`` of an MJCF, about axes that may be turned."""
-    text = inertial.get("fullinertia") or inertial.get("diaginertia", "")
+    text = inertial.get("fullinertia", inertial.get("diaginertia", ""))
     numbers = [float(word) for word in text.split()]
     return float(inertial.get("mass", "0")), dict(zip(_FULL_MOMENTS, numbers, strict=False))
 
