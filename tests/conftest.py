@@ -40,6 +40,12 @@ from identifiability.simulation import (
 )
 from identifiability.workflows.analyze.belief import EFFORT
 
+from .skips import (  # noqa: F401 - hooks
+    pytest_make_collect_report,
+    pytest_runtest_makereport,
+    pytest_terminal_summary,
+)
+
 ROBOTS = ("3-rps", "six-ups", "five-bar", "two-link", "six-dof-arm")
 #: Further mechanisms, which `make check-all` puts to the same laws.
 MECHANISMS = ("delta", "3-rrr", "palletizer", "six-actuators")
@@ -89,16 +95,6 @@ def pytest_collection_modifyitems(config, items):
     left = {item for item in items if item.get_closest_marker("everything")}
     config.hook.pytest_deselected(items=[item for item in items if item in left])
     items[:] = [item for item in items if item not in left]
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport(item, call):
-    """Turn a skip into a failure in CI: missing data or packages must not pass for a pass."""
-    report = yield
-    if report.skipped and not hasattr(report, "wasxfail") and os.environ.get("CI") == "true":
-        report.outcome = "failed"
-        report.longrepr = f"skipped in CI: {report.longrepr}"
-    return report
 
 
 @cache
