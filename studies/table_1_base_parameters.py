@@ -134,7 +134,7 @@ def cad_checks(subject: Subject) -> list[StudyCheck]:
             row["cad"] - 0.005,
             row["cad"] + 0.005,
             unit=row["unit"],
-            paper=f"{row['cad']} {row['unit']}",
+            printed=row["cad"],
         )
         for row in read_printed("table_8")["rows"]
     ]

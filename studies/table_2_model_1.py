@@ -89,7 +89,7 @@ def _row_checks(row: dict[str, Any], x: np.ndarray, exact: float) -> list[StudyC
             row["exact"] - 0.005 * abs(row["exact"]),
             row["exact"] + 0.005 * abs(row["exact"]),
             unit=row["unit"],
-            paper=str(row["exact"]),
+            printed=row["exact"],
         ),
     ]
 
@@ -114,7 +114,7 @@ def offset_checks(
             223,
             233,
             unit="N",
-            paper=f"{paper_mean:.1f} N of 228",
+            printed=paper_mean,
         ),
         check_holds(
             "(Fc+ − Fc-)/2 is not: its sd over that of the mean level",

@@ -60,7 +60,7 @@ def find_checks(
             0,
             40,
             unit="%",
-            paper=f"{printed[0]:.0f} %",
+            printed=printed[0],
         ),
         check_holds(
             "Model 1, smallest of the largest deviations",

@@ -11,7 +11,8 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from identifiability.report import Answer, Answers, Cell, Column, Section, Table, write_page
-from paper_study.page import SCHEMA
+from paper_study.page import SCHEMA, TONES
+from paper_study.result import say_unlike
 
 NAME = "index.html"
 
@@ -56,11 +57,14 @@ def _answer(studies: int, failed: list[str], others: int) -> str:
 def _agreement(studies: list[dict[str, Any]]) -> Answers:
     required = [c for s in studies for c in s["checks"] if c["required"]]
     good = sum(c["passed"] for c in required)
-    differ = sum(s["differing"] for s in studies)
-    tone = "green" if good == len(required) else "vermilion"
+    differing, not_comparable = (
+        sum(s[n] for s in studies) for n in ("differing", "not_comparable")
+    )
+    verdicts = {s["verdict"] for s in studies}
+    worst = next((v for v in reversed(TONES) if v in verdicts), "pass")
     short = f"{good} of {len(required)} required checks pass."
-    said = f"{differ} printed numbers differ, each with its reason."
-    return Answers((Answer("Do they agree?", short, said, tone),))
+    said = say_unlike(differing, not_comparable)
+    return Answers((Answer("Do they agree?", short, said, TONES[worst]),))
 
 
 def _study(path: Path) -> dict[str, Any] | None:
@@ -79,7 +83,7 @@ def _order(stem: str) -> tuple[int, str]:
 
 
 def _study_row(path: Path, study: dict[str, Any]) -> tuple[Cell, ...]:
-    word = "pass" if study["passed"] else "differs"
+    word = study["verdict"]
     return _link(path), Cell(word, word, study["summary"], word), Cell(study["statement"])
 
 

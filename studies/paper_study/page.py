@@ -25,7 +25,7 @@ from identifiability.report import (
 )
 from paper_study.result import StudyCheck, StudyResult
 
-SCHEMA = "identifiability/study/1"
+SCHEMA = "identifiability/study/2"
 
 #: Stands above the title of every page.
 OVERLINE = "The paper, table by table"
@@ -56,8 +56,10 @@ def to_dict(result: StudyResult) -> dict[str, Any]:
         "question": result.question,
         "statement": result.statement,
         "passed": result.passed,
+        "verdict": result.verdict,
         "summary": result.summary,
         "differing": result.differing,
+        "not_comparable": result.not_comparable,
         "checks": [vars(c) for c in result.checks],
         "tables": [{"caption": t.caption, "rows": _records(t.frame)} for t in result.tables],
         **result.data,
@@ -77,6 +79,9 @@ def checks_frame(checks: Sequence[StudyCheck]) -> pd.DataFrame:
     )
 
 
+#: Colours of a card by how far a study agrees.
+TONES = {"pass": "green", "partly": "amber", "differs": "vermilion"}
+
 #: Words of checks, as JSON has them.
 PASSED = {"pass": True, "differs": False, "not checked": None}
 
@@ -93,15 +98,14 @@ def _plain(x: Any) -> Any:
 
 
 def _summary(result: StudyResult) -> list[Block]:
-    good, required = (sum(getattr(c, n) for c in result.checks) for n in ("passed", "required"))
-    failed = [
+    if not result.checks:
+        return []
+    card = Answer("Does it agree?", result.required, result.unlike, TONES[result.verdict])
+    failed = tuple(
         Note("warning", c.name, f"Required, and fails: {c.ours} instead of {c.tolerance}.")
         for c in result.failed
-    ]
-    tone, said = "green" if result.passed else "vermilion", f"{required} are required."
-    short = f"{good} of {len(result.checks)} checks pass."
-    answers = [Answers((Answer("Does it agree?", short, said, tone),))] if result.checks else []
-    return [*answers, *([Notes(tuple(failed))] if failed else [])]
+    )
+    return [Answers((card,)), *([Notes(failed)] if failed else [])]
 
 
 def _sections(result: StudyResult) -> list[Section]:

@@ -99,22 +99,56 @@ class StudyResult:
 
     @property
     def differing(self) -> int:
-        """Printed numbers, in checks and tables, that ours differ from, each with its reason."""
-        cells = [x for t in self.tables for x in t.frame.to_numpy(object).ravel()]
-        tables = sum(isinstance(x, Cell) and x.badge == "differs" for x in cells)
-        return tables + sum(not c.passed and not c.required for c in self.checks)
+        """Count the printed numbers that differ, each with its reason."""
+        return self._count("differs") + sum(not c.passed and not c.required for c in self.checks)
+
+    @property
+    def not_comparable(self) -> int:
+        """Count the printed numbers that our trials scatter too widely to compare with."""
+        return self._count("not checked")
+
+    def _count(self, badge: str) -> int:
+        cells = [cell for t in self.tables for cell in t.frame.to_numpy(object).ravel()]
+        return sum(isinstance(cell, Cell) and cell.badge == badge for cell in cells)
+
+    @property
+    def verdict(self) -> str:
+        """Return ``pass``, ``partly`` if a number differs, ``differs`` if a required check fails."""
+        if not self.passed:
+            return "differs"
+        return "partly" if self.differing or self.not_comparable else "pass"
+
+    @property
+    def required(self) -> str:
+        """Say in one sentence how many required checks pass."""
+        count, failed = sum(c.required for c in self.checks), len(self.failed)
+        return (
+            f"{failed} of {count} required checks fail."
+            if failed
+            else f"All {count} required checks pass."
+        )
+
+    @property
+    def unlike(self) -> str:
+        """Say in up to two sentences how many printed numbers differ or cannot be compared."""
+        return say_unlike(self.differing, self.not_comparable)
 
     @property
     def summary(self) -> str:
-        """One line: how many required checks pass, and how many printed numbers differ."""
-        required = sum(c.required for c in self.checks)
-        if self.passed:
-            rest = self.differing
-            explained = f"; {rest} printed number(s) differ, with the reason" if rest else ""
-            return f"all {required} required checks pass{explained}"
-        return f"{len(self.failed)} required check(s) fail: " + "; ".join(
-            c.name for c in self.failed
-        )
+        """Return one line: required checks, and printed numbers that differ or are not compared."""
+        failed = "; ".join(c.name for c in self.failed)
+        return " ".join(text for text in (self.required, failed, self.unlike) if text)
+
+
+def say_unlike(differing: int, not_comparable: int) -> str:
+    """Say how many printed numbers differ, and how many cannot be compared."""
+    sentences = []
+    if differing:
+        numbers = "number differs, with its" if differing == 1 else "numbers differ, each with its"
+        sentences.append(f"{differing} printed {numbers} reason.")
+    if not_comparable:
+        sentences.append(f"{not_comparable} cannot be compared.")
+    return " ".join(sentences)
 
 
 def check_range(
@@ -124,19 +158,50 @@ def check_range(
     high: float,
     *,
     unit: str = "",
+    printed: float | Sequence[float] = (),
     paper: str = "",
     reason: str = "",
     required: bool = True,
 ) -> StudyCheck:
-    """Return a check that every value lies between two bounds."""
+    """Return a check that every value lies between two bounds.
+
+    Parameters
+    ----------
+    name : str
+    values : float or sequence of float
+    low, high : float
+        The bounds, which are allowed too.
+    unit : str
+    printed : float or sequence of float
+        The paper's own numbers.
+    paper : str
+        What the paper says in words; by default its numbers.
+    reason : str
+        Why the values differ, if they do.
+    required : bool
+
+    Raises
+    ------
+    ValueError
+        If the check is required and its bounds exclude a number of the paper.
+    """
+    wanted = np.atleast_1d(np.asarray(printed, float))
+    excluded = wanted[(wanted < low) | (wanted > high)]
+    if required and len(excluded):
+        raise ValueError(f"{name}: a required check must allow the printed {excluded[0]:g}")
+    if len(wanted) and not paper:
+        paper = f"{_span(wanted, 4)} {unit}".strip()
     x = np.atleast_1d(np.asarray(values, float))
-    ends = [format_number(float(v), 3) for v in (x.min(), x.max())]
-    ours = ends[0] if ends[0] == ends[1] else f"{ends[0]} … {ends[1]}"
-    limits = " … ".join(dict.fromkeys(format_number(end) for end in (low, high)))
     passed = bool(((x >= low) & (x <= high)).all())
-    return StudyCheck(
-        name, f"{ours} {unit}".strip(), paper, f"{limits} {unit}".strip(), passed, reason, required
-    )
+    limits = " … ".join(dict.fromkeys(format_number(end) for end in (low, high)))
+    ours = f"{_span(x, 3)} {unit}".strip()
+    return StudyCheck(name, ours, paper, f"{limits} {unit}".strip(), passed, reason, required)
+
+
+def _span(x: np.ndarray, digits: int) -> str:
+    """Return the smallest and the largest of some numbers."""
+    ends = [format_number(float(end), digits) for end in (x.min(), x.max())]
+    return " … ".join(dict.fromkeys(ends))
 
 
 def check_equal(
@@ -156,8 +221,15 @@ def check_holds(name: str, ours: str, passed: bool, tolerance: str, **more: Any)
     return StudyCheck(name, ours, more.pop("paper", ""), tolerance, bool(passed), **more)
 
 
+#: Trials whose largest is so many times the smallest would pass any printed number between.
+DECADE = 10.0
+
+
 def compare(trials: np.ndarray, paper: float, floor: float, reason: str) -> Cell:
     """Return a cell: our mean ± sd, and whether the printed number, one draw, can come from it.
+
+    Where positive trials scatter over more than a decade, the cell says that nothing can be
+    compared.
 
     Parameters
     ----------
@@ -173,9 +245,14 @@ def compare(trials: np.ndarray, paper: float, floor: float, reason: str) -> Cell
     """
     x = trials[np.isfinite(trials)]
     mean, sd, low, high = (float(f(x)) for f in (np.mean, np.std, np.min, np.max))
-    text = " ± ".join(format_measured(mean, sd)) if sd > 0 else format_number(mean)
     wanted = f"paper {format_number(paper)}"
-    span = f"trials {format_number(low, 3)} … {format_number(high, 3)}"
+    ends = f"{format_number(low, 3)} … {format_number(high, 3)}"
+    if low > 0 and high > DECADE * low:
+        reason = f"{wanted}; our trials scatter by a factor of {format_number(high / low, 2)}"
+        return check_cell(f"cannot be compared: {ends}", passed=None, reason=reason)
+    text = " ± ".join(format_measured(mean, sd)) if sd > 0 else format_number(mean)
     if low - floor <= paper <= high + floor:
-        return check_cell(text, passed=True, reason=f"{wanted}, {span}")
-    return check_cell(text, passed=False, reason=f"{wanted}, {span}; differs, because {reason}")
+        return check_cell(text, passed=True, reason=f"{wanted}, trials {ends}")
+    return check_cell(
+        text, passed=False, reason=f"{wanted}, trials {ends}; differs, because {reason}"
+    )

@@ -20,3 +20,10 @@ def test_a_printed_number_beyond_the_tolerance_differs_and_says_why():
     cell = compare(trials, 4.8, 0.1, "seeds are unknown")
     assert cell.badge == "differs"
     assert "differs, because seeds are unknown" in cell.note
+
+
+def test_trials_that_scatter_over_decades_pass_no_printed_number():
+    scattered = compare(np.array([3.45, 60.0, 445_000.0]), 52.18, 0.5, "x")
+    assert scattered.badge == "not checked"
+    assert scattered.text.startswith("cannot be compared")
+    assert compare(np.array([-90.0, 2.0, 70.0]), 50.0, 0.0, "x").badge == "pass"
