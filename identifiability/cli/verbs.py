@@ -7,6 +7,7 @@ Heavy imports stand inside the functions, so that ``--help`` is quick.
 from __future__ import annotations
 
 import runpy
+import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -514,9 +515,34 @@ def excite(
 
 # The paper.
 
-#: The studies, beside the package in a checkout, and where to get one.
-STUDIES = Path(__file__).resolve().parents[2] / "studies"
+#: Where to get the studies, and the name of the project that they belong to.
 SOURCE = "https://github.com/robot-identifiability/identifiability"
+PROJECT = "robot-identifiability"
+
+
+def find_studies() -> Path:
+    """Return the studies of the checkout that holds the working folder, or else the package.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If neither stands in a checkout.
+    """
+    package = Path(__file__).resolve().parents[2]
+    for folder in (Path.cwd(), *Path.cwd().parents, package):
+        studies = folder / "studies"
+        if (studies / "registry.py").is_file() and _is_checkout(folder):
+            return studies
+    raise IdentifiabilityError(Finding("studies.none", SOURCE))
+
+
+def _is_checkout(folder: Path) -> bool:
+    """Return whether a folder is this project: nobody else's file called 'registry.py' may run."""
+    try:
+        text = (folder / "pyproject.toml").read_text(encoding="utf-8")
+        return bool(tomllib.loads(text)["project"]["name"] == PROJECT)
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
 
 
 @Verb
@@ -528,8 +554,7 @@ def paper(
     out: Annotated[Path, options.Writes()] = Path("reports"),
 ) -> None:
     """Compute every table and figure of the paper, ours beside the printed numbers."""
-    if not (STUDIES / "registry.py").is_file():
-        raise IdentifiabilityError(Finding("studies.none", SOURCE))
+    studies = find_studies()
     words = [*tables, "--out", str(out), *(["--quick"] if quick else [])]
     words += [] if seeds is None else ["--seeds", str(seeds)]
-    runpy.run_path(str(STUDIES), {"words": words, "place": place}, "__main__")
+    runpy.run_path(str(studies), {"words": words, "place": place}, "__main__")

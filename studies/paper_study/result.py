@@ -113,7 +113,7 @@ class StudyResult:
 
     @property
     def verdict(self) -> str:
-        """Return ``pass``, ``partly`` if a number differs, ``differs`` if a required check fails."""
+        """Return ``pass``; ``partly`` if numbers differ; ``differs`` if a required check fails."""
         if not self.passed:
             return "differs"
         return "partly" if self.differing or self.not_comparable else "pass"
