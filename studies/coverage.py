@@ -13,7 +13,6 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-import coverage_posterior
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -483,13 +482,7 @@ def main(argv: Sequence[str] | None = None) -> Result | None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--noises", action="store_true", help="print the table of six noises")
     parser.add_argument("--hidden", action="store_true", help="print that with an effect hidden")
-    parser.add_argument("--posterior", action="store_true", help="of posteriors, with its options")
-    given, others = parser.parse_known_args(argv)
-    if given.posterior:
-        coverage_posterior.main(["--out", str(given.out), *["--quick"] * given.quick, *others])
-        return None
-    if others:
-        parser.error(f"unrecognized arguments: {' '.join(others)}")
+    given = parser.parse_args(argv)
     trials = 8 if given.quick else given.trials
     if given.noises:
         print(measure_noises(trials, given.seed).round(3).to_string(index=False))

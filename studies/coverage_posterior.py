@@ -276,3 +276,7 @@ def main(argv: Sequence[str] | None = None) -> list[Cell]:
     page = given.out.with_suffix(".html")
     print(write_page("Does the posterior hold?", state(cells), [section], page, overline="Study"))
     return cells
+
+
+if __name__ == "__main__":
+    main()

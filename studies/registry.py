@@ -70,6 +70,7 @@ STUDIES = (
         file="hidden_physics_exam",
     ),
     Study("coverage", "Do intervals of 95 % hold the truth in 95 % of the cases?"),
+    Study("coverage_posterior", "Do posteriors hold the truth as often where noise is slow?"),
     Study(
         "field_conditions",
         "What do robots and logs as people have them do to names, errors and labels?",
