@@ -163,6 +163,7 @@ def at_once():
     """A context whose work must end before a loop of fifty million additions would (about 6 s).
 
     A ratio in one run, not seconds: other machines, and this one under load, are slower at both.
+    The longest work takes an eighth of it.
     """
 
     def spend(turns: int) -> float:

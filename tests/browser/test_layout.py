@@ -75,10 +75,9 @@ def test_a_robot_of_a_rollout_is_hidden_by_its_button_and_moves_when_played(tmp_
             pressed.append(button.get_attribute("aria-pressed"))
         begun = time.text_content()
         seen.page.locator(".play").first.click()
-        seen.page.wait_for_timeout(300)
-        played = time.text_content()
+        moving = "([shown, begun]) => shown.textContent !== begun"
+        seen.page.wait_for_function(moving, arg=[time.element_handle(), begun])
     assert pressed == ["true", "false", "true"]
-    assert played != begun
     assert seen.complaints == []
 
 
