@@ -48,7 +48,7 @@ class Rules(RuleTable):
         float, "columns of the noise-free part, as a share of rows, by hand"
     ] = 0.45
     name: Annotated[float, "log odds that name what a model lacks, on fitted rows, derived"] = 1.0
-    keep: Annotated[float, "and how much more with unseen rows keeps it, derived"] = 2.0
+    keep: Annotated[float, "and how much more with unseen rows keeps it [nat], derived"] = 2.0
     simpler: Annotated[float, "nats within which fewer columns go first, derived"] = 3.0
     rival: Annotated[float, "nats within which it is A or B, derived"] = 4.0
     smooth_price: Annotated[
