@@ -49,14 +49,15 @@ HERE = Path(__file__).resolve().parent
 #: Each verb, and its robot.
 VERBS = {
     "analyze": "two-link",
-    "prune": "3-rps",
+    "prune": "two-link",
     "diagnose": "five-bar",
     "calibrate": "two-link",
     "excite": "six-ups",
     "payload": "six-dof-arm",
     "compare": "six-dof-arm",
 }
-TRAJECTORIES = {"3-rps": ("601", "595")}
+#: Seeds of cases that would lie near a threshold with seed 0.
+SEEDS = {"prune": 3, "excite": 1}
 NOISE = Noise(torque=0.03)
 #: Draws a walker: chains of other processors are other chains, and all of them must converge.
 DRAWS = 400
@@ -96,11 +97,10 @@ ROUNDED = re.compile(
 )
 
 
-def logs_of(robot: Robot, hide: Sequence[str] = ()) -> list[Any]:
+def logs_of(robot: Robot, hide: Sequence[str] = (), seed: int = 0) -> list[Any]:
     """Return two simulated logs of a robot: short, with noise on the torque."""
-    rngs = np.random.default_rng(0).spawn(2)
-    names = TRAJECTORIES.get(robot.name, ("a", "b"))
-    motions = [PrescribedMotion.of(shipped_trajectory(robot, name), 400) for name in names]
+    rngs = np.random.default_rng(seed).spawn(2)
+    motions = [PrescribedMotion.of(shipped_trajectory(robot, name), 400) for name in "ab"]
     return [
         simulate(robot, motion, noise=NOISE, rng=rng, hide=[*hide])
         for motion, rng in zip(motions, rngs, strict=True)
@@ -109,13 +109,13 @@ def logs_of(robot: Robot, hide: Sequence[str] = ()) -> list[Any]:
 
 def make(verb: str) -> dict[str, Any]:
     """Return the JSON of one verb."""
-    robot = Robot.load(VERBS[verb])
+    robot, seed = Robot.load(VERBS[verb]), SEEDS.get(verb, 0)
     if verb == "excite":
-        return json_of(excite(robot, evaluations=200, samples=200))
+        return json_of(excite(robot, evaluations=200, samples=200, seed=seed))
     if verb == "diagnose":
         logs = logs_of(robot, hide=["joint_stiffness=0.1"])
         return json_of(diagnose(robot, logs[:1], logs[1:], quick=True))
-    fitted, unseen = logs_of(robot)
+    fitted, unseen = logs_of(robot, seed=seed)
     if verb == "prune":
         return json_of(prune(robot, fitted, unseen, replicates=20))
     if verb == "compare":
@@ -335,13 +335,18 @@ Rule = tuple[type[RuleTable], str]
 #: How far from a rule a case must lie: this share of it, or so many nats.
 SHARE, NATS = 0.1, 1.0
 
+#: A width of a window, which moves every number a little and decides nothing.
+NO_THRESHOLD = {"memories"}
+
 #: Where such a share is counted from, if not from zero: R-hat is never below 1.
 COUNTED_FROM = {"rhat": 1.0}
 
 
 def all_rules() -> list[Rule]:
     """Return every number by which a room decides."""
-    return [(table, name) for table in RuleTable.__subclasses__() for name in table.__annotations__]
+    tables = RuleTable.__subclasses__()
+    rules = [(table, name) for table in tables for name in table.__annotations__]
+    return [(table, name) for table, name in rules if name not in NO_THRESHOLD]
 
 
 def moved_value(rule: Rule, sign: int) -> Any:
