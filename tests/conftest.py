@@ -40,11 +40,7 @@ from identifiability.simulation import (
 )
 from identifiability.workflows.analyze.belief import EFFORT
 
-from .skips import (  # noqa: F401 - hooks
-    pytest_make_collect_report,
-    pytest_runtest_makereport,
-    pytest_terminal_summary,
-)
+from . import skips
 
 ROBOTS = ("3-rps", "six-ups", "five-bar", "two-link", "six-dof-arm")
 #: Further mechanisms, which `make check-all` puts to the same laws.
@@ -63,6 +59,7 @@ def pytest_addoption(parser):
 
 
 def pytest_configure(config):
+    config.pluginmanager.register(skips, "skips")
     config.addinivalue_line("markers", "everything: takes too long for make test")
     config.addinivalue_line("markers", "pictures: looks at what is drawn on a page")
     # Else a fifth of the time goes into looking for garbage among what modules hold for good.

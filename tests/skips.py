@@ -1,6 +1,6 @@
 """Report skips: all of them in one line at the end, and as failures in CI.
 
-`tests/conftest.py` imports these hooks; `tests/test_skips.py` runs them in a process that needs
+`tests/conftest.py` registers these hooks; `tests/test_skips.py` runs them in a process that needs
 nothing else.
 """
 

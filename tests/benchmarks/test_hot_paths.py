@@ -17,7 +17,6 @@ from identifiability.regression.regression import Model
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 
-
 MARGIN = 4.0
 
 
