@@ -166,7 +166,7 @@ def set_symbols(text: str) -> Markup:
     >>> print(set_symbols("-2e-05 of run-1.csv, arm-2, 1-2 and 3 %"))
     −2·10⁻⁵ of run-1.csv, arm-2, 1-2 and 3 %
     """
-    escaped = str(for_html(text))
+    escaped = str(text if isinstance(text, Markup) else for_html(text))  # a link is markup
     escaped = re.sub(r"(?<![\w.)\]-])-(?=\.?\d)", "−", escaped)
     escaped = re.sub(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]\d\d+)\b", _powered, escaped)
     escaped = re.sub(r"(?<=\d) (?=[%σ×])", "\u00a0", escaped)

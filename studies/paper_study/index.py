@@ -8,8 +8,9 @@ from html import unescape
 from pathlib import Path
 from typing import Any
 
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
+from identifiability.foundation.quoting import for_html, for_link
 from identifiability.report import Answer, Answers, Cell, Column, Section, Table, write_page
 from paper_study.page import SCHEMA, TONES
 from paper_study.result import say_unlike
@@ -89,7 +90,7 @@ def _study_row(path: Path, study: dict[str, Any]) -> tuple[Cell, ...]:
 
 def _link(path: Path) -> Cell:
     title = _find(path, r"<h1>(.*?)</h1>") or path.stem
-    text = Markup(f'<a href="{escape(path.name)}">{escape(title)}</a>')
+    text = Markup(f'<a href="{for_html(for_link(path.name))}">{for_html(title)}</a>')
     return Cell(text, path.stem)
 
 
