@@ -33,10 +33,10 @@ from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN
 from identifiability.logs.formats.containers import stack_arrays
 from identifiability.logs.formats.reader import Whole
-from identifiability.logs.reading import Reading
 from identifiability.logs.rows import divide_rows, find_range, gather, is_long, spread_windows
 from identifiability.logs.rules import RULES
 from identifiability.logs.spikes import Spike, find_spikes
+from identifiability.logs.table_reader import TableReader
 from identifiability.logs.tables import read_pieces, write_table
 
 if TYPE_CHECKING:
@@ -144,8 +144,8 @@ class Log:
         LogError
             If the file is missing, is no table, lacks columns or holds values that cannot be.
         """
-        reading = Reading(str(path), conventions or Conventions())
-        log = _read_log(reading, read_pieces(Path(path), reading.known))
+        reader = TableReader(str(path), conventions or Conventions())
+        log = _read_log(reader, read_pieces(Path(path), reader.known))
         (name,) = shorten_paths([str(path)])
         return replace(
             log,
@@ -169,7 +169,7 @@ class Log:
         import pandas as pd  # noqa: PLC0415 - heavy, and files do not need it
 
         check_option("frame", frame, pd.DataFrame)
-        log = _read_log(Reading(name, conventions or Conventions()), [(frame, PLAIN, "")])
+        log = _read_log(TableReader(name, conventions or Conventions()), [(frame, PLAIN, "")])
         values = log.to_frame()
         digest = hashlib.sha256(",".join(values.columns).encode())
         digest.update(np.ascontiguousarray(values.to_numpy(float)).tobytes())
@@ -360,26 +360,26 @@ def join_logs(logs: Sequence[Log]) -> Log:
     return replace(logs[0], **joined)
 
 
-def _read_log(reading: Reading, pieces: Iterable[Whole]) -> Log:
+def _read_log(reader: TableReader, pieces: Iterable[Whole]) -> Log:
     """Return the log in the pieces of a table."""
-    values, naming = reading.read(pieces), reading.naming
+    values, naming = reader.read(pieces), reader.naming
     fields: dict[str, Any] = dict.fromkeys(("q", "dq", "ddq", "tau")) | values
     notes, t, tau = naming.notes, values["t"], values["tau"]
     if np.isnan(find_range(tau)[0]).any():
         gone = fields["unmeasured"] = np.isnan(tau)
         pairs = zip(tau.T, gone.T, strict=True)
         fields["tau"] = np.stack([_bridge(t, x, missing) for x, missing in pairs], 1)
-    if reading.known.base is not None:
-        beside = reading.known.base, t, reading.beside, reading.source
+    if reader.known.base is not None:
+        beside = reader.known.base, t, reader.beside, reader.source
         fields["base"], told = read_base(*beside)
         notes = (*notes, told)
     return Log(
-        reading.source,
+        reader.source,
         naming.joints,
-        sha256=reading.sha256,
+        sha256=reader.sha256,
         notes=notes,
         motion_alone=bool(naming.made),
-        start=reading.start,
+        start=reader.start,
         **fields,
     )
 

@@ -28,7 +28,7 @@ from identifiability.logs.formats.reader import (
     list_files,
 )
 from identifiability.logs.names import check_names
-from identifiability.logs.reading import with_index
+from identifiability.logs.table_reader import with_index
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from identifiability.logs.contradictions import contradictions, looks_like_degrees
-from identifiability.logs.reading import unify_rates
+from identifiability.logs.table_reader import unify_rates
 from identifiability.quality import hints as torque_scale
 from identifiability.workflows.analyze import workflow
 from identifiability.workflows.answers import grade_of

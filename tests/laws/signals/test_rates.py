@@ -6,7 +6,7 @@ import pytest
 
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
-from identifiability.logs.reading import unify_rates
+from identifiability.logs.table_reader import unify_rates
 
 W = 2 * np.pi * np.array([0.8, 1.1])
 

@@ -1,4 +1,4 @@
-"""`Reading`: the first reading of a table, piece by piece: what is what, and whether it can be.
+"""`TableReader`: reads a table piece by piece, and finds what its columns are.
 
 Columns may have rates of their own: merged topics leave cells empty, loggers repeat what they
 know.
@@ -131,7 +131,7 @@ def _resample(t: Array, x: Array, at: Array, name: str) -> Array:
     return np.where(inside & (near | exact), found, np.nan)
 
 
-# `Reading`: the first reading of a table, piece by piece: what is what, and whether it can be.
+# `TableReader`: reads a table piece by piece, and finds what its columns are.
 
 
 def with_index(frame: pd.DataFrame) -> pd.DataFrame:
@@ -144,6 +144,7 @@ def with_index(frame: pd.DataFrame) -> pd.DataFrame:
     return frame.reset_index(names=name)
 
 
+<<<<<<< HEAD:identifiability/logs/reading.py
 def _as_tables(pieces: Iterable[Whole], source: str) -> Iterator[Whole]:
     """Yield tables with texts for names, their index among the columns if it may be the time.
 
@@ -160,7 +161,7 @@ def _as_tables(pieces: Iterable[Whole], source: str) -> Iterator[Whole]:
         yield table, form, digest
 
 
-class Reading:
+class TableReader:
     """What is found as a table is read, piece by piece.
 
     Parameters
