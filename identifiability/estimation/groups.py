@@ -412,7 +412,7 @@ def list_members(sets: Sequence[Sequence[Candidate]], first: int) -> tuple[np.nd
     return tuple(members)
 
 
-# `Alternatives`: what may be missing beside a model, and what that does to its labels.
+# `MissingEffects`: what may be missing beside a model, and what that does to its labels.
 #
 # An effect that nobody named leaves its trace in the parameters that resemble it, and no interval
 # of the residual holds that. So every group that a model may lack counts by its probability: what
@@ -459,7 +459,7 @@ class Share:
 
 
 @frozen
-class Alternatives:
+class MissingEffects:
     """Groups that may be missing beside a model, and what they say of its values.
 
     Attributes
@@ -542,7 +542,7 @@ class LabelAlternatives:
     named: np.ndarray
 
 
-NO_ALTERNATIVES = Alternatives((), (), np.empty((0, 0, 0)), np.empty((0, 0, 0)))
+NO_MISSING_EFFECTS = MissingEffects((), (), np.empty((0, 0, 0)), np.empty((0, 0, 0)))
 
 
 #: Share of the only log that may refute names, and of either part that is left out where the log is
@@ -557,13 +557,13 @@ def divide(rows: int) -> tuple[int, int]:
     return int((1 - PAUSE) * end), int(np.ceil(end + PAUSE * (rows - end)))
 
 
-def find_alternatives(
+def find_missing(
     structure: Structure,
     regression: Regression,
     unseen: Regression | None = None,
     *,
     commanded: bool = False,
-) -> Alternatives:
+) -> MissingEffects:
     """Return what may be missing beside all columns of a regression.
 
     Rows that were held out may only take a name away: those of the last log or of the last part of
@@ -576,7 +576,7 @@ def find_alternatives(
     if commanded or structure.robot.base is not None:
         missing = missing.between_reversals()
     if not len(missing.seen.y) or not missing.groups:
-        return NO_ALTERNATIVES
+        return NO_MISSING_EFFECTS
     model, terms = _search(missing)
     if any(t.group.family == RisingFriction.name for t in terms):
         missing = missing.between_reversals()  # it may be that no record tells when friction turns
@@ -607,7 +607,7 @@ def _search(missing: Missing) -> tuple[MixedModel, Terms]:
     return (every, every.search()) if load else (model, terms)
 
 
-def _conclude(missing: Missing, model: MixedModel, terms: Terms) -> Alternatives:
+def _conclude(missing: Missing, model: MixedModel, terms: Terms) -> MissingEffects:
     groups = [(t, 1.0, terms) for t in terms]
     groups += [(t, weight, (*terms, t)) for t, weight in model.alternatives(terms)]
     used = np.unique(np.concatenate([np.empty(0, int), *(t.columns for t, *_ in groups)]))
@@ -622,4 +622,4 @@ def _conclude(missing: Missing, model: MixedModel, terms: Terms) -> Alternatives
         Z = [missing.entries.get((j, k), none) for k in (used - missing.fixed).tolist()]
         XX.append(X @ X.T)
         XB.append(X @ np.reshape(Z, (-1, len(none))).T)
-    return Alternatives(terms, tuple(shares), np.array(XX), np.array(XB))
+    return MissingEffects(terms, tuple(shares), np.array(XX), np.array(XB))

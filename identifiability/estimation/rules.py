@@ -55,6 +55,10 @@ class Rules(RuleTable):
         float, "what a function explains beside the noise [nat], calibrated"
     ] = 6.0
     unlikely: Annotated[float, "log odds of no alternative to speak of, by hand"] = -6.0
+    grades: Annotated[
+        tuple[float, float, float, float],
+        "errors of very good, good, fair and poor models, by hand",
+    ] = (0.03, 0.08, 0.15, 0.5)
     rollout_contradicted: Annotated[
         float, "error of the best rollout where gains contradict it, calibrated"
     ] = 0.5

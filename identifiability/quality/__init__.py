@@ -14,7 +14,7 @@ from pkgutil import iter_modules
 from identifiability.quality.registry import (
     MeasuredLogs,
     Oddities,
-    Reading,
+    RawLogs,
     find_always,
     find_oddities,
     mend,
@@ -26,7 +26,7 @@ for _module in iter_modules(__path__):
 __all__ = [
     "MeasuredLogs",
     "Oddities",
-    "Reading",
+    "RawLogs",
     "find_always",
     "find_oddities",
     "mend",

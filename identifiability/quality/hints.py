@@ -31,7 +31,7 @@ from identifiability.regression.information import Information
 # At each joint the measured torque is regressed on what the file's masses predict, beside what any
 # drive adds (friction, rotor inertia, offset); or on all that the file predicts, where it states
 # the drive too. A file can be wrong, but hardly by a factor of `unit_factor`. One joint's alone is
-# an alternative of the model (`workflows.alternatives`).
+# an alternative of the model (`reading`).
 
 
 @check("effects", Does.HINTS, always=True)

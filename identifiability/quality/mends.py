@@ -20,7 +20,7 @@ from identifiability.logs.contradictions import contradictions
 from identifiability.logs.rows import find_range
 from identifiability.logs.rules import RULES
 from identifiability.logs.spikes import Spike, Wraps, find_wraps, mend_column
-from identifiability.quality.registry import Does, Reading, check
+from identifiability.quality.registry import Does, RawLogs, check
 from identifiability.robot.floating import BASE_JOINTS
 
 #: Wrong values that a hint lists.
@@ -28,7 +28,7 @@ LISTED = 3
 
 
 @check("silent", Does.MENDS)
-def tell_silent(logs: Reading) -> Reading:
+def tell_silent(logs: RawLogs) -> RawLogs:
     """Say where torque was not measured: its equations are left out."""
     return logs.having(logs.every, (x for log in logs.every for x in _find_silent(log)))
 
@@ -71,7 +71,7 @@ def _find_silent(log: Log) -> list[Finding]:
 
 
 @check("stuck", Does.MENDS)
-def drop_still(logs: Reading) -> Reading:
+def drop_still(logs: RawLogs) -> RawLogs:
     """Leave out torque, and rows, that stand still while the robot moves."""
     return logs.each(drop_stuck)
 
@@ -175,7 +175,7 @@ def find_runs(x: Array) -> list[tuple[int, int]]:
 
 
 @check("wraps", Does.MENDS)
-def unwrap(logs: Reading) -> Reading:
+def unwrap(logs: RawLogs) -> RawLogs:
     """Undo the jumps of wrapped angles."""
     return logs.each(unwrap_log)
 
@@ -205,7 +205,7 @@ def _undo(log: Log, origin: int, found: Sequence[Wraps | None]) -> Log:
 
 
 @check("spikes", Does.MENDS)
-def replace_wrong(logs: Reading) -> Reading:
+def replace_wrong(logs: RawLogs) -> RawLogs:
     """Replace wrong samples by what those beside them say."""
     return logs.each(mend_log)
 
@@ -250,13 +250,13 @@ def _state_wrong(log: Log, wrong: Mapping[str, list[Spike]]) -> Finding:
 
 
 @check("commands", Does.MENDS)
-def compute_torque(logs: Reading) -> Reading:
+def compute_torque(logs: RawLogs) -> RawLogs:
     """Compute torque of commands; how late they act is found, and said, when they are followed."""
     return logs if logs.torque is None else logs.having(logs.torque(logs.every))
 
 
 @check("contradictions", Does.MENDS)
-def drop_contradicting(logs: Reading) -> Reading:
+def drop_contradicting(logs: RawLogs) -> RawLogs:
     """Leave out derivatives that contradict positions; where the given ones are asked for, say so.
 
     Those of another unit or sign are left to be refused (`check_units`).

@@ -31,7 +31,7 @@ ORDER = (
 )
 
 #: Returns findings of `MeasuredLogs`, none for sound logs; what mends returns logs that are being
-#: read (`Reading`) as they are then, with what it found.
+#: read (`RawLogs`) as they are then, with what it found.
 Find: TypeAlias = Callable[..., Any]
 
 F = TypeVar("F", bound=Find)
@@ -56,7 +56,7 @@ class Check:
     key : str
         Its place in `ORDER`, and of its sentences.
     does : Does
-    find : callable(MeasuredLogs) -> sequence of Finding, or callable(Reading) -> Reading
+    find : callable(MeasuredLogs) -> sequence of Finding, or callable(RawLogs) -> RawLogs
     always : bool
         Whether it also looks at logs that have nothing to explain; what it says is of the robot
         file, or of all logs together.
@@ -102,7 +102,7 @@ def check(key: str, does: Does, *, always: bool = False) -> Callable[[F], F]:
 
 
 @frozen
-class Reading:
+class RawLogs:
     """Logs that are being read.
 
     Attributes
@@ -127,7 +127,7 @@ class Reading:
         """All logs, the fitted ones first."""
         return [*self.fitted, *self.held_out]
 
-    def having(self, every: Iterable[Log], hints: Iterable[str] = ()) -> Reading:
+    def having(self, every: Iterable[Log], hints: Iterable[str] = ()) -> RawLogs:
         """Return the same of as many other logs, with what is said of them."""
         logs, n = tuple(every), len(self.fitted)
         return replace(
@@ -137,13 +137,13 @@ class Reading:
             hints=(*self.hints, *hints),
         )
 
-    def each(self, mend: Callable[[Log], tuple[Log, list[Finding]]]) -> Reading:
+    def each(self, mend: Callable[[Log], tuple[Log, list[Finding]]]) -> RawLogs:
         """Return the logs, each mended by itself."""
         pairs = [mend(log) for log in self.every]
         return self.having((log for log, _ in pairs), (x for _, found in pairs for x in found))
 
 
-def mend(logs: Reading) -> Reading:
+def mend(logs: RawLogs) -> RawLogs:
     """Return logs with everything mended that can be, and each mend said."""
     for one in CHECKS:
         if one.does is Does.MENDS:

@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from identifiability.estimation.rules import RULES
 from identifiability.foundation.answers import Answer, Cell, Column, Note, measured_cells
 from identifiability.foundation.findings import Finding, Level
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import error_text, format_count
-from identifiability.workflows.rules import RULES
 
 WORDS: dict[str, Any] = tomllib.loads(
     Path(__file__).with_name("words.toml").read_text(encoding="utf-8")
@@ -153,7 +153,7 @@ def answer_trust(
     found, size : int
         Parameters that are identifiable, and all.
     missing : str
-        What the model seems to miss, and how surely (`Alternatives.statement`).
+        What the model seems to miss, and how surely (`MissingEffects.statement`).
     """
     question = "May I trust it?"
     if doubt:

@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict
 from identifiability.effects import title_of
 from identifiability.effects.base import settle_gravity
 from identifiability.effects.vocabulary import complete_values
-from identifiability.estimation.groups import Alternatives, place_of
+from identifiability.estimation.groups import MissingEffects, place_of
 from identifiability.estimation.prediction import Prediction, TorqueUncertainty
 from identifiability.foundation import handed
 from identifiability.foundation.answers import Answer, Column, Table, frame_table
@@ -68,7 +68,7 @@ def state_missing(functions: Sequence[str]) -> tuple[str, ...]:
     return (phrase("result.missing", "says", functions=list(functions)),) if functions else ()
 
 
-def list_missing(found: Alternatives) -> list[dict[str, Any]]:
+def list_missing(found: MissingEffects) -> list[dict[str, Any]]:
     """Return what is named as a JSON result has it."""
     return [
         {

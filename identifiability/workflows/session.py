@@ -28,7 +28,7 @@ from identifiability.effects.friction import PassiveJointFriction
 from identifiability.effects.measurement import CommandDelay, TorqueOffset
 from identifiability.estimation.estimate import Kind, Method, Outliers, find_estimator, with_known
 from identifiability.estimation.estimator import Estimator
-from identifiability.estimation.groups import Alternatives, describe_term, find_alternatives
+from identifiability.estimation.groups import MissingEffects, describe_term, find_missing
 from identifiability.foundation import __version__
 from identifiability.foundation.engines import (
     NUMERICS,
@@ -54,16 +54,16 @@ from identifiability.logs.prepare.dataset import explain_silence, require_signal
 from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.prepare.preparation import fit_band, settle_cutoff
 from identifiability.physical.cad_prior import load_by_fit
-from identifiability.quality import MeasuredLogs, Reading, find_always, find_oddities, mend
+from identifiability.quality import MeasuredLogs, RawLogs, find_always, find_oddities, mend
 from identifiability.quality.hints import leave_out_rows, weigh_rows
+from identifiability.reading import Reading, choose_reading
+from identifiability.reading.rules import RULES
 from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import LadderSource
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
-from identifiability.workflows.alternatives import Alternative, find_alternative
-from identifiability.workflows.rules import RULES
 
 if TYPE_CHECKING:
     from identifiability.estimation.rollouts import Rollouts
@@ -218,7 +218,7 @@ def read_recordings(
         from identifiability.workflows.commanded import give_torque  # noqa: PLC0415 - MuJoCo
 
         torque = partial(give_torque, servo=known.servo)
-    mended = mend(Reading(tuple(whole[:n]), tuple(whole[n:]), how, torque))
+    mended = mend(RawLogs(tuple(whole[:n]), tuple(whole[n:]), how, torque))
     every = (*mended.fitted, *mended.held_out)
     alone = [x.name for x in every if of_commands(x)]
     if alone and not commands:
@@ -351,7 +351,7 @@ class Opening(OfStructure):
         Whether the first of them explains whatever else contradicts.
     misread : str
         Why no verdict stands, if columns are not what they are read as, by what the data say.
-    alternative : Alternative or None
+    alternative : Reading or None
         The model that fitted rows prefer by far to the one that was given.
     """
 
@@ -361,7 +361,7 @@ class Opening(OfStructure):
     hints: tuple[str, ...]
     explained: bool = False
     misread: str = ""
-    alternative: Alternative | None = None
+    alternative: Reading | None = None
 
     @cached_property
     def regression(self) -> Regression:
@@ -374,10 +374,10 @@ class Opening(OfStructure):
         return self.structure.regression(self.validation) if self.validation else None
 
     @cached_property
-    def missing(self) -> Alternatives:
+    def missing(self) -> MissingEffects:
         """What may be missing beside the unpruned model."""
         commanded = bool(of_key(self.hints, "commands"))
-        return find_alternatives(self.structure, self.regression, self.unseen, commanded=commanded)
+        return find_missing(self.structure, self.regression, self.unseen, commanded=commanded)
 
     @cached_property
     def silence(self) -> str:
@@ -521,7 +521,7 @@ class Session:
         clock or zero a log is off moves every other value: what depends on the load alone. So does
         friction of passive joints, for which motors would stand in.
         """
-        named = (t for t in opening.missing.named if t.odds >= RULES.alternative_nats)
+        named = (t for t in opening.missing.named if t.odds >= RULES.log_odds)
         own = [t for t in named if t.group.family in COMPLETED]
         if not own or self.recordings.commanded:
             return opening
@@ -571,7 +571,7 @@ class Session:
         opening = Opening(structure=self.structure, samples=train, validation=held_out, hints=hints)
         if opening.silence:
             return replace(opening, validation=())
-        other = find_alternative(looked) if seek else None
+        other = choose_reading(looked) if seek else None
         odd = find_oddities(looked, explained=other is not None)
         other = None if odd.misread else other  # of positions that are misread the torque is none
         said = () if other is None else (Finding("alternative", text=other.statement),)
@@ -697,7 +697,7 @@ class Weighed:
     outliers: Outliers | None = None
 
     @cached_property
-    def missing(self) -> Alternatives:
+    def missing(self) -> MissingEffects:
         """What may be missing beside the model; rows that hardly count say nothing of it."""
         few = self.outliers.below() if self.outliers is not None and self.burst else None
         if few is None:

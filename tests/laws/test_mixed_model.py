@@ -9,7 +9,7 @@ from scipy.stats import multivariate_normal, norm
 from identifiability import Log, Robot, simulate
 from identifiability.effects import find_families
 from identifiability.effects.friction import REVERSALS
-from identifiability.estimation.groups import Missing, find_alternatives, with_reversals
+from identifiability.estimation.groups import Missing, find_missing, with_reversals
 from identifiability.estimation.mixed_model import (
     EVERYWHERE,
     SIZES,
@@ -329,7 +329,7 @@ def test_without_other_logs_the_last_part_of_the_only_one_must_have_what_is_name
             acts = np.arange(len(f)) < until * len(f)
             f[f"{joint}.tau"] += 3.0 * sd * acts * x / np.sqrt(np.mean(x**2))
     regression = structure.regression([prepare_log(robot, Log.from_frame(f, "a"))])
-    named = find_alternatives(structure, regression).named
+    named = find_missing(structure, regression).named
     assert ("quadratic_friction" in {t.group.family for t in named}) == (until == 1.0)
 
 

@@ -20,7 +20,7 @@ import pandas as pd
 from identifiability.effects.vocabulary import by_effect, file_kinds, values_in_file
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.fit import Fit
-from identifiability.estimation.groups import Alternatives
+from identifiability.estimation.groups import MissingEffects
 from identifiability.estimation.prediction import (
     Prediction,
     loaded_joints,
@@ -55,11 +55,11 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.cad_prior import real_robot_dict, state_mass
 from identifiability.physical.feasibility import PhysicalResult
+from identifiability.reading import Reading
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import LadderSource, Submodel
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.workflows import commands, predict
-from identifiability.workflows.alternatives import Alternative
 from identifiability.workflows.analyze.belief import Belief, belief_dict
 from identifiability.workflows.answers import (
     SIGMA,
@@ -275,7 +275,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         Options that decided the numbers.
     nothing : str
         Why no verdict is believed, for after "because"; empty where they are.
-    missing : Alternatives
+    missing : MissingEffects
         What may be missing beside the unpruned model.
     late : (w, b)
         By how much base parameters move by errors that all samples of a log share.
@@ -293,7 +293,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
     source: LadderSource | None = None
     settings: Mapping[str, Any]
     nothing: str
-    missing: Alternatives
+    missing: MissingEffects
     late: Array
 
     @property
@@ -723,14 +723,14 @@ class Analysis(Laddered[ModelResult]):
         physically feasible ones first.
     belief : Belief or None
         Posterior of the selected model, where it was asked for.
-    alternative : Alternative or None
-        Under which all is said: `Alternative.read` reads other logs likewise.
+    alternative : Reading or None
+        Under which all is said: `Reading.read` reads other logs likewise.
     """
 
     schema: ClassVar[str] = "identifiability/analysis/1"
 
     belief: Belief | None = None
-    alternative: Alternative | None = None
+    alternative: Reading | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""

@@ -25,7 +25,7 @@ from identifiability.estimation.estimate import (
 from identifiability.estimation.estimator import Estimate, Estimator, settle_signs
 from identifiability.estimation.evidence import Folds, HeldOut, Score, near_best
 from identifiability.estimation.fit import Fit, find_left_out
-from identifiability.estimation.groups import Alternatives
+from identifiability.estimation.groups import MissingEffects
 from identifiability.estimation.prediction import Prediction, Task, predict, predict_all
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Flag, Verdict, judge, narrow
@@ -271,7 +271,7 @@ def decide_model(
     rng: np.random.Generator,
     replicates: int,
     full: Estimate | None,
-    missing: Alternatives,
+    missing: MissingEffects,
     late: SharedErrors | None = None,
     real: PhysicalResult | None = None,
 ) -> tuple[Fit, tuple[Verdict, ...], tuple[str, ...]]:
@@ -287,7 +287,7 @@ def decide_model(
         Of the bootstrap.
     full : Estimate or None
         Of all base parameters.
-    missing : Alternatives
+    missing : MissingEffects
         What may be missing beside these.
     late : SharedErrors, optional
         What errors that all samples share do to the values of a model.
@@ -316,7 +316,7 @@ def assess_ladder(
     unseen: Prediction,
     rng: np.random.Generator,
     replicates: int,
-    missing: Alternatives,
+    missing: MissingEffects,
     late: SharedErrors | None = None,
 ) -> tuple[ModelResult, ...]:
     """Return the results of all m models.
@@ -614,7 +614,7 @@ def conclude_analysis(
     submodels: Sequence[Submodel],
     rng: np.random.Generator,
     settings: Mapping[str, Any],
-    missing: Alternatives | None = None,
+    missing: MissingEffects | None = None,
 ) -> Analysis:
     """Fit the models, predict torque by them, judge every parameter and choose one model."""
     say, opening = session.say, rows.opening

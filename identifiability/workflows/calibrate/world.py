@@ -17,7 +17,7 @@ from scipy.signal import lfilter
 
 from identifiability.estimation.estimate import Method, find_estimator, fit_whole, settle_noise
 from identifiability.estimation.fit import body_scatter
-from identifiability.estimation.groups import NO_ALTERNATIVES
+from identifiability.estimation.groups import NO_MISSING_EFFECTS
 from identifiability.estimation.noise import (
     ARNoise,
     JointRuns,
@@ -148,7 +148,7 @@ class Experiment:
         torque = float(np.sqrt(np.mean(made**2)))
         full = fit_whole(method, whole)
         known, verdicts, _ = decide_model(
-            model, torque, rng, self.replicates, full, NO_ALTERNATIVES
+            model, torque, rng, self.replicates, full, NO_MISSING_EFFECTS
         )
         ends = np.array([v.interval95 for v in verdicts]).reshape(-1, 2)
         told = [v.verdict is Class.IDENTIFIABLE for v in verdicts]

@@ -29,6 +29,7 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
 from identifiability.physical.cad_prior import real_robot_dict, share_weight, state_mass
+from identifiability.reading.rules import RULES as READING_RULES
 from identifiability.regression.columns import Refusal
 from identifiability.regression.reduction import LadderEntry, ModelEntry, full_model, ladder_text
 from identifiability.regression.regression import Model
@@ -60,7 +61,6 @@ from identifiability.workflows.predict import (
     move_fitted,
     settled,
 )
-from identifiability.workflows.rules import RULES as WORKFLOW_RULES
 
 if TYPE_CHECKING:
     from identifiability.workflows.session import Recordings
@@ -604,7 +604,7 @@ def _what(d: Diagnosis) -> Answer:
         )
     short = f"{_capital(join(named, PLACES))}." if named else "Nothing that can be named."
     odds = max([e.odds for e in d.effects] + [c.odds for c in d.changes], default=0.0)
-    unsure = odds < WORKFLOW_RULES.alternative_nats and not d.interval[1] < 0
+    unsure = odds < READING_RULES.log_odds and not d.interval[1] < 0
     weak = unsure or not (d.included or d.changes)
     if named and weak:
         short = f"Nothing that makes the error smaller. Likeliest beside it: {short}"

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from identifiability.effects import Placed, default_effects, find_families, title_of
-from identifiability.estimation.groups import NO_ALTERNATIVES, place_of
+from identifiability.estimation.groups import NO_MISSING_EFFECTS, place_of
 from identifiability.estimation.mixed_model import EVERYWHERE
 from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import ModelError
@@ -306,7 +306,7 @@ class _Asked:
         rows = session.weigh(replace(opening, structure=structure), "wls", "auto", whole=False)
         how = {"cad_prior": None, "replicates": 0}
         rng = np.random.default_rng(self.seed)
-        found = conclude_analysis(session, rows, models, rng, how, NO_ALTERNATIVES)
+        found = conclude_analysis(session, rows, models, rng, how, NO_MISSING_EFFECTS)
         chosen = found.chosen
         real = chosen.physical if chosen.physical_used else None
         base = chosen.submodel.expand(chosen.recommended) if real is None else real.base

@@ -8,7 +8,7 @@ import pytest
 
 from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.fit import column_noise, column_rms, merge_blocks
-from identifiability.estimation.groups import NO_ALTERNATIVES
+from identifiability.estimation.groups import NO_MISSING_EFFECTS
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.verdict import Class, Flag
 from identifiability.physical.fitted_model import FittedModel
@@ -142,7 +142,7 @@ def ladder():
     rng, physics = np.random.default_rng(0), [Physics(0.1), Physics(-0.1)]
     pairs = zip(models, physics, strict=True)
     settled = [Settled(model, real, None, None, np.empty(0)) for model, real in pairs]
-    results = assess_ladder(settled, *made, rng, 50, NO_ALTERNATIVES)
+    results = assess_ladder(settled, *made, rng, 50, NO_MISSING_EFFECTS)
     return W, tau, every, fits, made, results
 
 

@@ -11,13 +11,13 @@ from identifiability.effects.nominal import gravity_torque
 from identifiability.logs.prepare import prepare_log
 from identifiability.logs.prepare.preparation import settle_cutoff
 from identifiability.quality import MeasuredLogs
+from identifiability.reading import choose_reading
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
 from identifiability.robot.description import Tilt
 from identifiability.robot.kinematics import turn
 from identifiability.simulation import Campaign, Noise, random_trajectory, simulate
-from identifiability.workflows.alternatives import find_alternative
 from identifiability.workflows.diagnose import diagnose
 
 MODEL = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
@@ -39,7 +39,7 @@ def known(robot, *logs):
 
 
 def look(robot, *logs):
-    return find_alternative(known(robot, *logs))
+    return choose_reading(known(robot, *logs))
 
 
 def one(joint, value, n=6):
@@ -71,7 +71,7 @@ def test_a_torque_of_another_sign_or_unit_is_found(arm, joint, factor, says):
     robot, log = arm
     wrong = replace(log, tau=one(joint, factor) * log.tau)
     found = look(robot, wrong)
-    assert found.says.startswith(f"The torque of {log.joints[joint]} {says}")
+    assert found.description.startswith(f"The torque of {log.joints[joint]} {says}")
     given = Structure.of(robot, MODEL)
     np.testing.assert_allclose(found.read(wrong, given).tau, log.tau, rtol=0.3)
     assert found.structure(given) is given
@@ -96,8 +96,8 @@ def test_positions_that_are_read_otherwise_are_found(arm, factor, zero, text):
     moved = one(1, factor) * log.q + zero * (np.arange(6) == 1)
     wrong = replace(log, q=moved, dq=None, ddq=None)
     found = look(robot, wrong)
-    assert "joint_2" in found.says
-    assert text in found.says
+    assert "joint_2" in found.description
+    assert text in found.description
     np.testing.assert_allclose(found.read(wrong, Structure.of(robot, MODEL)).q, log.q, atol=0.01)
 
 
@@ -107,7 +107,7 @@ def test_offsets_that_differ_between_logs_are_found_and_taken_out(arm):
     offsets = np.random.default_rng(1).normal(0, 0.1, (3, 6)) * logs[0].tau.std(0)
     named = zip("abc", logs, offsets, strict=True)
     found = look(robot, *(replace(x, name=name, tau=x.tau + by) for name, x, by in named))
-    assert found.says.startswith("Torque offsets differ between logs")
+    assert found.description.startswith("Torque offsets differ between logs")
     apart = np.array([found.offsets[name] for name in "abc"])
     assert (np.abs(apart - offsets + offsets.mean(0)) < 0.03 * logs[0].tau.std(0)).all()
     assert look(robot, *logs) is None
@@ -128,7 +128,7 @@ def test_weight_that_one_joint_lacks_is_found_and_the_fitted_robot_s_is_added(ma
     truth = robot.with_values({n: masses * x for n, x in robot.nominal.items()})
     light = replace(log, tau=log.tau - (np.arange(6) == 1) * weight(truth, log))
     found = look(robot, light)
-    assert np.flatnonzero(found.lacks).tolist() == [1]
+    assert np.flatnonzero(found.compensated).tolist() == [1]
     assert 'Say compensated = ["joint_2"]' in found.remedy
     added = found.read(light, Structure.of(robot, MODEL)).tau - light.tau
     missed, file = added - weight(truth, log), weight(robot, log) - weight(truth, log)
@@ -141,9 +141,9 @@ def test_a_late_torque_is_found_to_a_sample(arm, joint, samples):
     tau = log.tau.copy()
     tau[:, joint] = np.roll(tau[:, joint], samples)
     found = look(robot, replace(log, tau=tau))
-    assert np.flatnonzero(found.late).tolist() == [joint]
-    assert found.late[joint] == pytest.approx(samples * np.median(np.diff(log.t)), rel=0.3)
-    assert ("late" if samples > 0 else "early") in found.says
+    assert np.flatnonzero(found.delay).tolist() == [joint]
+    assert found.delay[joint] == pytest.approx(samples * np.median(np.diff(log.t)), rel=0.3)
+    assert ("late" if samples > 0 else "early") in found.description
 
 
 @pytest.mark.parametrize(("degrees", "masses"), [(30.0, 2.0), (180.0, 1.0)])

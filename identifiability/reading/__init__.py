@@ -1,0 +1,13 @@
+"""The reading of the logs: how their columns are to be understood, decided before anything else.
+
+`Reading` holds one way to read the columns (`reading`). `Candidates` lists the ways that are tried
+(`candidates`). `TorqueRows` fits the base parameters under a reading (`fit`). `choose_reading`
+searches for the reading that the fitted rows prefer (`search`).
+"""
+
+from __future__ import annotations
+
+from identifiability.reading.reading import Reading
+from identifiability.reading.search import choose_reading
+
+__all__ = ["Reading", "choose_reading"]

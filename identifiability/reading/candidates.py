@@ -1,0 +1,251 @@
+"""`ReadingCandidates`: the readings that are tried, but for those whose numbers need a search.
+
+The sidecar can state how torque is to be read. What it states is not tried in another way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations, product
+
+import numpy as np
+
+from identifiability.effects.functions import has_session
+from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.values import frozen
+from identifiability.quality import MeasuredLogs
+from identifiability.quality.hints import find_torque_scale, measure_factors
+from identifiability.reading.reading import Reading
+
+#: Units of one joint's torque relative to the other joints', and delays [s].
+UNITS: tuple[Tolerance, ...] = (1e-3, 1e-2, 0.1, 10.0, 1e2, 1e3)
+DELAYS: tuple[Tolerance, ...] = (0.02, 0.05, 0.1, 0.2)
+#: Joints up to which exchanged positions are tried.
+MOST = 8
+
+CORRECT_COLUMNS = "Correct the log or the map of its columns"
+CORRECT_POSITIONS = "Correct the log, the map of its columns or their unit"
+CORRECT_SIGN = "Correct its sign in the log, or say sign = -1 under [torque] in the sidecar"
+CORRECT_GEARS = 'Correct units in the log, or say side = "motor" and each ratio under [torque]'
+COMPARE_OFFSETS = "Those of another log cannot be known; compare gives these with their intervals"
+
+
+@frozen
+class ReadingCandidates:
+    """The readings of some logs that are tried.
+
+    Attributes
+    ----------
+    logs : MeasuredLogs
+    literal : Reading
+    turns_gravity : bool
+        Whether torque without gravity can be told from torque with it.
+    """
+
+    logs: MeasuredLogs
+    literal: Reading
+    turns_gravity: bool
+
+    def of_torque(self) -> Iterator[Reading]:
+        """Yield the readings of the torque columns."""
+        yield from self.compensated()
+        yield from self.exchanged()
+        yield from self.sign_reversed()
+        yield from self.rescaled()
+        yield from self.geared()
+        yield from self.offset()
+        yield from self.delayed()
+
+    def of_positions(self) -> Iterator[Reading]:
+        """Yield positions that are exchanged, reversed or in degrees."""
+        yield from self.exchanged_positions()
+        for joint in range(len(self.names)):
+            yield from self.reversed_positions(joint)
+            yield from self.positions_in_degrees(joint)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The actuated joints."""
+        return self.logs.joints
+
+    def is_joint(self, joint: int) -> np.ndarray:
+        """Return where a joint is, (n,) bool."""
+        return np.asarray(np.arange(len(self.names)) == joint)
+
+    def single_joints(self) -> list[tuple[str, np.ndarray]]:
+        """Return what to call each joint's torque, and where the joint is, (n,) bool."""
+        return [(f"The torque of {name}", self.is_joint(j)) for j, name in enumerate(self.names)]
+
+    def all_subjects(self) -> list[tuple[str, np.ndarray]]:
+        """Return what to call the torque of each joint and of all, and where these are."""
+        everywhere = np.ones(len(self.names), bool)
+        return [*self.single_joints(), ("The torque of all joints", everywhere)]
+
+    def compensated(self) -> Iterator[Reading]:
+        """Yield torque without gravity: of all joints, then of one."""
+        if not self.turns_gravity or self.logs.robot.torque.compensated is not None:
+            return
+        yield replace(
+            self.literal,
+            description="The effort seems to be compensated for gravity",
+            remedy="Say compensated = true under [torque] in the sidecar",
+            gravity=np.zeros(3),
+        )
+        if not self.logs.weighs:
+            return
+        for j, name in enumerate(self.names):
+            yield replace(
+                self.literal,
+                description=f"The effort of {name} seems to be compensated for gravity",
+                remedy=f'Say compensated = ["{name}"] under [torque] in the sidecar',
+                compensated=self.is_joint(j),
+            )
+
+    def exchanged(self) -> Iterator[Reading]:
+        """Yield torque columns of which two are exchanged."""
+        for i, j in combinations(range(len(self.names)), 2):
+            pair = f"{self.names[i]} and {self.names[j]}"
+            yield replace(
+                self.literal,
+                description=f"The torque columns of {pair} seem to be exchanged",
+                remedy=CORRECT_COLUMNS,
+                order=self._exchange(i, j),
+            )
+
+    def sign_reversed(self) -> Iterator[Reading]:
+        """Yield torque with the other sign: of one joint, then of all."""
+        if self.logs.robot.torque.sign:
+            return
+        for subject, at in self.all_subjects():
+            yield replace(
+                self.literal,
+                description=f"{subject} seems to have the wrong sign",
+                remedy=CORRECT_SIGN,
+                factor=np.where(at, -1.0, 1.0),
+            )
+
+    def rescaled(self) -> Iterator[Reading]:
+        """Yield torque of one joint in another unit than the other joints'."""
+        if self.logs.robot.torque.gain or len(self.names) < 2:
+            return
+        for unit, (subject, at) in product(UNITS, self.single_joints()):
+            yield replace(
+                self.literal,
+                description=subject,
+                remedy="Correct its unit in the log",
+                factor=np.where(at, 1 / unit, 1.0),
+                fitted_numbers=1,
+            )
+
+    def geared(self) -> Iterator[Reading]:
+        """Yield torque of motors, each before its own gear, where the file's masses show that."""
+        if self.logs.robot.torque.gain or not find_torque_scale(self.logs):
+            return
+        factors = measure_factors(self.logs)
+        shows = np.isfinite(factors)
+        mean = np.exp(np.log(factors[shows]).mean())
+        pairs = zip(self.names, factors, strict=True)
+        each = ", ".join(f"{name} {x:.2g}" for name, x in pairs if np.isfinite(x))
+        yield replace(
+            self.literal,
+            description=f"Torque is so many times what the robot file asks for: {each}",
+            remedy=CORRECT_GEARS,
+            factor=np.where(shows, mean / factors, 1.0),
+            fitted_numbers=len(self.names) - 1,
+        )
+
+    def offset(self) -> Iterator[Reading]:
+        """Yield torque offsets that differ between logs.
+
+        Where the logs share the clock of a session, offsets are a function of its time instead.
+        """
+        samples = self.logs.samples
+        if len(samples) < 2 or has_session([s.motion for s in samples]):
+            return
+        yield replace(
+            self.literal,
+            description="Torque offsets differ between logs",
+            remedy=COMPARE_OFFSETS,
+            separate_offsets=True,
+            fitted_numbers=len(self.names) * (len(samples) - 1),
+        )
+
+    def delayed(self) -> Iterator[Reading]:
+        """Yield torque that is late or early: of one joint, then of all."""
+        for delay, sign, (subject, at) in product(DELAYS, (-1, 1), self.all_subjects()):
+            yield replace(
+                self.literal,
+                description=subject,
+                remedy="Shift the column in the log",
+                delay=np.where(at, sign * delay, 0.0),
+                fitted_numbers=1,
+            )
+
+    def exchanged_positions(self) -> Iterator[Reading]:
+        """Yield two joints whose positions are exchanged, without and with their torque."""
+        if len(self.names) > MOST:
+            return
+        for i, j in combinations(range(len(self.names)), 2):
+            order, pair = self._exchange(i, j), f"{self.names[i]} and {self.names[j]}"
+            motion = self.literal.motion[order]
+            positions = replace(self.literal, remedy=CORRECT_POSITIONS, motion=motion)
+            what = f"The positions of {pair} seem to be exchanged"
+            yield replace(positions, description=what)
+            what = f"The joints {pair} seem to be exchanged"
+            yield replace(positions, description=what, order=order)
+
+    def reversed_positions(self, joint: int) -> Iterator[Reading]:
+        """Yield positions of a joint with the other sign, without and with its torque."""
+        name, sign = self.names[joint], np.where(self.is_joint(joint), -1.0, 1.0)
+        motion = self.literal.motion * sign[:, None]
+        positions = replace(self.literal, remedy=CORRECT_POSITIONS, motion=motion)
+        what = f"The positions of {name} seem to have the wrong sign"
+        yield replace(positions, description=what)
+        what = f"The joint {name} seems to turn the other way"
+        yield replace(positions, description=what, factor=sign)
+
+    def positions_in_degrees(self, joint: int) -> Iterator[Reading]:
+        """Yield positions of a revolute joint in degrees."""
+        robot = self.logs.robot
+        if robot.is_prismatic(int(robot.actuated[joint])):
+            return
+        unit = np.where(self.is_joint(joint), np.pi / 180, 1.0)
+        yield replace(
+            self.literal,
+            description=f"The angles of {self.names[joint]} seem to be degrees",
+            remedy=CORRECT_POSITIONS,
+            motion=self.literal.motion * unit[:, None],
+        )
+
+    def zeroed(self, joint: int, zero: float) -> Reading:
+        """Return the reading under which a joint's positions are too large by a zero [rad or m]."""
+        robot, name = self.logs.robot, self.names[joint]
+        unit = "m" if robot.is_prismatic(int(robot.actuated[joint])) else "rad"
+        correction = f"{name} = {{offset = {-zero:.3g}}}"
+        A = self.literal.motion[:, :-1]
+        return replace(
+            self.literal,
+            description=f"The position of {name} seems to be read {zero:.3g} {unit} too large",
+            remedy=f"Correct its zero, or say {correction} under [columns]",
+            motion=np.column_stack([A, zero * self.is_joint(joint)]),
+            fitted_numbers=1,
+        )
+
+    def turned(self, gravity: Array) -> Reading:
+        """Return the reading under which gravity (3,) [m/s²] acts in another direction."""
+        tilt = self.logs.robot.turned(gravity).tilt
+        return replace(
+            self.literal,
+            description="" if tilt is None else f"Gravity {tilt.text}",
+            remedy="Write it into the robot file, or export it",
+            gravity=gravity,
+            fitted_numbers=2,
+        )
+
+    def _exchange(self, i: int, j: int) -> np.ndarray:
+        """Return the order of joints of which two are exchanged, (n,) int."""
+        order = self.literal.order.copy()
+        order[[i, j]] = j, i
+        return np.asarray(order)

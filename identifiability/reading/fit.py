@@ -1,0 +1,363 @@
+"""`TorqueRows`: fits of the base parameters to the torque rows, under one reading after another.
+
+All readings of the same motion share one regressor. A reading changes the torque columns and the
+weights of gravity, so a fit needs only products of columns and torque. Each product is computed
+once. Adjusted rows are rows without their projection on smooth functions of the motion: an effect
+that the model lacks is such a function, and must not decide between readings.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from identifiability.effects import find_families
+from identifiability.effects.inertia import ActuatorInertia
+from identifiability.effects.transmission import Hysteresis
+from identifiability.estimation.groups import Excerpt, Missing, with_reversals
+from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.values import frozen, remember
+from identifiability.logs.prepare.dataset import Dataset
+from identifiability.logs.spectrum import autocorrelation_time
+from identifiability.reading.reading import Reading
+from identifiability.regression.columns import list_candidates
+from identifiability.regression.structure import Structure
+
+#: Most rows of the excerpt, as so many windows of so many rows, and most numbers of its columns.
+ROWS, NUMBERS = (2000, 8, 250), 8_000_000
+#: Directions of the smooth functions whose size is less than this share of the largest are left in.
+STRONG: Tolerance = 0.03
+#: Ridge of the normal equations, and smallest residual, as shares of a column and of the torque.
+RIDGE: Tolerance = 1e-9
+#: Families beside the smooth functions from which rows are adjusted.
+CONFOUNDERS = (Hysteresis.name, ActuatorInertia.name, "passive_joint_friction")
+
+
+@frozen
+class JointProducts:
+    """Products of one joint's columns and torque under a reading.
+
+    Attributes
+    ----------
+    at : (c,) int
+        Base parameters whose columns act in the joint.
+    gram : (c, c)
+    cross : (c,)
+    square : float
+    """
+
+    at: np.ndarray
+    gram: Array
+    cross: Array
+    square: float
+
+    def residual(self, value: Array) -> float:
+        """Return the sum of squared residuals of base parameters (b,)."""
+        x = value[self.at]
+        return float(self.square + x @ (self.gram @ x - 2.0 * self.cross))
+
+
+def excerpt_size(structure: Structure) -> tuple[int, int, int]:
+    """Return how many rows of the logs are used at most, in how many windows of how many rows."""
+    joints, columns = len(structure.robot.joints), len(structure.base.kept)
+    affordable = NUMBERS // (4 * joints * max(columns, 1))
+    rows = max(min(ROWS[0], affordable), ROWS[1])
+    return rows, ROWS[1], rows // ROWS[1]
+
+
+def take_excerpt(
+    structure: Structure, samples: tuple[Dataset, ...], gravity: Array | None = None
+) -> Excerpt:
+    """Return the rows of logs, with the columns of the base parameters.
+
+    Parameters
+    ----------
+    structure : Structure
+    samples : tuple of Dataset
+    gravity : (3,), optional
+        Another direction of gravity, in the world of the robot file.
+    """
+    if gravity is not None:
+        structure = replace(structure, robot=structure.robot.turned(gravity))
+    return Excerpt.of(structure.regression(samples), excerpt_size(structure))
+
+
+def split_gravity(structure: Structure, samples: tuple[Dataset, ...], excerpt: Excerpt) -> Array:
+    """Return columns without gravity, and per unit of gravity along each axis, (N, n, b, 4).
+
+    Columns are linear in gravity. Each direction is computed once.
+    """
+    gravity = structure.robot.gravity
+    size = float(np.linalg.norm(gravity))
+    columns = {_key(gravity): excerpt.X}
+
+    def along(direction: Array) -> Array:
+        if _key(direction) not in columns:
+            columns[_key(direction)] = take_excerpt(structure, samples, direction).X
+        return columns[_key(direction)]
+
+    weightless = 0.5 * (along(gravity) + along(-gravity))
+    axes = [(along(axis) - weightless) / size for axis in size * np.eye(3)]
+    return np.stack([weightless, *axes], 3)
+
+
+def _key(numbers: Array) -> bytes:
+    """Return a key of equal numbers; zeros of both signs are equal."""
+    return np.asarray(numbers + 0.0).tobytes()
+
+
+class TorqueRows:
+    """Rows of the fitted logs along one motion, to which readings are fitted.
+
+    Parameters
+    ----------
+    structure : Structure
+        The model of the literal reading.
+    excerpt : Excerpt
+        The rows along the motion of the readings.
+    parts : (N, n, b, 1 or 4)
+        Parts of the columns of the base parameters, whose sum is weighted by gravity.
+    separate_offsets : bool
+        Whether each log has its own torque offsets.
+    """
+
+    def __init__(
+        self,
+        structure: Structure,
+        excerpt: Excerpt,
+        parts: Array,
+        *,
+        separate_offsets: bool = False,
+    ) -> None:
+        self.structure, self.robot = structure, structure.robot
+        self.excerpt, self.parts = excerpt, parts
+        self.separate_offsets = separate_offsets
+        joints = range(len(self.robot.joints))
+        #: Base parameters whose columns act in each joint: in a tree few do.
+        self.acts = [np.flatnonzero(parts[:, j].any((0, 2))) for j in joints]
+        self._columns: dict[tuple[int, bool], Array] = {}
+        self._torque: dict[tuple[int, float, bool], Array] = {}
+        self._crosses: dict[tuple[int, float, bool], Array] = {}
+        self._grams: dict[tuple[bool, bytes], list[Array]] = {}
+
+    @staticmethod
+    def of(
+        structure: Structure, samples: tuple[Dataset, ...], *, turns_gravity: bool = False
+    ) -> TorqueRows:
+        """Return the rows of prepared logs.
+
+        Parameters
+        ----------
+        structure : Structure
+        samples : tuple of Dataset
+            The prepared logs, with the motion of the readings.
+        turns_gravity : bool
+            Whether readings may state another gravity, or lack it in some joints.
+        """
+        excerpt = take_excerpt(structure, samples)
+        has_weight = "rigid_body" in structure.model.names and structure.robot.gravity.any()
+        if turns_gravity and has_weight:
+            parts = split_gravity(structure, samples, excerpt)
+        else:
+            parts = excerpt.X[..., None]
+        return TorqueRows(structure, excerpt, parts)
+
+    def with_offsets(self) -> TorqueRows:
+        """Return the same rows, where each log has its own torque offsets."""
+        parts = self.excerpt.X[..., None]
+        return TorqueRows(self.structure, self.excerpt, parts, separate_offsets=True)
+
+    @property
+    def turns_gravity(self) -> bool:
+        """Whether the columns are known under any gravity."""
+        return bool(self.parts.shape[3] > 1)
+
+    @cached_property
+    def variation(self) -> Array:
+        """Variance of each torque column where it is data, (n,)."""
+        pairs = zip(self.excerpt.y.T, self.excerpt.data.T, strict=True)
+        measured = [y[data] for y, data in pairs]
+        return np.array([y.var() if len(y) else 0.0 for y in measured])
+
+    @property
+    def counts(self) -> Array:
+        """Number of rows of each joint whose torque is data, (n,)."""
+        return np.asarray(self.excerpt.data.sum(0))
+
+    # The fit of a reading.
+
+    def fit(self, reading: Reading, *, adjusted: bool = False) -> Array:
+        """Return half the log of the residual's share of the variance of each log column, (n,)."""
+        share = self.solve(reading, adjusted=adjusted)[1]
+        return np.asarray(0.5 * np.log(share)[np.argsort(reading.order)])
+
+    def solve(self, reading: Reading, *, adjusted: bool) -> tuple[Array, Array]:
+        """Return base parameters (b,), and residual variance over that of the torque (n,).
+
+        Friction and rotor inertia are not negative. Joints are weighted by their residual.
+        """
+        joints = self._products_under(reading, adjusted)
+        scale = self.variation[reading.order] * np.maximum(self.counts, 1)
+        weight = 1.0 / scale
+        for _ in range(3):
+            value = self._solve_weighted(joints, weight)
+            residual = np.array([joint.residual(value) for joint in joints])
+            residual = np.maximum(residual, RIDGE * scale)
+            weight = 1.0 / residual
+        return value, residual / scale
+
+    def count(self, reading: Reading) -> Array:
+        """Return the number of independent rows of each log column under a reading, (n,)."""
+        gravity, (value, _) = self.weights(reading), self.solve(reading, adjusted=True)
+        residuals = []
+        for j, weight in enumerate(gravity):
+            delay, column = float(reading.delay[j]), reading.order[j]
+            torque = self.torque(j, delay, adjusted=True)[:, column]
+            columns = self.columns(j, adjusted=True) @ weight
+            residuals.append(torque - columns @ value[self.acts[j]] / reading.factor[j])
+        independent = self.counts / autocorrelation_time(np.column_stack(residuals))
+        return np.asarray(independent[np.argsort(reading.order)])
+
+    def _products_under(self, reading: Reading, adjusted: bool) -> list[JointProducts]:
+        """Return the products of each joint under a reading."""
+        gravity, joints = self.weights(reading), []
+        grams = self.grams(gravity, adjusted=adjusted)
+        for j, weight in enumerate(gravity):
+            factor, column, delay = reading.factor[j], reading.order[j], float(reading.delay[j])
+            torque = self.torque(j, delay, adjusted=adjusted)[:, column]
+            cross = self.crosses(j, delay, adjusted=adjusted)[column] @ weight
+            gram = grams[j] / factor**2
+            square = float(torque @ torque)
+            joints.append(JointProducts(self.acts[j], gram, cross / factor, square))
+        return joints
+
+    def _solve_weighted(self, joints: list[JointProducts], weight: Array) -> Array:
+        """Return the base parameters (b,) that fit all joints, each with its weight."""
+        size = self.parts.shape[2]
+        gram, cross = np.zeros((size, size)), np.zeros(size)
+        for by, joint in zip(weight, joints, strict=True):
+            gram[np.ix_(joint.at, joint.at)] += by * joint.gram
+            cross[joint.at] += by * joint.cross
+        return solve_nonnegative(gram, cross, self.structure.base.nonnegative)
+
+    # Products of columns and torque, each computed once.
+
+    def weights(self, reading: Reading) -> Array:
+        """Return the weights of the parts of each joint's columns under a reading, (n, 1 or 4)."""
+        gravity = np.outer(~reading.compensated, reading.gravity)
+        weight = np.column_stack([np.ones(len(gravity)), gravity])
+        return np.ascontiguousarray(weight[:, : self.parts.shape[3]])
+
+    def columns(self, joint: int, *, adjusted: bool) -> Array:
+        """Return the parts of the c columns that act in a joint, (N, c, 1 or 4)."""
+        key = joint, adjusted
+        if key not in self._columns:
+            parts = self.parts[:, joint, self.acts[joint]]
+            rows = self._rows_of(joint, parts.reshape(len(parts), -1), adjusted)
+            self._columns[key] = rows.reshape(parts.shape)
+        return self._columns[key]
+
+    def torque(self, joint: int, delay: float, *, adjusted: bool) -> Array:
+        """Return every torque column as data of one joint, earlier by a delay [s], (N, n)."""
+        key = joint, delay, adjusted
+        if key not in self._torque:
+            rows = self._shifted_torque(joint, delay)
+            self._torque[key] = self._rows_of(joint, rows, adjusted)
+        return self._torque[key]
+
+    def crosses(self, joint: int, delay: float, *, adjusted: bool) -> Array:
+        """Return products of every torque column and a joint's columns, (n, c, 1 or 4)."""
+        key = joint, delay, adjusted
+        if key not in self._crosses:
+            torque = self.torque(joint, delay, adjusted=adjusted)
+            columns = self.columns(joint, adjusted=adjusted)
+            self._crosses[key] = np.tensordot(torque, columns, (0, 0))
+        return self._crosses[key]
+
+    def grams(self, weights: Array, *, adjusted: bool) -> list[Array]:
+        """Return the products (c, c) of each joint's columns under weights of gravity."""
+
+        def compute() -> list[Array]:
+            columns = [self.columns(j, adjusted=adjusted) @ w for j, w in enumerate(weights)]
+            return [Z.T @ Z for Z in columns]
+
+        # The literal gravity and the one that is tried.
+        return remember(self._grams, (adjusted, weights.tobytes()), compute, 2)
+
+    def _shifted_torque(self, joint: int, delay: float) -> Array:
+        """Return the torque columns (N, n) at a later time, low-passed afterwards.
+
+        A row counts only where the joint's own torque is data.
+        """
+        outputs = []
+        for piece in self.excerpt.pieces:
+            t = piece.motion.t
+            tau = np.column_stack([np.interp(t + delay, t, x) for x in piece.tau.T])
+            weight = np.tile(piece.weight[:, [joint]], len(self.acts))
+            outputs.append(replace(piece, tau=tau, weight=weight).torque)
+        every = np.concatenate(outputs)
+        return np.asarray(every[self.excerpt.seen])
+
+    # Adjusted rows.
+
+    def _rows_of(self, joint: int, rows: Array, adjusted: bool) -> Array:
+        """Return rows (N, m) of a joint, without what offsets and smooth functions explain."""
+        rows = self._adjust(joint, self.excerpt.data[:, [joint]] * rows, adjusted)
+        if self.separate_offsets:
+            constant = self._adjust(joint, self.constant[joint], adjusted)
+            rows -= constant @ (np.linalg.pinv(constant) @ rows)
+        return rows
+
+    def _adjust(self, joint: int, rows: Array, adjusted: bool) -> Array:
+        """Return rows (N, m) of a joint, without what smooth functions explain if asked for."""
+        if not adjusted:
+            return rows
+        basis, explained = self._smooth[joint]
+        return np.asarray(rows - basis @ (explained[:, None] * (basis.T @ rows)))
+
+    @cached_property
+    def constant(self) -> Array:
+        """Rows of a constant torque of each joint in each log, (n, N, L)."""
+        pieces = self.excerpt.pieces
+        ones = [replace(piece, tau=np.ones_like(piece.tau)).torque for piece in pieces]
+        log = self.excerpt.log
+        member = log[:, None] == np.unique(log)
+        return np.asarray(np.concatenate(ones)[self.excerpt.seen].T[..., None] * member)
+
+    @cached_property
+    def _smooth(self) -> list[tuple[Array, Array]]:
+        """Orthonormal smooth functions of each joint, and the share of each that is projected."""
+        families = [f for f in find_families(None) if f.unnamed or f.name in CONFOUNDERS]
+        motions = [piece.motion for piece in self.excerpt.pieces]
+        present = self.structure.present
+        listed, _ = list_candidates(self.robot, families, present, motions, fixed=False)
+        missing = Missing(with_reversals(self.robot, listed, present), self.excerpt)
+        return [self._smooth_of(missing, j) for j in range(len(self.robot.joints))]
+
+    @staticmethod
+    def _smooth_of(missing: Missing, joint: int) -> tuple[Array, Array]:
+        """Return the orthonormal smooth functions of a joint, and their projected shares."""
+        acting = sorted(k for j, k in missing.entries if j == joint)
+        columns = [missing.entries[joint, k] / missing.scale[k] for k in acting]
+        basis, size, _ = np.linalg.svd(np.stack(columns, 1), full_matrices=False)
+        weak = max(STRONG * float(size[0]), 1e-300)  # a joint that stands has no size
+        return basis, 1.0 - 1.0 / np.hypot(1.0, size / weak)
+
+
+def solve_nonnegative(gram: Array, cross: Array, nonnegative: np.ndarray) -> Array:
+    """Return the solution (b,) of normal equations; columns with a forbidden sign are left out."""
+    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    gram, cross = gram / np.outer(size, size), cross / size
+    # Rounding leaves something of a column that is zero.
+    kept = np.diag(gram) > RIDGE
+    while True:
+        at, value = np.flatnonzero(kept), np.zeros(len(cross))
+        ridge = RIDGE * np.eye(len(at))
+        value[at] = np.linalg.solve(gram[np.ix_(at, at)] + ridge, cross[at])
+        forbidden = (value < 0) & nonnegative
+        if not forbidden.any():
+            return np.asarray(value / size)
+        kept &= ~forbidden

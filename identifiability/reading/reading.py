@@ -1,0 +1,178 @@
+"""`Reading`: one way to understand the columns of the logs, and the direction of gravity.
+
+Torque columns may be exchanged, reversed, delayed or in another unit. Position columns may be
+exchanged, reversed, in degrees or have another zero. A drive may have taken gravity out of the
+torque. Torque offsets may differ between logs. The base may be mounted in another direction. Each
+of these is the model of the same base parameters along other rows, or under other gravity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import field, replace
+from typing import Any
+
+import numpy as np
+
+from identifiability.effects.base import GravityTilt
+from identifiability.foundation.names import Array
+from identifiability.foundation.rounding import percent
+from identifiability.foundation.values import frozen
+from identifiability.logs import Log
+from identifiability.regression.structure import Structure
+from identifiability.robot import Robot, complete_motion
+
+#: Columns of a log that move with the positions, and those of them that a zero shifts.
+MOTION_COLUMNS = ("q", "q_ref", "dq", "ddq", "dq_ref")
+POSITION_COLUMNS = ("q", "q_ref")
+
+
+@frozen
+class Reading:
+    """One way to understand the columns of the logs, and the direction of gravity.
+
+    Attributes
+    ----------
+    description, remedy : str
+        How it differs from the literal reading, and what the user can do.
+    order : (n,) int
+        Column of the log that is the torque of each joint.
+    factor : (n,)
+        Factor from each torque column to the torque of its joint.
+    delay : (n,) [s]
+        Time by which each torque column is late.
+    compensated : (n,) bool
+        Joints whose torque lacks gravity. `read` adds the gravity torque of the fitted robot.
+    gravity : (3,) [m/s²]
+        Gravity in the world of the robot file.
+    motion : (n, n + 1)
+        Matrix A and zero b [rad or m]: the joint positions are A q − b.
+    parameters : (p,)
+        Standard parameters of the fitted robot. Empty where no gravity torque is added.
+    separate_offsets : bool
+        Whether each log has its own torque offsets.
+    offsets : mapping of str to (n,) [N·m or N]
+        Torque offsets by the name of the log, less their mean.
+    fitted_numbers : int
+        Count of the reading's fitted numbers.
+    log_odds : float
+        Gain in log evidence of the rows, less ½ ln N for each fitted number [Schwarz 1978].
+    error_ratio : float
+        Error of the model under this reading over that under the literal reading.
+    """
+
+    description: str
+    remedy: str
+    order: np.ndarray
+    factor: Array
+    delay: Array
+    compensated: np.ndarray
+    gravity: Array
+    motion: Array
+    parameters: Array = field(default_factory=lambda: np.empty(0))
+    separate_offsets: bool = False
+    offsets: Mapping[str, Array] = field(default_factory=dict)
+    fitted_numbers: int = 0
+    log_odds: float = 0.0
+    error_ratio: float = 1.0
+
+    @staticmethod
+    def literal(robot: Robot) -> Reading:
+        """Return the reading of the columns as they are named."""
+        n = len(robot.joints)
+        return Reading(
+            description="",
+            remedy="",
+            order=np.arange(n),
+            factor=np.ones(n),
+            delay=np.zeros(n),
+            compensated=np.zeros(n, bool),
+            gravity=robot.gravity,
+            motion=np.eye(n, n + 1),
+        )
+
+    @property
+    def statement(self) -> str:
+        """How it differs from the literal reading, its evidence, and the remedy."""
+        less = percent(1.0 - self.error_ratio, 2)
+        evidence = f"read so, the model errs by {less} less ({self.log_odds:.3g} nats)"
+        return f"{self.description}: {evidence}. {self.remedy}."
+
+    @property
+    def moves_joints(self) -> bool:
+        """Whether the positions differ from the literal ones."""
+        n = len(self.order)
+        return not np.array_equal(self.motion, np.eye(n, n + 1))
+
+    @property
+    def changes_torque(self) -> np.ndarray:
+        """Joints whose torque column is read in another way, (n,) bool; offsets do not count."""
+        exchanged = self.order != np.arange(len(self.order))
+        changed = exchanged | (self.factor != 1.0) | (self.delay != 0.0) | self.compensated
+        return np.asarray(changed)
+
+    @property
+    def keeps_columns(self) -> bool:
+        """Whether all columns are read literally, so that at most gravity differs."""
+        return not (self.changes_torque.any() or self.separate_offsets or self.moves_joints)
+
+    @property
+    def rescaled(self) -> np.ndarray:
+        """Joints whose torque column has another unit, (n,) bool."""
+        return np.asarray(np.abs(self.factor) != 1.0)
+
+    def structure(self, literal: Structure) -> Structure:
+        """Return the model under the reading's gravity; another direction becomes a tilt effect."""
+        robot = literal.robot
+        if np.allclose(self.gravity, robot.gravity):
+            return literal
+        if self.gravity.any():
+            return Structure.of(robot, literal.model + GravityTilt(self.gravity))
+        weightless = robot.model.copy()
+        weightless.gravity.linear = self.gravity
+        return Structure.of(replace(robot, model=weightless), literal.model)
+
+    def read(self, log: Log, literal: Structure) -> Log:
+        """Return a log whose columns are corrected.
+
+        Parameters
+        ----------
+        log : Log
+            With its columns in the robot's order of joints.
+        literal : Structure
+            The model of the literal reading, in whose columns `parameters` are.
+        """
+        offset = self.offsets.get(log.name, 0.0)
+        torque = self._shifted(log) * self.factor + self._gravity_torque(log, literal) - offset
+        return replace(log, tau=torque, **self._moved(log))
+
+    def _shifted(self, log: Log) -> Array:
+        """Return the torque columns of the joints, without their delays, (N, n)."""
+        pairs = zip(self.order.tolist(), self.delay.tolist(), strict=True)
+        columns = [np.interp(log.t + delay, log.t, log.tau[:, k]) for k, delay in pairs]
+        return np.column_stack(columns)
+
+    def _gravity_torque(self, log: Log, literal: Structure) -> Array:
+        """Return the gravity torque that the compensated columns lack, (N, n)."""
+        torque = np.zeros(log.tau.shape)
+        if not self.compensated.any():
+            return torque
+        robot, still = literal.robot, np.zeros(log.q.shape)
+        motion = complete_motion(robot, log.t, log.q, still, still)
+        down, up = (
+            literal.model.regressor(robot.turned(sign * robot.gravity), motion) @ self.parameters
+            for sign in (1, -1)
+        )
+        # Preparation drops the samples whose loops do not close.
+        torque[motion.kept] = 0.5 * self.compensated * (down - up)
+        return torque
+
+    def _moved(self, log: Log) -> dict[str, Any]:
+        """Return the corrected motion columns that the log has, (N, n) by name."""
+        A, zero = self.motion[:, :-1], self.motion[:, -1]
+        measured = {name: getattr(log, name) for name in MOTION_COLUMNS}
+        moved = {name: x @ A.T for name, x in measured.items() if x is not None}
+        for name in POSITION_COLUMNS:
+            if name in moved:
+                moved[name] = moved[name] - zero
+        return moved
