@@ -25,8 +25,8 @@ from identifiability import Analysis, Log, Robot, analyze, predict
 from identifiability.foundation.names import Array
 from identifiability.logs.conventions import Conventions
 from identifiability.robot.servo import Servo
-from identifiability.simulation.rollout import CommandedRobot, forgotten
-from identifiability.workflows.commanded import roll_late
+from identifiability.servos import forgotten, roll_delayed
+from identifiability.simulation.rollout import CommandedRobot
 from identifiability.workflows.session import SO
 
 sys.path.insert(0, str(Path(__file__).parent / "shipped"))
@@ -154,7 +154,7 @@ class Commanded:
         row |= examine_labels(a, pd.Series(a.structure.G @ phi, a.base.labels))
         log = Log.from_frame(frames[-1], conventions=Conventions.of(a.robot)).select(robot.joints)
         machine = CommandedRobot(robot, truth, replace(own, rate=float(how.servo_rate)))
-        least = _rms(roll_late(machine, log)[1], log)
+        least = _rms(roll_delayed(machine, log)[1], log)
         rolled = predict(a.robot, a.to_json(path / "result.json"), frames[-1], forward=True)
         row |= {"error": float(rolled.totals[-1]), "over": float(rolled.totals[-1]) / least}
         return row | {"said": "\n".join((a.statement, *row["missed"]))}

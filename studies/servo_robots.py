@@ -31,9 +31,9 @@ from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.logs.conventions import Conventions
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
+from identifiability.servos import forgotten, roll_delayed
 from identifiability.simulation.forward import ForwardRobot
-from identifiability.simulation.rollout import CommandedRobot, forgotten
-from identifiability.workflows.commanded import roll_late
+from identifiability.simulation.rollout import CommandedRobot
 from identifiability.workflows.export import draw_robots
 
 #: Step of the simulation [s], and rounds in which it is settled which joints stand.
@@ -458,7 +458,7 @@ def judge(
     out["joint set"] = float(true @ turn @ true <= edge)
     log = Log.from_frame(frames[1], conventions=Conventions.of(robot)).select(robot.joints)
     oracle = CommandedRobot(robot, truth)
-    apart = roll_late(oracle, log)[1] - log.q
+    apart = roll_delayed(oracle, log)[1] - log.q
     least = float(np.sqrt(np.mean(apart[forgotten(log) :] ** 2)))
     with tempfile.TemporaryDirectory() as folder:
         rolled = predict(

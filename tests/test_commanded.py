@@ -11,13 +11,12 @@ import numpy as np
 import pytest
 
 from identifiability import Log, Robot, analyze, diagnose, predict, prune
-from identifiability.estimation.rollouts import fit_rollouts
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import IdentifiabilityError, LogError, RobotError
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.foundation.options import OptionError
-from identifiability.logs.commands import held_mean, servo_log
+from identifiability.logs.commands import held_mean
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.preparation import make_plan, settle_cutoff
@@ -26,8 +25,15 @@ from identifiability.physical.pseudo_inertia import BASIS
 from identifiability.regression.reduction import find_ladder, ladder_model
 from identifiability.regression.structure import Structure
 from identifiability.robot.servo import FOUND, Servo, state_delay
+from identifiability.servos import (
+    file_shares,
+    find_odd_joints,
+    fit_rollouts,
+    roll_delayed,
+    servo_log,
+    state_gains,
+)
 from identifiability.simulation.rollout import CommandedRobot
-from identifiability.workflows.commanded import file_shares, find_odd_joints, roll_late, state_gains
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 sys.path.insert(0, str(MODELS.parent / "studies"))
@@ -252,7 +258,7 @@ def test_joints_and_delay_are_found_from_rollouts_of_another_physics(arm, frames
     file = CommandedRobot(arm, {}).roll(logs[0]) - logs[0].q
     assert np.all(found.errors < 0.05 * np.sqrt(np.mean(file**2, axis=0)))
     assert fit_rollouts(arm, logs[:1], {}, 0.007).delay_errors == 0
-    unseen = roll_late(CommandedRobot(arm, found.parameters), logs[1])[1][50:]
+    unseen = roll_delayed(CommandedRobot(arm, found.parameters), logs[1])[1][50:]
     step = 2 * np.pi / 2**14
     assert np.sqrt(np.mean((unseen - logs[1].q[50:]) ** 2)) < step  # of the encoders
     told = "commands act 7.8 ms (a), 7.9 ms (b) after their rows"
@@ -295,7 +301,7 @@ def heavy(arm):
     how = servos.Recorder(rate=100.0, delay=0.007, bits=14)
     moves = servos.draw_commands(arm, 6.0, how.command_rate, 0.5, rng)
     log = read(arm, servos.record(arm, TRUTH | bodies, moves, 6.0, how, rng))
-    return log, roll_late(CommandedRobot(arm, TRUTH | bodies), log)[0], {**TRUTH, **bodies}
+    return log, roll_delayed(CommandedRobot(arm, TRUTH | bodies), log)[0], {**TRUTH, **bodies}
 
 
 def test_every_verb_finds_the_delay_again_with_the_bodies_fitted(arm, heavy):
@@ -484,7 +490,7 @@ def test_limits_tell_kv_from_friction_of_a_file_without_rotors(arm, bare):
     moves = servos.draw_commands(arm, 6.0, how.command_rate, 0.5, rng)
     log = read(arm, servos.record(arm, TRUTH, moves, 6.0, how, rng, servo))
     found = fit_rollouts(robot, [log], file_shares(robot))
-    late, q = roll_late(CommandedRobot(known, TRUTH), log)
+    late, q = roll_delayed(CommandedRobot(known, TRUTH), log)
     assert abs(found.delays[0] - late) < 1e-4
     assert np.all(found.errors < 1.1 * np.sqrt(np.mean((q - log.q) ** 2, axis=0)))
     most = np.minimum(3 * np.sqrt(np.diag(found.covariance))[:2], 0.1 * servo.kv)

@@ -144,7 +144,6 @@ def with_index(frame: pd.DataFrame) -> pd.DataFrame:
     return frame.reset_index(names=name)
 
 
-<<<<<<< HEAD:identifiability/logs/reading.py
 def _as_tables(pieces: Iterable[Whole], source: str) -> Iterator[Whole]:
     """Yield tables with texts for names, their index among the columns if it may be the time.
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import replace
 from functools import cached_property
 from itertools import compress
 from typing import Any
@@ -28,7 +27,6 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs import Log, signals
 from identifiability.logs.commands import acting
-from identifiability.logs.spectrum import noise_level, resolution
 from identifiability.robot import Robot
 from identifiability.robot.mjcf import quiet
 from identifiability.robot.servo import Servo
@@ -40,17 +38,11 @@ STEP: Tolerance = 1e-3
 #: Step of rollouts whose differences alone are looked at, in that of others.
 COARSE: Tolerance = 10.0
 
-#: No delay that is looked for is longer [s].
-LATEST: Tolerance = 0.06
-
 #: Share of the time in which damping stops a joint that is a step, and of a joint's inertia that is
 #: taken off for steps at most; and no step is shorter [s]: a
 #: joint that stops within a fraction of a servo's period is one without inertia to it.
 LITTLE: Tolerance = 0.4
 LEAST: Tolerance = 2e-4
-
-#: Time in which the speed of a start is seen [s], and after which soft servos have forgotten it.
-FORGOTTEN: Tolerance = 0.75
 
 
 class CommandedRobot:
@@ -257,8 +249,7 @@ def starting_speeds(log: Log) -> Array:
     Exact differences would make noise of positions a start that takes long to be forgotten.
     """
     dt = signals.sampling_step(log.t)
-    # Time in which the speed of a start is seen [s], and after which soft servos have
-    # forgotten it.
+    # The speed of a start is seen in .05 s.
     rows = min(2 * max(2, round(0.5 * 0.05 / dt)) + 1, (len(log) - 1) // 2 * 2 + 1)
     slopes: Array = scipy.signal.savgol_filter(log.q, rows, 2, 1, dt, axis=0)
     return slopes
@@ -283,23 +274,6 @@ def drive(robot: Robot, parameters: Mapping[str, float], log: Log, window: float
     return out
 
 
-def forgotten(log: Log) -> int:
-    """Return the row of a log from which on its start is forgotten, or tells least of it."""
-    row = int(np.searchsorted(log.t, log.t[0] + FORGOTTEN))
-    # A rollout is judged from this share of the log on at the latest.
-    return min(row, int(0.25 * len(log)))
-
-
-def record(q: Array, log: Log, rng: np.random.Generator) -> Array:
-    """Return positions (N, n) with the steps of a log's encoders, and what else is its noise."""
-    finest = resolution(log.q)
-    noise = np.sqrt(np.maximum(noise_level(log.q, log.t) ** 2 - finest**2 / 12, 0.0))
-    at = rng.uniform(size=q.shape[1])
-    width = np.where(finest > 0, finest, 1.0)
-    rounded = np.where(finest > 0, (np.floor(q / width + at) + 0.5 - at) * width, q)
-    return np.asarray(rounded + noise * rng.standard_normal(q.shape))
-
-
 #: What a robot lacks that has no servo, after its path.
 NO_SERVO = (
     "states no gains of servos, so commands say nothing of torque; give them in the sidecar: "
@@ -322,52 +296,3 @@ def _sample(path: Array, at: Array) -> Array:
     bent = after - 2 * here + before
     out: Array = here + 0.5 * part * (after - before) + (0.5 * part**2 + 0.125) * bent
     return out
-
-
-def start_rollouts(robot: Robot, log: Log) -> tuple[CommandedRobot, dict[str, Array]]:
-    """Return a robot and joints' numbers from which the search begins.
-
-    They are the file's, if all gains are known and it follows the log as well as a command that is
-    merely delayed, else the best of a grid of natural frequencies and damping ratios: a known gain
-    and a frequency tell an inertia, as files without rotors and damping do not follow at all.
-    """
-    servo = robot.servo
-    assert servo is not None
-    free = np.isnan(servo.kp)
-    guess = replace(servo, kp=np.where(free, 1.0, servo.kp), kv=np.nan_to_num(servo.kv))
-    machine = CommandedRobot(robot, {}, guess)
-    inertia, numbers = machine.inertia(log.q.mean(0)), machine.numbers()
-    bodies = inertia - numbers["Ia"]
-    # Rotors of which a file says nothing are taken to be as large as what the heaviest joint moves.
-    alike = np.where(numbers["Ia"] > 0, inertia, inertia.max())
-    # Frequencies [rad/s] and damping ratios of a servo and what it moves.
-    speeds = np.geomspace(2, 250, 17)
-    tries, late = [numbers], servo.delay or 0.0
-    apart = machine.roll(log, numbers, late, COARSE * STEP) - log.q
-    if not servo.unknown.any() and np.all(np.sqrt(np.mean(apart**2, 0)) < explicable([log])):
-        return machine, numbers
-    for w in speeds[speeds < 1.0 / signals.sampling_step(log.t)]:
-        whole = np.where(free, alike, np.maximum(servo.kp / w**2, bodies))
-        kp = np.where(free, alike * w**2, servo.kp)
-        for ratio in (0.2, 0.5, 1.0, 2.0, 4.0):
-            damping = np.maximum(2 * whole * w * ratio - guess.kv, 0.0)
-            tries.append({**numbers, "Ia": whole - bodies, "Fv": damping, "kp": kp})
-    # Each at its own step: few of them ask for a short one.
-    q = np.array([machine.roll(log, own, late, COARSE * STEP) for own in tries])
-    best = np.nan_to_num((q - log.q) ** 2, nan=1e6).mean(1).argmin(0)
-    chosen = {k: np.array([x[k] for x in tries])[best, range(len(best))] for k in numbers}
-    return CommandedRobot(robot, {}, replace(guess, kp=chosen["kp"])), chosen
-
-
-def explicable(logs: Sequence[Log]) -> Array:
-    """Return what there is to explain of positions in logs (rms), at least a bit, (n,)."""
-    square = []
-    for log in logs:
-        most = min(round(LATEST / signals.sampling_step(log.t)), len(log) // 2)
-        target = np.zeros(log.q.shape) if log.q_ref is None else log.q_ref
-        q = log.q[most:]
-        apart = [(q - target[most - k : len(log) - k]).var(0) for k in range(most + 1)]
-        # So many times the noise of positions is nothing to explain.
-        noise = 5.0 * np.maximum(noise_level(log.q, log.t), resolution(log.q))
-        square.append(np.minimum(np.maximum(np.min(apart, axis=0), noise**2), log.q.var(0)))
-    return np.asarray(np.maximum(np.sqrt(np.mean(square, axis=0)), 1e-3))

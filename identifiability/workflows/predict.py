@@ -987,12 +987,12 @@ def predict(
         return find_fit(cast("FitLike", result), robot).predict(logs, engine=engine)
     with one_thread("blas"):
         robot.check_stands("predict --forward")
-        from identifiability.workflows.commanded import select  # noqa: PLC0415 - MuJoCo
+        from identifiability.servos import select_commanded  # noqa: PLC0415 - MuJoCo
 
         # Torque beside commands is not looked at; motions that come again all count.
         known = replace(Conventions.of(robot), commands=robot.servo is not None)
         given = read_recordings(logs, known=known, commands=True, learns=False)
-        read = select(robot, in_memory(given.fitted))
+        read = select_commanded(robot, in_memory(given.fitted))
         runs = [(robot, _file_name(robot), dict[str, float]())]
         other = result if isinstance(result, Robot) else None
         if other is None and not (isinstance(result, Predicts) or str(result).endswith(".json")):
@@ -1023,14 +1023,15 @@ def _move(
     robot: Robot, name: str, values: Mapping[str, float], logs: Sequence[Log], known: Any = None
 ) -> Simulated:
     """Return a robot with some values as logs move it, commands as late as is known of each."""
-    from identifiability.simulation.rollout import CommandedRobot, drive, forgotten  # noqa: PLC0415
-    from identifiability.workflows.commanded import roll_late  # noqa: PLC0415 - MuJoCo
+    from identifiability.servos import forgotten, roll_delayed  # noqa: PLC0415 - MuJoCo
+    from identifiability.simulation.rollout import CommandedRobot, drive  # noqa: PLC0415
 
     late, found, apart = list[float](), list[Array](), list[Array]()
     for k, log in enumerate(logs):
         if has_commands(log):
             machine = CommandedRobot(robot, values)
-            delay, q = roll_late(machine, log, machine.servo.delay if known is None else known[k])
+            stated = machine.servo.delay if known is None else known[k]
+            delay, q = roll_delayed(machine, log, stated)
         else:
             delay, q = 0.0, drive(robot, values, log, WINDOW)
         late.append(delay)

@@ -44,7 +44,7 @@ from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import Expected
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
-from identifiability.logs.commands import moved, of_commands
+from identifiability.logs.commands import of_commands
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.formats.containers import frame_of
 from identifiability.logs.formats.reader import find_parts
@@ -66,7 +66,7 @@ from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
 
 if TYPE_CHECKING:
-    from identifiability.estimation.rollouts import Rollouts
+    from identifiability.servos import Rollouts
 
 LogLike = Log | str | Path | pd.DataFrame | Mapping[str, Any]
 Logs = Annotated[
@@ -111,8 +111,10 @@ class Recordings:
 
     def acting_later(self, servo: Servo, by: float) -> Recordings:
         """Return the logs as they are if commands act later than was found, by so much [s]."""
+        from identifiability.servos import replace_servo  # noqa: PLC0415 - MuJoCo
+
         fitted, held_out = (
-            tuple(moved(x, servo, servo, by) if of_commands(x) else x for x in logs)
+            tuple(replace_servo(x, servo, servo, by) if of_commands(x) else x for x in logs)
             for logs in (self.fitted, self.held_out)
         )
         said = Finding("commands", text=phrase("commands", "later", by=1e3 * by))
@@ -215,9 +217,9 @@ def read_recordings(
     whole = share_clock([*train, *held_out])
     torque = None
     if learns and known.servo is not None:
-        from identifiability.workflows.commanded import give_torque  # noqa: PLC0415 - MuJoCo
+        from identifiability.servos import compute_torque  # noqa: PLC0415 - MuJoCo
 
-        torque = partial(give_torque, servo=known.servo)
+        torque = partial(compute_torque, servo=known.servo)
     mended = mend(RawLogs(tuple(whole[:n]), tuple(whole[n:]), how, torque))
     every = (*mended.fitted, *mended.held_out)
     alone = [x.name for x in every if of_commands(x)]
@@ -480,7 +482,7 @@ class Session:
         """Return the session with torque of commands, calibrated on rollouts of a fitted robot."""
         if not self.recordings.commanded:
             return self
-        from identifiability.workflows.commanded import follow_commands  # noqa: PLC0415 - MuJoCo
+        from identifiability.servos import follow_commands  # noqa: PLC0415 - MuJoCo
 
         self.say("rolling out commands", 0.1)
         found, structure = follow_commands(self.recordings, self.structure, self.how, rng)
@@ -716,8 +718,8 @@ def settle_gains(robot: Robot, logs: Logs) -> Robot:
     """
     if robot.servo is None or not (robot.servo.unknown.any() and list_logs(logs)):
         return robot
-    from identifiability.workflows.commanded import learn_gains, select  # noqa: PLC0415 - MuJoCo
+    from identifiability.servos import learn_gains, select_commanded  # noqa: PLC0415 - MuJoCo
 
     given = read_recordings(logs, known=Conventions.of(robot), commands=True, learns=False)
     alone = (x for x in given.fitted if x.commanded and x.motion_alone)
-    return learn_gains(robot, select(robot, alone))
+    return learn_gains(robot, select_commanded(robot, alone))

@@ -1,0 +1,39 @@
+"""Commanded robots: torque from commands and servo gains, and what rollouts tell of the servos.
+
+This is the one door of the room: other rooms import from here alone. `torque` computes the torque
+of servos from their commands. `rollouts` fits joints, bodies, delays and gains to measured
+positions, by the search of `problem`, which begins at `start`. `gains` states what was found.
+`odd_joints` names play, wrong gains and limits. `calibration` takes off the torque what recording
+leaves in it. `follow` does all of this for the logs of a verb.
+
+It imports MuJoCo, so verbs import it inside functions.
+"""
+
+from __future__ import annotations
+
+from identifiability.servos.calibration import calibrate_torque, roll_delayed
+from identifiability.servos.fit import fit_rollouts
+from identifiability.servos.follow import follow_commands
+from identifiability.servos.gains import file_shares, learn_gains, select_commanded, state_gains
+from identifiability.servos.odd_joints import find_odd_joints
+from identifiability.servos.positions import forgotten
+from identifiability.servos.rollouts import Rollouts
+from identifiability.servos.torque import check_commands, compute_torque, replace_servo, servo_log
+
+__all__ = [
+    "Rollouts",
+    "calibrate_torque",
+    "check_commands",
+    "compute_torque",
+    "file_shares",
+    "find_odd_joints",
+    "fit_rollouts",
+    "follow_commands",
+    "forgotten",
+    "learn_gains",
+    "replace_servo",
+    "roll_delayed",
+    "select_commanded",
+    "servo_log",
+    "state_gains",
+]

@@ -1,0 +1,170 @@
+"""Damped Gauss–Newton steps on positions, and the uncertainty of where they end."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
+from identifiability.servos.problem import RolloutProblem
+from identifiability.servos.rollouts import Rollouts
+
+#: Stretches of time of a rollout that are left out in turn [s].
+BLOCK: Tolerance = 0.5
+
+#: A search ends where a step promises less than this of the weighted squares, or one of a new
+#: derivative gains no more: on a part of the logs where it begins, on all of them a standard
+#: deviation. It also ends after so many steps.
+BEGUN: Tolerance = 20.0
+ENOUGH: Tolerance = 2.0
+STEPS = 20
+#: Most steps with one derivative.
+RENEWED = 4
+
+
+class SearchEnd(NamedTuple):
+    """Where a search ended.
+
+    Attributes
+    ----------
+    x : (p,)
+        Vector.
+    q : list of (N, n)
+        Positions along the logs.
+    J : (r, p)
+        Weighted derivative of the residual.
+    """
+
+    x: Array
+    q: list[Array]
+    J: Array
+
+
+def descend(problem: RolloutProblem, x: Array, enough: float = ENOUGH) -> SearchEnd:
+    """Return where damped Gauss–Newton steps lead.
+
+    The derivative is taken anew where the last step gained too little, and often enough that steps
+    do not creep [Shamanskii 1967].
+
+    Parameters
+    ----------
+    problem : RolloutProblem
+    x : (p,)
+        Where the search begins.
+    enough : float
+        Weighted squares below which a promised gain ends the search.
+    """
+    q, damping = problem.roll([x])[0], 1e-3
+    linearised, poor = x[:0], True
+    for turn in range(STEPS):
+        if linearised is not x and (poor or turn % RENEWED == 0):
+            J, linearised = problem.linearise(x), x
+        weights = problem.weights(q)
+        residual = weights * problem.residual(q, x)
+        step, promised = damped_step(problem, x, weights[:, None] * J, residual, damping)
+        if promised <= enough:
+            break
+        moved = x + step
+        rolled = problem.roll([moved])[0]
+        rest = weights * problem.residual(rolled, moved)
+        gained = residual @ residual - np.sum(rest**2)
+        poor, converged = gained < 0.5 * promised, linearised is x and abs(gained) <= enough
+        if gained > 0:
+            x, q, damping = moved, rolled, damping / 3
+        else:
+            damping *= 10
+        if converged:
+            break
+    return SearchEnd(x, q, weights[:, None] * J)
+
+
+def damped_step(
+    problem: RolloutProblem, x: Array, J: Array, residual: Array, damping: float
+) -> tuple[Array, float]:
+    """Return a damped step within its bounds, (p,), and the squares by which it promises to gain.
+
+    Parameters
+    ----------
+    problem : RolloutProblem
+    x : (p,)
+    J, residual : (r, p), (r,)
+        Weighted.
+    damping : float
+        As a share of the square of each column.
+    """
+    varied = np.flatnonzero(problem.varied)
+    Q, R = np.linalg.qr(J[:, varied])
+    projected, size = Q.T @ residual, np.linalg.norm(R, axis=0) + 1e-12
+    rows = np.vstack([R, np.sqrt(damping) * np.diag(size)])
+    aim = np.concatenate([-projected, np.zeros(len(varied))])
+    step = np.zeros(len(x))
+    step[varied] = lsq_linear(rows, aim, problem.bounds(x)[:, varied], method="bvls").x
+    rest = projected + R @ step[varied]
+    return step, float(projected @ projected - np.sum(rest**2))
+
+
+def uncertainty(problem: RolloutProblem, end: SearchEnd) -> Array:
+    """Return the covariance of a vector, (p, p).
+
+    Stretches of time are left out in turn [Künsch 1989]. This counts the memory of the errors and
+    much of what the model lacks. Prior knowledge is added.
+    """
+    x, q, J = end
+    size = np.linalg.norm(J, axis=0)
+    unit = np.where(size > 0, size, 1.0)
+    J = J / unit
+    count = len(problem.trees) * problem.rows()[-1]
+    rows, known = np.split(J, [count])
+    # A number that another number can replace is known by its size alone.
+    sizes = np.maximum(problem.scale, np.abs(x))
+    known = np.vstack([known, np.diag(problem.varied / (sizes * unit))])
+    residual = (problem.weights(q) * problem.residual(q, x))[:count]
+    precision = rows.T @ rows + known.T @ known
+    scores = rows * residual[:, None]
+    changes = [*known, *_block_scores(problem, rows, scores, precision)]
+    root = changes @ np.linalg.pinv(precision, hermitian=True) / unit
+    return np.asarray(root.T @ root)
+
+
+def _block_scores(
+    problem: RolloutProblem, rows: Array, scores: Array, precision: Array
+) -> list[Array]:
+    """Return the score (p,) by which each stretch of time moves the estimate."""
+    joints, every = len(problem.trees), max(round(BLOCK / problem.dt), 1)
+    logs = pairwise(problem.rows())
+    starts = [k for start, stop in logs for k in range(start, stop, every)]
+    edges = [*(joints * np.unique(starts)), len(rows)]
+    moved = []
+    for start, stop in pairwise(edges):
+        block = rows[start:stop]
+        left = np.linalg.pinv(precision - block.T @ block, hermitian=True)
+        moved.append(precision @ left @ scores[start:stop].sum(0))
+    return moved
+
+
+def conclude(problem: RolloutProblem, end: SearchEnd) -> Rollouts:
+    """Return the numbers and their uncertainty where a search ended."""
+    x, n, over = end.x, len(problem.trees), problem.over
+    numbers, delays = problem.unpack(x)
+    gains = slice(over.size - 2 * n, over.size)
+    covariance = uncertainty(problem, end)
+    # From kv over kp, and log kp, to kv and log kp.
+    log_kp = x[gains][n:]
+    to_gains = np.diag(np.exp(np.append(over[-2] * log_kp, np.zeros(n))))
+    to_gains[range(n), range(n, 2 * n)] = over[-2] * numbers["kv"]
+    unsure = np.sqrt(np.diag(covariance))
+    return Rollouts(
+        numbers=numbers,
+        parameters=problem.parameters(numbers),
+        delays=delays,
+        errors=problem.errors(end.q),
+        missed=problem.missed(end.q),
+        delay_errors=unsure[problem.delays] * problem.varied[problem.delays],
+        covariance=to_gains @ covariance[gains, gains] @ to_gains.T,
+        unsure=unsure,
+        search=(problem, end),
+    )

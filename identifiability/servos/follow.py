@@ -1,0 +1,245 @@
+"""`follow_commands`: logs of commands with calibrated torque, and what rollouts tell of the servos.
+
+The servo is the torque sensor, τ = kp (q_cmd(t − d) − q) + … . The joints' numbers and the delay
+are first found from rollouts, which differentiate nothing. Then the torque is calibrated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from identifiability.estimation.rules import RULES as ESTIMATION_RULES
+from identifiability.foundation.errors import LogError, RobotError
+from identifiability.foundation.findings import Finding, phrase
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.logs import Log
+from identifiability.logs.commands import of_commands
+from identifiability.logs.prepare import Preparation
+from identifiability.logs.prepare.preparation import fit_band
+from identifiability.regression.structure import Structure
+from identifiability.robot import Robot
+from identifiability.robot.servo import Servo, state_delay
+from identifiability.servos.calibration import calibrate_torque
+from identifiability.servos.fit import fit_rollouts
+from identifiability.servos.gains import file_shares, with_numbers
+from identifiability.servos.odd_joints import find_odd_joints
+from identifiability.servos.rollouts import Rollouts
+from identifiability.servos.torque import replace_servo
+
+
+@frozen
+class IdentifiedServos:
+    """Servos with the numbers that rollouts found.
+
+    Attributes
+    ----------
+    robot : Robot
+        With these servos.
+    found : Rollouts
+    rivals : tuple of Servo
+        Servos that explain the logs as well, or are one standard deviation off.
+    findings : tuple of Finding
+        On odd joints, and on the common scale of stated gains.
+    text : str
+        How torque was obtained.
+    """
+
+    robot: Robot
+    found: Rollouts
+    rivals: tuple[Servo, ...]
+    findings: tuple[Finding, ...]
+    text: str
+
+    @property
+    def servo(self) -> Servo:
+        """The servos."""
+        assert self.robot.servo is not None
+        return self.robot.servo
+
+
+def follow_commands(
+    recordings: Any, structure: Structure, how: Preparation, rng: np.random.Generator
+) -> tuple[Any, Structure]:
+    """Return recordings with calibrated torque of commands, and the structure of their robot.
+
+    Its servos have the numbers that rollouts found.
+
+    Parameters
+    ----------
+    recordings : Recordings
+        As `compute_torque` made its logs.
+    structure : Structure
+    how : Preparation
+        With the cut-off of all logs.
+    rng : Generator
+    """
+    robot, servo = structure.robot, structure.robot.servo
+    at = [k for k, log in enumerate(recordings.fitted) if of_commands(log)]
+    if servo is None or not at:
+        return recordings, structure
+    logs = [recordings.fitted[k].select(robot.joints) for k in at]
+    try:
+        found = servo.rolled or fit_rollouts(robot, logs, file_shares(robot), servo.delay)
+    except RobotError as error:
+        return _without_rollouts(recordings, servo, error), structure
+    servos = identify_servos(robot, logs, found)
+    # Rollouts of a structure need no record of how its gains were found.
+    plain = replace(servos.robot, servo=replace(servos.servo, rolled=None))
+    structure = replace(structure, robot=plain)
+    return _calibrate(recordings, structure, servos, at, how, rng), structure
+
+
+def identify_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> IdentifiedServos:
+    """Return the servos with the numbers of rollouts, and of what explains odd joints.
+
+    Parameters
+    ----------
+    robot : Robot
+    logs : sequence of Log
+        With commands, in the robot's order of joints.
+    found : Rollouts
+        Of these logs.
+
+    Raises
+    ------
+    LogError
+        If the motion contradicts the gains.
+    """
+    assert robot.servo is not None
+    servo = robot.servo
+    odd, better, ambiguous = find_odd_joints(robot, found)
+    rivals = [servo] if ambiguous else []
+    if better is not found:
+        found, servo = better, with_numbers(servo, better)
+    robot = replace(robot, servo=servo)
+    text = filter(None, [check_found(robot, logs, found), state_servos(robot, logs, found)])
+    larger = 2.0 * found.numbers["sizes"]
+    scale = servo.doubt_scale(larger, [*file_shares(robot).values()])
+    if scale:
+        rivals = [servo.having({"kp": servo.kp / np.exp(np.mean(larger))})]
+    findings = (*odd, *scale)
+    return IdentifiedServos(robot, found, (*rivals, *servo.doubted), findings, " ".join(text))
+
+
+def _calibrate(
+    recordings: Any,
+    structure: Structure,
+    servos: IdentifiedServos,
+    at: Sequence[int],
+    how: Preparation,
+    rng: np.random.Generator,
+) -> Any:
+    """Return recordings with calibrated torque of commands.
+
+    Parameters
+    ----------
+    recordings, structure, how, rng
+        As of `follow_commands`.
+    servos : IdentifiedServos
+    at : sequence of int
+        Places of the fitted logs with commands.
+    """
+    found, servo = servos.found, servos.servo
+
+    def calibrated(log: Log, delay: float | None, band: Preparation = how) -> Log:
+        selected = log.select(structure.robot.joints)
+        return calibrate_torque(structure, selected, delay, found.parameters, band, rng)
+
+    def judged(log: Log) -> Log:
+        band = fit_band(structure.robot, log, how) or how
+        return calibrated(log, servo.delay, band)
+
+    pairs = zip(at, found.delays.tolist(), strict=True)
+    own = {k: calibrated(recordings.fitted[k], delay) for k, delay in pairs}
+    held_out = [judged(x) if of_commands(x) else x for x in recordings.held_out]
+    later = _delay_doubts(own, servo, found)
+    for rival in servos.rivals:
+        later.append({k: replace_servo(log, servo, rival) for k, log in own.items()})
+    hints = (_state_calibrated(servos, list(own.values())), *servos.findings)
+    return replace(
+        recordings,
+        fitted=tuple(own.get(k, log) for k, log in enumerate(recordings.fitted)),
+        held_out=tuple(held_out),
+        hints=(*hints, *recordings.hints),
+        later=tuple(later),
+        rolled=replace(found, search=()),
+    )
+
+
+def _state_calibrated(servos: IdentifiedServos, logs: Sequence[Log]) -> Finding:
+    """Return how the torque of calibrated logs was obtained."""
+    found = servos.found
+    is_early = any(found.delays < -2.0 * found.delay_errors)
+    early = phrase("rollouts", "early") if is_early else ""
+    text = " ".join(filter(None, [servos.text, early]))
+    rolled = any(log.rollout is not None for log in logs)
+    return Finding("commands" if rolled else "rollouts", text=text)
+
+
+def _without_rollouts(recordings: Any, servo: Servo, error: RobotError) -> Any:
+    """Return recordings that say why their torque is not calibrated."""
+    key = "none" if servo.delay is None else "stated"
+    hint = Finding("rollouts", text=phrase("rollouts", key, error=str(error)))
+    return replace(recordings, hints=(hint, *recordings.hints))
+
+
+def _delay_doubts(own: dict[int, Log], servo: Servo, found: Rollouts) -> list[dict[int, Log]]:
+    """Return each log with commands that act one standard deviation of its delay later.
+
+    No command acts before it is sent: a negative delay is an error of the rows.
+    """
+    errors = np.maximum(found.delay_errors, -found.delays)
+    pairs = zip(own.items(), errors.tolist(), strict=True)
+    return [{k: replace_servo(log, servo, servo, sd)} for (k, log), sd in pairs if sd]
+
+
+def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
+    """Refuse gains that the motion contradicts; return which joints alone do not follow.
+
+    Raises
+    ------
+    LogError
+    """
+    assert robot.servo is not None
+    share, names = found.missed, [log.name for log in logs]
+    k = int(np.argmax(share))
+    if np.median(share) > ESTIMATION_RULES.rollout_contradicted:
+        gains = {"kp": robot.servo.kp[k], "kv": robot.servo.kv[k]}
+        joint = {"share": share[k], "joint": robot.joints[k]}
+        raise LogError(
+            Finding("servos.contradicted", robot.servo.source, **gains, **joint, names=names)
+        )
+    lost = np.flatnonzero(share > ESTIMATION_RULES.rollout_contradicted)
+    each = [f"'{robot.joints[j]}' ({100 * share[j]:.0f} %)" for j in lost]
+    return phrase("rollouts", "lost", joints=each) if each else ""
+
+
+def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
+    """Return how torque was obtained, and the error of the rollouts."""
+    assert robot.servo is not None
+    servo, names = robot.servo, [log.name for log in logs]
+    made = phrase(
+        "commands",
+        "made",
+        names=names,
+        source=servo.source,
+        late=state_delay(found.delays, names),
+        stated=servo.delay is not None,
+        after=1e3 * float(np.sqrt(np.mean(found.errors**2))),
+    )
+    undamped = _undamped_joints(robot, servo, np.concatenate([log.tau for log in logs]))
+    damped = phrase("commands", "damped", joints=undamped) if undamped else ""
+    return " ".join(filter(None, (servo.found, made, damped, servo.state_rate())))
+
+
+def _undamped_joints(robot: Robot, servo: Servo, torque: Array) -> list[str]:
+    """Return joints that reach their limit and have no stated kv."""
+    if servo.rolled:
+        return []
+    limited = np.any((torque <= servo.low) | (torque >= servo.high), axis=0)
+    return [robot.joints[k] for k in np.flatnonzero(limited & (servo.kv == 0))]

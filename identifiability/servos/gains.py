@@ -1,0 +1,121 @@
+"""Gains of servos that nobody states: found from logs of commands, and what fixes their scale.
+
+Commands and positions tell ratios alone: gains, rotors, friction and bodies that are all twice as
+large move alike. The scale comes from other knowledge: bodies within a share of the robot file's,
+or what its sidecar states of single bodies (``[prior_share]``, ``[prior]``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from identifiability.foundation.errors import RobotError, listing
+from identifiability.foundation.findings import Finding, phrase
+from identifiability.foundation.names import Array
+from identifiability.foundation.rounding import percent
+from identifiability.logs import Log
+from identifiability.logs.contradictions import check_units
+from identifiability.physical.rules import RULES as PHYSICAL_RULES
+from identifiability.robot import Robot
+from identifiability.robot.servo import FOUND, Servo
+from identifiability.servos.fit import fit_rollouts
+from identifiability.servos.rollouts import Rollouts
+from identifiability.servos.torque import check_commands
+
+#: Joints whose gains one sentence lists.
+LISTED = 12
+
+
+def file_shares(robot: Robot) -> dict[str, float]:
+    """Return within which share each body is the robot file's, of bodies that have mass there."""
+    heavy = [b for b in robot.bodies if robot.nominal.get(f"{b}.m", 0.0) > 0]
+    return {b: robot.said.prior_share.get(b, PHYSICAL_RULES.body_within) for b in heavy}
+
+
+def select_commanded(robot: Robot, logs: Iterable[Log]) -> list[Log]:
+    """Return logs in the robot's order of joints, if the motion does not contradict them.
+
+    Raises
+    ------
+    LogError
+        If the motion contradicts the commands.
+    """
+    selected = [log.select(robot.joints) for log in logs]
+    for log in selected:
+        check_commands(log)
+        check_units(robot, [log])
+    return selected
+
+
+def learn_gains(robot: Robot, logs: Sequence[Log]) -> Robot:
+    """Return a robot whose servos have gains; logs of commands tell the unknown ones.
+
+    Raises
+    ------
+    RobotError
+        If it cannot be rolled out.
+    """
+    commanded = [log for log in logs if log.q_ref is not None]
+    if robot.servo is None or not (commanded and robot.servo.unknown.any()):
+        return robot
+    shares = file_shares(robot)
+    if not shares:
+        raise RobotError(Finding("gains.massless", robot.path))
+    found = fit_rollouts(robot, commanded, shares, robot.servo.delay)
+    text = state_gains(robot, [x.name for x in commanded], found, shares)
+    servo = replace(with_numbers(robot.servo, found), found=text, rolled=found)
+    return replace(robot, servo=servo)
+
+
+def with_numbers(servo: Servo, found: Rollouts) -> Servo:
+    """Return servos with the gains and limits that rollouts found, and their uncertainty."""
+    values, axes = np.linalg.eigh(found.covariance)
+    doubt = (np.sqrt(np.maximum(values, 0.0)) * axes).T
+    # An uncertainty this small is none.
+    doubt = doubt[np.linalg.norm(doubt, axis=1) > 1e-4]
+    return replace(servo.having(found.numbers), source=FOUND, doubt=doubt)
+
+
+def state_gains(
+    robot: Robot, names: Sequence[str], found: Rollouts, shares: Mapping[str, float]
+) -> str:
+    """Return sentences on the gains that were found, and what fixes their scale.
+
+    Parameters
+    ----------
+    robot : Robot
+        With unknown gains.
+    names : sequence of str
+        Of the logs.
+    found : Rollouts
+    shares : mapping of str to float
+        As of `file_shares`.
+    """
+    assert robot.servo is not None
+    asked, servo = robot.servo, robot.servo.having(found.numbers)
+    kv_sd, log_kp_sd = np.split(np.sqrt(np.diag(found.covariance)), 2)
+    new_kp = np.isnan(asked.kp)
+    new_kv = np.isnan(asked.kv) & (servo.kv > 0)
+    gains = [
+        _list_gains("kp", robot, servo.kp, log_kp_sd * servo.kp, new_kp),
+        _list_gains("kv", robot, servo.kv, kv_sd, new_kv),
+    ]
+    surest = min(shares, key=lambda body: shares[body])
+    within = percent(shares[surest])
+    listed = "; ".join(filter(None, gains))
+    text = [phrase("gains.found", "says", names=list(names), gains=listed)]
+    text.append(phrase("gains.found", "bodies", body=surest, within=within))
+    mute = np.flatnonzero(np.isnan(asked.kv) & ~(servo.kv > 0))
+    if len(mute):
+        text.append(phrase("gains.found", "damping", joints=[robot.joints[k] for k in mute]))
+    return " ".join(text)
+
+
+def _list_gains(kind: str, robot: Robot, values: Array, sd: Array, new: np.ndarray) -> str:
+    """Return the new gains of a kind with their standard deviations; nothing if there are none."""
+    joints = np.flatnonzero(new)
+    each = [f"{robot.joints[k]} {values[k]:.4g} (± {sd[k]:.2g})" for k in joints]
+    return f"{kind} of {listing(each, LISTED)}" if each else ""

@@ -1,0 +1,203 @@
+"""Joints whose rollouts err by play, a wrong gain or a limit that nobody states."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from identifiability.foundation.findings import Finding, phrase
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.robot import Robot
+from identifiability.servos.descent import BEGUN, SearchEnd, conclude, descend
+from identifiability.servos.positions import encoder_noise
+from identifiability.servos.problem import PLAY, RolloutProblem
+from identifiability.servos.rollouts import KINDS, Rollouts
+from identifiability.servos.torque import servo_log
+
+#: Numbers of a tree that are fitted, one at a time.
+TRIED = 3
+#: Change of the logarithm of a gain that is tried first.
+LOWER_GAIN = -0.2
+#: Shares of the time in which torque exceeds the limits that are tried first.
+EXCEEDED = np.geomspace(0.004, 0.4, 5)
+
+
+@frozen
+class Screening:
+    """How much each number of the vector would explain, to first order.
+
+    Attributes
+    ----------
+    gain : (p,)
+        Weighted squares that it would take off.
+    start : (p,)
+        From where it would be fitted.
+    """
+
+    gain: Array
+    start: Array
+
+
+class Explanation(NamedTuple):
+    """A number whose fit explains the errors of a tree.
+
+    Attributes
+    ----------
+    share : float
+        Share of the square of errors that is left.
+    number : int
+        In the vector.
+    end : SearchEnd
+    """
+
+    share: float
+    number: int
+    end: SearchEnd
+
+
+def find_odd_joints(robot: Robot, found: Rollouts) -> tuple[list[Finding], Rollouts, bool]:
+    """Return findings on play, gains and limits, better rollouts, and whether two explain as well.
+
+    Only that part of a number's effect counts that no fitted number explains. The three likeliest
+    numbers of each tree are fitted, one at a time. They are reported where they take more than half
+    off the square of errors. The best one is used, but for play: no robot file has that.
+
+    Parameters
+    ----------
+    robot : Robot
+    found : Rollouts
+        Their problem then varies the numbers that are used, too.
+    """
+    problem, end = found.search
+    trees = _list_odd_trees(problem, found)
+    if not len(trees):
+        return [], found, False
+    screening, explained = _screen(problem, end, found), list[list[Explanation]]()
+    for tree in trees:
+        best = _explain_tree(problem, end, tree, screening, found.errors)
+        if not best:
+            continue
+        explained.append(best)
+        if _kind(problem, best[0].number) != "play":
+            problem.varied[best[0].number] = True
+            end = best[0].end
+    better = found if end is found.search[1] else conclude(problem, end)
+    findings = [_state_odd(robot, better, best) for best in explained]
+    return findings, better, any(len(best) > 1 for best in explained)
+
+
+def _kind(problem: RolloutProblem, number: int) -> str:
+    """Return the kind of a number of the vector."""
+    return KINDS[number // len(problem.trees)]
+
+
+def _list_odd_trees(problem: RolloutProblem, found: Rollouts) -> np.ndarray:
+    """Return the trees in which rollouts err by more than the noise of positions, (k,) int."""
+    noise = [encoder_noise(log) for log in problem.logs]
+    return np.unique(problem.trees[found.errors > np.max(noise, axis=0)])
+
+
+def _list_trials(problem: RolloutProblem, found: Rollouts) -> Iterator[tuple[str, float | Array]]:
+    """Yield kinds of numbers that are tried, with a first size, of all joints or of each (n,)."""
+    yield "play", PLAY
+    yield "kp", LOWER_GAIN
+    servo = problem.machine.servo.having(found.numbers)
+    pairs = zip(problem.logs, found.delays.tolist(), strict=True)
+    torque = np.concatenate([servo_log(log, servo, delay).tau for log, delay in pairs])
+    for limit in np.quantile(np.abs(torque), 1 - EXCEEDED, axis=0):
+        yield "limit", limit
+
+
+def _screen(problem: RolloutProblem, end: SearchEnd, found: Rollouts) -> Screening:
+    """Return how much each number that is not varied would explain, to first order."""
+    x, q, J = end
+    weights, basis = problem.weights(q), np.linalg.qr(J[:, problem.varied])[0]
+    residual = _without(basis, weights * problem.residual(q, x))
+    gain, start = 0.0 * x, x.copy()
+    for kind, size in _list_trials(problem, found):
+        at, by = problem.at(kind), problem.by.copy()
+        by[at] = size
+        moved = problem.linearise(x, at, by)[:, at]
+        columns = _without(basis, weights[:, None] * moved)
+        slope = columns.T @ residual / (np.linalg.norm(columns, axis=0) + 1e-300)
+        # Play and limits are not negative.
+        possible = ((slope < 0) | (kind == "kp")) & ~problem.varied[at]
+        likely = slope**2 * possible
+        if kind == "limit":
+            start[at] = np.where(likely > gain[at], size, start[at])
+        gain[at] = np.maximum(likely, gain[at])
+    return Screening(gain, start)
+
+
+def _without(basis: Array, rows: Array) -> Array:
+    """Return rows (r, …) without their projection on an orthonormal basis (r, k)."""
+    left: Array = rows - basis @ (basis.T @ rows)
+    return left
+
+
+def _explain_tree(
+    problem: RolloutProblem, end: SearchEnd, tree: int, screening: Screening, errors: Array
+) -> list[Explanation]:
+    """Return the numbers that explain the errors (n,) of a tree, best first.
+
+    Each leaves less than half of the square of errors, and about as little as the best one.
+    """
+    joints, gain = problem.trees == tree, screening.gain
+    of_tree = np.tile(joints, len(KINDS))
+    likeliest = np.argsort(-gain[: problem.bodies.start] * of_tree)[:TRIED]
+    tried = list[Explanation]()
+    for number in likeliest[gain[likeliest] > BEGUN].tolist():
+        # A far less likely number is tried only where the best one explains too little.
+        if tried and tried[0].share < 0.5 and gain[number] < 0.5 * gain[likeliest[0]]:
+            break
+        fitted = _fit_number(problem, end, number, screening.start[number])
+        square = np.sum(problem.errors(fitted.q)[joints] ** 2)
+        share = float(square / np.sum(errors[joints] ** 2))
+        tried = sorted([*tried, Explanation(share, number, fitted)], key=lambda x: x.share)
+    return [x for x in tried if x.share < min(0.5, 1.1 * tried[0].share)]
+
+
+def _fit_number(problem: RolloutProblem, end: SearchEnd, number: int, start: float) -> SearchEnd:
+    """Return where a search ends that also varies a number, from some start."""
+    x = end.x.copy()
+    x[number], problem.varied[number] = start, True
+    fitted = descend(problem, x)
+    problem.varied[number] = False
+    return fitted
+
+
+def _state_odd(robot: Robot, found: Rollouts, best: Sequence[Explanation]) -> Finding:
+    """Return what explains the errors of a tree, best first, and what follows from it."""
+    problem, (share, number, _) = found.search[0], best[0]
+    what = [_describe(robot, problem, explanation) for explanation in best]
+    kind, j = _kind(problem, number), number % len(robot.joints)
+    value, sd = found.numbers[kind][j], found.unsure[number]
+    if kind == "kp":
+        half = 1.96 * sd * value
+    elif kind == "limit":
+        # Late speeds of a servo make its torque at a limit uncertain by a twentieth.
+        half = 1.96 * sd + 0.05 * value
+    else:
+        half = 1.96 * sd
+    used = "off" if kind == "play" else "used"
+    joint = robot.joints[j]
+    then = phrase("odd_joint", used, key=kind, joint=joint, value=value, half=half)
+    return Finding("odd_joint", what=" or ".join(what), share=100 * (1 - share), then=then)
+
+
+def _describe(robot: Robot, problem: RolloutProblem, explanation: Explanation) -> str:
+    """Return a number that explains errors in words."""
+    number, value = explanation.number, explanation.end.x[explanation.number]
+    j, servo = number % len(robot.joints), problem.machine.servo
+    return phrase(
+        "odd_joint",
+        _kind(problem, number),
+        joint=robot.joints[j],
+        kp=servo.kp[j],
+        factor=np.exp(value),
+        size=value,
+        unit=robot.torque_units[j],
+    )

@@ -1,0 +1,77 @@
+"""Positions of rollouts and logs: which rows count, what a log holds to explain, how it records."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
+from identifiability.logs import Log, signals
+from identifiability.logs.spectrum import noise_level, resolution
+
+#: Longest delay that is searched for [s].
+LATEST: Tolerance = 0.06
+
+#: Time after which soft servos have forgotten the start of a rollout [s].
+FORGOTTEN: Tolerance = 0.75
+
+
+def forgotten(log: Log) -> int:
+    """Return the row of a log from which on a rollout is judged.
+
+    Before it the start of the rollout still counts. At most a quarter of the log is left out.
+    """
+    row = int(np.searchsorted(log.t, log.t[0] + FORGOTTEN))
+    return min(row, int(0.25 * len(log)))
+
+
+def encoder_noise(log: Log) -> Array:
+    """Return the noise of positions (n,) [rad or m], at least the encoders' resolution."""
+    return np.asarray(np.maximum(noise_level(log.q, log.t), resolution(log.q)))
+
+
+def record(q: Array, log: Log, rng: np.random.Generator) -> Array:
+    """Return positions as the encoders of a log would record them.
+
+    Parameters
+    ----------
+    q : (N, n) [rad or m]
+    log : Log
+        Whose resolution and noise the record has.
+    rng : Generator
+
+    Returns
+    -------
+    (N, n) [rad or m]
+    """
+    finest = resolution(log.q)
+    noise = np.sqrt(np.maximum(noise_level(log.q, log.t) ** 2 - finest**2 / 12, 0.0))
+    phase = rng.uniform(size=q.shape[1])
+    width = np.where(finest > 0, finest, 1.0)
+    steps = np.floor(q / width + phase) + 0.5 - phase
+    rounded = np.where(finest > 0, steps * width, q)
+    return np.asarray(rounded + noise * rng.standard_normal(q.shape))
+
+
+def explicable(logs: Sequence[Log]) -> Array:
+    """Return what there is to explain of positions in logs (rms), (n,) [rad or m].
+
+    It is the difference of positions and merely delayed commands. It is at most how the joint
+    moves, and at least five times the noise of positions, and .001.
+    """
+    square = [_explicable_square(log) for log in logs]
+    return np.asarray(np.maximum(np.sqrt(np.mean(square, axis=0)), 1e-3))
+
+
+def _explicable_square(log: Log) -> Array:
+    """Return the square of what there is to explain in one log, (n,)."""
+    most = min(round(LATEST / signals.sampling_step(log.t)), len(log) // 2)
+    target = np.zeros(log.q.shape) if log.q_ref is None else log.q_ref
+    q = log.q[most:]
+    delayed = [target[most - k : len(log) - k] for k in range(most + 1)]
+    errors = [(q - command).var(0) for command in delayed]
+    noise = 5.0 * encoder_noise(log)
+    least = np.maximum(np.min(errors, axis=0), noise**2)
+    return np.asarray(np.minimum(least, log.q.var(0)))

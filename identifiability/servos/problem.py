@@ -1,0 +1,267 @@
+"""`RolloutProblem`: positions of the rollouts of all logs, as a function of one vector of numbers.
+
+Only positions are compared, so nothing is differentiated and no noise stands in columns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.foundation.rules import Tolerance
+from identifiability.logs import Log, signals
+from identifiability.logs.spectrum import autocorrelation_time
+from identifiability.servos.positions import explicable, forgotten
+from identifiability.servos.rollouts import KINDS
+from identifiability.simulation.rollout import COARSE, STEP, CommandedRobot
+
+#: Standard deviation of the logarithm of an unknown gain, beside its start.
+LOOSE: Tolerance = 10.0
+
+#: Shares of the inertia, damping and torque of a joint by which its numbers are varied, and of a
+#: sampling step by which the delay is.
+VARIED: Tolerance = 2e-4
+LATER: Tolerance = 0.05
+#: Play by which a gear without any is varied [rad or m]: smaller play is lost in noise.
+PLAY = 100 * VARIED
+#: Time in which an ordinary servo closes an error [s], for the size of damping.
+ORDINARY: Tolerance = 0.1
+
+
+class RolloutProblem:
+    """Positions of the rollouts of all logs, as a function of one vector of numbers.
+
+    The vector holds numbers of the joints by kind, half the logarithm of each body's relative
+    size, and the delay of each log. An unknown gain stands there by its logarithm, and the other
+    numbers of its joint are divided by the gain: positions hardly tell their common factor.
+
+    Parameters
+    ----------
+    machine : CommandedRobot
+    logs : sequence of Log
+    free : (kinds, n) bool
+        Joints at which each kind of number is varied.
+    delay : float [s], optional
+        Where it is known.
+    shares : mapping of str to float
+        Bodies whose sizes are varied, and within which share each is the file's.
+    """
+
+    def __init__(
+        self,
+        machine: CommandedRobot,
+        logs: Sequence[Log],
+        free: np.ndarray,
+        delay: float | None = None,
+        shares: Mapping[str, float] | None = None,
+    ) -> None:
+        self.machine, self.logs, self.shares = machine, logs, shares or {}
+        self.trees = machine.trees
+        self.dt = min(signals.sampling_step(log.t) for log in logs)
+        self.bodies = slice(free.size, free.size + len(self.shares))
+        self.delays = slice(self.bodies.stop, None)
+        #: Which tree each number belongs to.
+        of_bodies = machine.trees_of([*self.shares])
+        self.tree_of = np.concatenate([np.tile(self.trees, len(free)), of_bodies])
+        #: Numbers that are divided by the gain of their joint, (kinds, n).
+        self.over = free & free[-1]
+        self.over[-1] = False
+        varied_sizes = np.ones(len(self.shares), bool)
+        varied_delays = np.full(len(logs), delay is None)
+        #: Numbers that are varied, (p,) bool.
+        self.varied = np.concatenate([free.ravel(), varied_sizes, varied_delays])
+        steps = [*list_steps(machine, logs), np.full(len(self.shares), VARIED)]
+        #: Differences by which each number is varied, (p,).
+        self.by = np.concatenate([*steps, np.full(len(logs), LATER * self.dt)])
+
+    @property
+    def scale(self) -> Array:
+        """Size of each number of the vector, (p,)."""
+        return self.by / VARIED
+
+    def at(self, kind: str) -> np.ndarray:
+        """Return where the numbers of a kind stand in the vector, (n,) int."""
+        n = len(self.trees)
+        return np.asarray(KINDS.index(kind) * n + np.arange(n))
+
+    def parameters(self, numbers: Mapping[str, Array]) -> dict[str, float]:
+        """Return standard parameters by name: of joints, and of bodies of another size."""
+        robot, sizes = self.machine.robot, np.exp(2 * numbers["sizes"])
+        bodies = zip(self.shares, sizes, strict=True)
+        pairs = [(f"{body}.{kind}", x) for body, x in bodies for kind in INERTIAL_KINDS]
+        parameters = {name: x * robot.nominal[name] for name, x in pairs}
+        for kind in KINDS[:4]:
+            name = robot.inertia_parts[0] if kind == "Ia" else kind
+            values = zip(robot.joints, numbers[kind].tolist(), strict=True)
+            parameters |= {f"{joint}.{name}": value for joint, value in values}
+        return parameters
+
+    def pack(self, numbers: Mapping[str, Array], delay: Any) -> Array:
+        """Return the vector of joints' numbers and delays, with bodies of the file's size."""
+        none = np.zeros(len(self.trees))
+        rows = [numbers.get(kind, none) for kind in KINDS[:-1]]
+        sizes, delays = np.zeros(len(self.shares)), np.full(len(self.logs), delay)
+        return np.concatenate([*rows, none, sizes, delays])
+
+    def unpack(self, x: Array) -> tuple[dict[str, Array], Array]:
+        """Return the numbers of a vector, and delays."""
+        table = x[: self.over.size].reshape(self.over.shape)
+        numbers = dict(zip(KINDS, table * np.exp(self.over * table[-1]), strict=True))
+        gains = self.machine.servo.kp * np.exp(table[-1])
+        return {**numbers, "kp": gains, "sizes": x[self.bodies]}, x[self.delays]
+
+    def bounds(self, x: Array) -> Array:
+        """Return the least and largest step, (2, p): no friction or rotor is negative."""
+        unbounded = np.isin(KINDS, ("off", "kp")).repeat(len(self.trees))
+        low = np.full(len(x), -np.inf)
+        low[: len(unbounded)] = np.where(unbounded, -np.inf, -x[: len(unbounded)])
+        # A command was given at any time since the row before.
+        low[self.delays] = -self.dt - x[self.delays]
+        return np.stack([np.minimum(low, -1e-12), np.full(len(x), np.inf)])
+
+    # Positions and their errors.
+
+    def roll(self, xs: Sequence[Array], step: float = STEP) -> list[list[Array]]:
+        """Return positions along every log, for several vectors, all at one step [s]."""
+        machines = [self._machine(x) for x in xs]
+        step = min(step, *(machine.longest(numbers) for machine, numbers, _ in machines))
+        return [
+            [
+                machine.roll(log, numbers, delay, step)
+                for log, delay in zip(self.logs, delays, strict=True)
+            ]
+            for machine, numbers, delays in machines
+        ]
+
+    def _machine(self, x: Array) -> tuple[CommandedRobot, dict[str, Array], Array]:
+        """Return the robot of a vector, its joints' numbers, and delays."""
+        numbers, delays = self.unpack(x)
+        machine = self.machine
+        if numbers["play"].any():
+            loose = replace(machine.servo, play=numbers["play"])
+            machine = CommandedRobot(machine.robot, {}, loose)
+        sizes = dict(zip(self.shares, np.exp(2 * numbers["sizes"]).tolist(), strict=True))
+        return machine.resized(sizes), numbers, delays
+
+    def rows(self) -> np.ndarray:
+        """Return where the judged rows of each log begin and end, (L + 1,) int."""
+        counts = [len(log) - forgotten(log) for log in self.logs]
+        return np.cumsum([0, *counts])
+
+    def differences(self, q: list[Array]) -> Array:
+        """Return errors of positions in the judged rows, (N, n); one where a rollout diverged."""
+        pairs = zip(q, self.logs, strict=True)
+        rows = [(rolled - log.q)[forgotten(log) :] for rolled, log in pairs]
+        return np.asarray(np.nan_to_num(np.concatenate(rows), nan=1.0))
+
+    def errors(self, q: list[Array]) -> Array:
+        """Return errors of positions (rms) by joint, (n,)."""
+        return np.asarray(np.sqrt(np.mean(self.differences(q) ** 2, axis=0)))
+
+    def missed(self, q: list[Array]) -> Array:
+        """Return errors as shares of what there is to explain, (n,)."""
+        return self.errors(q) / explicable(self.logs)
+
+    def residual(self, q: list[Array], x: Array) -> Array:
+        """Return errors of positions, flat, then how far numbers are from what is known, (r,)."""
+        return np.append(self.differences(q), self.prior_residual(x))
+
+    def weights(self, q: list[Array]) -> Array:
+        """Return weights of the residual, (r,): the inverse error of an independent row."""
+        differences = self.differences(q)
+        times = autocorrelation_time(differences)
+        error = np.maximum(self.errors(q), 1e-9) * np.sqrt(times)
+        of_prior = np.ones(len(self.prior_residual(0.0 * self.by)))
+        return np.append(np.tile(1.0 / error, len(differences)), of_prior)
+
+    def prior_residual(self, x: Array) -> Array:
+        """Return how far numbers are from the file's and the stated ones, (b,) [σ]."""
+        prior, numbers = self.machine.robot.prior, self.unpack(x)[0]
+        parameters = self.parameters(numbers) if self.shares else {}
+        stated = [
+            (parameters[name] - mean) / sd
+            for name, (mean, sd) in prior.items()
+            if name in parameters
+        ]
+        joints = (x * self.varied)[: self.over.size]
+        gains = joints[-len(self.trees) :] / LOOSE
+        sizes = numbers["sizes"] / [*self.shares.values()]
+        return np.array([*sizes, *stated, *gains])
+
+    # The derivative.
+
+    def linearise(
+        self, x: Array, numbers: np.ndarray | None = None, by: Array | None = None
+    ) -> Array:
+        """Return the derivative of the residual by differences, (r, p).
+
+        Numbers of different trees are varied in the same rollout, as no tree moves another.
+
+        Parameters
+        ----------
+        x : (p,)
+        numbers : (k,) int, optional
+            Those that are varied; by default `varied`. Columns of others are zero.
+        by : (p,), optional
+            Differences, by default the usual ones.
+        """
+        by = self.by if by is None else by
+        if numbers is None:
+            numbers = np.flatnonzero(self.varied[: self.bodies.stop])
+        positions = self._position_derivative(x, numbers, by)
+        prior = self._prior_derivative(x, by)
+        return np.vstack([positions.reshape(-1, len(x)), prior])
+
+    def _position_derivative(self, x: Array, numbers: np.ndarray, by: Array) -> Array:
+        """Return the derivative of positions in the judged rows by differences, (N, n, p)."""
+        groups, steps = self._group_by_tree(numbers), np.diag(by)
+        moved = [x + steps[group].sum(0) for group in groups]
+        moved.append(x + steps[self.delays].sum(0))
+        rolled = self.roll([x, *moved], COARSE * STEP)
+        base, *others, late = [self.differences(q) for q in rolled]
+        J = np.zeros((*base.shape, len(x)))
+        for group, other in zip(groups, others, strict=True):
+            acts = self.trees[:, None] == self.tree_of[group]
+            J[:, :, group] = (other - base)[:, :, None] * acts / by[group]
+        # Each log has its own delay.
+        for k, (start, stop) in enumerate(pairwise(self.rows().tolist()), self.bodies.stop):
+            J[start:stop, :, k] = (late - base)[start:stop] / by[k]
+        return J
+
+    def _group_by_tree(self, numbers: np.ndarray) -> list[np.ndarray]:
+        """Return groups of numbers, each with at most one number of a tree."""
+        trees = self.tree_of[numbers]
+        turn = np.array([np.sum(trees[:k] == tree) for k, tree in enumerate(trees)], int)
+        return [numbers[turn == k] for k in range(int(turn.max(initial=-1)) + 1)]
+
+    def _prior_derivative(self, x: Array, by: Array) -> Array:
+        """Return the derivative of the prior's residual by differences, (b, p)."""
+        here = self.prior_residual(x)
+        changes = [self.prior_residual(x + step) - here for step in np.diag(by)]
+        return np.asarray(np.array(changes).T / by)
+
+
+def list_steps(machine: CommandedRobot, logs: Sequence[Log]) -> list[Array]:
+    """Return differences by which the numbers of each kind are varied, (n,) each."""
+    servo = machine.servo
+    moved = np.max([log.q.std(0) for log in logs], axis=0) + 1e-3
+    inertia = machine.inertia(logs[0].q.mean(0))
+    torque = np.minimum(np.maximum(0.3 * servo.kp, servo.kv) * moved, servo.high)
+    damping = servo.kv + inertia / ORDINARY
+    ones = np.ones(len(inertia))
+    sizes = {
+        "Ia": inertia,
+        "Fv": damping,
+        "Fc": torque,
+        "off": torque,
+        "play": PLAY / VARIED * ones,
+        "limit": torque,
+        "kv": damping,
+        "kp": ones,
+    }
+    return [VARIED * sizes[kind] for kind in KINDS]

@@ -1,0 +1,63 @@
+"""`Rollouts`: the numbers of a commanded robot with which its rollouts follow logs most closely."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from identifiability.estimation.rules import RULES
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+
+#: Kinds of numbers of each joint: rotor, viscous and dry friction, offset; play of the gear and
+#: limit of the torque, where errors ask for them; gains, where they are unknown.
+KINDS = ("Ia", "Fv", "Fc", "off", "play", "limit", "kv", "kp")
+
+
+@frozen
+class Rollouts:
+    """Numbers of a robot with which its rollouts follow logs most closely.
+
+    Attributes
+    ----------
+    numbers : mapping of str to (n,)
+        Rotor inertia ``Ia``, viscous ``Fv`` and dry friction ``Fc``, offset ``off``, and gains
+        ``kv`` and ``kp``. Where commands have no speeds an unknown kv is 0, and viscous friction
+        holds it. Half the logarithm of each body's size relative to the file, ``sizes`` (nb,).
+    parameters : mapping of str to float
+        Standard parameters by name of joints and bodies.
+    delays : (L,) [s]
+        Of each log, as each has a clock of its own.
+    errors : (n,) [rad or m]
+        Of positions (rms), by joint.
+    missed : (n,)
+        Errors as shares of what there is to explain (`positions.explicable`).
+    delay_errors : (L,) [s]
+        Standard deviations of the delays; zero where they are known.
+    covariance : (2 n, 2 n)
+        Of kv and log kp.
+    unsure : (p,)
+        Standard deviations of the vector of the search.
+    search : tuple
+        The problem, and where its search ended: vector, positions, weighted derivative.
+    """
+
+    numbers: Mapping[str, Array]
+    parameters: Mapping[str, float]
+    delays: Array
+    errors: Array
+    missed: Array
+    delay_errors: Array
+    covariance: Array
+    unsure: Array
+    search: tuple[Any, ...] = ()
+
+
+def are_contradicted(missed: Array) -> bool:
+    """Whether missed shares (n,) say that the gains are wrong.
+
+    Where most joints are followed, an error of another joint says nothing about these.
+    """
+    return bool(np.median(missed) > RULES.rollout_contradicted)

@@ -1,0 +1,136 @@
+"""Torque that servos make of commands, and commands that the motion contradicts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.names import Array
+from identifiability.foundation.quoting import option_for_shell
+from identifiability.logs import Log, signals
+from identifiability.logs.commands import acting, held_mean
+from identifiability.logs.rules import RULES
+from identifiability.robot.servo import Servo
+
+
+def compute_torque(logs: Sequence[Log], servo: Servo | None) -> list[Log]:
+    """Return logs with the servos' torque, where they hold commands and no measured torque.
+
+    Delays are the stated ones. An unknown delay is zero as yet.
+
+    Raises
+    ------
+    LogError
+        If the motion contradicts the commands.
+    """
+    return [_with_torque(log, servo) for log in logs]
+
+
+def _with_torque(log: Log, servo: Servo | None) -> Log:
+    """Return a log with the servos' torque, if it needs that."""
+    if servo is None or not (log.commanded and log.motion_alone):
+        return log
+    check_commands(log)
+    # A recorded rollout has no speeds of another sensor.
+    positions = log.without(("dq", "ddq"))
+    return servo_log(positions, servo, servo.delay or 0.0)
+
+
+def servo_log(log: Log, servo: Servo, delay: float) -> Log:
+    """Return a log of commands with the torque that the servos made of them.
+
+    Saturated torque is no data, because an error of the encoder changes which rows are saturated.
+    Torque of lost rows is no data either.
+
+    Parameters
+    ----------
+    log : Log
+        In the robot's order of joints.
+    servo : Servo
+    delay : float [s]
+        From the time of a row until its command acts.
+    """
+    dt = signals.sampling_step(log.t)
+    dq = signals.differentiate(log.q, dt) if log.dq is None else log.dq
+    target = acting(log, servo, log.t, dt, delay)
+    unlimited = servo.gain * target - servo.kp * log.q - servo.damping * dq
+    tau = np.clip(unlimited, servo.low, servo.high)
+    # Commands between rows that are far apart are not in the log.
+    gaps = np.append(signals.has_gap(log.t), False)
+    unknown = held_mean(log.commands_since, gaps[:, None], log.t - delay, dt) > 0
+    lost = (tau != unlimited) | unknown
+    if log.unmeasured is not None:
+        lost = lost | log.unmeasured
+    return replace(
+        log,
+        tau=tau,
+        unmeasured=lost if lost.any() else None,
+        motion_alone=False,
+        servo_delay=float(delay),
+    )
+
+
+def replace_servo(log: Log, servo: Servo, other: Servo, later: float = 0.0) -> Log:
+    """Return a log of commands with the torque of another servo.
+
+    Parameters
+    ----------
+    log : Log
+        With the torque of a servo.
+    servo, other : Servo
+        That servo, and the one that replaces it.
+    later : float [s]
+        Time by which commands act later than before.
+    """
+    assert log.servo_delay is not None
+    delay, dt = log.servo_delay + later, signals.sampling_step(log.t)
+    before = servo_log(log, servo, log.servo_delay).tau
+    after = servo_log(log, other, delay).tau
+    ddq = signals.differentiate(signals.differentiate(log.q, dt), dt)
+    apparent_inertia = (servo.lead - other.lead) * ddq
+    tau = log.tau + after - before + apparent_inertia
+    return replace(log, tau=tau, servo_delay=delay)
+
+
+def check_commands(log: Log) -> None:
+    """Refuse commands that the motion contradicts: those of other joints, or of other units.
+
+    Raises
+    ------
+    LogError
+    """
+    if log.q_ref is None:
+        return
+    # A command is followed within this time [s].
+    most = max(1, round(0.5 / signals.sampling_step(log.t)))
+    for joint, command, q in zip(log.joints, log.q_ref.T, log.q.T, strict=True):
+        size, moved = float(command.std()), float(q.std())
+        if max(moved, size) < RULES.small:
+            continue
+        degrees = 0.5 < np.radians(size / max(moved, RULES.small)) < 2.0
+        if degrees or correlation_when_delayed(command, q, most) <= 0.5:
+            rule = option_for_shell("--map", f"COLUMN={joint}.cmd", always=True)
+            raise LogError(
+                f"{log.name}: '{joint}' does not follow its command"
+                f"{'; it looks like degrees' if degrees else ''}: say which column is its command, "
+                f"as in {rule}, and in which unit; if that is right, its servo "
+                "is too weak for this motion: leave the log out."
+            )
+
+
+def correlation_when_delayed(command: Array, q: Array, most: int) -> float:
+    """Return the largest correlation of a command (N,) with a position, over some delays.
+
+    Parameters
+    ----------
+    command, q : (N,)
+    most : int
+        Longest delay in samples.
+    """
+    a, b = command - command.mean(), q - q.mean()
+    lags = range(0, min(most, len(a) // 2) + 1, max(1, most // 32))
+    size = float(np.sqrt((a @ a) * (b @ b) + 1e-300))
+    return max(float(a[: len(a) - k] @ b[k:]) for k in lags) / size
