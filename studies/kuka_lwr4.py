@@ -22,12 +22,12 @@ import pandas as pd
 from real_data import FOLDER
 from shared import data_folder, study_parser
 
-from identifiability.estimation.estimate import Method, find_estimator, settle_noise
+from identifiability.estimation.estimate import Method, estimate_noise, find_estimator
 from identifiability.estimation.prediction import Prediction, predict
 from identifiability.foundation.output import write_json
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_log
-from identifiability.logs.prepare.preparation import settle_cutoff
+from identifiability.logs.prepare.preparation import choose_cutoff
 from identifiability.quality.hints import weigh_rows
 from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import Submodel, build_ladder, ladder_model, read_ladder
@@ -161,7 +161,7 @@ def fit(
     derivatives, end, preparation = PROCESSINGS[processing]
     every = (train, *others_than(train, runs))
     logs = [load_log(data, robot, run, derivatives=derivatives, end=end) for run in every]
-    how = settle_cutoff(robot, logs[:1], preparation)  # as `analyze` does
+    how = choose_cutoff(robot, logs[:1], preparation)  # as `analyze` does
     fitted, *others = (prepare_log(robot, log, how) for log in logs)
     entry = read_ladder(LADDER)
     structure = Structure.of(robot, ladder_model(entry))
@@ -170,7 +170,7 @@ def fit(
     if weigh:
         base = find_estimator(method)
         information, *_ = weigh_rows(robot.joints, [fitted], information, base)
-    estimator = settle_noise(find_estimator(method), information)
+    estimator = estimate_noise(find_estimator(method), information)
     found = [estimator.fit(submodel.reduce(information)) for submodel in submodels]
     values = np.stack([r.expand(e.value) for r, e in zip(submodels, found, strict=True)], 1)
     held_out = predict(structure.regression(others), values)

@@ -8,7 +8,7 @@ import pytest
 from identifiability import Log, Robot, analyze, compare, inspect, payload
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import prepare_log
-from identifiability.logs.prepare.preparation import settle_cutoff
+from identifiability.logs.prepare.preparation import choose_cutoff
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.simulation import Noise, PrescribedMotion, random_trajectory, simulate
@@ -60,5 +60,5 @@ def test_every_verb_takes_the_same_band(two_link, coarse, verb, monkeypatch):
         result = analyze(robot, coarse, preparation=Preparation(cutoff=5.65), replicates=10)
         result.predict(other) if verb == "predict" else payload(robot, result, other)
     given = None if verb in ("compare", "inspect") else Preparation(cutoff=5.65)
-    cutoff = settle_cutoff(robot, asked, given).cutoff
+    cutoff = choose_cutoff(robot, asked, given).cutoff
     assert {how.cutoff for how in taken} == {cutoff}

@@ -19,7 +19,7 @@ from identifiability.foundation.options import OptionError
 from identifiability.logs.commands import held_mean
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.preparation import make_plan, settle_cutoff
+from identifiability.logs.prepare.preparation import choose_cutoff, make_plan
 from identifiability.physical.cad_prior import combine_with_file, thick_inertia
 from identifiability.physical.pseudo_inertia import BASIS
 from identifiability.regression.reduction import find_ladder, ladder_model
@@ -186,7 +186,7 @@ def test_torque_is_the_servos_law_and_saturated_torque_no_data():
 
 def test_reversals_are_data_where_a_rollout_turns_by_the_same_friction(arm, frames):
     given = servo_log(read(arm, frames[1]), arm.servo, 0.007)
-    how = replace(settle_cutoff(arm, [given], None), stands=True)
+    how = replace(choose_cutoff(arm, [given], None), stands=True)
     turning = [
         make_plan(arm, log, how).dwells.turning
         for log in (given, replace(given, servo_delay=None))  # the same torque, as if measured

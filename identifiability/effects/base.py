@@ -42,7 +42,7 @@ def turn_gravity(robot: Robot, angles: Sequence[float] | Array) -> Robot:
     return robot.turned(turn(robot.gravity, step))
 
 
-def settle_gravity(robot: Robot, values: Mapping[str, float]) -> tuple[Robot, dict[str, float]]:
+def apply_tilt(robot: Robot, values: Mapping[str, float]) -> tuple[Robot, dict[str, float]]:
     """Return robot and values with a tilt as files state it: gravity's direction."""
     names = [f"{BASE}.{kind}" for kind in TILTS]
     out = dict(values)

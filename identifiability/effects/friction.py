@@ -104,7 +104,7 @@ class CoulombAsymmetry(AlongAxes):
         return [0.5 * (sign + moves), 0.5 * (sign - moves)]
 
 
-def settle_directions(values: dict[str, float], given: Mapping[str, float]) -> None:
+def complete_coulomb_levels(values: dict[str, float], given: Mapping[str, float]) -> None:
     """Let every Coulomb level of some values stand as one for both directions and one for each.
 
     What was given decides: a level for both, else those of each direction.

@@ -9,7 +9,7 @@ from itertools import product
 from typing import Literal
 
 from identifiability.effects.effect import AlongAxes, Family
-from identifiability.effects.friction import settle_directions
+from identifiability.effects.friction import complete_coulomb_levels
 from identifiability.effects.registry import FAMILIES
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Parameter
 from identifiability.robot import Robot
@@ -77,7 +77,7 @@ def values_in_file(
     kind = kind or file_kinds(robot)[0]
     stated = {p.name for p in _stated(robot, tuple(FAMILIES.values()), kind)}
     if "stiffness" in joint_numbers(kind):
-        stated |= values.keys() - settle_springs(robot, values)[1].keys()
+        stated |= values.keys() - merge_springs(robot, values)[1].keys()
     out = {name: value if name in stated else 0.0 for name, value in values.items()}
     held = biased_places(robot, kind)
     for joint in (*robot.tree.single, *robot.tendon_axes):
@@ -87,7 +87,7 @@ def values_in_file(
     return out
 
 
-def settle_springs(robot: Robot, values: Mapping[str, float]) -> tuple[Robot, dict[str, float]]:
+def merge_springs(robot: Robot, values: Mapping[str, float]) -> tuple[Robot, dict[str, float]]:
     """Return robot and values with springs of unknown rest as files state them: K and a rest.
 
     A constant force, or a torque offset, beside a spring shifts where it is relaxed: so it stays
@@ -117,7 +117,7 @@ def settle_springs(robot: Robot, values: Mapping[str, float]) -> tuple[Robot, di
     return replace(robot, rest=rest), out
 
 
-def settle_asymmetry(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
+def convert_asymmetry(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
     """Return values with dry friction that differs by direction as its mean and a torque offset.
 
     So it is where the file of the robot has an actuator that holds one. At rest, too: between
@@ -178,7 +178,7 @@ def complete_values(
         of_body = f"{p.owner}.{p.stated_as}"
         if of_body in bodies and p.kind != p.stated_as:
             values[of_body] += values.pop(p.name, 0.0)
-    settle_directions(values, given)
+    complete_coulomb_levels(values, given)
     return values
 
 

@@ -46,7 +46,7 @@ def find_estimator(method: Method) -> Estimator:
 Kind = EstimatorKind
 
 
-def settle_noise(estimator: Estimator, whole: Information) -> Estimator:
+def estimate_noise(estimator: Estimator, whole: Information) -> Estimator:
     """Return the estimator with the noise of the logs, for all models of them.
 
     A model that leaves something out leaves it in the residual, where it looks like noise, slow

@@ -130,7 +130,7 @@ class Estimate:
         return passed if np.isfinite(least) else np.zeros(len(percent), bool)
 
 
-def settle_signs(information: Information, fit: Estimate, nonnegative: np.ndarray) -> Array:
+def clip_signs(information: Information, fit: Estimate, nonnegative: np.ndarray) -> Array:
     """Return the values (k,) with those at zero that only rounding took below it.
 
     Parameters
@@ -390,7 +390,7 @@ class Estimator:
         Whether instruments take the bias of noise in the motion away, in the directions in which
         they are strong; information without any is fitted by least squares.
     noise : Noise or None
-        That of the logs, where it is known (`estimate.settle_noise`); else it is measured in what
+        That of the logs, where it is known (`estimate.estimate_noise`); else it is measured in what
         each fit leaves.
     """
 

@@ -397,7 +397,9 @@ def find_left_out(
     sigma[kept] = np.hypot(shift, np.linalg.norm(spread, axis=1))
     projected[kept] = P @ stated
     if full is not None:
-        sigma[kept], disputed[kept] = _settle(P - difference, submodel, fit, full, sigma[kept])
+        sigma[kept], disputed[kept] = _widen_disputed(
+            P - difference, submodel, fit, full, sigma[kept]
+        )
     texts, names = [""] * len(submodel), structure.base.names
     size = np.linalg.norm(structure.G * scatter, axis=1)
     for row, column in enumerate(kept):
@@ -407,7 +409,7 @@ def find_left_out(
     return LeftOut(sigma, projected, tuple(texts), unknown, disputed)
 
 
-def _settle(
+def _widen_disputed(
     meant: Array, submodel: Submodel, fit: Estimate, full: Estimate, sigma: Array
 ) -> tuple[Array, Array]:
     """Return σ that reaches what the unpruned model finds, and that, where it had to grow, (k,).

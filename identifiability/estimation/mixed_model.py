@@ -315,7 +315,7 @@ class MixedModel:
         mean, variance = (towards * z[:, None] * shrunk).sum(2), (towards**2 * shrunk).sum(2)
         return rise, np.log(2.0) + log_ndtr(mean / np.sqrt(variance))
 
-    def settle(self, terms: Terms) -> Terms:
+    def update_terms(self, terms: Terms) -> Terms:
         """Return terms with the member, size and odds that each has beside the others."""
         for k in range(len(terms)):
             (again,) = self.gains(_without(terms, k), [terms[k].group])
@@ -335,11 +335,11 @@ class MixedModel:
             if not found:
                 break
             near = [t for t in found if t.odds > found[0].odds - RULES.simpler]
-            terms = self.settle((*terms, min(near, key=lambda t: (t.size, -t.odds))))
+            terms = self.update_terms((*terms, min(near, key=lambda t: (t.size, -t.odds))))
             while terms and min(t.odds for t in terms) < RULES.name:
                 least = min(range(len(terms)), key=lambda k: terms[k].odds)
                 gone.add(terms[least].key)
-                terms = self.settle(_without(terms, least))
+                terms = self.update_terms(_without(terms, least))
         return terms
 
     def evidence(self, terms: Terms, unseen: Information) -> float:

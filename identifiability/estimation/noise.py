@@ -264,7 +264,7 @@ class RestrictedLikelihood:
                 break
         return best
 
-    def settle(self, values: Array, best: Array) -> tuple[float, JointNoise]:
+    def backfit(self, values: Array, best: Array) -> tuple[float, JointNoise]:
         """Return deviance with prices, and noise, where functions and noise took turns.
 
         Parameters
@@ -392,5 +392,5 @@ def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs) -> JointNoise:
         return exact if every.fixed > NEARLY**2 else silent
     # All is noise at first, or what is missing.
     none = np.full(len(parts), PRECISIONS[-1])
-    found = every.settle(none, every.maximise(none)), every.settle(np.ones(len(parts)), none[:0])
+    found = every.backfit(none, every.maximise(none)), every.backfit(np.ones(len(parts)), none[:0])
     return min(found, key=lambda x: x[0])[1]

@@ -243,6 +243,6 @@ def _with_article(noun: str) -> str:
     return f"{'an' if noun[0] in 'AEIOUaeiou' else 'a'} {noun}"
 
 
-def settle_count(given: int | None, usual: int, less: int, *, quick: bool) -> int:
+def resolve_count(given: int | None, usual: int, less: int, *, quick: bool) -> int:
     """Return how often something random is repeated: as said, else as usual, or less if quick."""
     return given if given is not None else less if quick else usual

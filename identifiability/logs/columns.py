@@ -136,9 +136,9 @@ def name_columns(
     literal = [g for g in measured if g.literal]
     if _all_there({g.name for g in literal}, known, needed):
         measured = [g for g in measured if g.literal or g.joint in known.locked]
-    settled, how = settle_numbers([*measured, *commands], source, known, names, first or {})
-    taken = _choose(settled, names, known, source)
-    commanding = settle_commands(taken, names, source, known, torque=torque)
+    resolved, how = resolve_numbers([*measured, *commands], source, known, names, first or {})
+    taken = _choose(resolved, names, known, source)
+    commanding = resolve_commands(taken, names, source, known, torque=torque)
     needed = ("q",) if commanding else needed
     wanted = _all_there(taken, known, needed)
     if not wanted and torque:
@@ -150,10 +150,10 @@ def name_columns(
     columns, locked = (
         tuple(_in_si(c, units or {}, source, known) for c in those) for those in (own, held)
     )
-    columns, torque_notes = _settle_torque(columns, wanted, known, source)
+    columns, torque_notes = _convert_torque(columns, wanted, known, source)
     notes = (
         *_tell(names, columns, wanted, how),
-        *_state_time(settled, taken["t"]),
+        *_state_time(resolved, taken["t"]),
         *_tell_angles(wanted, known),
         *torque_notes,
     )
@@ -312,7 +312,7 @@ def _in_si(column: Column, units: Mapping[str, str], source: str, known: Convent
     return replace(column, factor=factor, offset=offset / factor)
 
 
-def _settle_torque(
+def _convert_torque(
     columns: Sequence[Column], joints: Sequence[str], known: Conventions, source: str
 ) -> tuple[tuple[Column, ...], list[str]]:
     """Return columns with torque in N·m or N at the joints, and how it was read.
@@ -400,7 +400,7 @@ def _tell(
 # Columns that tell their joint by a number: ``q1`` … ``q6``, ``position[0]``.
 
 
-def settle_numbers(
+def resolve_numbers(
     guesses: Sequence[Column],
     source: str,
     known: Conventions,
@@ -490,7 +490,7 @@ def _number(joint: str) -> int | None:
 # Columns of commands: whether they stand for torque, which a table lacks then.
 
 
-def settle_commands(
+def resolve_commands(
     taken: dict[str, Column],
     names: Mapping[str, str],
     source: str,
@@ -657,7 +657,7 @@ def rename(name: str, known: Conventions) -> str:
 SHOWN = 20_000
 
 
-def settle_time(naming: Naming, first: pd.DataFrame, source: str, known: Conventions) -> Naming:
+def resolve_time(naming: Naming, first: pd.DataFrame, source: str, known: Conventions) -> Naming:
     """Return what a log takes from a table, with its times in seconds.
 
     Parameters

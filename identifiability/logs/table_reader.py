@@ -24,7 +24,7 @@ from identifiability.logs.columns import (
     as_times,
     is_stamp,
     name_columns,
-    settle_time,
+    resolve_time,
     start_of,
 )
 from identifiability.logs.conventions import Conventions
@@ -271,7 +271,7 @@ class TableReader:
         units = dict(zip(columns, self._form.units, strict=False))
         columns = [c for c in columns if not (is_stamp(c) and is_zero(frame[c]))]
         naming = name_columns(columns, self.source, self.known, units, first)
-        self.naming = settle_time(naming, frame, self.source, self.known)
+        self.naming = resolve_time(naming, frame, self.source, self.known)
         self._numbers = {c.name: Numbers(c.name, self.source) for c in self.naming.columns}
         torque = {f"{j}.tau": np.nan for j in naming.joints} | dict.fromkeys(naming.made, 0.0)
         self._lacks = {c: x for c, x in torque.items() if c not in self._numbers}

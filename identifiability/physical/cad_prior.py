@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.special import chdtrc
 
-from identifiability.effects.base import settle_gravity
+from identifiability.effects.base import apply_tilt
 from identifiability.effects.registry import is_loaded
 from identifiability.effects.vocabulary import complete_values, file_kinds, values_in_file
 from identifiability.estimation.estimate import find_estimator, with_known
@@ -131,7 +131,7 @@ def share_weight(share: float) -> float:
     return 1.0 / (2.0 * share**2)
 
 
-def settle_prior(
+def resolve_prior(
     share: float | None, cad_weight: float | None, commanded: bool
 ) -> tuple[float, float | None]:
     """Return the share within which bodies are the file's, 0 for none, and its prior's weight.
@@ -423,7 +423,7 @@ def real_robot_dict(
     """
     robot = structure.robot
     own, other = file_kinds(robot)
-    tilt = settle_gravity(robot, parameters)[0].tilt
+    tilt = apply_tilt(robot, parameters)[0].tilt
     if samples and parameters and (tilt is not None or np.isnan(errors[0])):
         errors = _measure_errors(structure, samples, parameters)
     return {
@@ -457,7 +457,7 @@ def _measure_errors(
     values : mapping
         Standard parameters by name.
     """
-    robot, rest = settle_gravity(structure.robot, values)
+    robot, rest = apply_tilt(structure.robot, values)
     rests = [rest, *(values_in_file(robot, rest, kind) for kind in file_kinds(robot))]
     phi = np.array([[f.get(name, 0.0) for name in structure.columns] for f in rests]).T
     first = [structure.columns.index(n) == k for k, n in enumerate(structure.columns)]

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from identifiability.effects.vocabulary import file_kinds, values_in_file
-from identifiability.estimation.estimator import settle_signs
+from identifiability.estimation.estimator import clip_signs
 from identifiability.estimation.evidence import LEVELS, Evidence, HeldOut, Score
 from identifiability.foundation.engines import one_thread
 from identifiability.foundation.linalg import ROUNDOFF
@@ -122,8 +122,8 @@ def certify_model(model: FittedModel) -> tuple[Certificate | None, str]:
     """Say whether a real robot has the estimated parameters; None if that is open, and why."""
     try:
         if model.determined:
-            settled = settle_signs(model.information, model.estimate, model.submodel.nonnegative)
-            certificate = certify(model.to_x, settled, physical_set(model.structure))
+            clipped = clip_signs(model.information, model.estimate, model.submodel.nonnegative)
+            certificate = certify(model.to_x, clipped, physical_set(model.structure))
             return certificate, certificate.sentence(model.submodel.columns)
     except ValueError as error:
         return None, f"Whether a real robot has these values was not decided: {error}"

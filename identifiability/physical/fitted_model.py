@@ -391,7 +391,7 @@ class Fixed:
         mask: np.ndarray = (self.rows[self.alone] != 0).any(axis=0)
         return mask
 
-    def settle(self, phi: Array) -> Array:
+    def impose(self, phi: Array) -> Array:
         """Return parameters (..., p), those that are held by themselves at exactly their values."""
         out, rows = np.array(phi), self.rows[self.alone]
         at = np.argmax(rows != 0, axis=1)

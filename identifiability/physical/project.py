@@ -246,7 +246,7 @@ class Projection:
         x = program.free + program.along @ found.z
         # The solver's last digits may lie beyond a sign, which a reader of robot files refuses.
         x[self.region.signed] = np.maximum(x[self.region.signed], 0.0)
-        return self.held.settle(x * program.scale)
+        return self.held.impose(x * program.scale)
 
     def _state(self, data: LeastSquares) -> Program:
         """Return a data set in scaled parameters, with what pulls where it says nothing.

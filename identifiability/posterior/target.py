@@ -270,7 +270,7 @@ class Target:
     def to_phi(self, eta: Array) -> Array:
         """Parameters ``(..., p)`` of coordinates ``(..., q)``."""
         phi: Array = self.origin + eta @ self.basis.T
-        return phi if self.fixed is None else self.fixed.settle(phi)
+        return phi if self.fixed is None else self.fixed.impose(phi)
 
     def to_eta(self, phi: Array) -> Array:
         """Coordinates ``(..., q)`` of parameters ``(..., p)``, the nearest of the plane."""

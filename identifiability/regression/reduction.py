@@ -128,7 +128,7 @@ class LadderSource:
     origin: str
     sha256: str
 
-    def settle(self, *, commanded: bool) -> LadderEntry:
+    def models_for(self, *, commanded: bool) -> LadderEntry:
         """Return the models to compare: of commanded robots a default one has torque offsets.
 
         Zeros of commands and encoders differ by milliradians, and a servo makes torque of that; a

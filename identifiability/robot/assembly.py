@@ -46,8 +46,8 @@ from identifiability.robot.sidecar import (
     Sidecar,
     by_name,
     check_known,
+    expand_names,
     renaming,
-    settle_names,
 )
 
 #: Joints by name; a number is where one is held, none is its home position.
@@ -92,7 +92,7 @@ def read_locks(given: LockOption | None) -> dict[str, float | None]:
     return out
 
 
-def settle_locks(
+def resolve_locks(
     path: Path,
     extra: Sidecar,
     home: Mapping[str, float],
@@ -465,7 +465,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     refuse_patterns(path, (*bodies, *dofs, *stated.locked, *motors, *stated.combinations))
     stated = combine_joints(path, extra, stated, (*bodies, *dofs, *stated.locked, *motors))
     lines = (*motors, *stated.combinations)
-    extra = settle_names(path, extra, bodies, dofs, lines, stated.locked, stated.welded)
+    extra = expand_names(path, extra, bodies, dofs, lines, stated.locked, stated.welded)
     loops = stated.loops
     if extra.loops is not None:
         loops = tuple(_sidecar_loop(path, entry, stated) for entry in extra.loops)

@@ -28,7 +28,7 @@ from identifiability.robot.assembly import (
     assemble,
     check_magnitudes,
     read_locks,
-    settle_locks,
+    resolve_locks,
 )
 from identifiability.robot.description import Coupling, Description, Stated
 from identifiability.robot.floating import BASE_JOINTS, Base, find_legs
@@ -122,7 +122,7 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
                 f"in the sidecar, or lock the joint (locked = {for_toml([name])})."
             )
     single = [model.names[j] for j in range(1, model.njoints) if model.joints[j].nv == 1]
-    locked, couplings = settle_locks(path, extra, dict.fromkeys(single, 0.0), mimics, fixed)
+    locked, couplings = resolve_locks(path, extra, dict.fromkeys(single, 0.0), mimics, fixed)
     model, welded = weld(model, locked)
     friction = np.nan_to_num(model.upperDryFrictionLimit, posinf=0.0)
     moving = [(name, model.joints[model.getJointId(name)]) for name in model.names[1:]]

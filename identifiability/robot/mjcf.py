@@ -22,7 +22,7 @@ from numpy.polynomial import Polynomial
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.robot.assembly import settle_locks
+from identifiability.robot.assembly import resolve_locks
 from identifiability.robot.description import FIELDS, Cable, Coupling, Loop, Stated
 from identifiability.robot.floating import BASE_JOINTS, SIX, Base
 from identifiability.robot.inertials import describe_faults, find_faults
@@ -187,18 +187,18 @@ def _name_all(spec: Any) -> None:
     """Give bodies, joints and tendons without a name one that is not taken."""
     taken = {e.name for e in (*spec.bodies, *spec.joints, *spec.tendons)}
 
-    def settle(element: Any, name: str) -> None:
+    def name_element(element: Any, name: str) -> None:
         while not element.name and name in taken:
             name += "_"
         element.name = element.name or name
         taken.add(element.name)
 
     for k, body in enumerate(spec.bodies):
-        settle(body, f"body{k}")
+        name_element(body, f"body{k}")
         for i, joint in enumerate(body.joints, 1):
-            settle(joint, f"{body.name}_{i}")
+            name_element(joint, f"{body.name}_{i}")
     for k, tendon in enumerate(spec.tendons, 1):
-        settle(tendon, f"tendon{k}")
+        name_element(tendon, f"tendon{k}")
 
 
 # Scenes: which bodies of an MJCF are the robot's.
@@ -626,7 +626,7 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
     home, actuators = _home(scene, m), read_actuators(m)
     joints = [m.joint(j) for j in np.flatnonzero(np.isin(m.jnt_type, [HINGE, SLIDE]))]
     drawn = {j.name: float(home[j.qposadr[0]]) for j in joints}
-    locked, couplings = settle_locks(path, extra, drawn, _couplings(m))
+    locked, couplings = resolve_locks(path, extra, drawn, _couplings(m))
     model, welded = weld(_build_tree(m), locked)
     tree = read_tree(path, model)
     # Copies: more frames are added below, which moves those that the model holds.

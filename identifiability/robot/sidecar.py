@@ -516,7 +516,7 @@ def by_name(
     return out
 
 
-def settle_names(
+def expand_names(
     path: Path,
     extra: Sidecar,
     bodies: Collection[str],

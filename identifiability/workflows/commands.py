@@ -11,7 +11,7 @@ from identifiability.foundation.result import Result
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import Dataset
-from identifiability.logs.prepare.preparation import SettledPreparation
+from identifiability.logs.prepare.preparation import CommonPreparation
 from identifiability.regression.reduction import LadderSource, ladder_path
 from identifiability.robot import Robot
 from identifiability.robot.locate import find_sidecar, shipped_folder
@@ -80,7 +80,7 @@ def preparing_options(how: object) -> str:
     if not isinstance(how, Preparation):
         return ""
     usual = {f.name: f.default for f in fields(Preparation)}
-    if isinstance(how, SettledPreparation) and how.band is not None and how.band.reason:
+    if isinstance(how, CommonPreparation) and how.band is not None and how.band.reason:
         usual["cutoff"] = how.cutoff  # chosen, and chosen again by the same logs
     asked = {name: getattr(how, name) for name in OPTIONS if getattr(how, name) != usual[name]}
     texts = {n: x if isinstance(x, str) else f"{x:g}" for n, x in asked.items()}

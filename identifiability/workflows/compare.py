@@ -52,9 +52,9 @@ from identifiability.workflows.diagnose.changes import (
     NAMED,
     Change,
     DifferentTorque,
-    find_changes,
     frame_changes,
     list_changes,
+    list_log_changes,
     table_changes,
 )
 from identifiability.workflows.session import Logs, Session, list_logs
@@ -271,7 +271,7 @@ def compare(
             submodel=submodel,
             before=paths[count:],
             after=paths[:count],
-            changes=find_changes(found, terms, [s.name for s in opening.samples]),
+            changes=list_log_changes(found, terms, [s.name for s in opening.samples]),
             hints=unchanged.hints,
             preparation=preparation or Preparation(),
             motion=opening.samples[0].motion,

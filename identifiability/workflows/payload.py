@@ -35,7 +35,7 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.preparation import SettledPreparation
+from identifiability.logs.prepare.preparation import CommonPreparation
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.physical.cad_prior import draw_bodies
 from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
@@ -49,7 +49,7 @@ from identifiability.robot.robot import Point, body_of, ten_parameters, tool_bod
 from identifiability.workflows.answers import answer_next, sentence, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
 from identifiability.workflows.compare import find_differences, look
-from identifiability.workflows.diagnose.changes import Change, DifferentTorque, find_changes
+from identifiability.workflows.diagnose.changes import Change, DifferentTorque, list_log_changes
 from identifiability.workflows.predict import FitLike, Predicts, find_fit, state_missing
 from identifiability.workflows.session import Logs, Session, list_logs
 
@@ -127,7 +127,7 @@ def estimate_load(found: Differences, names: Sequence[str]) -> LoadEstimate:
         root=(turn[:, ~open_] / size).T * scale,
         unknown=unknown,
         lacks=tuple(describe_term(t) for t in terms if not found.whose(t).pattern),
-        changes=find_changes(found, terms, names),
+        changes=list_log_changes(found, terms, names),
         torque=DifferentTorque.of(found, terms),
     )
 
@@ -574,7 +574,7 @@ def _without_gains(robot: Robot) -> Structure:
 
 def _tell_noise(logs: Sequence[Log], how: Preparation) -> list[str]:
     """Return what noise of the motion does to the load, where it does."""
-    band = how.band if isinstance(how, SettledPreparation) else None
+    band = how.band if isinstance(how, CommonPreparation) else None
     if band is None or band.noise <= LOG_RULES.small:
         return []
     loud = [x.name for x in logs if not {"dq", "ddq"} <= set(x.channels)]

@@ -14,7 +14,7 @@ import pandas as pd
 from pydantic import BaseModel, ConfigDict
 
 from identifiability.effects import title_of
-from identifiability.effects.base import settle_gravity
+from identifiability.effects.base import apply_tilt
 from identifiability.effects.vocabulary import complete_values
 from identifiability.estimation.groups import MissingEffects, place_of
 from identifiability.estimation.prediction import Prediction, TorqueUncertainty
@@ -540,7 +540,7 @@ class RolloutEntry(Entry):
     delays: tuple[float, ...]
     gains: dict[str, dict[str, float]] = {}
 
-    def settle(self, servo: Servo, joints: Sequence[str]) -> Servo:
+    def apply_gains(self, servo: Servo, joints: Sequence[str]) -> Servo:
         """Return servos with the gains that logs told."""
         if not self.gains:
             return servo
@@ -655,18 +655,18 @@ def read_real(
         why = physical.reason or physical.certificate
         raise IdentifiabilityError(f"{path} holds no real robot to be {done}. {why}".rstrip())
     if robot.servo is not None and found is not None:
-        robot = replace(robot, servo=found.settle(robot.servo, robot.joints))
+        robot = replace(robot, servo=found.apply_gains(robot.servo, robot.joints))
     if physical.gravity is not None:
         given = {n: v for n, v in given.items() if n.rpartition(".")[0] != BASE}
         robot = robot.turned(np.array(physical.gravity.direction))
-    return content, *settle_gravity(robot, given)
+    return content, *apply_tilt(robot, given)
 
 
 def _other_robot(where: str, robot: Robot, why: str) -> IdentifiabilityError:
     return IdentifiabilityError(Finding("result.other", where, robot=robot.name, why=why))
 
 
-def settled(given: Preparation, samples: Sequence[Dataset]) -> Preparation:
+def with_cutoff(given: Preparation, samples: Sequence[Dataset]) -> Preparation:
     """Return a preparation with the low-pass that was chosen for some logs."""
     own = next(({"cutoff": s.cutoff, "outputs": s.band} for s in samples if s.cutoff), {})
     return Preparation(**{f.name: getattr(given, f.name) for f in fields(Preparation)} | own)

@@ -52,7 +52,7 @@ from identifiability.logs.log import check_held_out, refuse_silent, share_clock,
 from identifiability.logs.prepare import Dataset, Preparation, prepare_log
 from identifiability.logs.prepare.dataset import explain_silence, require_signal
 from identifiability.logs.prepare.instruments import add_instrument
-from identifiability.logs.prepare.preparation import fit_band, settle_cutoff
+from identifiability.logs.prepare.preparation import choose_cutoff, fit_band
 from identifiability.physical.cad_prior import load_by_fit
 from identifiability.quality import MeasuredLogs, RawLogs, find_always, find_oddities, mend
 from identifiability.quality.hints import leave_out_rows, weigh_rows
@@ -476,7 +476,7 @@ class Session:
         """How derivatives are made, with one cut-off for all fitted logs."""
         if self.settled is not None:
             return self.settled
-        return settle_cutoff(self.structure.robot, self.recordings.fitted, self.preparation)
+        return choose_cutoff(self.structure.robot, self.recordings.fitted, self.preparation)
 
     def follow(self, rng: np.random.Generator) -> Session:
         """Return the session with torque of commands, calibrated on rollouts of a fitted robot."""

@@ -95,10 +95,10 @@ class StandIn:
         self.slides = np.array([self.model.joint(j).dofadr[0] for j in robot.joints])
         self.positions = np.array([self.model.joint(j).qposadr[0] for j in robot.joints])
         self.coulomb = np.array(self.model.dof_frictionloss[self.slides])
-        self._settle()
+        self._stiffen()
         self._disturb()
 
-    def _settle(self) -> None:
+    def _stiffen(self) -> None:
         """Set what keeps the loops closed and friction stiff."""
         m = self.model
         m.opt.timestep = STEP

@@ -9,7 +9,7 @@ from identifiability import analyze, prune
 from identifiability.effects.base import horizontal_axes
 from identifiability.effects.nominal import gravity_torque
 from identifiability.logs.prepare import prepare_log
-from identifiability.logs.prepare.preparation import settle_cutoff
+from identifiability.logs.prepare.preparation import choose_cutoff
 from identifiability.quality import MeasuredLogs
 from identifiability.reading import choose_reading
 from identifiability.regression.regression import Model
@@ -33,7 +33,7 @@ def record(name, seed=1, masses=1.0, **noise):
 
 
 def known(robot, *logs):
-    how = settle_cutoff(robot, logs, None)
+    how = choose_cutoff(robot, logs, None)
     samples = tuple(prepare_log(robot, log, how) for log in logs)
     return MeasuredLogs(Structure.of(robot, MODEL), logs, samples)
 

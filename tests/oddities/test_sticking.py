@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from identifiability import Log, Robot, analyze
-from identifiability.logs.prepare.preparation import settle_cutoff
+from identifiability.logs.prepare.preparation import choose_cutoff
 from identifiability.logs.rules import RULES as LOG_RULES
 
 LINK = """<mujoco model="pendulum"><compiler angle="radian"/><worldbody><body name="link">
@@ -60,6 +60,6 @@ def test_friction_that_sticks_is_no_error_of_clocks_and_values_hold(link):
 
 def test_the_motion_of_a_quiet_log_passes_whole_where_torque_is_kept(link):
     log = sticking_log(4)
-    how = settle_cutoff(link, [log], None)
+    how = choose_cutoff(link, [log], None)
     assert how.outputs <= 0.5 * how.cutoff
     assert how.cutoff <= LOG_RULES.cutoff_highest * 100.0 * (1 + 1e-9)

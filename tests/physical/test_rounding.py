@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability import Robot, analyze, estimate, simulate
-from identifiability.estimation.estimator import settle_signs
+from identifiability.estimation.estimator import clip_signs
 from identifiability.physical.feasibility import certify_model
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
@@ -47,6 +47,6 @@ def test_signs_at_rounding_are_not_forbidden(arm, exact):
     for rotor, left in ((-1e-14, 0.0), (-1e-3, -1e-3), (1e-14, 1e-14)):
         value = fit.value.copy()
         value[at] = rotor
-        settled = settle_signs(reduced, replace(fit, value=value), model.submodel.nonnegative)
+        settled = clip_signs(reduced, replace(fit, value=value), model.submodel.nonnegative)
         assert settled[at] == left
         np.testing.assert_array_equal(np.delete(settled, at), np.delete(value, at))

@@ -4,7 +4,7 @@ from functools import cache
 
 import pytest
 
-from identifiability.logs.prepare.preparation import settle_cutoff
+from identifiability.logs.prepare.preparation import choose_cutoff
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +77,7 @@ def test_a_slow_program_is_not_low_passed_below_5_hz(kuka, folder, robot, errors
         monkeypatch.setitem(kuka.PROCESSINGS, f"low-passed at {cutoff} Hz", (False, kuka.END, how))
     # Ten times the bandwidth of run 1 is 1.4 Hz, which takes away what tells rotors from links.
     log = kuka.load_log(folder, robot, 1)
-    assert settle_cutoff(robot, [log], None).outputs == 5.0
+    assert choose_cutoff(robot, [log], None).outputs == 5.0
     rotors = {
         cutoff: errors(1, 3, "with rotor inertia", f"low-passed at {cutoff} Hz")["relative"]
         for cutoff in (1.4, 5)

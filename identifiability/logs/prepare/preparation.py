@@ -624,7 +624,7 @@ class Preparation:
 
 
 @frozen
-class SettledPreparation(Preparation):
+class CommonPreparation(Preparation):
     """The same with a cut-off for several logs.
 
     Attributes
@@ -642,7 +642,7 @@ class SettledPreparation(Preparation):
     common: float | None = None
 
 
-def settle_cutoff(
+def choose_cutoff(
     robot: Robot,
     logs: Sequence[Log],
     how: Preparation | None,
@@ -665,7 +665,7 @@ def settle_cutoff(
     raw = [Windows.of(log, mend=_is_filtered(log, how)) for log in logs]
     computed = [x for log, x in zip(logs, raw, strict=True) if _is_filtered(log, how)]
     if computed:
-        how = _settle(robot, computed, how)
+        how = _with_band(robot, computed, how)
     if how.keep_rest or not logs:
         return how
     bands = [fit_band(robot, log, how) or how for log in logs]  # `make_plan` refuses fitted logs
@@ -673,10 +673,10 @@ def settle_cutoff(
         Stays.of(_plan_motion(log, x, band), [joint_log(robot, w) for w in x.logs], x.origins)
         for log, x, band in zip(logs, raw, bands, strict=True)
     ]
-    return SettledPreparation(**{**vars(how), "stands": ever_stand(stays)})
+    return CommonPreparation(**{**vars(how), "stands": ever_stand(stays)})
 
 
-def _settle(robot: Robot, logs: Sequence[Windows], how: Preparation) -> SettledPreparation:
+def _with_band(robot: Robot, logs: Sequence[Windows], how: Preparation) -> CommonPreparation:
     """Return the preparation with one band of what is differentiated, from windows of each log."""
     spectra: list[Spectrum] = []
     for raw in logs:
@@ -688,7 +688,7 @@ def _settle(robot: Robot, logs: Sequence[Windows], how: Preparation) -> SettledP
     sliding = [robot.is_prismatic(int(k)) for k in robot.actuated]
     band = choose_band(spectra, sliding, how.cutoff)
     own = {"cutoff": band.cutoff, "outputs": how.outputs or band.outputs, "band": band}
-    return SettledPreparation(**{**vars(how), **own})
+    return CommonPreparation(**{**vars(how), **own})
 
 
 def fit_band(robot: Robot, log: Log, how: Preparation | None) -> Preparation | None:
@@ -744,7 +744,7 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
             f"{log.name}: all torques are zero; nothing was measured, check the columns."
         )
     if filtered and how.cutoff is None:
-        how = _settle(robot, [raw], how)
+        how = _with_band(robot, [raw], how)
     plan = _plan_motion(log, raw, how)
     if plan.cutoff is None:
         speeds = [w.dq for w in windows if w.dq is not None]
@@ -774,7 +774,7 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
     dwells = None
     if not how.keep_rest:
         stays = Stays.of(plan, windows, raw.origins)
-        stands = how.stands if isinstance(how, SettledPreparation) else None
+        stands = how.stands if isinstance(how, CommonPreparation) else None
         stands = ever_stand([stays]) if stands is None else stands
         # What friction does as a joint turns, a rollout does, too, and calibrated torque lacks.
         dwells = stays.rule().masking(stands and not of_commands(log))
@@ -842,7 +842,7 @@ def _plan_filter(log: Log, gaps: Gaps, plan: Plan, how: Preparation) -> Plan:
             f"({lowest:.3g} Hz) and half its sampling rate ({0.5 / dt:g} Hz)."
         )
     source = "given velocities" if "dq" in log.channels else "positions"
-    band = how.band if isinstance(how, SettledPreparation) else None
+    band = how.band if isinstance(how, CommonPreparation) else None
     outputs = how.outputs or cutoff
     kept = f", and torque is kept up to {outputs:.3g} Hz" if outputs != cutoff else ""
     reason = f" ({band.reason})" if band and band.reason else ""

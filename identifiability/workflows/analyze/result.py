@@ -421,7 +421,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             submodel=used.real or used.submodel,
             values=used.recommended,
             spread=measure_spread(part, used.fit, own, unseen),
-            preparation=predict.settled(self.settings["preparation"], self.samples),
+            preparation=predict.with_cutoff(self.settings["preparation"], self.samples),
             base_covariance=M @ covariance @ M.T + self.late.T @ self.late,
             base_unknown=M @ unknown,
             missing=self.missing.functions,

@@ -17,12 +17,12 @@ from identifiability.effects.base import move_mounting
 from identifiability.estimation.estimate import (
     Kind,
     Method,
+    estimate_noise,
     find_estimator,
     fit_whole,
-    settle_noise,
     with_known,
 )
-from identifiability.estimation.estimator import Estimate, Estimator, settle_signs
+from identifiability.estimation.estimator import Estimate, Estimator, clip_signs
 from identifiability.estimation.evidence import Folds, HeldOut, Score, near_best
 from identifiability.estimation.fit import Fit, find_left_out
 from identifiability.estimation.groups import MissingEffects
@@ -35,7 +35,7 @@ from identifiability.foundation.errors import LogError, ModelError, listing
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
-from identifiability.foundation.options import NotNegative, Replicates, Seed, checked, settle_count
+from identifiability.foundation.options import NotNegative, Replicates, Seed, checked, resolve_count
 from identifiability.foundation.rounding import REACH
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
@@ -43,7 +43,7 @@ from identifiability.logs.prepare import Dataset, Preparation, prepare_log
 from identifiability.logs.prepare.instruments import noise_again
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Band
-from identifiability.physical.cad_prior import WEAK, WEIGHTS, combine_with_file, settle_prior
+from identifiability.physical.cad_prior import WEAK, WEIGHTS, combine_with_file, resolve_prior
 from identifiability.physical.feasibility import (
     PhysicalResult,
     certify_model,
@@ -134,7 +134,7 @@ def fit_ladder(
         Of the prior around the robot file; by default predictions choose it (`choose_prior`).
     """
     structure, information = rows.opening.structure, rows.information
-    estimator = settle_noise(rows.estimator, information)
+    estimator = estimate_noise(rows.estimator, information)
     held_out, short = hold_folds(information, estimator)
     found: list[Settled] = []
     for submodel in submodels:  # a smaller one asks for no heavier prior than the unpruned
@@ -305,7 +305,7 @@ def decide_model(
     fit = replace(fit, shared=shared, left_out=left_out, alternatives=alternatives)
     stated = np.linalg.lstsq(submodel.M, structure.nominal_base - submodel.fixed, rcond=None)[0]
     signed = submodel.nonnegative & estimate.determined
-    forbidden = signed & (settle_signs(model.information, estimate, signed) < 0)
+    forbidden = signed & (clip_signs(model.information, estimate, signed) < 0)
     told = submodel.labels, submodel.units, torque, _aliases(estimate), forbidden, stated
     return fit, judge(fit, *told), tuple(np.array(submodel.columns, object)[forbidden])
 
@@ -561,7 +561,7 @@ def analyze(
         With one sentence on what to do.
     """
     say, base = progress or quiet, find_estimator(method)
-    draws = settle_count(replicates, DEFAULTS.refits, DEFAULTS.refits_quick, quick=quick)
+    draws = resolve_count(replicates, DEFAULTS.refits, DEFAULTS.refits_quick, quick=quick)
     streams = np.random.default_rng(seed).spawn(3)
     with one_thread("blas"):
         robot = Robot.of(robot)
@@ -570,9 +570,10 @@ def analyze(
             structure = count_offsets(Structure.of(robot, ladder_model(source.entry)))
             session = Session.read(structure, logs, validate, preparation, say, runner)
             commanded = session.recordings.commanded
-            share_, cad_prior = settle_prior(prior, cad_prior, commanded)
+            share_, cad_prior = resolve_prior(prior, cad_prior, commanded)
             given = session.follow(streams[0])
-            (session, opening), entry = given.settle("analyzed"), source.settle(commanded=commanded)
+            session, opening = given.settle("analyzed")
+            entry = source.models_for(commanded=commanded)
             # A model that was given is taken as it is.
             rows = session.weigh(opening, base, estimator, whole=ladder is None)
             try:

@@ -17,7 +17,7 @@ from identifiability.foundation.answers import Answer, Column, Table
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, Serial
 from identifiability.foundation.keyed import Row
-from identifiability.foundation.options import Repeated, Replicates, Seed, checked, settle_count
+from identifiability.foundation.options import Repeated, Replicates, Seed, checked, resolve_count
 from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import REACH, join, rough_percent
 from identifiability.foundation.values import frozen
@@ -180,7 +180,7 @@ def calibrate(
         If the logs do not fit in memory.
     """
     analysis.robot.check_stands("calibration")
-    trials = settle_count(
+    trials = resolve_count(
         replicates,
         DEFAULTS.repetitions,
         DEFAULTS.repetitions_quick,

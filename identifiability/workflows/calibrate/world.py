@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
-from identifiability.estimation.estimate import Method, find_estimator, fit_whole, settle_noise
+from identifiability.estimation.estimate import Method, estimate_noise, find_estimator, fit_whole
 from identifiability.estimation.fit import body_scatter
 from identifiability.estimation.groups import NO_MISSING_EFFECTS
 from identifiability.estimation.noise import (
@@ -137,7 +137,7 @@ class Experiment:
 
     def judge(self, whole: Information, tau: Array, W: Array, rng: np.random.Generator) -> Outcome:
         """Fit and judge one outcome; the arguments are those of `gather`, and what it returned."""
-        method = settle_noise(find_estimator(self.method), whole)
+        method = estimate_noise(find_estimator(self.method), whole)
         model = FittedModel.of(
             self.structure,
             self.submodel,

@@ -216,7 +216,7 @@ def _describe(found: Differences, term: Term, names: Sequence[str]) -> str:
     return f"{own.title} of {place_of(term)}{f' in {where}' if where else ''}"
 
 
-def find_changes(found: Differences, terms: Terms, names: Sequence[str]) -> tuple[Change, ...]:
+def list_log_changes(found: Differences, terms: Terms, names: Sequence[str]) -> tuple[Change, ...]:
     """Return what terms say of logs, the surest first; kinds of friction at one place together.
 
     Parameters

@@ -131,7 +131,7 @@ class Naming:
         """The parts in their order, each with its variance."""
         groups = {g.key: g for g in self.model.groups}
         terms = tuple(Term(groups[p.candidate.group], 0, 1.0, 0.0) for p in self.parts)
-        return self.model.settle(self.model.settle(terms))
+        return self.model.update_terms(self.model.update_terms(terms))
 
     def values(self, k: int) -> tuple[Array, Array]:
         """Return the values of a part (m,) and their covariance (m, m)."""
@@ -492,7 +492,7 @@ def _session(rows: Rows, begins: np.ndarray, log: np.ndarray) -> Array:
     return np.array([x, np.exp(-3.0 * x)])
 
 
-def find_change(naming: Naming, effects: Collection[str] | None = None) -> Change | None:
+def find_change_in_log(naming: Naming, effects: Collection[str] | None = None) -> Change | None:
     """Return the likeliest change in the middle of a log beside what was named, if it is sure.
 
     No unseen motion can take it out: it needs what both thresholds ask together, and nothing that

@@ -14,7 +14,7 @@ from scipy.stats import rankdata
 
 from identifiability.effects.functions import has_session
 from identifiability.estimation.differences import Known
-from identifiability.estimation.estimate import Outliers, find_estimator, settle_noise, with_known
+from identifiability.estimation.estimate import Outliers, estimate_noise, find_estimator, with_known
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.groups import LAST, Excerpt, divide
 from identifiability.estimation.prediction import Prediction
@@ -340,7 +340,7 @@ def weigh_fit(robot: Robot, samples: Sequence[Dataset], information: Information
     """Return rows weighed by their noise, and the fit of their columns, as `analyze` has them."""
     estimator = replace(find_estimator("wls"), instruments=information.instrumented)
     weighed, said, outliers = weigh_rows(robot.joints, samples, information, estimator)
-    return weighed, settle_noise(estimator, weighed).fit(weighed), said, outliers
+    return weighed, estimate_noise(estimator, weighed).fit(weighed), said, outliers
 
 
 def fit_structure(structure: Structure, samples: Sequence[Dataset]) -> WeighedFit:

@@ -59,7 +59,7 @@ from identifiability.workflows.predict import (
     PositionPrediction,
     Predicts,
     move_fitted,
-    settled,
+    with_cutoff,
 )
 
 if TYPE_CHECKING:
@@ -776,7 +776,7 @@ def keep_completed(d: Diagnosis) -> Fit:
         submodel=submodel,
         values=d.values,
         spread=spread,
-        preparation=settled(d.preparation, d.samples),
+        preparation=with_cutoff(d.preparation, d.samples),
         base_covariance=spread.covariance,
         base_unknown=spread.unknown,
     )

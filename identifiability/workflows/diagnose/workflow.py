@@ -29,7 +29,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.logs.prepare.dataset import require_signal
-from identifiability.physical.cad_prior import load_by_fit, settle_prior
+from identifiability.physical.cad_prior import load_by_fit, resolve_prior
 from identifiability.quality.hints import where_outlying
 from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import (
@@ -50,7 +50,7 @@ from identifiability.workflows.analyze.workflow import conclude_analysis, say_ba
 from identifiability.workflows.diagnose.changes import Change
 from identifiability.workflows.diagnose.naming import (
     Naming,
-    find_change,
+    find_change_in_log,
     leave_out,
     look,
     name_missing,
@@ -170,12 +170,12 @@ def diagnose(
         commanded = given.commanded
         near = 0.0
         if commanded and isinstance(fixed, int | float) and fixed is not True:
-            near, fixed = settle_prior(fixed if fixed is not False else None, None, True)[0], False
+            near, fixed = resolve_prior(fixed if fixed is not False else None, None, True)[0], False
         structure, known = _settle_values(robot, model, fixed, commanded=commanded)
         session = Session(structure, given, preparation, say, engine or Serial())
         session = session.follow(np.random.default_rng(seed))
         given, robot = session.recordings, session.structure.robot
-        ladder = find_ladder(robot, None, beside=True).settle(commanded=commanded)
+        ladder = find_ladder(robot, None, beside=True).models_for(commanded=commanded)
         own = near, fixed is not False, seed, ladder if model is None else None
         asked = _Asked(session, effects, known, streams[0], *own)
         found, opening = asked.look(given)
@@ -348,7 +348,7 @@ class _Asked:
         """
         looked = look(setting, self.effects)
         self.session.say("naming effects", 0.3)
-        change = None if setting.fixed else find_change(looked, self.effects)
+        change = None if setting.fixed else find_change_in_log(looked, self.effects)
         without = None if change is None else leave_out(setting, change)
         return name_missing(looked) if without is None else self._settle(without)
 

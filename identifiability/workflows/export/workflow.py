@@ -15,17 +15,17 @@ from typing import Any, cast
 import numpy as np
 
 from identifiability.effects import FAMILIES
-from identifiability.effects.base import settle_gravity
+from identifiability.effects.base import apply_tilt
 from identifiability.effects.nominal import reference_values
 from identifiability.effects.vocabulary import (
     Kind,
     by_effect,
     complete_values,
+    convert_asymmetry,
     every_parameter,
     file_kinds,
+    merge_springs,
     read_back,
-    settle_asymmetry,
-    settle_springs,
     stated_numbers,
 )
 from identifiability.estimation import prediction
@@ -162,7 +162,7 @@ def write_parameters(
         If the files cannot be written, or the sidecar's name is taken by something else.
     """
     path = Path(path)
-    robot, parameters = settle_gravity(robot, parameters)
+    robot, parameters = apply_tilt(robot, parameters)
     shapes = robot.shapes if shapes is None else shapes
     reference = robot.reference if reference is None else reference
     if path.suffix.lower() in (".xml", ".urdf") and (path.suffix.lower() == ".urdf") == robot.mjcf:
@@ -174,8 +174,8 @@ def write_parameters(
             more: Any = {"shapes": shapes, "reference": reference, "comment": comment}
             whole = complete_values(robot, parameters, keep=keep)
             return write_parameters(converted, whole, path, keep=False, **more)
-    whole = settle_asymmetry(robot, complete_values(robot, parameters, keep=keep))
-    robot, values = settle_springs(robot, whole)
+    whole = convert_asymmetry(robot, complete_values(robot, parameters, keep=keep))
+    robot, values = merge_springs(robot, whole)
     alone = read_back(robot, values)
     nominal = {n: v for n, v in values.items() if v != alone.get(n, 0.0)}
     if robot.mjcf and robot.known_servo is not None:  # whose rotors the file has for its own step

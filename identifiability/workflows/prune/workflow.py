@@ -12,9 +12,9 @@ import numpy as np
 from identifiability.estimation.estimate import (
     Kind,
     Method,
+    estimate_noise,
     find_estimator,
     fit_whole,
-    settle_noise,
 )
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.evidence import Evidence, HeldOut, near_best
@@ -29,13 +29,13 @@ from identifiability.foundation.options import (
     Replicates,
     Seed,
     checked,
-    settle_count,
+    resolve_count,
 )
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import find_signal
-from identifiability.physical.cad_prior import settle_prior
+from identifiability.physical.cad_prior import resolve_prior
 from identifiability.physical.feasibility import certify_model
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import (
@@ -151,7 +151,7 @@ def prune(
         With one sentence on what to do.
     """
     say, base = progress or quiet, find_estimator(method)
-    draws = settle_count(replicates, DEFAULTS.resampled, DEFAULTS.resampled_quick, quick=quick)
+    draws = resolve_count(replicates, DEFAULTS.resampled, DEFAULTS.resampled_quick, quick=quick)
     streams = np.random.default_rng(seed).spawn(3)
     with one_thread("blas"):
         with running(engine) as runner:
@@ -160,7 +160,7 @@ def prune(
             structure = count_offsets(Structure.of(robot, ladder_model(source.entry)))
             session = Session.read(structure, logs, validate, preparation, say, runner)
             commanded = session.recordings.commanded
-            share_, cad_prior = settle_prior(prior, cad_prior, commanded)
+            share_, cad_prior = resolve_prior(prior, cad_prior, commanded)
             session = session.follow(streams[0])
             session, opening = session.settle("pruned")
             rows = session.weigh(opening, base, estimator, whole=ladder is None)
@@ -168,7 +168,7 @@ def prune(
             start = build_ladder(LadderEntry(models=source.entry.models[:1]), session.structure)[0]
             _check_wishes(start, forbid, force)
             part = start.reduce(rows.information)
-            own = settle_noise(rows.estimator, part)
+            own = estimate_noise(rows.estimator, part)
             question = Question(
                 rows,
                 start,

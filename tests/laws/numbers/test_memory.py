@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import t
 
-from identifiability.estimation.estimate import estimate, find_estimator, settle_noise
+from identifiability.estimation.estimate import estimate, estimate_noise, find_estimator
 from identifiability.estimation.estimator import measure_memory, weigh
 from identifiability.foundation.rounding import ENDS
 from identifiability.logs.spectrum import autocorrelation_time
@@ -171,7 +171,7 @@ def test_a_model_that_leaves_a_constant_out_has_the_memory_of_the_whole_one():
     whole = gather(W, tau, 2)
     small = whole.select([0, 1, 2, 3])
     own = find_estimator("wls").fit(small)
-    settled = settle_noise(find_estimator("wls"), whole).fit(small)
+    settled = estimate_noise(find_estimator("wls"), whole).fit(small)
     assert own.times[2] > 20  # the model by itself takes it for slow noise,
     assert own.weights[2] < 0.1 * own.weights[0]  # and does not fit that actuator any more
     np.testing.assert_allclose(settled.times, 1.0, atol=0.8)
@@ -189,7 +189,7 @@ def test_an_actuator_that_a_model_cannot_explain_does_not_decide_what_others_nee
         noise = rng.standard_normal((200, 3)) * [1.0, 1.0, 0.2]
         whole = gather(W, W @ np.ones(5) + noise, 2)
         small, wls = whole.select(range(4)), find_estimator("wls")
-        known = settle_noise(wls, whole)
+        known = estimate_noise(wls, whole)
         own = wls.fit(small)
         alone = replace(own, weights=weigh(whole, known.noise.variance * known.noise.times))
         off["settled"].append(known.fit(small).value - 1.0)
@@ -204,5 +204,5 @@ def test_too_few_outputs_for_all_columns_say_nothing_of_the_noise():
     rng = np.random.default_rng(7)
     W = rng.normal(size=(30, 1, 12))
     whole = gather(W, W @ np.ones(12) + rng.standard_normal((30, 1)), 1)
-    assert settle_noise(find_estimator("wls"), whole).noise is None
-    assert settle_noise(find_estimator("wls"), whole.select(range(5))).noise is not None
+    assert estimate_noise(find_estimator("wls"), whole).noise is None
+    assert estimate_noise(find_estimator("wls"), whole.select(range(5))).noise is not None

@@ -8,7 +8,7 @@ import pytest
 
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_log
-from identifiability.logs.prepare.preparation import settle_cutoff
+from identifiability.logs.prepare.preparation import choose_cutoff
 from identifiability.regression.information import gather_information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
@@ -131,7 +131,7 @@ def test_a_log_that_is_cut_in_two_has_the_same_data(two):
         frame |= {f"{joint}.q": x, f"{joint}.tau": np.ones(len(t)) + x}
     whole = Log.from_frame(pd.DataFrame(frame))
     parts = [whole.rows(0, len(q)), whole.rows(len(q), len(t))]
-    ways = [settle_cutoff(two, logs, Preparation(cutoff=8.0)) for logs in ([whole], parts)]
+    ways = [choose_cutoff(two, logs, Preparation(cutoff=8.0)) for logs in ([whole], parts)]
     one = prepare_log(two, whole, ways[0])
     first, second = (prepare_log(two, part, ways[1]) for part in parts)
     away = int(RATE)  # the filters of the parts end at the cut

@@ -8,7 +8,7 @@ import pytest
 from identifiability.logs import Log, signals
 from identifiability.logs.gaps import StaleRule, find_stale, interpolate
 from identifiability.logs.prepare import Preparation, prepare_log
-from identifiability.logs.prepare.preparation import settle_cutoff
+from identifiability.logs.prepare.preparation import choose_cutoff
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Spectrum, choose_band
 from identifiability.robot import Robot
@@ -149,13 +149,13 @@ def log_of(rate, hertz, name, seed=0, **channels):
 def test_all_logs_have_the_cut_off_of_the_widest_band():
     robot = Robot.load("two-link")
     slow, fast = log_of(100.0, 0.7, "slow"), log_of(200.0, 1.4, "fast")
-    how = settle_cutoff(robot, [slow, fast], None)
+    how = choose_cutoff(robot, [slow, fast], None)
     assert how.outputs == pytest.approx(14.0, abs=0.6)
     assert prepare_log(robot, slow, how).cutoff == how.cutoff
     assert prepare_log(robot, slow).band == pytest.approx(7.0, abs=0.6)
-    assert settle_cutoff(robot, [slow], Preparation(cutoff=3.0)).cutoff == 3.0
+    assert choose_cutoff(robot, [slow], Preparation(cutoff=3.0)).cutoff == 3.0
     measured = replace(slow, dq=slow.q, ddq=slow.q)
-    assert settle_cutoff(robot, [measured], None).cutoff is None
+    assert choose_cutoff(robot, [measured], None).cutoff is None
 
 
 def test_the_measured_velocity_decides_where_it_is_what_is_differentiated():
@@ -163,8 +163,8 @@ def test_the_measured_velocity_decides_where_it_is_what_is_differentiated():
     log = log_of(200.0, 1.0, "log")
     noisy = log.q + 0.02 * np.random.default_rng(5).standard_normal(log.q.shape)
     dq = np.gradient(log.q, log.t, axis=0)
-    assert settle_cutoff(robot, [replace(log, q=noisy)], None).outputs < 6
-    assert settle_cutoff(robot, [replace(log, q=noisy, dq=dq)], None).outputs > 9
+    assert choose_cutoff(robot, [replace(log, q=noisy)], None).outputs < 6
+    assert choose_cutoff(robot, [replace(log, q=noisy, dq=dq)], None).outputs > 9
 
 
 def test_repeated_values_are_mended_and_said():
