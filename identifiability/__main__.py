@@ -1,20 +1,14 @@
 """``identifiability`` and ``python -m identifiability`` are the command line."""
 
-import gc
 import os
 import sys
 from contextlib import suppress
 from pathlib import Path
 from typing import TextIO
 
-#: New objects after which cycles of them are looked for, and how often among older ones. A command
-#: makes few, and arrays are freed without: by default it spent a twentieth of its time looking.
-SELDOM = (1_000_000, 20, 20)
-
 
 def main() -> None:
     """Run the command line; Ctrl-C ends it without a traceback from its first moment on."""
-    gc.set_threshold(*SELDOM)
     # A job of cron may have neither: what is said then goes nowhere, and the work is done.
     sys.stdout, sys.stderr = sys.stdout or _nowhere(), sys.stderr or _nowhere()
     try:

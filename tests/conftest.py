@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import hashlib
 import os
 import pickle
@@ -62,8 +61,6 @@ def pytest_configure(config):
     config.pluginmanager.register(skips, "skips")
     config.addinivalue_line("markers", "everything: takes too long for make test")
     config.addinivalue_line("markers", "pictures: looks at what is drawn on a page")
-    # Else a fifth of the time goes into looking for garbage among what modules hold for good.
-    gc.set_threshold(100_000, 50, 100)
     # Else each runner rewrites every test, and each process that tests start compiles the package.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     sys.dont_write_bytecode = False

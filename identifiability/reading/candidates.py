@@ -1,6 +1,6 @@
 """`ReadingCandidates`: the readings that are tried, but for those whose numbers need a search.
 
-The sidecar can state how torque is to be read. What it states is not tried in another way.
+The sidecar can state how torque is to be read. Then no other way is tried.
 """
 
 from __future__ import annotations
@@ -75,11 +75,11 @@ class ReadingCandidates:
         return np.asarray(np.arange(len(self.names)) == joint)
 
     def single_joints(self) -> list[tuple[str, np.ndarray]]:
-        """Return what to call each joint's torque, and where the joint is, (n,) bool."""
+        """Return a subject for each joint's torque, and the joint's place, (n,) bool."""
         return [(f"The torque of {name}", self.is_joint(j)) for j, name in enumerate(self.names)]
 
     def all_subjects(self) -> list[tuple[str, np.ndarray]]:
-        """Return what to call the torque of each joint and of all, and where these are."""
+        """Return subjects for the torque of each joint and of all, and their places."""
         everywhere = np.ones(len(self.names), bool)
         return [*self.single_joints(), ("The torque of all joints", everywhere)]
 

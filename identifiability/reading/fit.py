@@ -304,7 +304,7 @@ class TorqueRows:
     # Adjusted rows.
 
     def _rows_of(self, joint: int, rows: Array, adjusted: bool) -> Array:
-        """Return rows (N, m) of a joint, without what offsets and smooth functions explain."""
+        """Return rows (N, m) of a joint, minus their projection on offsets and smooth functions."""
         rows = self._adjust(joint, self.excerpt.data[:, [joint]] * rows, adjusted)
         if self.separate_offsets:
             constant = self._adjust(joint, self.constant[joint], adjusted)
@@ -312,7 +312,7 @@ class TorqueRows:
         return rows
 
     def _adjust(self, joint: int, rows: Array, adjusted: bool) -> Array:
-        """Return rows (N, m) of a joint, without what smooth functions explain if asked for."""
+        """Return rows (N, m) of a joint, minus their projection on smooth functions, if they are adjusted."""
         if not adjusted:
             return rows
         basis, explained = self._smooth[joint]

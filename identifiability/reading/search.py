@@ -2,7 +2,7 @@
 
 1. Every candidate is fitted to all rows. Those that lower the error enough stay.
 2. The best few get the delay, unit, offsets or robot that fits best.
-3. The evidence of adjusted rows chooses among these: what the model lacks must not vote, and only
+3. The evidence of adjusted rows chooses among these: missing effects must not vote, and only
    independent rows count.
 
 Held-out logs and the file's masses choose nothing. One unit shared by all columns is no reading: a
@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -22,7 +23,6 @@ from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
-from identifiability.foundation.values import remember
 from identifiability.logs.commands import of_commands
 from identifiability.logs.prepare.dataset import Dataset, move_samples
 from identifiability.physical.cad_prior import combine_with_file
@@ -86,6 +86,11 @@ class ReadingSearch:
         #: Rows of other motions, and of separate offsets: each regressor is evaluated once.
         self._other_rows: dict[bytes, TorqueRows] = {}
 
+    @cached_property
+    def screened(self) -> PositionScreen:
+        """Fits to few samples, by which positions are screened."""
+        return PositionScreen(self.logs)
+
     @property
     def is_informative(self) -> bool:
         """Whether there are rows enough, and torque that varies in each joint."""
@@ -111,7 +116,8 @@ class ReadingSearch:
     def _make_rows(self, reading: Reading) -> TorqueRows:
         if reading.separate_offsets:
             return self.rows.with_offsets()
-        return move_rows(self.logs, self.logs.samples, reading.motion)
+        screened = self.screened.find_rows(reading.motion) if self.screened.is_whole else None
+        return screened or move_rows(self.logs, self.logs.samples, reading.motion)
 
     def fit(self, reading: Reading, *, adjusted: bool = False) -> Array:
         """Return half the log of the residual share of each log column under a reading, (n,)."""
@@ -180,40 +186,42 @@ class ReadingSearch:
         long = any(s.long for s in self.logs.samples)
         if long or worst <= grades[closed]:
             return
-        screen = PositionScreen(self.logs)
-        yield from self.propose_zeros(screen)
+        yield from self.propose_zeros()
         if worst > grades[1] and not closed:
-            yield from sorted(self.candidates.of_positions(), key=screen.misfit)[:JUDGED]
+            self.screened.restart()
+            yield from sorted(self.candidates.of_positions(), key=self.screened.misfit)[:JUDGED]
 
-    def propose_zeros(self, screen: PositionScreen) -> Iterator[Reading]:
+    def propose_zeros(self) -> Iterator[Reading]:
         """Yield the encoder zeros that fit best, at the two joints where most is gained."""
-        literal = screen.misfit(self.literal)
+        screened = self.screened
+        literal = self.misfit(self.literal) if screened.is_whole else screened.misfit(self.literal)
         joints = range(len(self.candidates.names))
         tried = [
-            (screen.misfit(self._zeroed(screen, joint, share)), joint, share)
+            (screened.misfit(self._zeroed(joint, share)), joint, share)
             for joint in joints
             for share in (-FIRST_ZERO, FIRST_ZERO)
         ]
         for misfit, joint, share in sorted(tried)[:2]:
             if abs(misfit - literal) <= NOTHING:
                 continue
-            reading = self._find_zero(screen, joint, 4 * share)
+            reading = self._find_zero(joint, 4 * share)
             if self.misfit(reading) < OPEN:
                 yield reading
 
-    def _zeroed(self, screen: PositionScreen, joint: int, share: float) -> Reading:
+    def _zeroed(self, joint: int, share: float) -> Reading:
         """Return the reading with a joint's zero at a share of its range."""
-        return self.candidates.zeroed(joint, share * screen.range[joint])
+        return self.candidates.zeroed(joint, share * self.screened.range[joint])
 
-    def _find_zero(self, screen: PositionScreen, joint: int, end: float) -> Reading:
+    def _find_zero(self, joint: int, end: float) -> Reading:
         """Return the reading with a joint's best zero, between none and an end [share]."""
+        self.screened.restart()
 
         def misfit(share: float) -> float:
-            return screen.misfit(self._zeroed(screen, joint, share))
+            return self.screened.misfit(self._zeroed(joint, share))
 
         bounds = sorted((0.0, end))
         found = minimize_scalar(misfit, bounds=bounds, method="bounded", options=ZERO_SEARCH)
-        return self._zeroed(screen, joint, found.x)
+        return self._zeroed(joint, found.x)
 
     # Step 2: the numbers of a reading.
 
@@ -331,29 +339,50 @@ class PositionScreen:
         self.logs = logs
         #: Samples without decimation, as many as an excerpt has rows.
         self.samples = thin_samples(logs)
+        #: Whether these are all samples of the logs, as they are fitted.
+        self.is_whole = self.samples is logs.samples
+        self._last: tuple[bytes, TorqueRows] | None = None
+        self._best: list[tuple[float, bytes, TorqueRows]] = []
+
+    @cached_property
+    def range(self) -> Array:
+        """Range of each joint's positions, (n,) [rad or m]."""
         positions = np.concatenate([s.motion.actuated_q for s in self.samples])
-        #: Range of each joint's positions, (n,) [rad or m].
-        self.range = np.ptp(positions, axis=0)
-        self._rows: dict[bytes, TorqueRows] = {}
+        return np.asarray(np.ptp(positions, axis=0))
+
+    def restart(self) -> None:
+        """Forget the rows of earlier readings."""
+        self._last, self._best = None, []
+
+    def find_rows(self, motion: Array) -> TorqueRows | None:
+        """Return the rows of a motion, of the last reading or the best ones."""
+        key = motion.tobytes()
+        last = [] if self._last is None else [self._last]
+        kept = [*last, *((k, rows) for _, k, rows in self._best)]
+        return next((rows for k, rows in kept if k == key), None)
 
     def misfit(self, reading: Reading) -> float:
         """Return the sum of half the logs of the residual shares; `OPEN` for open loops."""
-
-        def make() -> TorqueRows:
-            return move_rows(self.logs, self.samples, reading.motion)
-
-        try:
-            # Some readings differ in their torque alone.
-            rows = remember(self._rows, reading.motion.tobytes(), make, 1)
-        except ClosureError:
-            return OPEN
-        return float(rows.fit(reading).sum())
+        rows = self.find_rows(reading.motion)
+        if rows is None:
+            try:
+                rows = move_rows(self.logs, self.samples, reading.motion)
+            except ClosureError:
+                return OPEN
+        misfit = float(rows.fit(reading).sum())
+        self._last = reading.motion.tobytes(), rows
+        best = [*self._best, (misfit, *self._last)]
+        self._best = sorted(best, key=lambda one: one[0])[:JUDGED]
+        return misfit
 
 
 def thin_samples(logs: MeasuredLogs) -> tuple[Dataset, ...]:
     """Return every so many samples of each log, in all as many as an excerpt has rows."""
     most, count = excerpt_size(logs.structure)[0], len(logs.samples)
-    return tuple(s.thin(max(1, len(s.tau) * count // most)) for s in logs.samples)
+    steps = [max(1, len(s.tau) * count // most) for s in logs.samples]
+    if max(steps) == 1 and all(s.decimation is None for s in logs.samples):
+        return logs.samples
+    return tuple(s.thin(step) for s, step in zip(logs.samples, steps, strict=True))
 
 
 def move_rows(logs: MeasuredLogs, samples: Sequence[Dataset], motion: Array) -> TorqueRows:

@@ -1,10 +1,10 @@
-"""Commanded robots: torque from commands and servo gains, and what rollouts tell of the servos.
+"""Commanded robots: torque from commands and servo gains, and servo numbers from rollouts.
 
 This is the one door of the room: other rooms import from here alone. `torque` computes the torque
 of servos from their commands. `rollouts` fits joints, bodies, delays and gains to measured
-positions, by the search of `problem`, which begins at `start`. `gains` states what was found.
-`odd_joints` names play, wrong gains and limits. `calibration` takes off the torque what recording
-leaves in it. `follow` does all of this for the logs of a verb.
+positions, by the search of `problem`, which begins at `start`. `gains` states the gains.
+`odd_joints` names play, wrong gains and limits. `calibration` subtracts the error of
+recording from the torque. `follow` does all of this for the logs of a verb.
 
 It imports MuJoCo, so verbs import it inside functions.
 """

@@ -1,4 +1,4 @@
-"""Torque of commands without what recording leaves in it.
+"""Torque of commands minus the error of recording.
 
 The encoder's steps, the rate of the log and the low-pass stand in the servos' torque and in the
 columns. Least squares is some ten percent off for it. A rollout of the fitted robot, sampled and
@@ -62,7 +62,7 @@ def calibrate_torque(
     how: Preparation,
     rng: np.random.Generator,
 ) -> Log:
-    """Return a log of commands without what recording a rollout of it leaves in its torque.
+    """Return a log of commands minus the torque error that recording a rollout of it shows.
 
     Parameters
     ----------

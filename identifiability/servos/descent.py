@@ -110,8 +110,8 @@ def damped_step(
 def uncertainty(problem: RolloutProblem, end: SearchEnd) -> Array:
     """Return the covariance of a vector, (p, p).
 
-    Stretches of time are left out in turn [Künsch 1989]. This counts the memory of the errors and
-    much of what the model lacks. Prior knowledge is added.
+    Stretches of time are left out in turn [Künsch 1989]. This counts the memory of the errors, and
+    most missing effects. Prior knowledge is added.
     """
     x, q, J = end
     size = np.linalg.norm(J, axis=0)

@@ -1,7 +1,8 @@
 """`fit_rollouts`: joints, bodies, delays and gains with which rollouts follow logs most closely.
 
-Bodies are the file's but for their sizes, which are fitted beside the joints, within shares. Where
-gains are unknown, positions tell all numbers up to one factor, which comes from these shares.
+Bodies are the file's but for their sizes. Sizes are fitted together with the joints, within shares
+of the file. Where gains are unknown, positions tell all numbers up to one factor. These shares tell
+that factor.
 """
 
 from __future__ import annotations

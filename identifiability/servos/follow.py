@@ -1,4 +1,4 @@
-"""`follow_commands`: logs of commands with calibrated torque, and what rollouts tell of the servos.
+"""`follow_commands`: logs of commands with calibrated torque, and servos identified by rollouts.
 
 The servo is the torque sensor, τ = kp (q_cmd(t − d) − q) + … . The joints' numbers and the delay
 are first found from rollouts, which differentiate nothing. Then the torque is calibrated.
@@ -95,7 +95,7 @@ def follow_commands(
 
 
 def identify_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> IdentifiedServos:
-    """Return the servos with the numbers of rollouts, and of what explains odd joints.
+    """Return the servos with the numbers of rollouts, and of odd joints.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
-"""Gains of servos that nobody states: found from logs of commands, and what fixes their scale.
+"""Unknown gains of servos: they are found from logs of commands.
 
 Commands and positions tell ratios alone: gains, rotors, friction and bodies that are all twice as
 large move alike. The scale comes from other knowledge: bodies within a share of the robot file's,
-or what its sidecar states of single bodies (``[prior_share]``, ``[prior]``).
+or single bodies that its sidecar states (``[prior_share]``, ``[prior]``).
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def with_numbers(servo: Servo, found: Rollouts) -> Servo:
 def state_gains(
     robot: Robot, names: Sequence[str], found: Rollouts, shares: Mapping[str, float]
 ) -> str:
-    """Return sentences on the gains that were found, and what fixes their scale.
+    """Return sentences on the gains that were found, and on the source of their scale.
 
     Parameters
     ----------

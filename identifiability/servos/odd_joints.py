@@ -170,7 +170,7 @@ def _fit_number(problem: RolloutProblem, end: SearchEnd, number: int, start: flo
 
 
 def _state_odd(robot: Robot, found: Rollouts, best: Sequence[Explanation]) -> Finding:
-    """Return what explains the errors of a tree, best first, and what follows from it."""
+    """Return a finding on the errors of a tree: explanations, best first, and the consequence."""
     problem, (share, number, _) = found.search[0], best[0]
     what = [_describe(robot, problem, explanation) for explanation in best]
     kind, j = _kind(problem, number), number % len(robot.joints)

@@ -1,4 +1,4 @@
-"""Positions of rollouts and logs: which rows count, what a log holds to explain, how it records."""
+"""Positions of rollouts and logs: judged rows, explicable motion, and how encoders record."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def record(q: Array, log: Log, rng: np.random.Generator) -> Array:
 
 
 def explicable(logs: Sequence[Log]) -> Array:
-    """Return what there is to explain of positions in logs (rms), (n,) [rad or m].
+    """Return the explicable motion of joints in logs (rms), (n,) [rad or m].
 
     It is the difference of positions and merely delayed commands. It is at most how the joint
     moves, and at least five times the noise of positions, and .001.
@@ -66,7 +66,7 @@ def explicable(logs: Sequence[Log]) -> Array:
 
 
 def _explicable_square(log: Log) -> Array:
-    """Return the square of what there is to explain in one log, (n,)."""
+    """Return the mean square of the explicable motion in one log, (n,)."""
     most = min(round(LATEST / signals.sampling_step(log.t)), len(log) // 2)
     target = np.zeros(log.q.shape) if log.q_ref is None else log.q_ref
     q = log.q[most:]

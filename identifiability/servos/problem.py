@@ -164,11 +164,11 @@ class RolloutProblem:
         return np.asarray(np.sqrt(np.mean(self.differences(q) ** 2, axis=0)))
 
     def missed(self, q: list[Array]) -> Array:
-        """Return errors as shares of what there is to explain, (n,)."""
+        """Return errors as shares of the explicable motion, (n,)."""
         return self.errors(q) / explicable(self.logs)
 
     def residual(self, q: list[Array], x: Array) -> Array:
-        """Return errors of positions, flat, then how far numbers are from what is known, (r,)."""
+        """Return errors of positions, flat, then deviations from prior knowledge, (r,)."""
         return np.append(self.differences(q), self.prior_residual(x))
 
     def weights(self, q: list[Array]) -> Array:

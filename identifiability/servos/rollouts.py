@@ -33,7 +33,7 @@ class Rollouts:
     errors : (n,) [rad or m]
         Of positions (rms), by joint.
     missed : (n,)
-        Errors as shares of what there is to explain (`positions.explicable`).
+        Errors as shares of the explicable motion (`positions.explicable`).
     delay_errors : (L,) [s]
         Standard deviations of the delays; zero where they are known.
     covariance : (2 n, 2 n)

@@ -23,13 +23,15 @@ from identifiability.workflows.diagnose import diagnose
 MODEL = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
 
-def record(name, seed=1, masses=1.0, **noise):
+def record(name, seed=1, masses=1.0, samples=600, **noise):
     """Return a robot, and a log of one whose masses are so many times the file's."""
     robot, rng = Robot.load(name), np.random.default_rng(seed)
     bodies = {n: masses * x for n, x in robot.nominal.items() if n.split(".")[0] in robot.bodies}
     truth = robot.with_values(bodies)
     noise = Noise(**{"additive": 0.02, "correlation": 0.9, "encoder": 1e-5, **noise})
-    return robot, simulate(truth, random_trajectory(truth, rng, samples=600), noise=noise, rng=rng)
+    return robot, simulate(
+        truth, random_trajectory(truth, rng, samples=samples), noise=noise, rng=rng
+    )
 
 
 def known(robot, *logs):
@@ -111,6 +113,22 @@ def test_offsets_that_differ_between_logs_are_found_and_taken_out(arm):
     apart = np.array([found.offsets[name] for name in "abc"])
     assert (np.abs(apart - offsets + offsets.mean(0)) < 0.03 * logs[0].tau.std(0)).all()
     assert look(robot, *logs) is None
+
+
+def test_no_regressor_is_evaluated_twice_on_the_same_motion(monkeypatch):
+    robot, log = record("six-dof-arm", samples=3000)
+    turned, evaluated = replace(log, tau=one(1, -1.0) * log.tau), []
+    regressor = Model.regressor
+
+    def count(model, robot, motion, *more):
+        positions, gravity = motion.actuated_q, robot.gravity + 0.0
+        evaluated.append((positions.tobytes(), motion.actuated_a.tobytes(), gravity.tobytes()))
+        return regressor(model, robot, motion, *more)
+
+    logs = known(robot, turned)
+    monkeypatch.setattr(Model, "regressor", count)
+    assert "joint_2 seems to have the wrong sign" in choose_reading(logs).description
+    assert len(evaluated) == len(set(evaluated))
 
 
 @pytest.mark.parametrize(("name", "masses"), [("two-link", 1.0), ("six-dof-arm", 3.0)])
