@@ -312,7 +312,7 @@ class TorqueRows:
         return rows
 
     def _adjust(self, joint: int, rows: Array, adjusted: bool) -> Array:
-        """Return rows (N, m) of a joint, minus their projection on smooth functions, if they are adjusted."""
+        """Return rows (N, m) of a joint, minus their projection on smooth functions if adjusted."""
         if not adjusted:
             return rows
         basis, explained = self._smooth[joint]

@@ -11,14 +11,9 @@ from scipy.optimize import minimize
 
 from identifiability.effects.base import horizontal_axes
 from identifiability.foundation.names import Array
-from identifiability.foundation.rules import Tolerance
 
 #: Returns half the log of each joint's residual share (n,) under some gravity (3,) [m/s²].
 Misfits: TypeAlias = Callable[[Array], Array]
-
-#: Widths [rad] of the two searches about the best direction. The first lowers the sum of squares,
-#: whose minimum is wide. The second lowers the sum of the logs, whose minimum is narrow.
-WIDTHS: tuple[Tolerance, Tolerance] = (0.3, 0.03)
 
 
 def find_gravity(stated: Array, misfits: Misfits, even: float) -> Array:
@@ -46,7 +41,8 @@ def find_gravity(stated: Array, misfits: Misfits, even: float) -> Array:
 
     grid = list_directions(stated)
     best = grid[int(np.argmin([squares(direction) for direction in grid]))]
-    for width, cost in zip(WIDTHS, (squares, logs), strict=True):
+    # The sum of squares has a wide minimum [rad], the sum of the logs a narrow one.
+    for width, cost in ((0.3, squares), (0.03, logs)):
         found = refine_direction(best, cost, width)
         best = along(found) / size
         # Where weight acts along a slide alone, negative masses would fall upwards as well.

@@ -43,10 +43,6 @@ COARSE = BETWEEN[::5]
 EVEN: Tolerance = 0.02
 #: Sum of the logs of the residual where loops do not close.
 OPEN = 1000
-#: Difference of this sum below which a zero moves nothing, such as one about a vertical axis.
-NOTHING: Tolerance = 1e-9
-#: Zero that is tried first, as a share of a joint's range; the search goes to four times it.
-FIRST_ZERO: Tolerance = 0.2
 #: How a zero is searched for.
 ZERO_SEARCH = {"xatol": 1e-3, "maxiter": 14}
 
@@ -199,10 +195,11 @@ class ReadingSearch:
         tried = [
             (screened.misfit(self._zeroed(joint, share)), joint, share)
             for joint in joints
-            for share in (-FIRST_ZERO, FIRST_ZERO)
+            for share in (-0.2, 0.2)  # of its range
         ]
         for misfit, joint, share in sorted(tried)[:2]:
-            if abs(misfit - literal) <= NOTHING:
+            # A zero about a vertical axis moves nothing.
+            if abs(misfit - literal) <= 1e-9:
                 continue
             reading = self._find_zero(joint, 4 * share)
             if self.misfit(reading) < OPEN:

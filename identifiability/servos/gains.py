@@ -25,9 +25,6 @@ from identifiability.servos.fit import fit_rollouts
 from identifiability.servos.rollouts import Rollouts
 from identifiability.servos.torque import check_commands
 
-#: Joints whose gains one sentence lists.
-LISTED = 12
-
 
 def file_shares(robot: Robot) -> dict[str, float]:
     """Return within which share each body is the robot file's, of bodies that have mass there."""
@@ -118,4 +115,4 @@ def _list_gains(kind: str, robot: Robot, values: Array, sd: Array, new: np.ndarr
     """Return the new gains of a kind with their standard deviations; nothing if there are none."""
     joints = np.flatnonzero(new)
     each = [f"{robot.joints[k]} {values[k]:.4g} (± {sd[k]:.2g})" for k in joints]
-    return f"{kind} of {listing(each, LISTED)}" if each else ""
+    return f"{kind} of {listing(each, 12)}" if each else ""

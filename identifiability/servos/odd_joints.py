@@ -17,10 +17,6 @@ from identifiability.servos.problem import PLAY, RolloutProblem
 from identifiability.servos.rollouts import KINDS, Rollouts
 from identifiability.servos.torque import servo_log
 
-#: Numbers of a tree that are fitted, one at a time.
-TRIED = 3
-#: Change of the logarithm of a gain that is tried first.
-LOWER_GAIN = -0.2
 #: Shares of the time in which torque exceeds the limits that are tried first.
 EXCEEDED = np.geomspace(0.004, 0.4, 5)
 
@@ -103,7 +99,7 @@ def _list_odd_trees(problem: RolloutProblem, found: Rollouts) -> np.ndarray:
 def _list_trials(problem: RolloutProblem, found: Rollouts) -> Iterator[tuple[str, float | Array]]:
     """Yield kinds of numbers that are tried, with a first size, of all joints or of each (n,)."""
     yield "play", PLAY
-    yield "kp", LOWER_GAIN
+    yield "kp", -0.2  # the logarithm of its factor
     servo = problem.machine.servo.having(found.numbers)
     pairs = zip(problem.logs, found.delays.tolist(), strict=True)
     torque = np.concatenate([servo_log(log, servo, delay).tau for log, delay in pairs])
@@ -147,7 +143,7 @@ def _explain_tree(
     """
     joints, gain = problem.trees == tree, screening.gain
     of_tree = np.tile(joints, len(KINDS))
-    likeliest = np.argsort(-gain[: problem.bodies.start] * of_tree)[:TRIED]
+    likeliest = np.argsort(-gain[: problem.bodies.start] * of_tree)[:3]
     tried = list[Explanation]()
     for number in likeliest[gain[likeliest] > BEGUN].tolist():
         # A far less likely number is tried only where the best one explains too little.

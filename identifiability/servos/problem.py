@@ -29,8 +29,6 @@ VARIED: Tolerance = 2e-4
 LATER: Tolerance = 0.05
 #: Play by which a gear without any is varied [rad or m]: smaller play is lost in noise.
 PLAY = 100 * VARIED
-#: Time in which an ordinary servo closes an error [s], for the size of damping.
-ORDINARY: Tolerance = 0.1
 
 
 class RolloutProblem:
@@ -252,7 +250,7 @@ def list_steps(machine: CommandedRobot, logs: Sequence[Log]) -> list[Array]:
     moved = np.max([log.q.std(0) for log in logs], axis=0) + 1e-3
     inertia = machine.inertia(logs[0].q.mean(0))
     torque = np.minimum(np.maximum(0.3 * servo.kp, servo.kv) * moved, servo.high)
-    damping = servo.kv + inertia / ORDINARY
+    damping = servo.kv + inertia / 0.1  # of a servo that takes a tenth of a second
     ones = np.ones(len(inertia))
     sizes = {
         "Ia": inertia,

@@ -14,9 +14,8 @@ from identifiability.robot.servo import Servo
 from identifiability.servos.positions import explicable
 from identifiability.simulation.rollout import COARSE, STEP, CommandedRobot
 
-#: Natural frequencies [rad/s] and damping ratios that are tried, of a servo and what it moves.
+#: Natural frequencies of a servo and its load that are tried [rad/s].
 FREQUENCIES = np.geomspace(2, 250, 17)
-DAMPING_RATIOS = 0.2, 0.5, 1.0, 2.0, 4.0
 
 
 def start_rollouts(robot: Robot, log: Log) -> tuple[CommandedRobot, dict[str, Array]]:
@@ -62,6 +61,6 @@ def _list_numbers(machine: CommandedRobot, servo: Servo, log: Log) -> Iterator[M
         needed = np.maximum(servo.kp / frequency**2, bodies)
         total = np.where(unknown, stated, needed)
         kp = np.where(unknown, stated * frequency**2, servo.kp)
-        for ratio in DAMPING_RATIOS:
+        for ratio in (0.2, 0.5, 1.0, 2.0, 4.0):
             damping = np.maximum(2 * total * frequency * ratio - kv, 0.0)
             yield {**numbers, "Ia": total - bodies, "Fv": damping, "kp": kp}
