@@ -153,6 +153,7 @@ def _explain_tree(
         square = np.sum(problem.errors(fitted.q)[joints] ** 2)
         share = float(square / np.sum(errors[joints] ** 2))
         tried = sorted([*tried, Explanation(share, number, fitted)], key=lambda x: x.share)
+    # Less than half is left, and about as little as the best explanation leaves.
     return [x for x in tried if x.share < min(0.5, 1.1 * tried[0].share)]
 
 
