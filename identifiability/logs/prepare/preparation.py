@@ -716,7 +716,7 @@ def fit_band(robot: Robot, log: Log, how: Preparation | None) -> Preparation | N
     if _lets_through(log, raw.gaps, common):
         return how
     free = replace(how, cutoff=None, outputs=None)
-    return replace(_settle(robot, [raw], free), common=common)
+    return replace(_with_band(robot, [raw], free), common=common)
 
 
 def _is_filtered(log: Log, how: Preparation) -> bool:
@@ -824,7 +824,7 @@ def _lets_through(log: Log, gaps: Gaps, cutoff: float) -> bool:
 
 def _state_own_band(log: Log, dt: float, how: Preparation) -> tuple[Finding, ...]:
     """Return the statement of a log's own band; none where it has the band of the fitted logs."""
-    if not isinstance(how, SettledPreparation) or how.common is None:
+    if not isinstance(how, CommonPreparation) or how.common is None:
         return ()
     bands = {"band": how.outputs, "cutoff": how.common}
     span = log.clock.last - log.clock.first
