@@ -139,7 +139,9 @@ def _keys_of(place: tuple[str | int, ...]) -> tuple[str | int, ...]:
 
 
 #: What stands in a place for one of several types that a value may have.
-_TYPE = re.compile(r"constrained-\w+|(?:literal|dict|list|tuple|union)\[.*\]|float|int|str|bool")
+_TYPE = re.compile(
+    r"constrained-\w+|(?:literal|dict|list|tuple|union|function-\w+)\[.*\]|float|int|str|bool"
+)
 
 
 def _known_keys(schema: type[BaseModel], place: Sequence[str | int]) -> list[str]:

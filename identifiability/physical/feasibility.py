@@ -92,7 +92,7 @@ def leave_undecided(structure: Structure, submodel: Submodel) -> PhysicalResult:
 
 
 def check_bodies(robot: Robot) -> dict[str, str]:
-    """Return why moving bodies cannot exist, with what is fixed to them, by body."""
+    """Return why moving bodies cannot exist, by body; bodies fixed to them are merged."""
     ten = {b: np.array([robot.nominal[f"{b}.{k}"] for k in GROUPED_KINDS]) for b in robot.bodies}
     reasons = {body: check_body(theta, body) for body, theta in ten.items()}
     return {body: reason for body, reason in reasons.items() if reason}

@@ -21,7 +21,7 @@ from identifiability.robot.locate import read_markup
 
 
 def check_plausible(robot: Robot) -> list[Finding]:
-    """Return what is implausible about the numbers of a robot file."""
+    """Return the findings on implausible numbers of a robot file."""
     scale = find_millimetres(robot)
     return [*scale, *([] if scale else find_implausible_bodies(robot)), *find_fixed_legs(robot)]
 

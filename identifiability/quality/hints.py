@@ -134,7 +134,7 @@ def find_bodies(logs: MeasuredLogs) -> list[Finding]:
 
 @check("dense", Does.HINTS, always=True)
 def find_implausible(logs: MeasuredLogs) -> list[Finding]:
-    """Return what the file states that no robot is: densities, sizes, units, legs on a base."""
+    """Return implausible inertias and lengths of the robot file, and legs on a fixed base."""
     return check_plausible(logs.robot)
 
 

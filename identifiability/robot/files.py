@@ -92,6 +92,11 @@ def read_robot(
 
 def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     """Return what a URDF states; mimic joints become couplings, and what is locked is welded."""
+    if root.find("link") is None:
+        raise RobotError(
+            f"{path} has no <link>; it may only define parts that another file puts together: "
+            "give that file, after xacro has expanded it."
+        )
     root, top = release_root(root, extra.base)
     reason = ""
     with _printed_errors() as printed:

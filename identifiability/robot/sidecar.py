@@ -118,7 +118,9 @@ T = TypeVar("T")
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, defer_build=True)
+    model_config = ConfigDict(
+        extra="forbid", allow_inf_nan=False, defer_build=True, str_max_length=LONGEST_NAME
+    )
 
 
 def _unique(given: list[T]) -> list[T]:
@@ -381,7 +383,7 @@ class _PriorEntry(_Strict):
 class Sidecar(_Strict):
     """What the robot file cannot say."""
 
-    name: Annotated[str, Field(max_length=LONGEST_NAME)] = key("The robot's name.", "")
+    name: str = key("The robot's name.", "")
     description: str = key("A sentence on it.", "")
     base: Literal["fixed", "floating"] | None = key("Whether its root was bolted down.", None)
     actuated: Names | None = key("Joints with a motor; else those of <actuator>, or all.", None)

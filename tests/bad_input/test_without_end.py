@@ -153,6 +153,7 @@ def test_a_mesh_that_weighs_is_bounded(refuses):
 
 TOML = {
     "bytes": ("#" * (DOCUMENT["TOML"] + 1), "larger than 1 MB"),
+    "a name": (f'locked = ["{"n" * 501}"]', "'locked.0': string should have at most 500"),
     "depth of a key": (".".join("a" * 65) + " = 1", "names more than 64 tables"),
 }
 
