@@ -125,7 +125,7 @@ def print_table(shown: Table, rows: int, title: str) -> None:
 
 
 def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[str] = ()) -> None:
-    """Print the short answers, what to do next, and what was written; with -v all that is said.
+    """Print short answers, warnings, what to do next, and written files; with -v all details.
 
     Parameters
     ----------
@@ -139,8 +139,10 @@ def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[st
     answers = [a for a in result.answers() if not a.commands]
     every = VERBOSE.get()
     said = [f"{a.question} {a.short} {a.text if every else ''}".rstrip() for a in answers]
-    hints = getattr(result, "hints", ())
-    print_end([*(said or [result.statement]), *more])
+    warnings = [f"Warning: {text}" for text in result.warnings]
+    said = [*said, *warnings] if said else [result.statement]
+    hints = result.remarks
+    print_end([*said, *more])
     robot = getattr(result, "robot", None)
     for table in (*result.tables(), *result.ledger()) if every or not answers else ():
         if table.long:

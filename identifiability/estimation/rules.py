@@ -59,6 +59,12 @@ class Rules(RuleTable):
         tuple[float, float, float, float],
         "errors of very good, good, fair and poor models, by hand",
     ] = (0.03, 0.08, 0.15, 0.5)
+    uneven: Annotated[
+        float, "a joint that errs so many times the error of all joints is named, by hand"
+    ] = 3.0
+    contradicted: Annotated[
+        float, "a body of the file is contradicted at so many standard errors, by hand"
+    ] = 5.0
     rollout_contradicted: Annotated[
         float, "error of the best rollout where gains contradict it, calibrated"
     ] = 0.5

@@ -46,10 +46,11 @@ class _Filler(Formatter):
 
 
 @cache
-def sentences() -> Mapping[str, Mapping[str, str]]:
+def sentences() -> Mapping[str, Mapping[str, Any]]:
     """Return the one table of sentences: by key ``level``, ``says``, ``means``, ``do`` and parts.
 
-    ``done`` is what a check did with the rows that it names, for the ledger.
+    ``done`` is what a check did with the rows that it names, for the ledger. ``decides`` marks
+    findings that are always printed.
     """
     return tomllib.loads(Path(__file__).with_name("findings.toml").read_text(encoding="utf-8"))
 
@@ -101,14 +102,19 @@ class Finding(str):
         return Level(sentences()[self.key].get("level", Level.REFUSAL))
 
     @property
+    def decides(self) -> bool:
+        """Whether it changes a decision: it is always printed, and lowers the answers."""
+        return bool(sentences()[self.key].get("decides", False))
+
+    @property
     def remedy(self) -> str:
         """What to do about it; empty where its sentence says it."""
-        return sentences()[self.key].get("do", "").strip()
+        return str(sentences()[self.key].get("do", "")).strip()
 
     @property
     def done(self) -> str:
         """What was done, as a participle; empty where it is only said."""
-        return sentences()[self.key].get("done", "")
+        return str(sentences()[self.key].get("done", ""))
 
     def to_dict(self) -> dict[str, Any]:
         """Return it for JSON."""
@@ -127,6 +133,19 @@ def of_key(texts: Iterable[str], *keys: str) -> list[Finding]:
     """Return the findings of some keys among sentences; all findings if no key is given."""
     found = [text for text in texts if isinstance(text, Finding)]
     return [x for x in found if not keys or x.key in keys]
+
+
+def merge_subjects(found: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Return findings, of those that differ in their subject alone one that names all subjects."""
+    alike: dict[tuple[str, str], list[Finding]] = {}
+    for one in found:
+        rest = one.replace(one.subject, "", 1) if one.subject else str(one)
+        alike.setdefault((one.key, rest or str(one)), []).append(one)
+    merged = list[Finding]()
+    for first, *others in alike.values():
+        subjects = listing(list(dict.fromkeys(x.subject for x in (first, *others))), 4)
+        merged.append(Finding(first.key, subjects, **first.numbers) if others else first)
+    return tuple(merged)
 
 
 def ledger(said: Iterable[str], *, every: bool = False) -> tuple[Table, ...]:

@@ -8,7 +8,7 @@ from textwrap import fill, shorten
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from identifiability.foundation import handed
-from identifiability.foundation.findings import Finding, ledger, of_key
+from identifiability.foundation.findings import Finding, ledger, merge_subjects, of_key
 from identifiability.foundation.keyed import Keyed
 from identifiability.foundation.output import check_ending, write_json
 
@@ -37,9 +37,10 @@ class Result(Keyed, ABC):
 
     @property
     def statement(self) -> str:
-        """The answers in plain words, one a line, without what to do next."""
+        """The answers and warnings in plain words, one a line, without what to do next."""
         told = ((a.question, a.short, a.text) for a in self.answers() if not a.commands)
-        return "\n".join(" ".join(filter(None, own)) for own in told)
+        answered = [" ".join(filter(None, own)) for own in told]
+        return "\n".join([*answered, *self.warnings])
 
     @abstractmethod
     def to_frame(self) -> pd.DataFrame:
@@ -73,6 +74,18 @@ class Result(Keyed, ABC):
         notes = (text for logs in prepared for one in logs for text in one.notes)
         return tuple(of_key([*getattr(self, "hints", ()), *notes]))
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Findings that change a decision; every way of showing the result shows them."""
+        found = of_key(getattr(self, "hints", ()))
+        return merge_subjects(one for one in found if one.decides)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Hints that change no decision."""
+        hints = getattr(self, "hints", ())
+        return tuple(x for x in hints if not (isinstance(x, Finding) and x.decides))
+
     def ledger(self) -> tuple[Table, ...]:
         """Return the table of what checks did with the logs; none where nothing was done."""
         return ledger(self.findings)
@@ -92,7 +105,7 @@ class Result(Keyed, ABC):
         return found
 
     def to_json(self, path: str | Path) -> Path:
-        """Write the result and its `answers` as JSON, whole or not at all.
+        """Write the result, its `answers` and its `warnings` as JSON, whole or not at all.
 
         Raises
         ------
@@ -106,7 +119,8 @@ class Result(Keyed, ABC):
             for a in self.answers()
         ]
         findings = [found.to_dict() for found in self.findings]
-        return write_json(written, {**self.to_dict(), "findings": findings, "answers": answers})
+        shown = {"findings": findings, "answers": answers, "warnings": list(self.warnings)}
+        return write_json(written, {**self.to_dict(), **shown})
 
     def note_written(self, kind: str, path: Path) -> Path:
         """Remember where the result was written as ``"json"``, ``"model"`` …; return that."""
@@ -127,6 +141,7 @@ class Result(Keyed, ABC):
         """What completion offers: what is asked of results, not what they are made of."""
         asked = {"answers", "figures", "findings", "from_json", "next", "statement", "tables"}
         asked |= {"row_names", "chosen", "hints", "models", "play", "predict", "robot", "summary"}
+        asked |= {"warnings"}
         offered = ("_", "to_", "write_")
         return [n for n in super().__dir__() if n in asked or n.startswith(offered)]
 

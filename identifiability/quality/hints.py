@@ -31,7 +31,7 @@ from identifiability.regression.information import Information
 # At each joint the measured torque is regressed on what the file's masses predict, beside what any
 # drive adds (friction, rotor inertia, offset); or on all that the file predicts, where it states
 # the drive too. A file can be wrong, but hardly by a factor of `unit_factor`. One joint's alone is
-# an alternative of the model (`reading`).
+# a reading of the logs (`reading`) where other joints show it.
 
 
 @check("effects", Does.HINTS, always=True)
@@ -59,6 +59,28 @@ def find_torque_scale(logs: MeasuredLogs) -> list[Finding]:
             how=how,
             factors=share.tolist(),
         )
+    ]
+
+
+@check("joint_unit", Does.HINTS)
+def find_joint_unit(logs: MeasuredLogs) -> list[Finding]:
+    """Return each joint whose torque contradicts the file by a factor, where all others agree."""
+    factors = measure_factors(logs) if logs.weighs else np.empty(0)
+    limit = RULES.unit_factor
+    apart = np.abs(np.log(np.where(np.isfinite(factors) & (factors > 0), factors, 1.0)))
+    known, odd = np.isfinite(factors), apart > np.log(limit)
+    # One joint is odd beside the others, not most joints beside a file that is wrong.
+    if not odd.any() or 2 * odd.sum() >= known.sum() + 1:
+        return []
+    return [
+        Finding(
+            "joint_unit",
+            joint=logs.joints[k],
+            factor=float(factors[k]),
+            limit=limit,
+            columns=(f"{logs.joints[k]}.tau",),
+        )
+        for k in np.flatnonzero(odd).tolist()
     ]
 
 

@@ -90,7 +90,7 @@ def drop_stuck(log: Log) -> tuple[Log, list[Finding]]:
     if never.any() and (low < high).any():
         runs += [(int(k), 0, len(log)) for k in np.flatnonzero(never)]
         columns = [f"{log.joints[k]}.tau" for k, *_ in runs]
-        where = [f"'{c}' = {low[k]:.4g}" for c, (k, *_) in zip(columns, runs, strict=True)]
+        where = [f"'{c}' = {low[k] + 0.0:.4g}" for c, (k, *_) in zip(columns, runs, strict=True)]
         told = {"where": where, "columns": columns, "rows": len(log)}
         found = [*found, Finding("unmeasured", log.name, **told)]
     for k, a, b in () if log.long else _find_stuck(log, low, high):

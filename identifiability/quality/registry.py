@@ -26,7 +26,7 @@ from identifiability.robot import Motion, Robot
 #: asked, of all others that in which they are said. A user's own stand behind.
 ORDER = (
     *("silent", "stuck", "wraps", "spikes", "commands", "contradictions"),
-    *("flat", "unheld", "effects", "unit"),
+    *("flat", "unheld", "effects", "unit", "joint_unit"),
     *("bodies", "dense", "assembly", "outside", "beyond", "still", "outliers"),
 )
 

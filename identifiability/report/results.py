@@ -41,7 +41,7 @@ from identifiability.report.blocks import (
     words_of,
 )
 from identifiability.report.figures import TEMPLATES, mark_of
-from identifiability.workflows.answers import hint_note
+from identifiability.workflows.answers import hint_note, note
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -198,8 +198,9 @@ def build_page(result: Result) -> Page:
         title = robot if isinstance(robot, str) else robot.title or robot.name
         overline, subtitle = own
     first = answer_first(result)
-    hints = map(hint_note, getattr(result, "hints", ()))
-    notes = tuple(_of_page(result, "notes", result.cautions() or hints))
+    warnings = [note("decides", text=text) for text in result.warnings]
+    hints = map(hint_note, result.remarks)
+    notes = (*warnings, *_of_page(result, "notes", result.cautions() or hints))
     tables = [
         Section(f"table-{k + 1}", table.caption, blocks=(replace(table, caption=""),))
         for k, table in enumerate(result.tables())
@@ -268,7 +269,8 @@ def notebook_result(result: Result) -> str:
     """Return what the page of a result answers first, with its robot, and its tables."""
     tables = result.tables()
     frame = None if tables else result.to_frame()
-    return notebook_piece("", frame, "to_frame()", answer_first(result), tables)
+    warnings = "\n".join(f"Warning: {text}" for text in result.warnings)
+    return notebook_piece(warnings, frame, "to_frame()", answer_first(result), tables)
 
 
 def notebook_piece(
@@ -369,6 +371,11 @@ class KeptResult(Result):
         known = ({k: x for k, x in f.items() if k != "level"} for f in self.content["findings"])
         return tuple(Finding(f.pop("key"), f.pop("subject"), **f) for f in known)
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Findings that change a decision."""
+        return tuple(self.content["warnings"])
+
     def tables(self) -> tuple[Table, ...]:
         """Return the rows."""
         frame = self.to_frame()
@@ -412,7 +419,7 @@ def read_result(path: str | Path) -> KeptResult:
         If it is none.
     """
     content = read_document(path, _Content, "JSON", "result", IdentifiabilityError).root
-    told, rows = {"statement", "answers", "findings"}, {"parameters", "effects"}
+    told, rows = {"statement", "answers", "findings", "warnings"}, {"parameters", "effects"}
     if told - content.keys() or not rows & content.keys():
         raise IdentifiabilityError(
             f"{path} is no result of analyze, prune or diagnose; write one with --json."

@@ -14,11 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.estimation.rules import RULES
+from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.answers import Answer, Cell, Column, Note, measured_cells
 from identifiability.foundation.findings import Finding, Level
-from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import error_text, format_count
+from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.foundation.rounding import error_text, format_count, stated_text
+from identifiability.regression.reduction import Submodel
+from identifiability.regression.structure import BaseParameters
 
 WORDS: dict[str, Any] = tomllib.loads(
     Path(__file__).with_name("words.toml").read_text(encoding="utf-8")
@@ -108,6 +110,7 @@ def answer_quality(
     more: str,
     question: str = "How good is it?",
     raw: float = math.nan,
+    warnings: Sequence[str] = (),
 ) -> Answer:
     """Return how good the predictions are, in words, and the joint that errs most.
 
@@ -117,31 +120,65 @@ def answer_quality(
         On unseen motion, relative to how much torque varies.
     joints : sequence of str
     each : (n,)
-        The same of each joint over its own scale.
+        The same of each joint over its own scale; nan where its torque was not measured.
     more : str
         What it was measured on.
     question : str
     raw : float
         The same of torque that no filter has passed.
+    warnings : sequence of str
+        What changes a decision: the grade is no better than fair.
     """
     if not np.isfinite(error):
         return Answer(question, "There is no error to tell.", "", "grey")
-    grade, said, tone = grade_of(error), [], TONES[grade_of(error)]
-    if len(joints) > 1 and np.isfinite(each).all():
-        worst = int(np.argmax(each))
-        said = [f"Worst joint, over its own variation: {joints[worst]} {error_text(each[worst])}."]
     errors = error_text(error)
     if np.isfinite(raw) and not math.isclose(raw, error, rel_tol=1e-6):
         errors = sentence("decision.grades", "both", raw=error_text(raw), error=errors)
+    headline = grade_of(error)
+    grade = worse_of(headline, "fair") if warnings else headline
     short = sentence("decision.grades", grade, errors=errors)
-    if said and tone == "green" and TONES[grade_of(float(each.max()))] == "vermilion":
-        short, said, tone = f"{short} {said[0]}", [], "amber"
+    if grade != headline:
+        short = sentence("decision.lowered", "warned", word=word_of(grade), errors=errors)
+    known, said = np.flatnonzero(np.isfinite(each)), list[str]()
+    if len(joints) > 1 and len(known):
+        worst = int(known[np.argmax(each[known])])
+        joint, own = joints[worst], float(each[worst])
+        said = [f"Worst joint, over its own variation: {joint} {error_text(own)}."]
+        if errs_unevenly(error, own):
+            grade, said = worse_of(grade, grade_of(own), worse_of(headline, "good")), []
+            told = {"word": word_of(grade), "joint": joint, "worst": error_text(own)}
+            short = sentence("decision.lowered", "joint", errors=errors, **told)
+    tone = TONES[grade]
+    if tone == "green" and grade != headline:
+        tone = "amber"
     text = " ".join([sentence("decision.uses", grade), *said, more]).rstrip()
     return Answer(question, short, text, tone)
 
 
+def errs_unevenly(error: float, own: float) -> bool:
+    """Return whether a joint errs so much that the error of all joints misleads."""
+    poor = TONES[grade_of(error)] == "green" and TONES[grade_of(own)] == "vermilion"
+    return poor or own > RULES.uneven * error
+
+
+def worse_of(*grades: str) -> str:
+    """Return the worst of some grades."""
+    order = list(TONES)
+    return max(grades, key=order.index)
+
+
+def word_of(grade: str) -> str:
+    """Return a grade as the first word of a sentence."""
+    return grade.replace("-", " ").capitalize()
+
+
 def answer_trust(
-    notes: Sequence[Note], doubt: str, found: int, size: int, missing: str = ""
+    notes: Sequence[Note],
+    doubt: str,
+    found: int,
+    size: int,
+    missing: str = "",
+    warnings: Sequence[str] = (),
 ) -> Answer:
     """Return whether the result may be trusted: what speaks against it, by its titles.
 
@@ -154,19 +191,65 @@ def answer_trust(
         Parameters that are identifiable, and all.
     missing : str
         What the model seems to miss, and how surely (`MissingEffects.statement`).
+    warnings : sequence of str
+        What changes a decision.
     """
     question = "May I trust it?"
     if doubt:
         return Answer(question, f"No: {doubt}", "", "vermilion")
     titles = dict.fromkeys(f"“{n.title.rstrip('.')}”" for n in notes if n.level == "warning")
-    grave, found_text = (
-        "; ".join(titles),
-        f"{found} of {format_count(size, 'value')} are identifiable",
-    )
-    read = f"{found_text}. Read below: {grave}." if grave else f"{found_text}."
+    count = [f"read the {format_count(len(warnings), 'warning')}"] if warnings else []
+    grave = "; ".join([*count, *titles])
+    found_text = f"{found} of {format_count(size, 'value')} are identifiable"
+    read = f"{found_text}. Read below: {grave}." if titles else f"{found_text}."
     if missing:
         return Answer(question, f"Only if nothing is missing, and {missing}.", read, "amber")
     if grave:
         return Answer(question, f"With care: {grave}.", f"{found_text}.", "amber")
     text = f"{found_text}; nothing was found that speaks against it."
     return Answer(question, "Yes, within its intervals.", text, "green")
+
+
+def reserve(answers: Sequence[Answer], warnings: Sequence[str]) -> tuple[Answer, ...]:
+    """Return answers of which none is green above a warning."""
+    if not warnings:
+        return tuple(answers)
+    return tuple(replace(a, tone="amber") if a.tone == "green" else a for a in answers)
+
+
+def state_contradicted(
+    base: BaseParameters,
+    submodel: Submodel,
+    values: Array,
+    stated: Array,
+    sigma: Array,
+) -> list[Finding]:
+    """Return the bodies of the robot file that the logs contradict, the surest first.
+
+    Only combinations of masses, moments and inertias of bodies count: files rarely state rotors
+    and friction. A difference within the error of an identifiable parameter is left out.
+
+    Parameters
+    ----------
+    base : BaseParameters
+    submodel : Submodel
+        Its k parameters over the base parameters.
+    values, stated, sigma : (k,)
+        By the logs, by the file, and the standard error of the first; nan where unknown.
+    """
+    rows = range(len(base))
+    others = [any(p.kind not in INERTIAL_KINDS for _, p in base.terms(row)) for row in rows]
+    of_bodies = ~((submodel.M != 0) & np.array(others)[:, None]).any(0)
+    off = np.abs(values - stated)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sigmas = off / sigma
+    matters = off > Thresholds().sigma_percent / 100 * np.maximum(np.abs(values), np.abs(stated))
+    far = of_bodies & matters & np.isfinite(sigmas) & (sigmas > RULES.contradicted)
+    order = [k for k in np.argsort(-np.nan_to_num(sigmas)).tolist() if far[k]]
+    each = [
+        f"{submodel.columns[k]} = {stated_text(float(stated[k]), float(sigma[k]))} "
+        f"{submodel.units[k]} in the "
+        f"file, {stated_text(float(values[k]), float(sigma[k]))} by the logs ({sigmas[k]:.0f} σ)"
+        for k in order
+    ]
+    return [Finding("contradicted", values=each)] if each else []

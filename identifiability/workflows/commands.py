@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields
+from hashlib import sha256
 
 from identifiability.foundation.names import find_patterns
 from identifiability.foundation.quoting import for_shell, option_for_shell, path_for_shell
@@ -108,12 +109,17 @@ def name_logs(robot: Robot, paths: Iterable[str], option: str = "", how: object 
     return f"{' '.join(files)}{reading_options(robot)}{preparing_options(how)}"
 
 
-def compare_line(robot: Robot, paths: Iterable[str], how: object) -> tuple[str, str]:
-    """Return the line that compares the first log with all others, after its purpose."""
+def compare_line(
+    robot: Robot, paths: Iterable[str], how: object, ladder: str = ""
+) -> tuple[str, str]:
+    """Return the line that compares the first log with all others, after its purpose.
+
+    `ladder` is the option that names the model, as `ladder_option` writes it.
+    """
     files = [*dict.fromkeys(paths)]
     more = "".join(f" --after {path_for_shell(path)}" for path in files[2:])
     two = name_logs(robot, files[:2], how=how)
-    line = f"identifiability compare {source_name(robot)} {two}{more}"
+    line = f"identifiability compare {source_name(robot)} {two}{more}{ladder}"
     return "See what differs between the logs:", line
 
 
@@ -147,8 +153,13 @@ def on_file(result: Result, kind: str, name: str, make: str, use: Callable[[str]
 
 
 def ladder_option(robot: Robot, source: LadderSource | None) -> str:
-    """Return the ladder that was given, as an option; begins with a space."""
+    """Return the ladder that was given, as an option; begins with a space.
+
+    A ladder with the content of the one beside the robot file is found without an option.
+    """
     if source is None or not source.origin.lower().endswith(".toml"):
         return ""
-    given = str(ladder_path(robot)) != source.origin
-    return f" --ladder {path_for_shell(source.origin)}" if given else ""
+    beside = ladder_path(robot)
+    if beside is not None and sha256(beside.read_bytes()).hexdigest() == source.sha256:
+        return ""
+    return f" --ladder {path_for_shell(source.origin)}"

@@ -38,6 +38,7 @@ from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.reduction import (
     LadderLike,
+    LadderSource,
     Submodel,
     build_ladder,
     find_ladder,
@@ -46,8 +47,15 @@ from identifiability.regression.reduction import (
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.robot import tool_bodies
-from identifiability.workflows.answers import answer_next, sentence, with_hints
-from identifiability.workflows.commands import given_paths, name_logs, source_name
+from identifiability.workflows.answers import answer_next, reserve, sentence, with_hints
+from identifiability.workflows.commands import (
+    EXPORT,
+    export_line,
+    given_paths,
+    ladder_option,
+    name_logs,
+    source_name,
+)
 from identifiability.workflows.diagnose.changes import (
     NAMED,
     Change,
@@ -145,6 +153,8 @@ class Comparison(OfStructure, Result):
         How logs were asked to be turned into motion.
     motion, torque : Motion and DifferentTorque
         Of the first log after.
+    source : LadderSource
+        Where its model came from.
     """
 
     schema: ClassVar[str] = "identifiability/comparison/1"
@@ -158,6 +168,7 @@ class Comparison(OfStructure, Result):
     preparation: Preparation
     motion: Motion
     torque: DifferentTorque
+    source: LadderSource
 
     @property
     def answer(self) -> str:
@@ -175,7 +186,8 @@ class Comparison(OfStructure, Result):
         changed = Answer(f"What changed between {sides}?", self.answer, tone=tone)
         why = " ".join(sentence("comparison.how", name) for name in ("logs", "odds"))
         trust = Answer("May I trust it?", sentence("comparison.trust", "logs"), why, "amber")
-        return changed, trust, answer_next(_next_commands(self))
+        asked = reserve((changed, trust), self.warnings)
+        return (*asked, answer_next(_next_commands(self)))
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a number that changed."""
@@ -276,6 +288,7 @@ def compare(
             preparation=preparation or Preparation(),
             motion=opening.samples[0].motion,
             torque=DifferentTorque.of(found, terms),
+            source=source,
         )
 
 
@@ -283,11 +296,17 @@ def _next_commands(result: Comparison) -> list[tuple[str, str]]:
     robot = source_name(result.robot)
     sides, how = (result.before, result.after), result.preparation
     before, after = (name_logs(result.robot, paths, how=how) for paths in sides)
+    ladder = ladder_option(result.robot, result.source)
+    if not result.changes:  # all logs are of one robot
+        every = name_logs(result.robot, (*result.before, *result.after), how=how)
+        fitted = f"identifiability analyze {robot} {every}{ladder} --json analyze.json"
+        return [(EXPORT, f"{fitted} && {export_line(result.robot, 'analyze.json')}")]
     loads = [c.place for c in result.changes if c.kind == "load"]
     if loads:
-        fitted = f"identifiability analyze {robot} {before} --json analyze.json"
+        fitted = f"identifiability analyze {robot} {before}{ladder} --json analyze.json"
         logs, body = name_logs(result.robot, result.after), option_for_shell("--body", loads[0])
         call = f"{fitted} && identifiability payload {robot} analyze.json {logs} {body}"
         return [("Fit the robot without the load, and weigh the load:", call)]
-    fit = f"identifiability analyze {robot} {after} --json analyze.json --report report.html"
+    fit = f"identifiability analyze {robot} {after}{ladder} --json analyze.json"
+    fit += " --report report.html"
     return [("Fit the robot as it is now:", fit)]

@@ -496,6 +496,8 @@ def _usable(result: Inspection) -> Answer:
     odd = [hint for hint in result.hints if hint_note(hint).level == "warning"]
     if odd:
         count = format_count(len(odd), "thing")
+        if result.warnings:
+            return Answer(question, f"Check {count} first: see the warning.", "", "amber")
         return Answer(question, f"Check {count} first: {odd[0]}", "", "amber")
     return Answer(question, "Yes: nothing is odd.", sentence("inspection.sound"), "green")
 

@@ -46,7 +46,7 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.robot import Point, body_of, ten_parameters, tool_bodies
-from identifiability.workflows.answers import answer_next, sentence, with_hints
+from identifiability.workflows.answers import answer_next, reserve, sentence, with_hints
 from identifiability.workflows.commands import given_paths, name_logs, source_name
 from identifiability.workflows.compare import find_differences, look
 from identifiability.workflows.diagnose.changes import Change, DifferentTorque, list_log_changes
@@ -378,7 +378,7 @@ class Load(Result):
         """Return how heavy and where, or gains; how well known, whether to trust it, what next."""
         following = answer_next(_next_commands(self))
         if self.known is not None:
-            return _gains(self), following
+            return (*reserve([_gains(self)], self.warnings), following)
         tone = "blue" if self.mass.told else "amber"
         text = sentence(WORDS_OF, "proportional") if self.mass.told else ""
         what = Answer(f"What hangs on {self.body}?", self.answer, text, tone)
@@ -387,7 +387,7 @@ class Load(Result):
         text = f"Not identifiable: {listing(lost, count)}; the table says why." if lost else ""
         short = f"{count - len(lost)} of {count} quantities are identifiable."
         told = Answer("How well is it known?", short, text, known)
-        return what, told, _trust(self), following
+        return (*reserve((what, told, _trust(self)), self.warnings), following)
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a quantity, or a joint whose gain a known load tells."""
@@ -606,6 +606,8 @@ def _trust(result: Load) -> Answer:
         text = "One motion cannot show what another would change."
     if any(change.kind == "load" for change in changes):
         short, text, tone = "With care: the logs have different loads.", "", "amber"
+    if result.warnings:
+        short, tone = "With care: see the warning.", "amber"
     if result.caveats:
         short, tone = "With care: the robot changed since.", "amber"
     beside = f"Found beside it: {listing([c.called for c in changes])}." if changes else ""

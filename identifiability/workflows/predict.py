@@ -52,7 +52,7 @@ from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.robot import new_place
 from identifiability.robot.servo import FOUND, Servo
 from identifiability.robot.sidecar import Value
-from identifiability.workflows.answers import answer_next, answer_quality, with_hints
+from identifiability.workflows.answers import answer_next, answer_quality, reserve, with_hints
 from identifiability.workflows.commands import (
     EXPORT,
     export_line,
@@ -178,8 +178,9 @@ class TorquePrediction(Result):
         each = self.error_frame()["error"].to_numpy(float)
         more = f"Measured on {join(known)}." if known else ""
         about = self.error_ra, self.robot.joints, each, more
-        quality = answer_quality(*about, raw=self.error_ra_raw)
-        return _what(self), quality, _trust(self), answer_next(_next_commands(self))
+        quality = answer_quality(*about, raw=self.error_ra_raw, warnings=self.warnings)
+        asked = reserve((_what(self), quality, _trust(self)), self.warnings)
+        return (*asked, answer_next(_next_commands(self)))
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint."""
@@ -726,7 +727,8 @@ def _trust(result: TorquePrediction) -> Answer:
     if few := _few(result):
         text = f"{phrase('predicted', 'few', joints=few)} {text}".rstrip()
         return Answer(question, f"No: only {size}", text, "vermilion")
-    return Answer(question, f"Yes: {size}", text, "amber" if new else "green")
+    word = "With care" if result.warnings else "Yes"
+    return Answer(question, f"{word}: {size}", text, "amber" if new else "green")
 
 
 def _next_commands(result: TorquePrediction) -> list[tuple[str, str]]:

@@ -73,7 +73,9 @@ from identifiability.workflows.answers import (
     grade_of,
     hint_note,
     note,
+    reserve,
     sentence,
+    state_contradicted,
     with_hints,
 )
 from identifiability.workflows.session import COMPLETED, Recordings, state_provenance
@@ -379,8 +381,9 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         first = self.missing.functions or self.chosen.contradicted or not very_good
         # What wrote a ladder may have been a diagnosis.
         out = out if ladder else [missing, *out] if first else [*out, missing]
-        if compare_logs(self.samples, self.chosen):
-            out = [commands.compare_line(self.robot, names, how), *out]
+        # Logs disagree under a model that misses something; what differs shows beside that.
+        if not self.missing.functions and compare_logs(self.samples, self.chosen):
+            out = [commands.compare_line(self.robot, names, how, ladder), *out]
         return out[:3]
 
     @cached_property
@@ -487,12 +490,21 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
     def answers(self) -> tuple[Answer, ...]:
         """Return what to use, how good it is, whether to trust it, what to do next."""
         use = after_mass(self._answer_use(), self.mass_warning)
-        return (
-            replace(use, short=f"{self.weight} {use.short}".lstrip()),
-            self._answer_quality(),
-            self._answer_trust(),
-            answer_next(self.commands_next),
-        )
+        use = replace(use, short=f"{self.weight} {use.short}".lstrip())
+        asked = use, self._answer_quality(), self._answer_trust()
+        return (*reserve(asked, self.warnings), answer_next(self.commands_next))
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """Findings that change a decision: of the logs, and bodies that they contradict."""
+        if self.nothing:
+            return super().warnings
+        verdicts = self.full.verdicts
+        judged = [v.sigma_label if Flag.NEGLIGIBLE not in v.flags else np.inf for v in verdicts]
+        stated = [np.nan if x is None else x for x in stated_values(self, self.full)]
+        values = np.array([v.value for v in verdicts])
+        own = self.base, self.full.submodel, values, np.array(stated), np.array(judged)
+        return (*super().warnings, *state_contradicted(*own))
 
     def _answer_trust(self) -> Answer:
         """Return whether the result may be trusted."""
@@ -500,8 +512,8 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         if self.nothing:
             doubt = f"Nothing is identifiable, because {self.nothing}."
         size, missing = len(self.chosen.submodel), self.missing.statement
-        told = answer_trust(self.cautions(), doubt, found, size, missing)
-        odd = [*self._impossible(), *of_key(self.hints, "alternative", "unit", "odd_joint")]
+        told = answer_trust(self.cautions(), doubt, found, size, missing, self.warnings)
+        odd = [*self._impossible(), *of_key(self.hints, "alternative", "odd_joint")]
         text = f"{self._errors()} {told.short} {told.text}".lstrip()
         return told if doubt or not odd else replace(told, short=odd[0], text=text, tone="amber")
 
@@ -531,7 +543,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             parts = [f"{a.short} {a.text}".rstrip() for a in self.answers()[:3]]
         parts += [] if tilt is None else [f"In this model gravity {tilt.text}."]
         parts += [] if self.moved is None else [self.moved.told]
-        return " ".join(filter(None, (*parts, *self.hints)))
+        return " ".join(filter(None, (*parts, *self.warnings, *self.remarks)))
 
     @property
     def weight(self) -> str:
@@ -557,7 +569,8 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         if not self.nothing:
             more += [self._beside(), self._in_file()]
         error, text = self.chosen.error_ra_validation, " ".join(filter(None, more))
-        return answer_quality(error, self.robot.joints, each, text, raw=self.left_out["raw"])
+        raw, warnings = self.left_out["raw"], self.warnings
+        return answer_quality(error, self.robot.joints, each, text, raw=raw, warnings=warnings)
 
     @property
     def left_out(self) -> dict[str, float]:
@@ -598,7 +611,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
     def _notes(self) -> Iterator[Note]:
         """Say what physics, the motion, its samples and the fit speak against."""
         chosen, base, kept = self.chosen, self.base, self.full.estimate.kept
-        yield from map(hint_note, self.hints)
+        yield from map(hint_note, self.remarks)
         for found in of_key(self.findings, "unclosed", "singular"):
             yield note(found.key, log=found.subject, text=found)
         if chosen.infeasible and not self.nothing and not chosen.physical_used:
@@ -689,7 +702,9 @@ DIFFERS: Tolerance = 0.05
 # What logs say of each other.
 
 
-def compare_logs(samples: Sequence[Dataset], result: ModelResult) -> str:
+def compare_logs(
+    samples: Sequence[Dataset], result: ModelResult, missing: Sequence[str] = ()
+) -> str:
     """Return in what logs disagree under a model; nothing where they agree, or are one or short.
 
     Parameters
@@ -697,6 +712,8 @@ def compare_logs(samples: Sequence[Dataset], result: ModelResult) -> str:
     samples : sequence of Dataset
         The fitted logs.
     result : ModelResult
+    missing : sequence of str
+        Effects that the model misses: these come first.
     """
     columns, motions = result.submodel.columns, result.fit.motions
     # Intervals are widened sooner; of a hundred fits of one robot chance says it of none.
@@ -706,7 +723,9 @@ def compare_logs(samples: Sequence[Dataset], result: ModelResult) -> str:
     order = [k for k in np.argsort(motions.p) if motions.moved[k]]
     each = zip(order, motions.values.T[order], strict=True)
     far = [f"{columns[k]} ({x.min():.3g} to {x.max():.3g})" for k, x in each]
-    return sentence("decision.disagree", names=names, far=listing(far, NAMED))
+    said = sentence("decision.disagree", names=names, far=listing(far, NAMED))
+    after = "missing" if missing else "compare"
+    return f"{said} {sentence('decision.disagree', after, missing=listing(missing, NAMED))}"
 
 
 # `Analysis`: the answer to which parameters the logs determine; a table, JSON or a report.

@@ -447,8 +447,10 @@ def say_band(band: Band | None) -> tuple[str, ...]:
     return tuple(said)
 
 
-def say_of_fit(session: Session, samples: Sequence[Dataset], result: ModelResult) -> list[str]:
-    """Return what a fit says of its logs: a mounting to correct, logs that disagree.
+def say_of_fit(
+    session: Session, samples: Sequence[Dataset], result: ModelResult, missing: Sequence[str]
+) -> list[str]:
+    """Return hints from a fit on its logs: a mounting to correct, logs that disagree.
 
     Corrections of a mounting are linear where they are small: what is left of a large one is found
     from there.
@@ -456,7 +458,7 @@ def say_of_fit(session: Session, samples: Sequence[Dataset], result: ModelResult
     sure = {v.name: v.value for v in result.verdicts if v.sure and not v.open}
     entry = move_mounting(session.structure.robot, sure)
     moved = Finding("imu_moved", entry=entry) if entry else ""
-    return [*filter(None, (moved, compare_logs(samples, result)))]
+    return [*filter(None, (moved, compare_logs(samples, result, missing)))]
 
 
 def predict_everywhere(
@@ -638,7 +640,7 @@ def conclude_analysis(
     hints = [*opening.hints, rows.burst, short]
     hints += () if session.recordings.commanded else say_band(getattr(session.how, "band", None))
     if not opening.explained:  # exchanged columns, a wrong unit or late torque explain the rest
-        hints += say_of_fit(session, opening.samples, results[at])
+        hints += say_of_fit(session, opening.samples, results[at], missing.functions)
     used, full = int(results[at].physical_used), settled[0].model.submodel
     return Analysis(
         structure=opening.structure,

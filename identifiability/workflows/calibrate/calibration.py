@@ -22,7 +22,7 @@ from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import REACH, join, rough_percent
 from identifiability.foundation.values import frozen
 from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.answers import answer_next
+from identifiability.workflows.answers import answer_next, reserve
 from identifiability.workflows.calibrate.rules import RULES
 from identifiability.workflows.calibrate.world import Cell, World, count_outcomes
 from identifiability.workflows.commands import (
@@ -111,7 +111,8 @@ class Calibration(Result):
 
     def answers(self) -> tuple[Answer, ...]:
         """Return whether to trust, how often verdicts are wrong, where, what to do next."""
-        return (_trust(self), _wrong(self), _weakest(self), answer_next(_next_commands(self)))
+        asked = _trust(self), _wrong(self), _weakest(self)
+        return (*reserve(asked, self.warnings), answer_next(_next_commands(self)))
 
     def tables(self) -> tuple[Table, ...]:
         """Return the coverage of every parameter, the worst first."""
@@ -122,7 +123,12 @@ class Calibration(Result):
     def statement(self) -> str:
         """The answer in plain words, and what is odd about the logs."""
         told = [f"{a.short} {a.text}".strip() for a in self.answers()[:3]]
-        return "\n".join([*told, *self.hints])
+        return "\n".join([*told, *self.warnings, *self.remarks])
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Findings that change a decision, as of the analysis."""
+        return self.analysis.warnings
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON."""
@@ -240,6 +246,8 @@ def _trust(calibration: Calibration) -> Answer:
     short, tone = STARTS[calibration.word]
     if calibration.word == "yes" and calibration.analysis.missing.statement:
         short, tone = "Only if nothing is missing.", "amber"
+    elif calibration.word == "yes" and calibration.warnings:
+        short, tone = "Only if the warning is settled.", "amber"
     text = (
         f"Of 95 % intervals of {calibration.model}, {100 * cell.coverage:.1f} ± "
         f"{100 * cell.coverage_se:.1f} % hold the truth in {len(cell.held)} simulated repetitions."

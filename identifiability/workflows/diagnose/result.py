@@ -35,7 +35,14 @@ from identifiability.regression.reduction import LadderEntry, ModelEntry, full_m
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
-from identifiability.workflows.answers import after_mass, answer_next, answer_quality, with_hints
+from identifiability.workflows.answers import (
+    after_mass,
+    answer_next,
+    answer_quality,
+    reserve,
+    state_contradicted,
+    with_hints,
+)
 from identifiability.workflows.commands import (
     EXPORT,
     compare_line,
@@ -371,7 +378,21 @@ class Diagnosis(Result, Setting, Predicts):
     def answers(self) -> tuple[Answer, ...]:
         """Return what is missing, what it explains, what is left, what to do next."""
         what = after_mass(_what(self), self.mass_warning)
-        return what, _gap(self), _left(self), answer_next(next_commands(self))
+        asked = what, _gap(self), _left(self)
+        return (*reserve(asked, self.warnings), answer_next(next_commands(self)))
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """Findings that change a decision: of the logs, and bodies that they contradict."""
+        if self.nothing or self.fixed:
+            return super().warnings
+        base, fit = self.completed.base, self.fit
+        sigma = np.sqrt(np.diag(fit.base_covariance))
+        unknown = np.abs(fit.base_unknown).max(1, initial=0.0) > ROUNDOFF
+        sigma = np.where(unknown, np.inf, sigma)
+        stated = self.completed.nominal_base
+        found = state_contradicted(base, full_model(base), fit.base, stated, sigma)
+        return (*super().warnings, *found)
 
     def tables(self) -> tuple[Table, ...]:
         """Return what changed in mid-log, the effects that were named, and the errors of joints."""
@@ -575,8 +596,9 @@ def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
     undecided = any(e.alternatives for e in d.effects) and not d.written("next")
     tells = "Find the motion that tells one name from the other:", f"{again} --next motion.json"
     out = [tells] if undecided else []
-    # A quarter of the residual.
-    if any(x.explained.get("log", 0.0) > 0.25 for x in d.discrepancies):
+    # A quarter of the residual. With effects in the model `analyze` asks whether logs disagree.
+    disagree = any(x.explained.get("log", 0.0) > 0.25 for x in d.discrepancies)
+    if disagree and not d.included:
         out.insert(0, compare_line(d.robot, paths, d.preparation))
     if d.included:
         judge = f"identifiability analyze {robot} {logs}"
@@ -631,7 +653,8 @@ def _gap(d: Diagnosis) -> Answer:
 def _left(d: Diagnosis) -> Answer:
     question = "How good is the model then?"
     each = d.error_frame()["after"].to_numpy()
-    told = answer_quality(d.held_after, d.robot.joints, each, d.unexplained, question)
+    about = d.held_after, d.robot.joints, each, d.unexplained, question
+    told = answer_quality(*about, warnings=d.warnings)
     return told if d.moved is None else d.moved.warn(told)
 
 
@@ -681,7 +704,7 @@ def _remark(d: Diagnosis) -> Iterator[Note]:
             yield Note("note", "Not confirmed", text)
     for x in d.refuted:
         yield Note("note", "Refuted", _state_refuted(x, d))
-    for hint in d.hints:
+    for hint in d.remarks:
         yield Note("note", "Please note", hint)
 
 

@@ -241,7 +241,7 @@ def _hint(
         rows.burst,
         *(hint for hint in opening.hints if hint not in other),
         *(() if session.recordings.commanded else say_band(getattr(session.how, "band", None))),
-        *say_of_fit(session, opening.samples, models[selected]),
+        *say_of_fit(session, opening.samples, models[selected], opening.missing.functions),
     )
 
 

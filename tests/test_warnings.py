@@ -1,0 +1,113 @@
+"""What changes a decision is always printed, and no answer above it is unreserved."""
+
+import html
+import re
+import shlex
+from xml.etree import ElementTree as ET
+
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from identifiability import analyze, diagnose, new_study
+from identifiability.cli import app
+
+RUNS = ("run1.csv", "run2.csv", "run3.csv")
+GIVEN = "robot.urdf run1.csv run2.csv --validate run3.csv"
+#: What is never said above a warning.
+UNRESERVED = re.compile(r"\b(Very good|Good|Yes)\b")
+
+
+def scale_torque(folder, joint, factor):
+    """Multiply a joint's torque in all logs."""
+    for name in RUNS:
+        frame = pd.read_csv(folder / name)
+        frame[f"{joint}.tau"] *= factor
+        frame.to_csv(folder / name, index=False)
+
+
+def change_body(folder, link, attribute, value):
+    """Write another mass, or another moment of inertia, of a link into the robot file."""
+    tree = ET.parse(folder / "robot.urdf")
+    inertial = tree.find(f"link[@name='{link}']/inertial")
+    tag = "mass" if attribute == "value" else "inertia"
+    inertial.find(tag).set(attribute, str(value))
+    tree.write(folder / "robot.urdf")
+
+
+#: Faults by name: how each is planted, and what says so.
+FAULTS = {
+    "a dead column": (lambda f: scale_torque(f, "joint_4", 0.0), r"'joint_4\.tau' = 0 in every"),
+    "another unit": (lambda f: scale_torque(f, "joint_6", 1e-3), r"joint_6\.tau is 0\.001 times"),
+    "a heavy link": (lambda f: change_body(f, "link_3", "value", 60), r"contradict the robot file"),
+    "no body": (lambda f: change_body(f, "link_5", "ixx", 1.0), r"a body that cannot exist"),
+}
+#: What `make test` runs of the verbs.
+VERBS = [
+    "analyze",
+    "diagnose",
+    pytest.param("prune", marks=pytest.mark.everything),
+    pytest.param("predict", marks=pytest.mark.everything),
+]
+
+
+def call(typed):
+    """Run a command as somebody who asks for no detail; return what it prints."""
+    done = CliRunner().invoke(app, shlex.split(typed))
+    assert done.exit_code == 0, f"{typed}\n{done.output}\n{done.exception}"
+    return done.stdout
+
+
+def text_of(page):
+    """Return what the first screen of a page says, without tags."""
+    first = page.read_text(encoding="utf-8").partition("</header>")[0].partition("<body>")[2]
+    plain = html.unescape(re.sub(r"<[^>]*>", "", first))
+    return " ".join(plain.split())
+
+
+@pytest.fixture
+def study(tmp_path, monkeypatch):
+    """The folder of the README, which somebody is in."""
+    folder = new_study(tmp_path / "study").folder
+    monkeypatch.chdir(folder)
+    return folder
+
+
+@pytest.mark.parametrize("verb", VERBS)
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_printed_and_lowers_the_answers(fault, verb, study):
+    plant, says = FAULTS[fault]
+    plant(study)
+    if verb == "predict":
+        call(f"analyze {GIVEN} --quick --json result.json")
+        typed = "predict robot.urdf result.json run3.csv --report page.html --json page.json"
+        if fault in ("a heavy link", "no body"):
+            pytest.skip("a prediction says nothing of the robot file")
+    else:
+        typed = f"{verb} {GIVEN} --quick --report page.html --json page.json"
+    printed = " ".join(call(typed).split())
+    assert re.search(rf"Warning: [^:]*:?[^:]*{says}", printed), printed
+    kept = pd.read_json(study / "page.json", typ="series")
+    answers = " ".join(answer["short"] for answer in kept["answers"])
+    for text in (printed, text_of(study / "page.html"), answers, kept["statement"]):
+        assert not UNRESERVED.search(text), text
+    for text in (text_of(study / "page.html"), " ".join(kept["warnings"]), kept["statement"]):
+        assert re.search(says, text), text
+    assert not [a for a in kept["answers"] if a["tone"] == "green"]
+
+
+@pytest.mark.parametrize("verb", [analyze, diagnose], ids=["analyze", "diagnose"])
+def test_python_says_the_same(verb, study):
+    scale_torque(study, "joint_4", 0.0)
+    found = verb("robot.urdf", list(RUNS[:2]), RUNS[2], quick=True)
+    for text in (found.statement, " ".join(found.summary().split()), found._repr_html_()):
+        assert re.search(r"joint_4\.tau(&#39;|') = 0 in every", text)
+        assert not UNRESERVED.search(text)
+    # Of three logs with one fault it is said once.
+    assert sum("joint_4.tau" in text for text in found.warnings) == 1
+
+
+def test_sound_logs_have_no_warning(study):
+    printed = call(f"analyze {GIVEN} --quick")
+    assert "Warning" not in printed
+    assert "Very good" in printed
