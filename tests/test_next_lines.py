@@ -1,9 +1,13 @@
 """What is proposed next works as it is printed, where it is printed, and was not done before."""
 
 import html
+import os
 import re
 import shlex
+import subprocess
+import sys
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +16,12 @@ from typer.testing import CliRunner
 
 from identifiability import Robot, new_study, simulate
 from identifiability.cli import app, common
-from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
+from identifiability.simulation import (
+    Noise,
+    PrescribedMotion,
+    random_trajectory,
+    shipped_trajectory,
+)
 from identifiability.workflows.commands import reading_options
 
 COMMANDS = vars(typer.main.get_command(app))["commands"]
@@ -190,18 +199,41 @@ def test_next_lines_of_shipped_robots_end_in_an_exported_robot(robot, hide, tmp_
     assert ("diagnose" in verbs) >= bool(hide)
 
 
-def test_logs_that_disagree_are_compared_once_nothing_is_missing(logs, tmp_path, monkeypatch):
-    """Logs of a robot with a load and without differ in nothing that a diagnosis names."""
+def test_logs_that_disagree_are_compared_and_lead_on(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    robot = Robot.load("two-link")
-    heavy = {"link2.m": 1.5 * robot.nominal["link2.m"], "link2.mx": 1.5 * robot.nominal["link2.mx"]}
-    for seed, (name, values) in enumerate({"a": {}, "b": heavy}.items()):
-        motion = PrescribedMotion.of(shipped_trajectory(robot, name), 300)
-        rng = np.random.default_rng(seed)
-        log = simulate(robot, motion, noise=Noise(torque=0.02), rng=rng, parameters=values)
-        log.write(f"{name}.csv")
-    verbs = follow("identifiability analyze two-link a.csv b.csv")
-    assert verbs[-1] == "export"
+    robot, rng = Robot.load("two-link"), np.random.default_rng(3)
+    for name, more in {"a": 0.0, "b": 0.3, "c": 0.0}.items():
+        motion = PrescribedMotion.of(random_trajectory(robot, rng, samples=1500))
+        frame = simulate(robot, motion, noise=Noise(torque=0.02), rng=rng).to_frame()
+        frame["elbow.tau"] += more * np.sign(frame["elbow.dq"])
+        frame.to_csv(f"{name}.csv", index=False)
+    verbs = follow("identifiability analyze two-link a.csv b.csv c.csv")
+    assert "compare" in verbs
+
+
+def test_the_demo_tells_one_story_and_its_next_line_acts_on_it(tmp_path, monkeypatch):
+    """What the simulation hides is told; it is missing in the answer; the next line finds it."""
+    monkeypatch.chdir(tmp_path)
+    said = call(["demo", "--folder", "look"])
+    hidden = "Stribeck friction in joint_2"
+    first, *_, last = said.splitlines()
+    assert hidden in first
+    assert f"{hidden} (log odds" in said
+    assert last.endswith((tmp_path / "look/demo.html").as_uri())
+    (line,) = re.findall(r"^Next .*?: (identifiability .*)$", said, re.MULTILINE)
+    found = call(shlex.split(line)[1:])
+    assert found.startswith(f"What is missing? {hidden}")
+
+
+def test_a_command_that_is_not_on_the_search_path_is_put_there_first(tmp_path):
+    program = Path(sys.executable).with_name("identifiability")
+    here = {**os.environ, "PATH": "/usr/bin:/bin"}
+    words = [str(program), "inspect", "two-link"]
+    done = subprocess.run(words, cwd=tmp_path, env=here, capture_output=True, text=True, check=True)
+    (line,) = re.findall(r"^Next .*?: (\. .*)$", done.stdout, re.MULTILINE)
+    made = subprocess.run(["sh", "-c", line], cwd=tmp_path, env=here, check=False)
+    assert made.returncode == 0
+    assert (tmp_path / "study").is_dir()
 
 
 class Cells(HTMLParser):

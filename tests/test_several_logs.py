@@ -42,11 +42,14 @@ def mixed(logs):
 
 
 def test_the_odd_log_is_named_with_parameter_and_joint(mixed):
-    hint = compare_logs(mixed.samples, mixed.chosen)
+    missing = mixed.missing.functions
+    hint = compare_logs(mixed.samples, mixed.chosen, missing)
     assert hint in mixed.hints
     assert hint in mixed.statement
     assert hint.startswith("The logs first, second, third disagree: elbow.Fc")
-    assert "What changed, and in which log: compare." in hint
+    assert f"First add {missing[0]} to the model (`diagnose`)" in hint
+    alone = compare_logs(mixed.samples, mixed.chosen)
+    assert alone.endswith("`compare` finds the change and its log.")
 
 
 def test_the_interval_holds_the_values_of_both(equal, mixed):

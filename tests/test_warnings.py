@@ -5,6 +5,7 @@ import re
 import shlex
 from xml.etree import ElementTree as ET
 
+import numpy as np
 import pandas as pd
 import pytest
 from typer.testing import CliRunner
@@ -42,6 +43,16 @@ FAULTS = {
     "a heavy link": (lambda f: change_body(f, "link_3", "value", 60), r"contradict the robot file"),
     "no body": (lambda f: change_body(f, "link_5", "ixx", 1.0), r"a body that cannot exist"),
 }
+
+
+def disturb(folder, joint, size):
+    """Add a slow disturbance to a joint's torque in all logs [N·m]."""
+    for name in RUNS:
+        frame = pd.read_csv(folder / name)
+        frame[f"{joint}.tau"] += size * np.sin(9.0 * frame.t) * np.cos(2.3 * frame.t**1.1)
+        frame.to_csv(folder / name, index=False)
+
+
 #: What `make test` runs of the verbs.
 VERBS = [
     "analyze",
@@ -94,6 +105,15 @@ def test_a_fault_is_printed_and_lowers_the_answers(fault, verb, study):
     for text in (text_of(study / "page.html"), " ".join(kept["warnings"]), kept["statement"]):
         assert re.search(says, text), text
     assert not [a for a in kept["answers"] if a["tone"] == "green"]
+
+
+@pytest.mark.parametrize("verb", ["analyze", "diagnose"])
+def test_a_joint_that_errs_far_more_than_all_together_is_in_the_headline(verb, study):
+    disturb(study, "joint_6", 2.0)
+    printed = call(f"{verb} {GIVEN} --quick --report page.html")
+    for text in (" ".join(printed.split()), text_of(study / "page.html")):
+        assert re.search(r"(Fair|Poor|Useless) in joint_6, which errs by", text), text
+        assert "Very good" not in text
 
 
 @pytest.mark.parametrize("verb", [analyze, diagnose], ids=["analyze", "diagnose"])

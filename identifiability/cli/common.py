@@ -7,14 +7,14 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
-from shutil import rmtree
+from shutil import rmtree, which
 from tempfile import mkdtemp
 from time import monotonic
 from typing import TYPE_CHECKING, Literal, NoReturn
 
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, legible
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.quoting import for_terminal
+from identifiability.foundation.quoting import for_terminal, path_for_shell
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -158,9 +158,17 @@ def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[st
 
 
 def print_next(result: Result) -> None:
-    """Print what the page proposes first, with the line to type."""
+    """Print the first line that the page proposes.
+
+    Where the command is found by its path alone, as after ``make demo``, the line begins with
+    what puts it on the search path.
+    """
+    script = Path(sys.argv[0])
+    activate = script.with_name("activate")
+    alone = script.name == "identifiability" and which(script.name) is None
+    before = f". {path_for_shell(activate)} && " if alone and activate.is_file() else ""
     for what, command in result.next()[:1]:
-        print_command(f"Next {what[0].lower()}{what[1:]}", command)
+        print_command(f"Next {what[0].lower()}{what[1:]}", f"{before}{command}")
 
 
 def print_command(what: str, command: str) -> None:

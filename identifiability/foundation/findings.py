@@ -46,7 +46,7 @@ class _Filler(Formatter):
 
 
 @cache
-def sentences() -> Mapping[str, Mapping[str, Any]]:
+def sentences() -> Mapping[str, Mapping[str, str]]:
     """Return the one table of sentences: by key ``level``, ``says``, ``means``, ``do`` and parts.
 
     ``done`` is what a check did with the rows that it names, for the ledger. ``decides`` marks
@@ -104,7 +104,7 @@ class Finding(str):
     @property
     def decides(self) -> bool:
         """Whether it changes a decision: it is always printed, and lowers the answers."""
-        return bool(sentences()[self.key].get("decides", False))
+        return "decides" in sentences()[self.key]
 
     @property
     def remedy(self) -> str:

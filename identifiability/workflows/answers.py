@@ -198,7 +198,7 @@ def answer_trust(
     if doubt:
         return Answer(question, f"No: {doubt}", "", "vermilion")
     titles = dict.fromkeys(f"“{n.title.rstrip('.')}”" for n in notes if n.level == "warning")
-    count = [f"read the {format_count(len(warnings), 'warning')}"] if warnings else []
+    count = [f"read the warning{'s' * (len(warnings) > 1)}"] if warnings else []
     grave = "; ".join([*count, *titles])
     found_text = f"{found} of {format_count(size, 'value')} are identifiable"
     read = f"{found_text}. Read below: {grave}." if titles else f"{found_text}."

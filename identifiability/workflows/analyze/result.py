@@ -19,7 +19,7 @@ import pandas as pd
 
 from identifiability.effects.vocabulary import by_effect, file_kinds, values_in_file
 from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.fit import Fit
+from identifiability.estimation.fit import Fit, Motions
 from identifiability.estimation.groups import MissingEffects
 from identifiability.estimation.prediction import (
     Prediction,
@@ -702,6 +702,14 @@ DIFFERS: Tolerance = 0.05
 # What logs say of each other.
 
 
+def disagree(motions: Motions) -> bool:
+    """Return whether logs give other values than each other, by more than chance.
+
+    Intervals are widened sooner; of a hundred fits of one robot chance says it of none.
+    """
+    return bool(motions.p.min() < 0.001)
+
+
 def compare_logs(
     samples: Sequence[Dataset], result: ModelResult, missing: Sequence[str] = ()
 ) -> str:
@@ -716,8 +724,7 @@ def compare_logs(
         Effects that the model misses: these come first.
     """
     columns, motions = result.submodel.columns, result.fit.motions
-    # Intervals are widened sooner; of a hundred fits of one robot chance says it of none.
-    if motions is None or motions.p.min() >= 0.001:
+    if motions is None or not disagree(motions):
         return ""
     names = listing([samples[k].name for k in motions.which], NAMED)
     order = [k for k in np.argsort(motions.p) if motions.moved[k]]

@@ -31,10 +31,12 @@ from identifiability.logs.prepare import Dataset
 from identifiability.physical.cad_prior import real_robot_dict, share_weight, state_mass
 from identifiability.reading.rules import RULES as READING_RULES
 from identifiability.regression.columns import Refusal
+from identifiability.regression.information import Information
 from identifiability.regression.reduction import LadderEntry, ModelEntry, full_model, ladder_text
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
+from identifiability.workflows.analyze.result import disagree
 from identifiability.workflows.answers import (
     after_mass,
     answer_next,
@@ -346,6 +348,12 @@ class Diagnosis(Result, Setting, Predicts):
             return nearest_dict(self)
 
     @cached_property
+    def refitted(self) -> tuple[Information, Known]:
+        """A refit of the model with the named effects, whatever was known beforehand."""
+        information, fit, *_ = fit_structure(self.completed, self.samples)
+        return information, Known.of(information, fit, np.random.default_rng(self.seed), 0)
+
+    @cached_property
     def fit(self) -> Fit:
         """The model with the named effects: values, covariance, and how torque scatters."""
         with one_thread("blas"):
@@ -596,10 +604,13 @@ def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
     undecided = any(e.alternatives for e in d.effects) and not d.written("next")
     tells = "Find the motion that tells one name from the other:", f"{again} --next motion.json"
     out = [tells] if undecided else []
-    # A quarter of the residual. With effects in the model `analyze` asks whether logs disagree.
-    disagree = any(x.explained.get("log", 0.0) > 0.25 for x in d.discrepancies)
-    if disagree and not d.included:
-        out.insert(0, compare_line(d.robot, paths, d.preparation))
+    if logs_disagree(d):
+        text, compare = compare_line(d.robot, paths, d.preparation)
+        line = compare
+        if d.included:
+            make = f"{again} --out"
+            line = on_file(d, "model", "model.toml", make, lambda x: f"{compare} --ladder {x}")
+        out.insert(0, (text, line))
     if d.included:
         judge = f"identifiability analyze {robot} {logs}"
         use = partial("{} --ladder {} --report report.html".format, judge)
@@ -607,6 +618,14 @@ def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
         out.append(("Judge the parameters of the diagnosed model:", line))
     export = partial(export_line, d.robot)
     return [*out, (EXPORT, on_file(d, "json", "diagnose.json", f"{again} --json", export))]
+
+
+def logs_disagree(d: Diagnosis) -> bool:
+    """Return whether the fitted logs disagree although the named effects are in the model."""
+    motions = d.refitted[1].motions
+    apart = motions is not None and disagree(motions)
+    # A quarter of the residual.
+    return apart or any(x.explained.get("log", 0.0) > 0.25 for x in d.discrepancies)
 
 
 ODDS = "Log odds for it on the fitted motion, all that was asked counted [nat]."
@@ -789,10 +808,9 @@ def keep_completed(d: Diagnosis) -> Fit:
     """
     structure = d.completed
     submodel = full_model(structure.base, "the diagnosed model")
-    information, fit, *_ = fit_structure(structure, d.samples)
+    information, known = d.refitted
     found = predict(structure.regression(d.samples), d.values[:, None])
     fitted, unseen = ((x.joint_rms()[:, -1], x.joint_rms(raw=True)[:, -1]) for x in (found, d.gap))
-    known = Known.of(information, fit, np.random.default_rng(d.seed), 0)
     spread = measure_spread(information, known, fitted, unseen)
     return Fit(
         structure=structure,
