@@ -124,8 +124,10 @@ def run_demo(
     say("reading logs", 0.0)
     robot, logs = Robot.load(name), list[Log]()
     for file in files:
-        log = Log.read(robot.path.parent / "logs" / file, Conventions.of(robot))
-        logs.append(replace(log, path=str(folder / f"demo-{file}")))
+        shipped = robot.path.with_name("logs") / file
+        log = Log.read(shipped, Conventions.of(robot))
+        path = folder / f"demo-{file}"
+        logs.append(replace(log, path=str(path)))
     found = analyze(robot, logs[:-1], logs[-1:], seed=seed, quick=quick, progress=say)
     return found, logs
 

@@ -7,7 +7,7 @@ is asks for its key, and never for a part of its text.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
 from functools import cache
 from pathlib import Path
@@ -141,11 +141,15 @@ def merge_subjects(found: Iterable[Finding]) -> tuple[Finding, ...]:
     for one in found:
         rest = one.replace(one.subject, "", 1) if one.subject else str(one)
         alike.setdefault((one.key, rest or str(one)), []).append(one)
-    merged = list[Finding]()
-    for first, *others in alike.values():
-        subjects = listing(list(dict.fromkeys(x.subject for x in (first, *others))), 4)
-        merged.append(Finding(first.key, subjects, **first.numbers) if others else first)
-    return tuple(merged)
+    return tuple(_of_all_subjects(own) for own in alike.values())
+
+
+def _of_all_subjects(found: Sequence[Finding]) -> Finding:
+    first = found[0]
+    subjects = list(dict.fromkeys(one.subject for one in found))
+    if len(subjects) == 1:
+        return first
+    return Finding(first.key, listing(subjects, 4), **first.numbers)
 
 
 def ledger(said: Iterable[str], *, every: bool = False) -> tuple[Table, ...]:

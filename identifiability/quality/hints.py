@@ -66,22 +66,19 @@ def find_torque_scale(logs: MeasuredLogs) -> list[Finding]:
 def find_joint_unit(logs: MeasuredLogs) -> list[Finding]:
     """Return each joint whose torque contradicts the file by a factor, where all others agree."""
     factors = measure_factors(logs) if logs.weighs else np.empty(0)
-    limit = RULES.unit_factor
-    apart = np.abs(np.log(np.where(np.isfinite(factors) & (factors > 0), factors, 1.0)))
-    known, odd = np.isfinite(factors), apart > np.log(limit)
+    known = np.isfinite(factors) & (factors > 0)
+    apart = np.abs(np.log(np.where(known, factors, 1.0)))
+    odd = np.flatnonzero(apart > np.log(RULES.unit_factor)).tolist()
+    agreeing = int(known.sum()) - len(odd)
     # One joint is odd beside the others, not most joints beside a file that is wrong.
-    if not odd.any() or 2 * odd.sum() >= known.sum() + 1:
+    if len(odd) > agreeing:
         return []
-    return [
-        Finding(
-            "joint_unit",
-            joint=logs.joints[k],
-            factor=float(factors[k]),
-            limit=limit,
-            columns=(f"{logs.joints[k]}.tau",),
-        )
-        for k in np.flatnonzero(odd).tolist()
-    ]
+    found = list[Finding]()
+    for k in odd:
+        joint, factor = logs.joints[k], float(factors[k])
+        numbers = {"factor": factor, "limit": RULES.unit_factor}
+        found.append(Finding("joint_unit", joint=joint, columns=(f"{joint}.tau",), **numbers))
+    return found
 
 
 def measure_factors(logs: MeasuredLogs) -> Array:

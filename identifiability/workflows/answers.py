@@ -131,28 +131,38 @@ def answer_quality(
     """
     if not np.isfinite(error):
         return Answer(question, "There is no error to tell.", "", "grey")
-    errors = error_text(error)
-    if np.isfinite(raw) and not math.isclose(raw, error, rel_tol=1e-6):
-        errors = sentence("decision.grades", "both", raw=error_text(raw), error=errors)
-    headline = grade_of(error)
+    errors, headline = state_errors(error, raw), grade_of(error)
     grade = worse_of(headline, "fair") if warnings else headline
     short = sentence("decision.grades", grade, errors=errors)
     if grade != headline:
         short = sentence("decision.lowered", "warned", word=word_of(grade), errors=errors)
-    known, said = np.flatnonzero(np.isfinite(each)), list[str]()
-    if len(joints) > 1 and len(known):
-        worst = int(known[np.argmax(each[known])])
-        joint, own = joints[worst], float(each[worst])
-        said = [f"Worst joint, over its own variation: {joint} {error_text(own)}."]
-        if errs_unevenly(error, own):
-            grade, said = worse_of(grade, grade_of(own), worse_of(headline, "good")), []
-            told = {"word": word_of(grade), "joint": joint, "worst": error_text(own)}
-            short = sentence("decision.lowered", "joint", errors=errors, **told)
+    joint, worst = worst_joint(joints, each)
+    said = [f"Worst joint, over its own variation: {joint} {error_text(worst)}."] if joint else []
+    if joint and errs_unevenly(error, worst):
+        grade, said = worse_of(grade, grade_of(worst), worse_of(headline, "good")), []
+        told = {"word": word_of(grade), "joint": joint, "worst": error_text(worst)}
+        short = sentence("decision.lowered", "joint", errors=errors, **told)
     tone = TONES[grade]
     if tone == "green" and grade != headline:
         tone = "amber"
     text = " ".join([sentence("decision.uses", grade), *said, more]).rstrip()
     return Answer(question, short, text, tone)
+
+
+def state_errors(error: float, raw: float) -> str:
+    """Return the error in words, and that of raw torque where a filter makes a difference."""
+    if not np.isfinite(raw) or math.isclose(raw, error, rel_tol=1e-6):
+        return error_text(error)
+    return sentence("decision.grades", "both", raw=error_text(raw), error=error_text(error))
+
+
+def worst_joint(joints: Sequence[str], each: Array) -> tuple[str, float]:
+    """Return the joint that errs most and its error; no name of one joint, or if none is known."""
+    known = np.flatnonzero(np.isfinite(each))
+    if len(joints) < 2 or not len(known):
+        return "", math.nan
+    worst = int(known[np.argmax(each[known])])
+    return joints[worst], float(each[worst])
 
 
 def errs_unevenly(error: float, own: float) -> bool:
@@ -197,9 +207,10 @@ def answer_trust(
     question = "May I trust it?"
     if doubt:
         return Answer(question, f"No: {doubt}", "", "vermilion")
-    titles = dict.fromkeys(f"“{n.title.rstrip('.')}”" for n in notes if n.level == "warning")
-    count = [f"read the warning{'s' * (len(warnings) > 1)}"] if warnings else []
-    grave = "; ".join([*count, *titles])
+    graver = [n.title.rstrip(".") for n in notes if n.level == "warning"]
+    titles = [f"“{title}”" for title in dict.fromkeys(graver)]
+    ask = ["read the warnings" if len(warnings) > 1 else "read the warning"]
+    grave = "; ".join([*(ask if warnings else []), *titles])
     found_text = f"{found} of {format_count(size, 'value')} are identifiable"
     read = f"{found_text}. Read below: {grave}." if titles else f"{found_text}."
     if missing:
@@ -237,19 +248,30 @@ def state_contradicted(
     values, stated, sigma : (k,)
         By the logs, by the file, and the standard error of the first; nan where unknown.
     """
-    rows = range(len(base))
-    others = [any(p.kind not in INERTIAL_KINDS for _, p in base.terms(row)) for row in rows]
-    of_bodies = ~((submodel.M != 0) & np.array(others)[:, None]).any(0)
     off = np.abs(values - stated)
+    size = np.maximum(np.abs(values), np.abs(stated))
     with np.errstate(divide="ignore", invalid="ignore"):
-        sigmas = off / sigma
-    matters = off > Thresholds().sigma_percent / 100 * np.maximum(np.abs(values), np.abs(stated))
-    far = of_bodies & matters & np.isfinite(sigmas) & (sigmas > RULES.contradicted)
-    order = [k for k in np.argsort(-np.nan_to_num(sigmas)).tolist() if far[k]]
-    each = [
-        f"{submodel.columns[k]} = {stated_text(float(stated[k]), float(sigma[k]))} "
-        f"{submodel.units[k]} in the "
-        f"file, {stated_text(float(values[k]), float(sigma[k]))} by the logs ({sigmas[k]:.0f} σ)"
-        for k in order
-    ]
+        sigmas = np.nan_to_num(off / sigma, posinf=0.0)
+    matters = off > Thresholds().sigma_percent / 100 * size
+    far = _of_bodies(base, submodel) & matters & (sigmas > RULES.contradicted)
+    each = list[str]()
+    for k in np.argsort(-sigmas).tolist():
+        if far[k]:
+            told = (stated_text(float(x[k]), float(sigma[k])) for x in (stated, values))
+            file, logs = told
+            unit, times = submodel.units[k], f"{sigmas[k]:.0f} σ"
+            each.append(
+                f"{submodel.columns[k]} = {file} {unit} in it, {logs} by the logs ({times})"
+            )
     return [Finding("contradicted", values=each)] if each else []
+
+
+def _of_bodies(base: BaseParameters, submodel: Submodel) -> Array:
+    """Return which parameters combine numbers of bodies alone, (k,) bool."""
+    others = np.zeros(len(base), bool)
+    for row in range(len(base)):
+        kinds = {parameter.kind for _, parameter in base.terms(row)}
+        others[row] = not kinds <= {*INERTIAL_KINDS}
+    uses = submodel.M != 0
+    mixed: Array = (uses & others[:, None]).any(0)
+    return ~mixed

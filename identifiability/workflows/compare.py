@@ -297,10 +297,8 @@ def _next_commands(result: Comparison) -> list[tuple[str, str]]:
     sides, how = (result.before, result.after), result.preparation
     before, after = (name_logs(result.robot, paths, how=how) for paths in sides)
     ladder = ladder_option(result.robot, result.source)
-    if not result.changes:  # all logs are of one robot
-        every = name_logs(result.robot, (*result.before, *result.after), how=how)
-        fitted = f"identifiability analyze {robot} {every}{ladder} --json analyze.json"
-        return [(EXPORT, f"{fitted} && {export_line(result.robot, 'analyze.json')}")]
+    if not result.changes:
+        return [_export_together(result, robot, ladder)]
     loads = [c.place for c in result.changes if c.kind == "load"]
     if loads:
         fitted = f"identifiability analyze {robot} {before}{ladder} --json analyze.json"
@@ -310,3 +308,11 @@ def _next_commands(result: Comparison) -> list[tuple[str, str]]:
     fit = f"identifiability analyze {robot} {after}{ladder} --json analyze.json"
     fit += " --report report.html"
     return [("Fit the robot as it is now:", fit)]
+
+
+def _export_together(result: Comparison, robot: str, ladder: str) -> tuple[str, str]:
+    """Return the line that fits all logs, which are of one robot, and exports it."""
+    paths = (*result.before, *result.after)
+    every = name_logs(result.robot, paths, how=result.preparation)
+    fit = f"identifiability analyze {robot} {every}{ladder} --json analyze.json"
+    return EXPORT, f"{fit} && {export_line(result.robot, 'analyze.json')}"

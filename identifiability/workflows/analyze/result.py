@@ -490,9 +490,11 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
     def answers(self) -> tuple[Answer, ...]:
         """Return what to use, how good it is, whether to trust it, what to do next."""
         use = after_mass(self._answer_use(), self.mass_warning)
-        use = replace(use, short=f"{self.weight} {use.short}".lstrip())
+        short = f"{self.weight} {use.short}".lstrip()
+        use = replace(use, short=short)
         asked = use, self._answer_quality(), self._answer_trust()
-        return (*reserve(asked, self.warnings), answer_next(self.commands_next))
+        answered = reserve(asked, self.warnings)
+        return (*answered, answer_next(self.commands_next))
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:

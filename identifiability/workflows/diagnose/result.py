@@ -624,8 +624,9 @@ def logs_disagree(d: Diagnosis) -> bool:
     """Return whether the fitted logs disagree although the named effects are in the model."""
     motions = d.refitted[1].motions
     apart = motions is not None and disagree(motions)
+    shares = [x.explained.get("log", 0.0) for x in d.discrepancies]
     # A quarter of the residual.
-    return apart or any(x.explained.get("log", 0.0) > 0.25 for x in d.discrepancies)
+    return apart or max(shares, default=0.0) > 0.25
 
 
 ODDS = "Log odds for it on the fitted motion, all that was asked counted [nat]."
