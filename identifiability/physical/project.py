@@ -384,7 +384,11 @@ def follow(
         reached = max(near, RIDGE * max(1.0, light))  # Newton decrement and complementarity
         lack, product = sign @ z + program.slack - slack, slack * y
         J = (cone @ z + start).reshape(-1, 4, 4)
-        root = weight**0.25 * np.linalg.inv(np.linalg.cholesky(J))
+        try:
+            lower = np.linalg.cholesky(J)
+        except np.linalg.LinAlgError:  # by rounding a body is at the edge
+            return
+        root = weight**0.25 * np.linalg.inv(lower)
         each = float(product.sum() / max(y.size, 1))
         each *= LESS if reach > LESS else 1 / LESS  # rows that bound no longer hinder small ones
         aim = max(each, reached / max(100, 2 * y.size))  # all of them together are enough

@@ -165,6 +165,17 @@ def worst_joint(joints: Sequence[str], each: Array) -> tuple[str, float]:
     return joints[worst], float(each[worst])
 
 
+def state_uneven(error: float, joints: Sequence[str], each: Array) -> list[Finding]:
+    """Return that one joint errs far more than all joints together, if one does.
+
+    Parameters as of `answer_quality`.
+    """
+    joint, worst = worst_joint(joints, each)
+    if not (joint and np.isfinite(error) and errs_unevenly(error, worst)):
+        return []
+    return [Finding("uneven", joint=joint, error=worst, together=error)]
+
+
 def errs_unevenly(error: float, own: float) -> bool:
     """Return whether a joint errs so much that the error of all joints misleads."""
     poor = TONES[grade_of(error)] == "green" and TONES[grade_of(own)] == "vermilion"

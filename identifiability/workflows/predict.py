@@ -52,7 +52,13 @@ from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.robot import new_place
 from identifiability.robot.servo import FOUND, Servo
 from identifiability.robot.sidecar import Value
-from identifiability.workflows.answers import answer_next, answer_quality, reserve, with_hints
+from identifiability.workflows.answers import (
+    answer_next,
+    answer_quality,
+    reserve,
+    state_uneven,
+    with_hints,
+)
 from identifiability.workflows.commands import (
     EXPORT,
     export_line,
@@ -171,6 +177,13 @@ class TorquePrediction(Result):
         """Share of samples of each joint whose interval is infinite, (n,)."""
         share: Array = np.isinf(self.mean).mean(0)
         return share
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """Findings that change a decision: of the logs, and one joint."""
+        each = self.error_frame()["error"].to_numpy(float)
+        uneven = state_uneven(self.error_ra, self.robot.joints, each)
+        return (*super().warnings, *uneven)
 
     def answers(self) -> tuple[Answer, ...]:
         """Return what was predicted, how well, whether to trust it, what to do next."""

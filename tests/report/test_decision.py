@@ -21,7 +21,7 @@ def test_one_joint_lowers_word_and_colour_where_it_errs_three_times_as_much():
     alike = answer_quality(0.025, joints, each, "")
     assert (alike.short, alike.tone) == ("Very good: relative validation error 2.50 %.", "green")
     apart = answer_quality(0.02, joints, each, "")
-    assert apart.short.startswith("Good in b, which errs by 7.00 % over its own variation")
+    assert apart.short.startswith("Good in b (7.00 % over its own variation)")
     assert apart.tone == "amber"
     unmeasured = answer_quality(0.02, joints, np.array([np.nan, 0.01]), "")
     assert unmeasured.short.startswith("Very good")

@@ -76,6 +76,7 @@ from identifiability.workflows.answers import (
     reserve,
     sentence,
     state_contradicted,
+    state_uneven,
     with_hints,
 )
 from identifiability.workflows.session import COMPLETED, Recordings, state_provenance
@@ -498,7 +499,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """Findings that change a decision: of the logs, and bodies that they contradict."""
+        """Findings that change a decision: of the logs, one joint, and contradicted bodies."""
         if self.nothing:
             return super().warnings
         verdicts = self.full.verdicts
@@ -506,7 +507,9 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         stated = [np.nan if x is None else x for x in stated_values(self, self.full)]
         values = np.array([v.value for v in verdicts])
         own = self.base, self.full.submodel, values, np.array(stated), np.array(judged)
-        return (*super().warnings, *state_contradicted(*own))
+        error, each = self.chosen.error_ra_validation, self.held_out.joint_error()[:, 0]
+        uneven = state_uneven(error, self.robot.joints, each)
+        return (*super().warnings, *uneven, *state_contradicted(*own))
 
     def _answer_trust(self) -> Answer:
         """Return whether the result may be trusted."""

@@ -43,6 +43,7 @@ from identifiability.workflows.answers import (
     answer_quality,
     reserve,
     state_contradicted,
+    state_uneven,
     with_hints,
 )
 from identifiability.workflows.commands import (
@@ -391,16 +392,19 @@ class Diagnosis(Result, Setting, Predicts):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """Findings that change a decision: of the logs, and bodies that they contradict."""
+        """Findings that change a decision: of the logs, one joint, and contradicted bodies."""
+        each = self.error_frame()["after"].to_numpy()
+        uneven = state_uneven(self.held_after, self.robot.joints, each)
+        seen = (*super().warnings, *uneven)
         if self.nothing or self.fixed:
-            return super().warnings
+            return seen
         base, fit = self.completed.base, self.fit
         sigma = np.sqrt(np.diag(fit.base_covariance))
         unknown = np.abs(fit.base_unknown).max(1, initial=0.0) > ROUNDOFF
         sigma = np.where(unknown, np.inf, sigma)
         stated = self.completed.nominal_base
         found = state_contradicted(base, full_model(base), fit.base, stated, sigma)
-        return (*super().warnings, *found)
+        return (*seen, *found)
 
     def tables(self) -> tuple[Table, ...]:
         """Return what changed in mid-log, the effects that were named, and the errors of joints."""
