@@ -241,7 +241,7 @@ def write_messages() -> str:
         Does.WEIGHS: "What has less weight in the fit",
     }
     out = []
-    import_module("identifiability.workflows.session")  # whose checks need a fit
+    import_module("identifiability.workflows.case")  # whose checks need a fit
     for does, heading in follows.items():
         out += [f"## {heading}", ""]
         out += [f"{does[0].upper()}{does[1:]}.", ""] if does is not Does.HINTS else []

@@ -61,6 +61,7 @@ if TYPE_CHECKING:
         simulate as simulate,
     )
     from identifiability.workflows.analyze import Analysis as Analysis, analyze as analyze
+    from identifiability.workflows.case import Case as Case
     from identifiability.workflows.calibrate.calibration import (
         Calibration as Calibration,
         calibrate as calibrate,
@@ -102,6 +103,7 @@ _HOMES = {
         "robot": ("Motion", "Robot"),
         "simulation": ("Noise", "Trajectory", "simulate"),
         "workflows.analyze": ("Analysis", "analyze"),
+        "workflows.case": ("Case",),
         "workflows.calibrate.calibration": ("Calibration", "calibrate"),
         "workflows.compare": ("Comparison", "compare"),
         "workflows.diagnose": ("Diagnosis", "diagnose"),

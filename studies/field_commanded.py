@@ -27,7 +27,7 @@ from identifiability.logs.conventions import Conventions
 from identifiability.robot.servo import Servo
 from identifiability.servos import forgotten, roll_delayed
 from identifiability.simulation.rollout import CommandedRobot
-from identifiability.workflows.session import SO
+from identifiability.workflows.case import SO
 
 sys.path.insert(0, str(Path(__file__).parent / "shipped"))
 import floating_bases as bases

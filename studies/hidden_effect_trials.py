@@ -13,13 +13,14 @@ from hidden_effect_outside import EVERY, OUTSIDE
 
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_log
+from identifiability.logs.prepare.excerpt import prepare_excerpt
 from identifiability.regression.reduction import USUAL_EFFECTS
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, find_base_parameters
 from identifiability.robot import Robot
 from identifiability.simulation import Campaign, Noise, random_trajectory, shipped_trajectory
-from identifiability.workflows.diagnose import Diagnosis, Setting, diagnose, look
-from identifiability.workflows.diagnose.problem import know_nothing, prepare_rows
+from identifiability.workflows.diagnose import Diagnosis, Problem, diagnose, look
+from identifiability.workflows.diagnose.problem import know_nothing
 
 #: Noise of the torque as a share of its rms, its correlation at 100 Hz, and encoders [m or rad].
 LEVEL, RHO = 0.012, 0.9
@@ -208,10 +209,10 @@ def true_error(name: str, seed: int) -> float:
     """Return the held-out error of the true model: of the same noise with nothing hidden."""
     robot = campaign(name).robot
     logs = simulated(name, np.zeros_like(campaign(name).torque), seed)
-    samples = tuple(prepare_rows(robot, log, None) for log in logs)
+    samples = tuple(prepare_excerpt(robot, log, None) for log in logs)
     structure = Structure.of(robot, Model.of(*USUAL_EFFECTS))
-    found = look(Setting(structure, samples[:4], know_nothing(structure), samples[4:]), ())
-    return float(found.predict([found.fit(())], samples[4:]).relative_error()[0])
+    found = look(Problem(structure, samples[:4], know_nothing(structure), samples[4:]), ())
+    return float(found.predict_unseen([found.fit(())]).relative_error()[0])
 
 
 def run(job: Job) -> Trial | None:

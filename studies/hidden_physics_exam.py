@@ -44,7 +44,6 @@ from identifiability.foundation.output import plain, write_json
 from identifiability.report import Prose, Section, check_cell, frame_table, write_page
 from identifiability.report.results import answer_first
 from identifiability.workflows.diagnose.naming import look, name_missing
-from identifiability.workflows.diagnose.problem import Setting
 
 ROOT = Path(__file__).resolve().parents[1]
 #: z from which on an effect counts as visible, and weight from which on a name is sure.
@@ -176,8 +175,7 @@ def trace(d: Any, effect: dict[str, Any], truth: dict[str, Any]) -> dict[str, An
     as encoders tell it, the band and the shapes of the groups under the noise that was put upon the
     torque, that of the rich model, other groups, and the log that may refute.
     """
-    setting = Setting(**{name: getattr(d, name) for name in Setting.__dataclass_fields__})
-    looked = look(setting)
+    looked = look(d.problem)
     found = name_missing(looked)
 
     def true(t: Term) -> bool:

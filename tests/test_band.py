@@ -48,7 +48,7 @@ def test_every_verb_takes_the_same_band(two_link, coarse, verb, monkeypatch):
         taken.append(how)
         return prepare_log(robot, log, how, **options)
 
-    monkeypatch.setattr("identifiability.workflows.session.prepare_log", prepare)
+    monkeypatch.setattr("identifiability.workflows.case.prepare_log", prepare)
     other = replace(coarse.rows(0, 3500, "other"), sha256="other")
     asked = [coarse]
     if verb == "compare":

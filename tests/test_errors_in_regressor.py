@@ -77,7 +77,7 @@ def test_a_log_without_a_second_record_is_named_and_does_not_stop_the_others(
     logs = [simulated_session("3-rps", name, noise=NOISE) for name in ("601", "595")]
     logs[1] = replace(logs[1], name="bare")
     monkeypatch.setattr(
-        "identifiability.workflows.session.add_instrument",
+        "identifiability.workflows.case.add_instrument",
         lambda robot, log, samples, **how: (
             None if log.name == "bare" else add_instrument(robot, log, samples, **how)
         ),

@@ -45,7 +45,7 @@ def test_every_key_has_an_example_that_its_table_takes_and_that_toml_reads_back(
 
 def test_every_check_stands_in_the_order_and_in_the_table_of_sentences():
     table = sentences()
-    import_module("identifiability.workflows.session")  # whose checks need a fit
+    import_module("identifiability.workflows.case")  # whose checks need a fit
     assert [check.key for check in CHECKS] == [*ORDER]
     for key, own in table.items():
         if "level" not in own:  # a refusal, which says all

@@ -554,6 +554,11 @@ class Placed(Effect):
         """How a ladder file writes the effect."""
         return self._texts or super().texts
 
+    @property
+    def stage_key(self) -> tuple[object, ...]:
+        """What two equal effects have in common: their text, or nothing without one."""
+        return (type(self.parts[0].effect), self._texts) if self._texts else (id(self),)
+
     def turn(self, robot: Robot) -> Robot:
         """Return the robot that the effect of its parts is about."""
         return self.parts[0].effect.turn(robot)

@@ -276,7 +276,8 @@ def load_by_fit(
     What logs do not say of bodies is the file's. Where no effect depends on loads nothing changes,
     unless one may be `named`.
     """
-    before, rounds = np.empty(0), ROUNDS if is_loaded(structure.parameters) else int(named)
+    loaded = is_loaded(structure.parameters)
+    before, rounds = np.empty(0), ROUNDS if loaded else int(named)
     # Each leaves the share of an error that a scale is of the torque.
     for _ in range(rounds):
         rows = gather_information(structure.regression(samples), engine=engine)
@@ -286,7 +287,12 @@ def load_by_fit(
         phi = combine_with_file(structure, *both, RULES.body_within).mean.tolist()
         known = dict(zip(structure.columns, phi, strict=True))
         loads = complete_values(structure.robot, known, keep=False)
-        structure = Structure.of(replace(structure.robot, reference=loads), structure.model)
+        robot = replace(structure.robot, reference=loads)
+        # Columns that do not depend on loads have the same groupings.
+        if loaded:
+            structure = Structure.of(robot, structure.model)
+        else:
+            structure = Structure(robot, structure.model, structure.base)
         x = fit.value
         # Settled to a tenth of an error; other loads may let more base parameters be told.
         if x.shape == before.shape and np.all(np.abs(x - before) <= 0.1 * fit.sigma):

@@ -96,6 +96,12 @@ class Model:
         """The effects as a ladder file writes them, and `of` reads them."""
         return tuple(text for e in self.effects for text in e.texts)
 
+    @property
+    def stage_key(self) -> tuple[Any, ...]:
+        """What two equal models have in common."""
+        effects = (getattr(e, "stage_key", id(e)) for e in self.effects)
+        return (*effects, *sorted(self.random.items()))
+
     def __repr__(self) -> str:
         """Return its effects, in one line."""
         return f"<Model: {' + '.join(self.texts)}>"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +11,7 @@ import numpy as np
 from scipy.linalg import null_space
 
 from identifiability.effects import FAMILIES
+from identifiability.effects.measurement import TorqueOffset
 from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import (
     RANK_TOLERANCE,
@@ -349,6 +350,27 @@ class Structure:
         others = tuple(s.beside for s in samples if s.beside is not None)
         beside = others if others and len(others) == len(samples) else None
         return Regression(self.robot, self.model, tuple(samples), self.base.kept, beside)
+
+
+def count_offsets(structure: Structure) -> Structure:
+    """Return a structure whose groupings count the torque offsets that no motion tells apart.
+
+    Along an upright slide, weight and the force of a counterweight are both constant. A model
+    without the offset would call the mass alone identifiable. A structure whose offsets motion
+    tells apart is returned as it is.
+    """
+    robot, model = structure.robot, structure.model
+    slides = any(map(robot.is_prismatic, robot.actuated))
+    if TorqueOffset.name in model.names or not slides:
+        return structure
+    inertias = [e for e in model.effects if e.name in ("rigid_body", "actuator_inertia")]
+    base = Structure.of(robot, Model((*inertias, TorqueOffset()))).base
+    apart = {base.parameters[k].name for k in base.kept}
+    folded = [p.owner for p in TorqueOffset().parameters(robot) if p.name not in apart]
+    if not folded:
+        return structure
+    counted = Model.of(*model.texts, f"{TorqueOffset.name}@{'+'.join(folded)}")
+    return Structure.of(robot, replace(counted, random=model.random))
 
 
 class OfStructure:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from identifiability.servos.calibration import calibrate_torque, roll_delayed
 from identifiability.servos.fit import fit_rollouts
-from identifiability.servos.follow import follow_commands
+from identifiability.servos.follow import delay_commands, follow_commands
 from identifiability.servos.gains import file_shares, learn_gains, select_commanded, state_gains
 from identifiability.servos.odd_joints import find_odd_joints
 from identifiability.servos.positions import forgotten
@@ -25,6 +25,7 @@ __all__ = [
     "calibrate_torque",
     "check_commands",
     "compute_torque",
+    "delay_commands",
     "file_shares",
     "find_odd_joints",
     "fit_rollouts",

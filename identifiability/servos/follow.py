@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from identifiability.logs import Log
 from identifiability.logs.commands import of_commands
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.preparation import fit_band
+from identifiability.quality.recordings import Recordings
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo, state_delay
@@ -63,8 +63,8 @@ class IdentifiedServos:
 
 
 def follow_commands(
-    recordings: Any, structure: Structure, how: Preparation, rng: np.random.Generator
-) -> tuple[Any, Structure]:
+    recordings: Recordings, structure: Structure, how: Preparation, rng: np.random.Generator
+) -> tuple[Recordings, Structure]:
     """Return recordings with calibrated torque of commands, and the structure of their robot.
 
     Its servos have the numbers that rollouts found.
@@ -127,13 +127,13 @@ def identify_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> Ident
 
 
 def _calibrate(
-    recordings: Any,
+    recordings: Recordings,
     structure: Structure,
     servos: IdentifiedServos,
     at: Sequence[int],
     how: Preparation,
     rng: np.random.Generator,
-) -> Any:
+) -> Recordings:
     """Return recordings with calibrated torque of commands.
 
     Parameters
@@ -181,7 +181,7 @@ def _state_calibrated(servos: IdentifiedServos, logs: Sequence[Log]) -> Finding:
     return Finding("commands" if rolled else "rollouts", text=text)
 
 
-def _without_rollouts(recordings: Any, servo: Servo, error: RobotError) -> Any:
+def _without_rollouts(recordings: Recordings, servo: Servo, error: RobotError) -> Recordings:
     """Return recordings that say why their torque is not calibrated."""
     key = "none" if servo.delay is None else "stated"
     hint = Finding("rollouts", text=phrase("rollouts", key, error=str(error)))
@@ -243,3 +243,14 @@ def _undamped_joints(robot: Robot, servo: Servo, torque: Array) -> list[str]:
         return []
     limited = np.any((torque <= servo.low) | (torque >= servo.high), axis=0)
     return [robot.joints[k] for k in np.flatnonzero(limited & (servo.kv == 0))]
+
+
+def delay_commands(recordings: Recordings, servo: Servo, delay: float) -> Recordings:
+    """Return recordings with commands that act later by some time [s]."""
+    fitted, held_out = (
+        tuple(replace_servo(x, servo, servo, delay) if of_commands(x) else x for x in logs)
+        for logs in (recordings.fitted, recordings.held_out)
+    )
+    said = Finding("commands", text=phrase("commands", "later", by=1e3 * delay))
+    hints = (*recordings.hints, said)
+    return replace(recordings, fitted=fitted, held_out=held_out, hints=hints)

@@ -24,7 +24,7 @@ from identifiability.estimation.differences import (
 )
 from identifiability.estimation.groups import Excerpt
 from identifiability.foundation.answers import Answer, Table
-from identifiability.foundation.engines import Engine, one_thread
+from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.keyed import Row, name_estimates
@@ -32,9 +32,11 @@ from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import checked
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import Result, by_name
+from identifiability.foundation.runs import Run
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.logs.rules import RULES as LOG_RULES
+from identifiability.quality.recordings import Logs, list_logs
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.reduction import (
     LadderLike,
@@ -48,6 +50,7 @@ from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.robot import tool_bodies
 from identifiability.workflows.answers import answer_next, reserve, sentence, with_hints
+from identifiability.workflows.case import read_sides
 from identifiability.workflows.commands import (
     EXPORT,
     export_line,
@@ -65,7 +68,6 @@ from identifiability.workflows.diagnose.changes import (
     list_log_changes,
     table_changes,
 )
-from identifiability.workflows.session import Logs, Session, list_logs
 
 # Logs of several sides as one question.
 
@@ -266,13 +268,14 @@ def compare(
         robot = Robot.of(robot)
         source = find_ladder(robot, ladder, beside=True)
         structure = Structure.of(robot, ladder_model(source.entry))
-        session, count = Session.read_sides(structure, after, before, preparation, engine)
-        session, opening = session.settle("compared")
-        logs = session.recordings.fitted
-        unchanged = session.complete(replace(opening, samples=opening.samples[count:]))
-        structure = session.at_fit(unchanged)[1].structure
+        run = Run(engine=engine or Serial())
+        case, both, count = read_sides(robot, after, before, preparation, run)
+        data = case.data(structure, run, "compared", recordings=both)
+        logs = data.recordings.fitted
+        unchanged = case.completed(case.with_samples(data, data.samples[count:]), run)
+        structure = case.at_fit(unchanged, run).structure
         submodel = build_ladder(source.entry, structure)[0]
-        seen = look(structure, opening.samples, len(submodel))
+        seen = look(structure, data.samples, len(submodel))
         rows = seen.X[seen.log >= count], seen.y[seen.log >= count]
         known = Known.nothing(submodel.M, pooled_values(*rows, submodel.M, submodel.fixed))
         bodies = tool_bodies(robot)
@@ -283,10 +286,10 @@ def compare(
             submodel=submodel,
             before=paths[count:],
             after=paths[:count],
-            changes=list_log_changes(found, terms, [s.name for s in opening.samples]),
+            changes=list_log_changes(found, terms, [s.name for s in data.samples]),
             hints=unchanged.hints,
             preparation=preparation or Preparation(),
-            motion=opening.samples[0].motion,
+            motion=data.samples[0].motion,
             torque=DifferentTorque.of(found, terms),
             source=source,
         )

@@ -32,6 +32,7 @@ from identifiability.foundation.rounding import (
     percent,
     rough_percent,
 )
+from identifiability.foundation.runs import Progress, Run, quiet, running
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import of_commands
@@ -42,20 +43,15 @@ from identifiability.logs.prepare.preparation import joint_log
 from identifiability.logs.spectrum import Spectrum, noise_level
 from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.physical.plausibility import check_plausible
+from identifiability.quality.recordings import Logs
 from identifiability.regression.reduction import ModelLike, choose_model, find_ladder, ladder_model
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.sidecar import read_sidecar
 from identifiability.workflows.answers import answer_next, hint_note, sentence, with_hints
+from identifiability.workflows.case import Case, Use
 from identifiability.workflows.commands import name_logs, robot_word, source_name
-from identifiability.workflows.session import (
-    Logs,
-    Progress,
-    Session,
-    quiet,
-    running,
-    state_provenance,
-)
+from identifiability.workflows.provenance import state_provenance
 
 # What a robot file and logs hold, before anything is fitted.
 #
@@ -472,16 +468,20 @@ def _with_logs(
     found: Inspection, logs: Logs, how: Preparation | None, say: Progress, engine: Engine
 ) -> Inspection:
     """Return the inspection with what is in logs."""
-    session = Session.read(found.structure, logs, (), how, say, engine)
-    robot, logged = session.structure.robot, session.recordings.fitted
-    opening = session.open()
+    case = Case(found.robot, logs, preparation=how, use=Use(divides=False))
+    run = Run(say, engine)
+    robot = case.known_robot(run)
+    structure = replace(found.structure, robot=robot)
+    recordings = case.recordings(run)
+    data = case.data(structure, run, recordings=recordings, apply=False)
+    logged = recordings.fitted
     say("looking at every column", 0.8)
-    pairs = zip(logged, opening.samples, strict=True)
+    pairs = zip(logged, data.samples, strict=True)
     hashes = {f"sha256 {log.path or log.name}": log.sha256 for log in logged}
     return replace(
         found,
         records=tuple(describe_log(robot, *pair) for pair in pairs),
-        hints=tuple(dict.fromkeys(opening.hints)),
+        hints=tuple(dict.fromkeys(data.hints)),
         provenance={**found.provenance, **hashes},
         preparation=how or Preparation(),
     )

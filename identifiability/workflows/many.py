@@ -27,6 +27,7 @@ from identifiability.foundation.output import temporary_folder, write_bytes
 from identifiability.foundation.quoting import for_link
 from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import NONE, error_text, format_count, percent
+from identifiability.foundation.runs import Progress, quiet, running
 from identifiability.foundation.values import frozen
 from identifiability.logs.formats.bags import BAGS, is_bag
 from identifiability.logs.prepare import Preparation
@@ -37,7 +38,6 @@ from identifiability.workflows.analyze import analyze
 from identifiability.workflows.answers import TONES, grade_of, with_hints
 from identifiability.workflows.diagnose import diagnose
 from identifiability.workflows.prune import prune
-from identifiability.workflows.session import Progress, quiet, running
 
 Verb = Literal["analyze", "prune", "diagnose"]
 

@@ -22,7 +22,7 @@ from identifiability.estimation.mixed_model import Terms
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import percent_of
 from identifiability.foundation.answers import Answer, Table, frame_table
-from identifiability.foundation.engines import Engine, one_thread
+from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import listing
 from identifiability.foundation.keyed import Row
 from identifiability.foundation.linalg import NEARLY
@@ -32,26 +32,29 @@ from identifiability.foundation.quoting import for_toml, option_for_shell, path_
 from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import REACH, measured
 from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.runs import Run
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation
+from identifiability.logs.prepare.dataset import require_signal
 from identifiability.logs.prepare.preparation import CommonPreparation
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.physical.cad_prior import draw_bodies
 from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
 from identifiability.physical.project import project
 from identifiability.physical.pseudo_inertia import entry_scale, natural_scale, to_matrix
+from identifiability.quality.recordings import Logs, list_logs
 from identifiability.regression.reduction import DEFAULT_EFFECTS, full_model
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.robot import Point, body_of, ten_parameters, tool_bodies
 from identifiability.workflows.answers import answer_next, reserve, sentence, with_hints
+from identifiability.workflows.case import read_sides
 from identifiability.workflows.commands import given_paths, name_logs, source_name
 from identifiability.workflows.compare import find_differences, look
 from identifiability.workflows.diagnose.changes import Change, DifferentTorque, list_log_changes
 from identifiability.workflows.predict import FitLike, Predicts, find_fit, state_missing
-from identifiability.workflows.session import Logs, Session, list_logs
 
 # `LoadEstimate`: the ten parameters of a load, with everything that is not known of them.
 
@@ -513,13 +516,14 @@ def payload(
         structure = _without_gains(robot) if fit is None else fit.structure
         submodel = full_model(structure.base) if fit is None else fit.submodel
         place = choose_body(structure, body)
-        session, loaded = Session.read_sides(
-            structure, logs, [*empty, *list_logs(without)], fit.preparation if fit else None, engine
-        )
-        every = session.recordings.fitted
-        # What hangs on the robot is odd by its file, so that nothing odd is looked for.
-        samples = session.prepare(every, "weighed")
-        hints = [*session.recordings.hints, *_tell_noise(every[:loaded], session.how)]
+        unloaded, how = [*empty, *list_logs(without)], fit.preparation if fit else None
+        run = Run(engine=engine or Serial())
+        case, both, loaded = read_sides(structure.robot, logs, unloaded, how, run)
+        every, how = both.fitted, case.settled(structure.robot, both)
+        # The load contradicts the robot's file, so no check is asked.
+        samples = case.unfitted(structure.robot, both, how, run)
+        require_signal(samples, "weighed")
+        hints = [*both.hints, *_tell_noise(every[:loaded], how)]
         hints += [text for s in samples for text in s.hints]
         seen = look(structure, samples, 0)
         if fit is None or (mass is not None and loaded < len(every)):

@@ -21,7 +21,7 @@ from identifiability.estimation.prediction import Prediction, TorqueUncertainty
 from identifiability.foundation import handed
 from identifiability.foundation.answers import Answer, Column, Table, frame_table
 from identifiability.foundation.documents import read_document
-from identifiability.foundation.engines import Engine, one_thread
+from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.keyed import Keyed, Row, name_estimates
@@ -31,6 +31,7 @@ from identifiability.foundation.quoting import path_for_shell
 from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import digits, error_text, format_count, join
 from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.runs import Run
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import has_commands, of_commands
@@ -39,6 +40,7 @@ from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.tables import write_table
 from identifiability.physical.fitted_model import LeastSquares
+from identifiability.quality.recordings import Logs, Recordings, in_memory, read_recordings
 from identifiability.regression.reduction import (
     LadderEntry,
     ModelEntry,
@@ -59,6 +61,7 @@ from identifiability.workflows.answers import (
     state_uneven,
     with_hints,
 )
+from identifiability.workflows.case import Case, Use
 from identifiability.workflows.commands import (
     EXPORT,
     export_line,
@@ -66,7 +69,6 @@ from identifiability.workflows.commands import (
     name_logs,
     source_name,
 )
-from identifiability.workflows.session import Logs, Recordings, Session, in_memory, read_recordings
 
 
 def state_missing(functions: Sequence[str]) -> tuple[str, ...]:
@@ -477,13 +479,12 @@ class Fit(Keyed, Predicts):
 def _along(fit: Fit, logs: Logs, engine: Engine | None) -> TorquePrediction:
     """Return the torque of a fitted model along logs."""
     structure, how = fit.structure, fit.preparation
-    session = Session.read(
-        structure, logs, (), how, engine=engine, commands=False, motion_alone=True
-    )
-    known = session.recordings
-    samples = session.prepare(known.fitted)
+    use = Use(divides=False, commands=False, motion_alone=True)
+    case = Case(structure.robot, logs, preparation=how, use=use)
+    run = Run(engine=engine or Serial())
+    known, samples = case.recordings(run), case.samples(structure.robot, run)
     measured = tuple(not r.motion_alone for r in known.fitted)
-    rows = structure.robot, structure.model, tuple(samples), structure.base.kept
+    rows = structure.robot, structure.model, samples, structure.base.kept
     found: list[tuple[Array, ...]] = []
     for part in Regression(*rows, dwelling=True).parts(whole=True):
         for chunk in part.chunks():

@@ -35,7 +35,7 @@ from pathlib import Path
 from identifiability import Robot
 from identifiability.foundation.errors import LogError
 from identifiability.logs.conventions import Conventions
-from identifiability.workflows.session import read_recordings
+from identifiability.quality.recordings import read_recordings
 known = Conventions.of(Robot.load("two-link"))
 try:
     read_recordings(sys.argv[1], (), known)

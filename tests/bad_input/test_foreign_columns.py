@@ -11,8 +11,8 @@ from identifiability.foundation.findings import of_key
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation, prepare_log
+from identifiability.quality.recordings import read_recordings
 from identifiability.robot import Robot
-from identifiability.workflows.session import read_recordings
 
 MAP = {r"fer_(\w+)": r"\1"}
 

@@ -14,8 +14,8 @@ from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN
 from identifiability.logs.formats.reader import READERS, check_there, reader
+from identifiability.quality.recordings import read_recordings
 from identifiability.robot import Robot
-from identifiability.workflows.session import read_recordings
 
 JOINTS = ("shoulder", "elbow")
 

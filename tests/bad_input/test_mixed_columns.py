@@ -6,8 +6,8 @@ import pytest
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Preparation
+from identifiability.quality.recordings import read_recordings
 from identifiability.robot import Robot
-from identifiability.workflows.session import read_recordings
 
 
 @pytest.mark.parametrize("column", ["elbow.dq", "elbow.ddq"])

@@ -12,11 +12,11 @@ from identifiability import Robot
 from identifiability.cli import app
 from identifiability.estimation.rules import RULES
 from identifiability.logs.prepare import Preparation
+from identifiability.logs.prepare.excerpt import prepare_excerpt
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.simulation import Campaign, Noise, random_trajectory
 from identifiability.workflows.diagnose import diagnose
-from identifiability.workflows.diagnose.problem import prepare_rows
 from identifiability.workflows.diagnose.result import Rival
 from identifiability.workflows.excite import find_next
 from identifiability.workflows.excite.criteria import Ask, Discrimination
@@ -43,7 +43,7 @@ def diagnosis(text, kind, value, rivals, base=BASE, size=1.0):
                             values=np.array([value]), rms=1.0, rivals=rivals)  # fmt: skip
     return SimpleNamespace(
         robot=robot, structure=Structure.of(robot, Model.of(*base)), model=Model.of(*base, text),
-        samples=[prepare_rows(robot, log, None) for log in logs], preparation=Preparation(),
+        samples=[prepare_excerpt(robot, log, None) for log in logs], preparation=Preparation(),
         effects=(SimpleNamespace(name=name, placements=(found,)),), aliases=(),
     )  # fmt: skip
 

@@ -8,7 +8,7 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import random_trajectory
-from identifiability.workflows.diagnose import Setting, look
+from identifiability.workflows.diagnose import Problem, look
 from identifiability.workflows.diagnose.problem import know_nothing
 
 HIDDEN = ("coulomb_asymmetry", "torque_offset")
@@ -17,7 +17,7 @@ HIDDEN = ("coulomb_asymmetry", "torque_offset")
 def odds(robot, logs, *model, effects=None):
     samples = tuple(prepare_log(robot, log) for log in logs)
     structure = Structure.of(robot, Model.of(*model))
-    found = look(Setting(structure, samples, know_nothing(structure)), effects)
+    found = look(Problem(structure, samples, know_nothing(structure)), effects)
     return {t.group.key: t.odds for t in found.before}
 
 

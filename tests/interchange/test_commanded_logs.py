@@ -15,7 +15,7 @@ import pytest
 from identifiability import Robot, predict
 from identifiability.foundation.errors import LogError
 from identifiability.logs.conventions import Conventions
-from identifiability.workflows.session import read_logs
+from identifiability.quality.recordings import read_logs
 
 DATASETS = Path(__file__).parent / "lerobot"
 SHIPPED = Path(__file__).resolve().parents[2] / "models" / "hobby-arm"

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from identifiability.logs import Log
+from identifiability.logs.prepare.excerpt import prepare_excerpt
 from identifiability.robot import Robot
 from identifiability.workflows.diagnose import problem as motion_of
-from identifiability.workflows.diagnose.problem import prepare_rows
 
 MOST = 400
 
@@ -21,9 +21,9 @@ def few(monkeypatch):
 def test_the_same_stretches_are_looked_at(derivatives, few, sizes, frame_of, saved):
     path = saved(frame_of("two-link", periods=6, samples=2000, derivatives=derivatives))
     robot = Robot.load("two-link")
-    whole = prepare_rows(robot, Log.read(path), None, MOST)
+    whole = prepare_excerpt(robot, Log.read(path), None, MOST)
     sizes()
-    parts = prepare_rows(robot, Log.read(path), None, MOST)
+    parts = prepare_excerpt(robot, Log.read(path), None, MOST)
     assert MOST / 2 < parts.outputs == whole.outputs <= MOST
     assert parts.notes == whole.notes
     np.testing.assert_array_equal(parts.motion.kept, whole.motion.kept)

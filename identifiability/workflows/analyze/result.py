@@ -55,6 +55,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.cad_prior import real_robot_dict, state_mass
 from identifiability.physical.feasibility import PhysicalResult
+from identifiability.quality.recordings import Recordings
 from identifiability.reading import Reading
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import LadderSource, Submodel
@@ -79,7 +80,8 @@ from identifiability.workflows.answers import (
     state_uneven,
     with_hints,
 )
-from identifiability.workflows.session import COMPLETED, Recordings, state_provenance
+from identifiability.workflows.case import COMPLETED
+from identifiability.workflows.provenance import state_provenance
 
 #: Parameters and logs that a sentence names.
 NAMED = 3

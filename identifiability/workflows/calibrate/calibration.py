@@ -20,6 +20,7 @@ from identifiability.foundation.keyed import Row
 from identifiability.foundation.options import Repeated, Replicates, Seed, checked, resolve_count
 from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import REACH, join, rough_percent
+from identifiability.foundation.runs import Progress, quiet, share
 from identifiability.foundation.values import frozen
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.answers import answer_next, reserve
@@ -32,7 +33,6 @@ from identifiability.workflows.commands import (
     name_logs,
     source_name,
 )
-from identifiability.workflows.session import Progress, quiet, share
 
 # May intervals and verdicts be trusted?
 

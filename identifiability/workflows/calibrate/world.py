@@ -38,15 +38,16 @@ from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.logs.prepare.instruments import add_instrument, noise_again
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.physical.pseudo_inertia import BASIS, natural_scale, scale_matrix, to_matrix
+from identifiability.quality.recordings import in_memory
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
+from identifiability.workflows.analyze.judge import decide_model
 from identifiability.workflows.analyze.result import ModelResult
-from identifiability.workflows.analyze.workflow import decide_model, measure_again
-from identifiability.workflows.session import in_memory
+from identifiability.workflows.analyze.shared_errors import measure_again
 
 # Simulated experiments with known truth, fitted and judged; and what many of them come to.
 #

@@ -1,14 +1,14 @@
 """Find the gap between model and data, name the missing effect, add it, verify.
 
 What to use when: `diagnose` runs all stages. By themselves: `look` has rows, candidates, noise and
-log odds of a `Setting`, `naming.name_missing` says what is missing and lets unseen motion take it
+log odds of a `Problem`, `naming.name_missing` says what is missing and lets unseen motion take it
 out, `problem.find_discrepancies` says where the residual sits. A study adds its own effect with
 `identifiability.effects.register`.
 """
 
 from identifiability.workflows.diagnose.naming import look
-from identifiability.workflows.diagnose.problem import Setting
+from identifiability.workflows.diagnose.problem import Problem
 from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.diagnose.workflow import diagnose
 
-__all__ = ["Diagnosis", "Setting", "diagnose", "look"]
+__all__ = ["Diagnosis", "Problem", "diagnose", "look"]

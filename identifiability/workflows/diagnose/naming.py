@@ -37,16 +37,16 @@ from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.quality.hints import leave_out_rows
 from identifiability.regression.columns import Candidate, Refusal, list_candidates, number
-from identifiability.regression.information import gather_information
-from identifiability.regression.regression import Model
+from identifiability.regression.information import Information, gather_information
+from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure, known_rows
 from identifiability.robot import Robot
-from identifiability.workflows.analyze.workflow import hold_folds
+from identifiability.workflows.analyze.ladder import hold_folds
 from identifiability.workflows.diagnose.changes import Change
 from identifiability.workflows.diagnose.problem import (
     KnownValues,
-    Rows,
-    Setting,
+    Problem,
+    ResidualRows,
     WeighedFit,
     know_nothing,
     nearest_robot,
@@ -91,8 +91,8 @@ class Naming:
 
     Attributes
     ----------
-    setting : Setting
-    fitted, unseen : Rows
+    problem : Problem
+    fitted, unseen : ResidualRows
         Unseen ones are those that errors are stated on: fitted ones where there are no others.
     refusals : tuple of Refusal
     asked : Missing
@@ -109,9 +109,9 @@ class Naming:
         What is missing, families as they came, each in the order of the robot's places.
     """
 
-    setting: Setting
-    fitted: Rows
-    unseen: Rows
+    problem: Problem
+    fitted: ResidualRows
+    unseen: ResidualRows
     refusals: tuple[Refusal, ...]
     asked: Missing
     whole: MixedModel
@@ -157,22 +157,24 @@ class Naming:
     @cached_property
     def completed(self) -> Structure:
         """The robot under the model with all parts, functions as large as they were found."""
-        robot, model = self.setting.structure.robot, self.setting.plain.model
+        robot, model = self.problem.structure.robot, self.problem.plain.model
         random, own = dict(model.random), dict[str, list[EffectPart]]()
         for p, term in zip(self.parts, self.terms, strict=True):
-            if set(self.names([p])) <= set(self.setting.plain.columns):
+            if set(self.names([p])) <= set(self.problem.plain.columns):
                 continue
             own.setdefault(p.candidate.family.name, []).append(p.candidate.part)
             if p.candidate.family.flexible:
                 sd = np.sqrt(term.variance) / self.model.scale[term.columns]
                 random |= dict(zip(self.names([p]), sd.tolist(), strict=True))
+        if not own and self.problem.plain.robot is robot:
+            return self.problem.plain
         texts = ([_write_part(robot, part) for part in some] for some in own.values())
         added = map(Placed, own.values(), texts)
         return Structure.of(robot, Model((*model.effects, *added), random))
 
     def names(self, parts: Sequence[Part]) -> list[str]:
         """Return the names of the parameters of some parts."""
-        robot = self.setting.structure.robot
+        robot = self.problem.structure.robot
         return [x.name for p in parts for x in Placed([p.candidate.part]).parameters(robot)]
 
     @cached_property
@@ -182,7 +184,7 @@ class Naming:
         ``β = base + C x``, C (b, d + m), and what standard deviation x is known to have, (d + m,).
         """
         known, last = self.known, {n: k for k, n in enumerate(self.completed.columns)}
-        own, names = self.of(self.setting.plain) @ known.directions, self.names(self.parts)
+        own, names = self.of(self.problem.plain) @ known.directions, self.names(self.parts)
         sd = [self.completed.model.random.get(name, np.inf) for name in names]
         with np.errstate(divide="ignore"):
             both = np.append(1.0 / np.sqrt(known.precision), sd)
@@ -191,8 +193,8 @@ class Naming:
     @property
     def known(self) -> KnownValues:
         """What is known of the base parameters that parts are added to."""
-        same = self.setting.plain is self.setting.structure
-        return self.setting.known if same else know_nothing(self.setting.plain)
+        same = self.problem.plain is self.problem.structure
+        return self.problem.known if same else know_nothing(self.problem.plain)
 
     def of(self, smaller: Structure) -> Array:
         """Return base parameters of the completed model by those of a smaller one, (b, b0)."""
@@ -201,27 +203,39 @@ class Naming:
         return found
 
     @cached_property
-    def weighed(self) -> WeighedFit:
-        """About the base parameters of the completed model less what is known, rows weighed.
+    def regression(self) -> Regression:
+        """Columns of the completed model along the fitted motion."""
+        return self.problem.regression(self.completed)
 
-        Beside all parts.
-        """
-        own = gather_information(self.completed.regression(self.setting.samples))
-        own = own.reduce(
-            np.eye(own.size), own.columns, self.of(self.setting.plain) @ self.known.base
-        )
-        known = with_known(own, known_rows(*self.coordinates))
-        return weigh_fit(self.setting.structure.robot, self.setting.samples, known)
+    @cached_property
+    def unseen_regression(self) -> Regression:
+        """Columns of the completed model along unseen motion, or the fitted one without any."""
+        validation = self.problem.validation
+        return self.completed.regression(validation) if validation else self.regression
+
+    @cached_property
+    def information(self) -> Information:
+        """About the base parameters of the completed model, with equal rows."""
+        return gather_information(self.regression)
+
+    @cached_property
+    def weighed(self) -> WeighedFit:
+        """Weighted rows about the base parameters of the completed model minus known values."""
+        rows = self.information
+        base = self.of(self.problem.plain) @ self.known.base
+        unknown = rows.reduce(np.eye(rows.size), rows.columns, base)
+        known = with_known(unknown, known_rows(*self.coordinates))
+        return weigh_fit(self.problem.robot, self.problem.samples, known)
 
     def fit(self, parts: Sequence[int]) -> Array:
         """Return base parameters (b,) of the completed model, of its parts some, as `analyze` does.
 
         Whitened rows judge better what is missing, but of slow noise they keep no levels, and
-        predict worse. Functions are as large as they were found. Rows and noise are weighed once
-        beside all parts, to compare many models.
+        predict worse. Functions are as large as they were found. Weights of rows and
+        noise are found once, with all parts, to compare many models.
         """
         fit, some = self._fit(parts)
-        base: Array = self.of(self.setting.plain) @ self.known.base + some @ fit.value
+        base: Array = self.of(self.problem.plain) @ self.known.base + some @ fit.value
         return base
 
     def _fit(self, parts: Sequence[int]) -> tuple[Estimate, Array]:
@@ -250,7 +264,7 @@ class Naming:
     @cached_property
     def real(self) -> PhysicalResult | None:
         """The real robot nearest to the completed model, where values are those of the logs."""
-        if not len(self.setting.recommended):
+        if not len(self.problem.recommended):
             return None
         return nearest_robot(self.completed, *self.weighed[:2])
 
@@ -264,34 +278,45 @@ class Naming:
             return self.real.base
         return self.fit(range(len(self.parts)))
 
-    def predict(self, fits: Sequence[Array], samples: Sequence[Dataset]) -> Prediction:
-        """Return torque along some logs as base parameters (b,) of the completed model say."""
-        return predict(self.completed.regression(samples), np.stack(fits, axis=1))
+    def predict_fitted(self, fits: Sequence[Array]) -> Prediction:
+        """Return torque along the fitted motion by base parameters (b,) of the completed model."""
+        return predict(self.regression, np.stack(fits, axis=1))
+
+    def predict_unseen(self, fits: Sequence[Array]) -> Prediction:
+        """Return torque along unseen motion by base parameters (b,) of the completed model."""
+        return predict(self.unseen_regression, np.stack(fits, axis=1))
+
+    def predict_excerpt(self, fit: Array) -> Prediction:
+        """Return torque along the rows on which names are looked for."""
+        if not self.problem.excerpt:
+            return self.predict_fitted([fit])
+        return predict(self.completed.regression(self.fitted.samples), fit[:, None])
 
 
-def look(setting: Setting, effects: Iterable[str] | None = None) -> Naming:
-    """Return what may be missing beside the model of a setting, before anything is named.
+def look(problem: Problem, effects: Iterable[str] | None = None) -> Naming:
+    """Return what may be missing beside the model of a problem, before anything is named.
 
     Parameters
     ----------
-    setting : Setting
+    problem : Problem
     effects : iterable of str, optional
         Families that may be named; all by default.
     """
-    s, fixed = setting.structure, setting.fixed
-    fitted = Rows.of(s, setting.looked or setting.samples, setting.known)
-    others = setting.looked_unseen or setting.validation
-    unseen = Rows.of(s, others, setting.known) if others else fitted
-    asked = {f.name: f for f in find_families(effects, commanded=setting.commanded)}
-    every = {f.name: f for f in find_families(None, commanded=setting.commanded)} | asked
+    s, fixed = problem.structure, problem.fixed
+    columns = problem.regression(s, problem.excerpt or problem.samples)
+    fitted = ResidualRows.of(columns, problem.known)
+    others = problem.unseen_excerpt or problem.validation
+    unseen = ResidualRows.of(s.regression(others), problem.known) if others else fitted
+    asked = {f.name: f for f in find_families(effects, commanded=problem.commanded)}
+    every = {f.name: f for f in find_families(None, commanded=problem.commanded)} | asked
     families, motions = tuple(every.values()), [x.motion for x in fitted.samples]
     listed, refused = list_candidates(s.robot, families, s.present, motions, fixed=fixed)
     candidates = with_reversals(s.robot, listed, s.present)
-    missing = Missing(candidates, fitted.seen, setting.known.root, families=frozenset(asked))
+    missing = Missing(candidates, fitted.seen, problem.known.root, families=frozenset(asked))
     model = missing.model()
     before = tuple(model.gains())
     found = Naming(
-        setting=setting,
+        problem=problem,
         fitted=fitted,
         unseen=unseen,
         refusals=tuple(r for r in refused if r.family in asked),
@@ -315,7 +340,7 @@ def name_missing(looked: Naming) -> Naming:
         kept = model.search()
         looked = replace(looked, asked=missing, whole=model, missing=missing)
     refuted = list[tuple[Term, float]]()
-    if looked.setting.validation and kept:
+    if looked.problem.validation and kept:
         found, products = kept, missing.products(unseen.seen, among=kept)
         kept = model.confirm(found, products)
         for terms in (found, kept):
@@ -401,7 +426,7 @@ def with_parts(naming: Naming, parts: Sequence[Part]) -> Naming:
     always = [c for c in naming.missing.candidates if c.family is REVERSALS]
     numbered = number([*always, *(p.candidate for p in parts)])
     missing = Missing(
-        tuple(numbered), naming.fitted.seen, naming.setting.known.root, naming.missing.noise
+        tuple(numbered), naming.fitted.seen, naming.problem.known.root, naming.missing.noise
     )
     own = zip(parts, numbered[len(always) :], strict=True)
     return replace(naming, missing=missing, parts=tuple(replace(p, candidate=c) for p, c in own))
@@ -484,7 +509,7 @@ def _stays(log: np.ndarray) -> np.ndarray:
     return np.concatenate(out)
 
 
-def _session(rows: Rows, begins: np.ndarray, log: np.ndarray) -> Array:
+def _session(rows: ResidualRows, begins: np.ndarray, log: np.ndarray) -> Array:
     """Return how what warms up through a session may go, by part of time, (2, P)."""
     lasting = np.array([np.ptp(s.output_times()) for s in rows.samples])
     clock = rows.seen.t[begins[:-1]] + (np.cumsum(lasting) - lasting)[log]
@@ -504,7 +529,7 @@ def find_change_in_log(naming: Naming, effects: Collection[str] | None = None) -
     effects : collection of str, optional
         Families that may be named; all by default.
     """
-    seen, robot = naming.fitted.seen, naming.setting.structure.robot
+    seen, robot = naming.fitted.seen, naming.problem.structure.robot
     families = find_families([f for f in CHANGING if effects is None or f in effects])
     begins, log_of = _parts_of_time(seen)
     stays = _stays(log_of)
@@ -542,7 +567,7 @@ def find_change_in_log(naming: Naming, effects: Collection[str] | None = None) -
         family=c.family.name,
         what=best.title,
         place=c.place,
-        log=naming.setting.samples[log_of[first]].name,
+        log=naming.problem.samples[log_of[first]].name,
         names=tuple(f"{c.place}.{kind.removeprefix('payload_')}" for kind in c.kinds),
         units=tuple(p.unit for p in Placed([c.part]).parameters(robot)),
         sizes=best.value,
@@ -628,27 +653,27 @@ def _ends(at: np.ndarray, likely: Array, time: Array) -> tuple[float, float]:
     return float(time[ends[0]]), float(time[ends[1]])
 
 
-def without_outliers(setting: Setting, outliers: Outliers) -> Setting:
-    """Return a setting in which outlying stretches are no data, as where a joint stands."""
-    samples = leave_out_rows(setting.samples, outliers)
-    looked = leave_out_rows(setting.looked, outliers, setting.samples)
-    return replace(setting, samples=samples, looked=looked)
+def without_outliers(problem: Problem, outliers: Outliers) -> Problem:
+    """Return a problem in which outlying stretches are no data, as where a joint stands."""
+    samples = leave_out_rows(problem.samples, outliers)
+    excerpt = leave_out_rows(problem.excerpt, outliers, problem.samples)
+    return replace(problem, samples=samples, excerpt=excerpt)
 
 
-def leave_out(setting: Setting, change: Change) -> Setting | None:
-    """Return a setting without what was logged while a change lasted; None if too little is left.
+def leave_out(problem: Problem, change: Change) -> Problem | None:
+    """Return a problem without what was logged while a change lasted; None if too little is left.
 
     So is when it may have lasted.
     """
-    at = [s.name for s in setting.samples].index(change.log)
-    every = [x for x in (setting.samples, setting.looked) if x]
+    at = [s.name for s in problem.samples].index(change.log)
+    every = [x for x in (problem.samples, problem.excerpt) if x]
     kept = [k for k in (_outside(x[at], change) for x in every) if k is not None]
     gone = len(kept) < len(every)
     rest = [(*x[:at], *([] if gone else [k]), *x[at + 1 :]) for x, k in zip_longest(every, kept)]
     if not rest[0]:
         return None
-    samples, looked = (*rest, ())[:2]
-    return replace(setting, samples=samples, looked=looked, changes=(*setting.changes, change))
+    samples, excerpt = (*rest, ())[:2]
+    return replace(problem, samples=samples, excerpt=excerpt, changes=(*problem.changes, change))
 
 
 def _outside(samples: Dataset, change: Change) -> Dataset | None:

@@ -1,4 +1,4 @@
-"""What a diagnosis is asked, its `Setting`, what is known of values beforehand, and its `Rows`."""
+"""`Problem`: what is diagnosed, what is known of its values, and the rows of its residual."""
 
 from __future__ import annotations
 
@@ -16,34 +16,31 @@ from identifiability.effects.functions import has_session
 from identifiability.estimation.differences import Known
 from identifiability.estimation.estimate import Outliers, estimate_noise, find_estimator, with_known
 from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.groups import LAST, Excerpt, divide
+from identifiability.estimation.groups import Excerpt
 from identifiability.estimation.prediction import Prediction
-from identifiability.foundation.errors import IdentifiabilityError, LogError, listing
+from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import ENDS, format_count, join, percent
+from identifiability.foundation.rounding import ENDS, percent
 from identifiability.foundation.values import frozen
-from identifiability.logs import Log, signals
-from identifiability.logs.log import join_logs
+from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset, Preparation
-from identifiability.logs.prepare.dataset import prepare_log
 from identifiability.logs.prepare.instruments import add_instrument
-from identifiability.logs.rules import RULES as LOG_RULES
-from identifiability.logs.spectrum import bandwidth_of_windows
 from identifiability.physical.cad_prior import state_rows
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.quality.hints import weigh_rows
 from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import full_model
-from identifiability.regression.structure import Structure
+from identifiability.regression.regression import Regression
+from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
-from identifiability.workflows.analyze.workflow import hold_folds, settle_robot
+from identifiability.workflows.analyze.ladder import fit_with_robot, hold_folds
 from identifiability.workflows.predict import Fit, Predicts, read_fit
 
 
 @frozen
-class Setting:
+class Problem(OfStructure):
     """What is diagnosed, and from what.
 
     Attributes
@@ -51,26 +48,29 @@ class Setting:
     structure : Structure
         The robot under the model that is diagnosed.
     samples, validation : tuple of Dataset
-        Fitted, and unseen: what errors are stated of.
-    looked, looked_unseen : tuple of Dataset
-        Fewer rows of them, on which names are looked for; the same where it is empty.
+        Fitted and unseen motion, of which errors are stated.
     known : KnownValues
-        What is known of the model's values beside the logs.
+        What is known of the model's values before the logs.
     fixed : bool
-        Whether the model keeps these.
+        Whether the model keeps these values.
     seed : int
     verified_on : str
-        Unseen motion, in words: it was not fitted.
+        The unseen motion in words, to follow "on".
     preparation : Preparation
         How logs were turned into motion, with one cut-off.
     changes : tuple of Change
-        What changed in the middle of fitted logs: what was logged meanwhile was left out.
+        What changed in the middle of fitted logs. The time of each change was left out.
     commanded : bool
-        Whether torque is what servos made of commands.
+        Whether servos made the torque of commands.
+    excerpt, unseen_excerpt : tuple of Dataset
+        Fewer rows of fitted and unseen motion, on which names are looked for; empty where all rows
+        are looked at.
     under : Structure or None
-        The robot under the model that predicts without what is missing, where that is another.
+        The robot under the model that predicts without the missing effects, if that is another.
     recommended : (b,)
-        Base parameters that `analyze` recommends of it; empty where values are known.
+        Base parameters that `analyze` recommends for it; empty where values are known.
+    columns : tuple of (Structure, Regression)
+        Columns along the samples that were computed already.
     """
 
     structure: Structure
@@ -83,14 +83,25 @@ class Setting:
     preparation: Preparation = Preparation()
     changes: tuple[Any, ...] = ()
     commanded: bool = False
-    looked: tuple[Dataset, ...] = ()
-    looked_unseen: tuple[Dataset, ...] = ()
+    excerpt: tuple[Dataset, ...] = ()
+    unseen_excerpt: tuple[Dataset, ...] = ()
     under: Structure | None = None
     recommended: Array = field(default_factory=lambda: np.empty(0))
+    columns: tuple[tuple[Structure, Regression], ...] = ()
+
+    def regression(
+        self, structure: Structure, samples: tuple[Dataset, ...] | None = None
+    ) -> Regression:
+        """Return the columns of a structure along samples, by default the fitted ones."""
+        samples = self.samples if samples is None else samples
+        for known, regression in self.columns:
+            if known.base is structure.base and regression.samples is samples:
+                return regression
+        return structure.regression(samples)
 
     @property
     def plain(self) -> Structure:
-        """The robot under the model that predicts: what is named is added to it."""
+        """The robot under the model that predicts: missing effects are added to it."""
         return self.under or self.structure
 
 
@@ -231,7 +242,7 @@ def know_fit(fit: Fit, structure: Structure, name: str) -> KnownValues:
 
 
 @frozen
-class Rows:
+class ResidualRows:
     """Rows of one or more logs, after decimation.
 
     Attributes
@@ -249,22 +260,22 @@ class Rows:
     measured: Array
 
     @staticmethod
-    def of(structure: Structure, samples: Sequence[Dataset], known: KnownValues) -> Rows:
-        """Return the rows of some logs.
+    def of(regression: Regression, known: KnownValues) -> ResidualRows:
+        """Return the rows of some logs minus the torque of known parameters.
 
         Parameters
         ----------
-        structure : Structure
-        samples : sequence of Dataset
+        regression : Regression
+            Columns of the base parameters along these logs.
         known : KnownValues
             What is known of the values beforehand.
         """
-        regression = structure.regression(samples)
+        samples = regression.samples
         every = sum(s.outputs for s in samples)
         seen = Excerpt.of(regression, (every, 1, every))
         torque, X = seen.y, seen.X
         seen = replace(seen, X=X @ known.directions, y=torque - X @ known.base)
-        return Rows(seen, tuple(samples), torque)
+        return ResidualRows(seen, tuple(samples), torque)
 
     def __len__(self) -> int:
         """Return the number of samples."""
@@ -332,7 +343,7 @@ def change_of(
     return change_interval(np.abs(gap.residual[:, :, [first, second]]), gap.apart(), rng)
 
 
-#: Rows weighed by their noise, the fit of their columns, a sentence on outliers, and these.
+#: ResidualRows weighed by their noise, the fit of their columns, a sentence on outliers, and these.
 WeighedFit = tuple[Information, Estimate, str, Outliers | None]
 
 
@@ -368,7 +379,7 @@ def nearest_robot(
     """
     model = FittedModel(structure, full_model(structure.base), information, information, fit)
     held_out, short = hold_folds(information, fit.estimator)
-    return settle_robot(model, held_out, cad_weight, choose=not short).robot
+    return fit_with_robot(model, held_out, cad_weight, choose=not short).robot
 
 
 @frozen
@@ -393,7 +404,7 @@ class Discrepancy:
 
 
 def find_discrepancies(
-    rows: Rows, residual: Array, joints: Sequence[str]
+    rows: ResidualRows, residual: Array, joints: Sequence[str]
 ) -> tuple[Discrepancy, ...]:
     """Return where the residual (N, n) of each joint sits."""
     out = []
@@ -420,99 +431,7 @@ def explained_share(x: Array, r: Array) -> float:
     return float(np.clip(share, 0.0, 1.0))
 
 
-# What is fitted, what verifies, how much of it.
-#
-# An error that was minimised is no evidence: the motion on which the gap is quoted is not fitted.
-# Whole logs are kept apart where there are enough; else a log is divided, with a pause
-# that nobody looks at. A diagnosis asks few rows many questions, so long logs
-# are looked at in evenly spaced stretches.
-
-
-#: What follows the name of a log in that of a part of it.
-PART = ", part "
-#: Samples that the part which verifies must have.
-SHORTEST = 100
-#: Samples after decimation that a diagnosis looks at in one log, and in all that are fitted; more
-#: are thinned to stretches.
-MOST_SAMPLES, MOST_IN_ALL = 3000, 4000
-STRETCH = 300
-#: Of a file so many times as many samples are read, in longer stretches.
-READ = 40
-
-
-#: Logs that are fitted and give the evidence, those that may refute it and measure the gap, and
-#: what these are in words, to follow "on".
-Roles = tuple[tuple[Log, ...], tuple[Log, ...], str]
-
-
-def assign_roles(logs: Sequence[Log], validate: Sequence[Log]) -> Roles:
-    """Return the roles of fitted and held-out logs.
-
-    Every held-out log verifies. Without any the last log is set aside, or the last part of the
-    only one.
-
-    Parameters
-    ----------
-    logs : sequence of Log
-    validate : sequence of Log
-
-    Raises
-    ------
-    LogError
-        If the only log is too short to be divided.
-    """
-    logs, validate = list(logs), list(validate)
-    aside = ""
-    if not validate and len(logs) == 1:
-        return _one_log(logs[0])
-    if not validate:
-        *logs, last = logs
-        validate, aside = [last], ", which was set aside"
-    verified_on = f"{join([log.name for log in validate])}{aside}"
-    return tuple(logs), tuple(validate), verified_on
-
-
-def _one_log(log: Log) -> Roles:
-    fewest = SHORTEST / LAST
-    if len(log) < fewest:
-        raise LogError(
-            f"{log.name} has {format_count(len(log), 'sample')}, too few to name effects from one "
-            f"part and verify them on another; give a log of at least {fewest:.0f} samples, or a "
-            "second one."
-        )
-    end, start = divide(len(log))
-    fit = log.rows(0, end, f"{log.name}{PART}1")
-    verify = log.rows(start, len(log), f"{log.name}{PART}2")
-    verified_on = f"the last {100 * LAST:.0f} % of {log.name}, set aside"
-    return (fit,), (verify,), verified_on
-
-
-def prepare_rows(
-    robot: Robot, log: Log, how: Preparation | None, most: int = MOST_SAMPLES
-) -> Dataset:
-    """Return a log ready for a diagnosis: decimated to its band, thinned if it is very long.
-
-    Measured derivatives do not need a filter, but questions need few rows: torque and columns are
-    low-passed alike to ten times the band of the motion.
-    """
-    looks = [window for _, window in log.windows()]
-    step = float(np.median(np.concatenate([np.diff(w.t) for w in looks])))
-    even = log.clock.longest < LOG_RULES.gap * step  # no filter reaches across a gap
-    if how is None and even and {"dq", "ddq"} <= set(log.channels):
-        band = LOG_RULES.cutoff_wide * bandwidth_of_windows([w.q for w in looks], step)
-        factor = int(
-            0.5 / (min(max(band, LOG_RULES.cutoff_lowest), LOG_RULES.cutoff_highest / step) * step)
-        )
-        # Of a short part of a log enough must be left.
-        while factor > 1 and signals.Decimation(factor).outputs(len(log)) < LOG_RULES.fewest:
-            factor -= 1
-        how = Preparation(decimate=max(factor, 1))
-    how = how or Preparation()
-    if log.long:
-        long = len(log) > READ * most
-        windows = spread(len(log), READ * STRETCH, most // STRETCH) if long else [(0, len(log))]
-        log = join_logs([log.rows(a, b) for a, b in windows])
-    return thin(prepare_log(robot, log, how), most)
+# Samples of commanded robots along the motion of their rollouts.
 
 
 def along_rollouts(
@@ -548,21 +467,3 @@ def along_rollouts(
             own = replace(own, motion=moved, tau=own.tau + more)  # noqa: PLW2901 - the same
         out.append(own)
     return tuple(out)
-
-
-def thin(samples: Dataset, most: int = MOST_SAMPLES) -> Dataset:
-    """Return evenly spaced stretches of samples that are more than a diagnosis needs."""
-    if samples.outputs <= most:
-        return samples
-    d, length = samples.decimation, STRETCH
-    length = length if d is None else length * d.factor + 2 * d.reach
-    windows = spread(len(samples.tau), length, most // STRETCH)
-    rows = np.concatenate([np.arange(a, b) for a, b in windows])
-    note = f"{len(windows)} stretches of {STRETCH} samples, evenly spaced in time, were looked at"
-    return replace(samples.take(rows), notes=(*samples.notes, note))
-
-
-def spread(samples: int, length: int, most: int) -> list[tuple[int, int]]:
-    """Return evenly spaced stretches (start, stop) of a length, so many at most."""
-    starts = np.linspace(0, samples - length, max(1, min(most, samples // length))).astype(int)
-    return [(int(s), int(s) + length) for s in starts]

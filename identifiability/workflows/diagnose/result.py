@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import field, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.effects import find_family, title_of
+from identifiability.estimation.estimate import with_known
 from identifiability.estimation.fit import Fit as Known
 from identifiability.estimation.prediction import Prediction, measure_spread, predict
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
@@ -27,7 +28,7 @@ from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import REACH, digits, error_text, join, percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import Dataset
+from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.physical.cad_prior import real_robot_dict, share_weight, state_mass
 from identifiability.reading.rules import RULES as READING_RULES
 from identifiability.regression.columns import Refusal
@@ -60,9 +61,12 @@ from identifiability.workflows.diagnose.changes import Change, table_changes
 from identifiability.workflows.diagnose.forward import ForwardGap, Physical, compare_forward
 from identifiability.workflows.diagnose.problem import (
     Discrepancy,
-    Setting,
+    KnownValues,
+    Problem,
+    WeighedFit,
     fit_structure,
     nearest_robot,
+    weigh_fit,
 )
 from identifiability.workflows.predict import (
     Fit,
@@ -73,7 +77,7 @@ from identifiability.workflows.predict import (
 )
 
 if TYPE_CHECKING:
-    from identifiability.workflows.session import Recordings
+    from identifiability.quality.recordings import Recordings
 
 
 #: Names that a sentence says of one effect; JSON has them all.
@@ -255,11 +259,13 @@ class Odds:
 
 
 @frozen(kw_only=True)
-class Diagnosis(Result, Setting, Predicts):
+class Diagnosis(Result, Predicts):
     """What is missing, with the evidence. `to_frame`, `to_json`, `write_report` give it away.
 
     Attributes
     ----------
+    problem : Problem
+        What was diagnosed, and from what.
     effects : tuple of NamedEffect
         In order of addition; empty when nothing can be named.
     curves : tuple of Curve
@@ -281,8 +287,11 @@ class Diagnosis(Result, Setting, Predicts):
         Of all that was asked, the likeliest first.
     values : (b,)
         Base parameters of that model.
-    model : Model
-        The base model, with the named effects where folds of the fitted logs prefer it.
+    completed : Structure
+        The robot under the base model, with the named effects where folds of the fitted logs prefer
+        it.
+    information : Information
+        About its base parameters, with equal rows.
     included : int
         How many of the effects are in the model, the first ones.
     moved : PositionPrediction or None
@@ -299,6 +308,7 @@ class Diagnosis(Result, Setting, Predicts):
 
     schema: ClassVar[str] = "identifiability/diagnosis/1"
 
+    problem: Problem
     effects: tuple[NamedEffect, ...]
     curves: tuple[Curve, ...]
     gap: Prediction
@@ -312,7 +322,8 @@ class Diagnosis(Result, Setting, Predicts):
     refusals: tuple[Refusal, ...]
     evidence: tuple[Odds, ...]
     values: Array
-    model: Model
+    completed: Structure
+    information: Information
     included: int = 0
     forward: ForwardGap | None = None
     hints: tuple[str, ...] = ()
@@ -322,19 +333,75 @@ class Diagnosis(Result, Setting, Predicts):
     moved: PositionPrediction | None = None
 
     @property
+    def structure(self) -> Structure:
+        """The robot under the model that was diagnosed."""
+        return self.problem.structure
+
+    @property
     def robot(self) -> Robot:
         """The robot."""
-        return self.structure.robot
+        return self.problem.robot
+
+    @property
+    def samples(self) -> tuple[Dataset, ...]:
+        """Fitted logs."""
+        return self.problem.samples
+
+    @property
+    def validation(self) -> tuple[Dataset, ...]:
+        """Held-out logs."""
+        return self.problem.validation
+
+    @property
+    def known(self) -> KnownValues:
+        """What is known of the model's values before the logs."""
+        return self.problem.known
+
+    @property
+    def fixed(self) -> bool:
+        """Whether the model keeps these values."""
+        return self.problem.fixed
+
+    @property
+    def seed(self) -> int:
+        """Of every random choice."""
+        return self.problem.seed
+
+    @property
+    def verified_on(self) -> str:
+        """The unseen motion in words."""
+        return self.problem.verified_on
+
+    @property
+    def preparation(self) -> Preparation:
+        """How logs were turned into motion, with one cut-off."""
+        return self.problem.preparation
+
+    @property
+    def changes(self) -> tuple[Change, ...]:
+        """What changed in the middle of fitted logs."""
+        return self.problem.changes
+
+    @property
+    def commanded(self) -> bool:
+        """Whether servos made the torque of commands."""
+        return self.problem.commanded
 
     @property
     def base(self) -> tuple[str, ...]:
         """Names of the effects of the model that was diagnosed."""
         return self.structure.model.names
 
+    @property
+    def model(self) -> Model:
+        """The base model with the named effects that it includes."""
+        return self.completed.model
+
     @cached_property
-    def completed(self) -> Structure:
-        """The robot under the model."""
-        return Structure.of(self.robot, self.model)
+    def refit(self) -> WeighedFit:
+        """The completed model, refitted to weighted rows."""
+        known = with_known(self.information, self.completed.known)
+        return weigh_fit(self.robot, self.samples, known)
 
     @property
     def mass_warning(self) -> str:
@@ -351,7 +418,7 @@ class Diagnosis(Result, Setting, Predicts):
     @cached_property
     def refitted(self) -> tuple[Information, Known]:
         """A refit of the model with the named effects, whatever was known beforehand."""
-        information, fit, *_ = fit_structure(self.completed, self.samples)
+        information, fit, *_ = self.refit
         return information, Known.of(information, fit, np.random.default_rng(self.seed), 0)
 
     @cached_property
@@ -589,7 +656,7 @@ def simulate_forward(d: Diagnosis, rng: np.random.Generator) -> ForwardGap:
     """Return the gap in motion of a diagnosis, on the motion that verified it."""
     try:
         after = real_robot(d, d.completed)
-        before = real_robot(d, d.plain, after.cad_weight)
+        before = real_robot(d, d.problem.plain, after.cad_weight)
     except IdentifiabilityError as error:
         return ForwardGap.none(str(error))
     found = compare_forward(before, after, d.validation, rng)
@@ -828,20 +895,18 @@ def keep_completed(d: Diagnosis) -> Fit:
     )
 
 
-def fit_physical(
-    structure: Structure, samples: Sequence[Dataset], cad_weight: float | None = None
-) -> Physical:
-    """Return the real robot that explains some logs best under a model.
+def fit_physical(d: Diagnosis, structure: Structure, cad_weight: float | None = None) -> Physical:
+    """Return the physically consistent robot that explains the fitted logs best under a model.
 
-    How strongly it is drawn to the robot file is chosen by what it predicts of stretches of the
-    logs, as of an analysis. It is not chosen where it is given.
+    The weight of the robot file is chosen by predictions of left-out stretches, unless it is given.
 
     Raises
     ------
     IdentifiabilityError
         If the solver finds none.
     """
-    found = nearest_robot(structure, *fit_structure(structure, samples)[:2], cad_weight)
+    weighed = d.refit if structure is d.completed else fit_structure(structure, d.samples)
+    found = nearest_robot(structure, *weighed[:2], cad_weight)
     if found.nearest is None:
         raise IdentifiabilityError(found.sentence.strip())
     return Physical(structure, found.parameters(), found.cad_weight)
@@ -860,7 +925,7 @@ def real_robot(d: Diagnosis, structure: Structure, weight: float | None = None) 
     """
     if len(d.known.precision):
         weight = share_weight(d.known.share) if d.known.share else weight
-        return fit_physical(structure, d.samples, weight)
+        return fit_physical(d, structure, weight)
     values = {name: d.robot.nominal.get(name, 0.0) for name in d.structure.columns}
     values = dict.fromkeys(structure.columns, 0.0) | values
     if structure is d.completed:

@@ -11,13 +11,14 @@ from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from identifiability.effects import Placed, default_effects, find_families, title_of
+from identifiability.effects.measurement import CommandDelay
+from identifiability.estimation.estimate import Outliers
 from identifiability.estimation.groups import NO_MISSING_EFFECTS, place_of
 from identifiability.estimation.mixed_model import EVERYWHERE
 from identifiability.foundation.engines import Engine, Serial, one_thread
@@ -25,12 +26,15 @@ from identifiability.foundation.errors import ModelError
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Effects, Seed, checked
+from identifiability.foundation.runs import Progress, Run, quiet
 from identifiability.foundation.values import frozen
-from identifiability.logs.conventions import Conventions
+from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.logs.prepare.dataset import require_signal
-from identifiability.physical.cad_prior import load_by_fit, resolve_prior
+from identifiability.logs.prepare.excerpt import MOST_IN_ALL, MOST_SAMPLES, thin_all
+from identifiability.physical.cad_prior import resolve_prior
 from identifiability.quality.hints import where_outlying
+from identifiability.quality.recordings import Logs, Recordings
 from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import (
     USUAL_EFFECTS,
@@ -39,14 +43,22 @@ from identifiability.regression.reduction import (
     Submodel,
     build_comparison,
     choose_model,
-    find_ladder,
     free_again,
     full_model,
     ladder_model,
 )
-from identifiability.regression.structure import Structure
+from identifiability.regression.structure import Structure, count_offsets
 from identifiability.robot import Robot, RobotLike, complete_motion
+from identifiability.workflows.analyze.ladder import compute_ladder
 from identifiability.workflows.analyze.workflow import conclude_analysis, say_band
+from identifiability.workflows.case import (
+    Case,
+    Data,
+    apply_to_structure,
+    comparable_entry,
+    look_up_ladder,
+    take_case,
+)
 from identifiability.workflows.diagnose.changes import Change
 from identifiability.workflows.diagnose.naming import (
     Naming,
@@ -58,20 +70,16 @@ from identifiability.workflows.diagnose.naming import (
     without_outliers,
 )
 from identifiability.workflows.diagnose.problem import (
-    MOST_IN_ALL,
-    MOST_SAMPLES,
     Given,
     KnownValues,
-    Setting,
+    Problem,
     along_rollouts,
-    assign_roles,
     change_of,
     find_discrepancies,
     know_file,
     know_fit,
     know_nothing,
     know_share,
-    prepare_rows,
     read_given,
     weigh_fit,
 )
@@ -84,20 +92,8 @@ from identifiability.workflows.diagnose.result import (
     Rival,
     simulate_forward,
 )
-from identifiability.workflows.session import (
-    Logs,
-    Opening,
-    Progress,
-    Recordings,
-    Session,
-    common_delay,
-    count_offsets,
-    prepare_unfitted,
-    quiet,
-    read_recordings,
-    settle_gains,
-    state_provenance,
-)
+from identifiability.workflows.provenance import state_provenance
+from identifiability.workflows.roles import require_held_out
 
 #: What is to be known of values that are kept without their errors.
 EXACT = (
@@ -109,8 +105,8 @@ EXACT = (
 
 @checked
 def diagnose(
-    robot: RobotLike,
-    logs: Logs,
+    robot: RobotLike | Case,
+    logs: Logs = (),
     validate: Logs = (),
     *,
     effects: Effects | None = None,
@@ -127,7 +123,8 @@ def diagnose(
 
     Parameters
     ----------
-    robot : Robot, path or shipped name
+    robot : Robot, path, shipped name, or Case
+        A case has its own logs and preparation, and shares its stages with other verbs.
     logs : log, path, DataFrame, or several
         What the model is fitted to and effects are named from.
     validate : the same, optional
@@ -159,198 +156,398 @@ def diagnose(
     ------
     IdentifiabilityError
     """
-    say = progress or quiet
-    streams = tuple(np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
-    find_families(effects)  # what is misspelt is told before logs are read
+    rngs = tuple(np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
+    find_families(effects)  # a misspelt name is refused before logs are read
     with one_thread():
-        robot = Robot.of(robot)
-        say("reading logs", 0.0)
-        robot = settle_gains(robot, logs)
-        given = read_recordings(logs, validate, Conventions.of(robot), preparation, commands=True)
-        commanded = given.commanded
-        near = 0.0
-        if commanded and isinstance(fixed, int | float) and fixed is not True:
-            near, fixed = resolve_prior(fixed if fixed is not False else None, None, True)[0], False
-        structure, known = _settle_values(robot, model, fixed, commanded=commanded)
-        session = Session(structure, given, preparation, say, engine or Serial())
-        session = session.follow(np.random.default_rng(seed))
-        given, robot = session.recordings, session.structure.robot
-        ladder = find_ladder(robot, None, beside=True).models_for(commanded=commanded)
-        own = near, fixed is not False, seed, ladder if model is None else None
-        asked = _Asked(session, effects, known, streams[0], *own)
-        found, opening = asked.look(given)
-        later = common_delay(found.effects, robot.motor_joints)
-        if later and robot.servo is not None:
-            given = given.acting_later(robot.servo, later)
-            found, opening = asked.look(given)
-        texts = [model] if isinstance(model, (str, Path)) else model
-        words = ",".join(map(str, texts)) if isinstance(texts, (list, tuple)) else ""
-        options = {
-            **({"model": words} if words else {}),
-            "effects": "all" if effects is None else list(effects),
-            "fixed": fixed if isinstance(fixed, bool) else known.words,
-            **({"prior": near} if near else {}),
-            "quick": quick,
-            "preparation": preparation or Preparation(),
-        }
-        used = [*found.samples, *found.validation]
-        kept = (EXACT,) if fixed is True else ()
-        believed = (found.known.hint,) if near else ()
-        # With commands it is calibrated in this one.
-        band = () if commanded else say_band(getattr(found.preparation, "band", None))
-        hints = (*kept, *believed, *found.hints, *opening.hints, *band)
-        found = replace(
-            found,
-            nothing="" if found.fixed else opening.misread,
-            alternative="" if opening.alternative is None else opening.alternative.statement,
-            hints=(*hints, *free_again(model)),
-            provenance=state_provenance(robot, used, seed, None, options),
-        ).moved_by(given)
+        case = take_case(robot, logs, validate, preparation)
+        run = Run(progress or quiet, engine or Serial(), seed)
+        recordings = case.recordings(run)
+        require_held_out(recordings)
+        model = case.model if model is None else model  # type: ignore[assignment]
+        prior, fixed = _choose_prior(fixed, recordings)
+        request = Request(effects, model, fixed, prior)
+        found, data = _diagnose_once(case, request, run, rngs[0])
+        found, data = _diagnose_again_later(case, request, run, rngs[0], found, data)
+        found = _with_context(case, request, found, data, quick=quick, seed=seed)
+        found = found.moved_by(data.recordings)
         if quick or not (forward and found.included) or found.robot.base is not None:
             return found
-        say("simulating forward", 0.95)
-        return replace(found, forward=simulate_forward(found, streams[1]))
+        run.say("simulating forward", 0.95)
+        return replace(found, forward=simulate_forward(found, rngs[1]))
 
 
 @frozen
-class _Asked:
+class Request:
     """How effects are looked for.
 
     Attributes
     ----------
-    session : Session
     effects : iterable of str or None
         Families that may be named.
-    known : KnownValues
-    stream : numpy.random.Generator
-        For intervals.
-    near : float
-        Share within which bodies are the file's, of logs of commands.
-    fixed : bool
-        Whether values are those that are known, and the file's direction of gravity one of them.
-    seed : int
-    ladder : LadderEntry or None
-        Models that `analyze` compares, where no model is given.
+    model : ModelLike or None
+        The model to diagnose.
+    fixed : Given
+        Values that are kept.
+    prior : float
+        Share within which bodies are the file's, of logs of commands; 0 for none.
     """
 
-    session: Session
     effects: Effects | None
-    known: KnownValues
-    stream: np.random.Generator
-    near: float
-    fixed: bool
-    seed: int
-    ladder: LadderEntry | None
+    model: ModelLike | None
+    fixed: Given
+    prior: float
 
-    def look(self, given: Recordings) -> tuple[Diagnosis, Opening]:
-        """Name what is missing in recordings, under the model that the fitted ones prefer."""
-        fit, verify, verified_on = assign_roles(given.fitted, given.held_out)
-        session = replace(self.session, recordings=Recordings(fit, verify, given.hints))
-        how = session.preparation if session.how.cutoff is None else session.how
-        most = min(MOST_SAMPLES, MOST_IN_ALL // len(fit))
-        prepare = partial(prepare_rows, self.session.structure.robot, how=how, most=most)
-        # Of what memory does not hold stretches are fitted, too.
-        own = prepare if any(log.long for log in (*fit, *verify)) else None
-        if self.fixed:
-            opening = session.open("diagnosed", own, seek=False)
-        else:
-            session, opening = session.settle("diagnosed", own)
-            at_fit = load_by_fit(opening.structure, opening.samples, session.engine, named=True)
-            opening = replace(opening, structure=at_fit)
-        logs, looked = session.recordings, list[tuple[Dataset, ...]]()
-        if own is None:
-            unseen = prepare_unfitted(prepare, self.session.structure.robot, session.how)
-            looked = [tuple(map(prepare, logs.fitted)), tuple(map(unseen, logs.held_out))]
-        if (rolled := given.rolled) is None:
-            opening = session.with_instruments(opening, "wls", "auto")[0]
-        else:
-            pairs = [(opening.samples, logs.fitted), (opening.validation, logs.held_out)]
-            pairs += zip(looked, (logs.fitted, logs.held_out), strict=False)
-            along = [along_rollouts(opening.structure, s, own, rolled) for s, own in pairs]
-            opening = replace(opening, samples=along[0], validation=along[1])
-            looked = along[2:]
-        samples, validation = opening.samples, opening.validation
-        require_signal(validation, "verified")
-        session.say("building columns", 0.1)
-        near = know_share(self.near, opening.structure, refitted=True) if self.near else None
-        setting = Setting(
-            structure=opening.structure,
-            samples=samples,
-            known=near or (self.known if self.fixed else know_nothing(opening.structure)),
-            validation=validation,
-            looked=looked[0] if looked else (),
-            looked_unseen=looked[1] if looked else (),
-            fixed=self.fixed,
-            verified_on=verified_on,
-            preparation=how or Preparation(),
-            commanded=given.commanded,
-            seed=self.seed,
+    @property
+    def keeps(self) -> bool:
+        """Whether values are kept: those of the file, or of a result."""
+        return self.fixed is not False
+
+
+def _choose_prior(fixed: Given, recordings: Recordings) -> tuple[float, Given]:
+    """Return the share within which bodies are the file's, and which values are kept.
+
+    Without measured torque, the share of the robot file's bodies is a prior.
+    """
+    share = isinstance(fixed, int | float) and fixed is not True
+    if not (recordings.commanded and share):
+        return 0.0, fixed
+    given = fixed if fixed is not False else None
+    return resolve_prior(given, None, True)[0], False  # type: ignore[arg-type]
+
+
+def _diagnose_once(
+    case: Case,
+    request: Request,
+    run: Run,
+    rng: np.random.Generator,
+    recordings: Recordings | None = None,
+) -> tuple[Diagnosis, Data]:
+    """Return what is missing in the logs of a case, and these logs.
+
+    Parameters
+    ----------
+    case, request, run
+    rng : numpy.random.Generator
+        For intervals.
+    recordings : Recordings, optional
+        With torque of their servos; by default those of the case.
+    """
+    problem, data = pose_problem(case, request, run, recordings)
+    # Values that are kept are those of the file, and a wrong scale or sign is an effect.
+    effects = () if data.misread and not request.keeps else request.effects
+    return name_effects(problem, effects, run, rng), data
+
+
+def _diagnose_again_later(
+    case: Case,
+    request: Request,
+    run: Run,
+    rng: np.random.Generator,
+    found: Diagnosis,
+    data: Data,
+) -> tuple[Diagnosis, Data]:
+    """Return the diagnosis with commands that act later, if a delay common to joints was found."""
+    servo = data.robot.servo
+    later = common_delay(found.effects, data.robot.motor_joints)
+    if not later or servo is None:
+        return found, data
+    from identifiability.servos import delay_commands  # noqa: PLC0415 - MuJoCo
+
+    delayed = delay_commands(data.recordings, servo, later)
+    return _diagnose_once(case, request, run, rng, delayed)
+
+
+def common_delay(effects: Sequence[NamedEffect], joints: Sequence[str]) -> float:
+    """Return by how much commands act later at most joints than their log was corrected for [s].
+
+    A log's delay is found from all joints together, so that one that is late, or whose gain is
+    wrong, makes the others early. What most of them have in common is the log's.
+    """
+    placements = [p for e in effects if e.name == CommandDelay.name for p in e.placements]
+    delays = {p.place: float(p.values[0]) for p in placements}
+    every = sorted(delays.get(joint, 0.0) for joint in joints)
+    return every[(len(every) - 1) // 2]
+
+
+def _with_context(
+    case: Case, request: Request, found: Diagnosis, data: Data, *, quick: bool, seed: int
+) -> Diagnosis:
+    """Return a diagnosis with what its logs, its options and its model ask to be said."""
+    model = [request.model] if isinstance(request.model, (str, Path)) else request.model
+    words = ",".join(map(str, model)) if isinstance(model, (list, tuple)) else ""
+    kept = request.fixed
+    options = {
+        **({"model": words} if words else {}),
+        "effects": "all" if request.effects is None else list(request.effects),
+        "fixed": kept if isinstance(kept, bool) else found.known.words,
+        **({"prior": request.prior} if request.prior else {}),
+        "quick": quick,
+        "preparation": case.preparation or Preparation(),
+    }
+    exact = (EXACT,) if kept is True else ()
+    believed = (found.known.hint,) if request.prior else ()
+    # Torque of commands is calibrated with the cut-off.
+    band = () if found.commanded else say_band(getattr(found.preparation, "band", None))
+    return replace(
+        found,
+        nothing="" if found.fixed else data.misread,
+        alternative="" if data.reading is None else data.reading.statement,
+        hints=(*exact, *believed, *found.hints, *data.hints, *band, *free_again(request.model)),
+        provenance=state_provenance(
+            found.robot, [*found.samples, *found.validation], seed, None, options
+        ),
+    )
+
+
+# From a case to what is diagnosed.
+
+
+def pose_problem(
+    case: Case, request: Request, run: Run, recordings: Recordings | None = None
+) -> tuple[Problem, Data]:
+    """Return what is diagnosed, and the logs under the reading that fits them.
+
+    Parameters
+    ----------
+    case, request, run
+    recordings : Recordings, optional
+        With torque of their servos; by default those of the case.
+    """
+    robot, commanded = case.known_robot(run), case.recordings(run).commanded
+    structure, known = _choose_values(case, robot, request, commanded=commanded)
+    if commanded:
+        torque, structure = case.torque(structure, run)
+        recordings = recordings or torque
+    ladder = case.stages.once(look_up_ladder, case.robot, None, True)
+    pilot = None
+    if not (request.keeps or commanded or request.model is not None):
+        pilot = case.structure(robot, ladder_model(ladder.entry))
+    data, reference = _read_logs(case, request, structure, pilot, run, recordings)
+    data, excerpts = _look_at(case, data, run)
+    if not data.validation:  # the part that was set aside has nothing to explain
+        _refuse_silent_part(case, data, run)
+    run.say("building columns", 0.1)
+    if request.prior:
+        known = know_share(request.prior, data.structure, refitted=True)
+    elif not request.keeps:
+        known = know_nothing(data.structure)
+    how = case.preparation if data.preparation.cutoff is None else data.preparation
+    problem = Problem(
+        structure=data.structure,
+        samples=data.samples,
+        known=known,
+        validation=data.validation,
+        excerpt=excerpts[0],
+        unseen_excerpt=excerpts[1],
+        fixed=request.keeps,
+        verified_on=data.recordings.verified_on,
+        preparation=how or Preparation(),
+        commanded=commanded,
+        seed=run.seed,
+        columns=((data.structure, data.regression),),
+    )
+    if request.keeps or known.precision.any():
+        return problem, data
+    entry = None
+    if request.model is None:
+        entry = case.stages.once(comparable_entry, ladder, commanded)
+    return recommend(case, problem, data, reference, entry, run), data
+
+
+def _read_logs(
+    case: Case,
+    request: Request,
+    structure: Structure,
+    pilot: Structure | None,
+    run: Run,
+    recordings: Recordings | None,
+) -> tuple[Data, Data | None]:
+    """Return the logs prepared for a model, and for the unpruned model of `analyze`.
+
+    The latter is None where both cannot share their rows: values are kept, or logs are read
+    otherwise. Of logs that are too long for memory excerpts are prepared.
+    """
+    raw = recordings or case.recordings(run)
+    most = _most_rows(raw) if raw.long else None
+    seek = not request.keeps
+    data = case.data(structure, run, "diagnosed", recordings=recordings, seek=seek, most=most)
+    if request.keeps:
+        return data, None
+    reference = None
+    if pilot is not None and data.reading is None:
+        reference = case.data(pilot, run, "diagnosed", seek=False, most=most)
+    return case.at_fit(data, run, named=True), reference
+
+
+def _unless_all(samples: tuple[Dataset, ...], excerpt: tuple[Dataset, ...]) -> tuple[Dataset, ...]:
+    """Return an excerpt, or nothing where it has all rows of the samples."""
+    pairs = zip(samples, excerpt, strict=True)
+    every = all(a.motion is b.motion and a.decimation is b.decimation for a, b in pairs)
+    return () if every else excerpt
+
+
+def _refuse_silent_part(case: Case, data: Data, run: Run) -> None:
+    """Refuse held-out motion that has nothing to explain.
+
+    Raises
+    ------
+    LogError
+    """
+    recordings = data.recordings
+    most = _most_rows(recordings) if recordings.long else None
+    prepared = case.prepared(data.robot, recordings, data.preparation, run, most)
+    require_signal(prepared.held_out, "verified")
+
+
+def _most_rows(recordings: Recordings) -> int:
+    """Return how many rows of each log are looked at."""
+    return min(MOST_SAMPLES, MOST_IN_ALL // len(recordings.fitted))
+
+
+#: Excerpts of fitted and of held-out logs; empty where all rows are looked at.
+Excerpts = tuple[tuple[Dataset, ...], tuple[Dataset, ...]]
+
+
+def _look_at(case: Case, data: Data, run: Run) -> tuple[Data, Excerpts]:
+    """Return data with second records of the motion, and excerpts on which names are looked for.
+
+    Samples of commanded robots are taken along the motion of their rollouts.
+    """
+    recordings, most = data.recordings, _most_rows(data.recordings)
+    excerpts: Excerpts = (), ()
+    if not recordings.long:
+        pairs = (data.samples, recordings.fitted), (data.validation, recordings.held_out)
+        excerpts = tuple(  # type: ignore[assignment]
+            _unless_all(samples, case.stages.once(thin_all, samples, logs, case.preparation, most))
+            for samples, logs in pairs
         )
-        if not (self.fixed or setting.known.precision.any()):
-            setting = self._recommend(session, opening, setting)
-        # Values that are kept are those of the file, and a wrong scale or sign is an effect.
-        asked = self if self.fixed or not opening.misread else replace(self, effects=())
-        return asked.name(setting), opening
+    if recordings.rolled is None:
+        return case.instrumented(data, "auto"), excerpts
 
-    def _recommend(self, session: Session, opening: Opening, setting: Setting) -> Setting:
-        """Return the setting with the model and values that `analyze` recommends."""
-        structure = own = opening.structure
-        models: tuple[Submodel, ...] = (full_model(own.base),)
-        if self.ladder is not None:
-            other = Structure.of(session.structure.robot, ladder_model(self.ladder))
-            if opening.alternative is not None:
-                other = opening.alternative.structure(other)
-            other = load_by_fit(other, opening.samples, session.engine)
-            with suppress(ModelError):  # its models are of parameters of the model as it was given
-                models, structure = build_comparison(self.ladder, other), other
-        rows = session.weigh(replace(opening, structure=structure), "wls", "auto", whole=False)
-        how = {"cad_prior": None, "replicates": 0}
-        rng = np.random.default_rng(self.seed)
-        found = conclude_analysis(session, rows, models, rng, how, NO_MISSING_EFFECTS)
-        chosen = found.chosen
-        real = chosen.physical if chosen.physical_used else None
-        base = chosen.submodel.expand(chosen.recommended) if real is None else real.base
-        # A model that leaves out what the diagnosed one has not is that.
-        common = [n for n in structure.columns if n in own.columns]
-        G, to = (s.G[:, [s.columns.index(n) for n in common]] for s in (structure, own))
-        phi = np.linalg.lstsq(G, base, rcond=None)[0]
-        if np.linalg.norm(G @ phi - base) <= NEARLY * np.linalg.norm(base):
-            return replace(setting, recommended=to @ phi)
-        return replace(setting, recommended=base, under=structure)
+    def move(samples: tuple[Dataset, ...], logs: Sequence[Log]) -> tuple[Dataset, ...]:
+        inputs = data.structure, samples, logs, recordings.rolled
+        return case.stages.once(along_rollouts, *inputs)
 
-    def name(self, setting: Setting) -> Diagnosis:
-        """Name what is missing, add it, verify.
+    samples = move(data.samples, recordings.fitted)
+    validation = move(data.validation, recordings.held_out)
+    if not recordings.long:
+        excerpts = (
+            move(excerpts[0], recordings.fitted),
+            move(excerpts[1], recordings.held_out),
+        )
+    regression = case.regression(data.structure, samples)
+    moved = replace(data, samples=samples, validation=validation, regression=regression)
+    return moved, excerpts
 
-        Rows that hardly count even beside what was named are no data for names.
-        """
-        found, said, samples = self._settle(setting), "", setting.samples
-        if not setting.fixed:
-            robot, changes, weighed = setting.structure.robot, found.setting.changes, found.weighed
-            if changes:  # a burst may look like one
-                rows = gather_information(found.completed.regression(samples))
-                weighed = weigh_fit(robot, samples, rows)
-            *_, said, outliers = weighed
-            outliers = None if outliers is None else outliers.below()
-            if outliers is None or _last(changes, samples):
-                said = "" if changes else said
-            else:
-                where = where_outlying(robot.joints, samples, outliers)
-                said = said or f"{where} was left out. Look at what happened there."
-                found = self._settle(without_outliers(setting, outliers))
-        self.session.say("verifying", 0.9)
-        return replace(conclude(found, self.stream), hints=(said,) if said else ())
 
-    def _settle(self, setting: Setting) -> Naming:
-        """Return what is missing in logs without what changed in their midst.
+def recommend(
+    case: Case,
+    problem: Problem,
+    data: Data,
+    reference: Data | None,
+    entry: LadderEntry | None,
+    run: Run,
+) -> Problem:
+    """Return the problem with the model and values that `analyze` recommends.
 
-        A change that explains more than any effect is left out before names are looked for, else
-        it would be named piece by piece.
-        """
-        looked = look(setting, self.effects)
-        self.session.say("naming effects", 0.3)
-        change = None if setting.fixed else find_change_in_log(looked, self.effects)
-        without = None if change is None else leave_out(setting, change)
-        return name_missing(looked) if without is None else self._settle(without)
+    Parameters
+    ----------
+    case, problem, data
+    reference : Data or None
+        The logs under the unpruned model of the ladder, where they were prepared for it.
+    entry : LadderEntry or None
+        Models that `analyze` compares; None where a model was given.
+    run : Run
+    """
+    diagnosed = problem.structure
+    models: tuple[Submodel, ...] = (full_model(diagnosed.base),)
+    compared = data
+    if entry is not None:
+        other = reference or _under_ladder(case, data, entry, run)
+        with suppress(ModelError):  # its models are of parameters of the model as it was given
+            models = case.stages.once(build_comparison, entry, other.structure)
+            compared = other
+    rows = case.weigh(compared, "wls", "auto", run, complete=False)
+    fitted = case.stages.once(compute_ladder, rows, models, None, run=run)
+    settings = {"replicates": 0}
+    rng = np.random.default_rng(problem.seed)
+    chosen = conclude_analysis(fitted, rng, settings, NO_MISSING_EFFECTS).chosen
+    real = chosen.physical if chosen.physical_used else None
+    base = chosen.submodel.expand(chosen.recommended) if real is None else real.base
+    structure = compared.structure
+    # A recommended model that leaves out what the diagnosed one lacks is the diagnosed one.
+    common = [n for n in structure.columns if n in diagnosed.columns]
+    G, to = (s.G[:, [s.columns.index(n) for n in common]] for s in (structure, diagnosed))
+    phi = np.linalg.lstsq(G, base, rcond=None)[0]
+    if np.linalg.norm(G @ phi - base) <= NEARLY * np.linalg.norm(base):
+        return replace(problem, recommended=to @ phi)
+    columns = (*problem.columns, (structure, compared.regression))
+    return replace(problem, recommended=base, under=structure, columns=columns)
+
+
+def _under_ladder(case: Case, data: Data, entry: LadderEntry, run: Run) -> Data:
+    """Return data under the unpruned model of a ladder, with the same reading."""
+    structure = case.structure(data.robot, ladder_model(entry))
+    if data.reading is not None:
+        structure = case.stages.once(apply_to_structure, data.reading, structure)
+    return case.at_fit(case.under(data, structure), run)
+
+
+# From a problem to its diagnosis.
+
+
+def name_effects(
+    problem: Problem, effects: Effects | None, run: Run, rng: np.random.Generator
+) -> Diagnosis:
+    """Name what is missing, add it, verify.
+
+    Rows that hardly count with the named effects are no data for names.
+
+    Parameters
+    ----------
+    problem : Problem
+    effects : iterable of str or None
+        Families that may be named.
+    run : Run
+    rng : numpy.random.Generator
+        For intervals.
+    """
+    found, hint = _name_between_changes(problem, effects, run), ""
+    if not problem.fixed:
+        hint, outliers = _find_outliers(problem, found)
+        if outliers is not None:
+            joints = problem.robot.joints
+            where = where_outlying(joints, problem.samples, outliers)
+            hint = hint or f"{where} was left out. Look at what happened there."
+            found = _name_between_changes(without_outliers(problem, outliers), effects, run)
+    run.say("verifying", 0.9)
+    return replace(conclude(found, rng), hints=(hint,) if hint else ())
+
+
+def _find_outliers(problem: Problem, found: Naming) -> tuple[str, Outliers | None]:
+    """Return a sentence on outlying rows, and which are left out before names are looked for."""
+    samples, changes, weighed = problem.samples, found.problem.changes, found.weighed
+    if changes:  # a burst may look like one
+        rows = gather_information(found.completed.regression(samples))
+        weighed = weigh_fit(problem.robot, samples, rows)
+    *_, hint, outliers = weighed
+    light = None if outliers is None else outliers.below()
+    if light is None or _last(changes, samples):
+        return ("" if changes else hint), None
+    return hint, light
+
+
+def _name_between_changes(problem: Problem, effects: Effects | None, run: Run) -> Naming:
+    """Return what is missing in logs without what changed in their midst.
+
+    A change that explains more than any effect is left out before names are looked for. Else it
+    would be named piece by piece.
+    """
+    looked = look(problem, effects)
+    run.say("naming effects", 0.3)
+    change = None if problem.fixed else find_change_in_log(looked, effects)
+    without = None if change is None else leave_out(problem, change)
+    return name_missing(looked) if without is None else _name_between_changes(without, effects, run)
 
 
 def _last(changes: Sequence[Change], samples: Sequence[Dataset]) -> bool:
@@ -363,24 +560,24 @@ def _last(changes: Sequence[Change], samples: Sequence[Dataset]) -> bool:
     return False
 
 
-def _settle_values(
-    robot: Robot, model: ModelLike | None, fixed: Given, *, commanded: bool
+def _choose_values(
+    case: Case, robot: Robot, request: Request, *, commanded: bool
 ) -> tuple[Structure, KnownValues]:
     """Return what is diagnosed, and what is known of the values that it keeps."""
+    fixed = request.fixed
     fit, name = read_given(fixed, robot)
-    if fit is not None and model is None:
+    if fit is not None and request.model is None:
         structure = fit.structure
     else:
-        structure = Structure.of(
-            robot, choose_model(model, usual_effects(robot, commanded=commanded))
-        )
+        model = choose_model(request.model, usual_effects(robot, commanded=commanded))
+        structure = case.stages.once(Structure.of, robot, model)
     if fit is not None:
         return structure, know_fit(fit, structure, name)
     if fixed is True:
         return structure, know_file(structure)
     if isinstance(fixed, int | float) and fixed is not False:
         return structure, know_share(float(fixed), structure)
-    structure = count_offsets(structure)
+    structure = case.stages.once(count_offsets, structure)
     return structure, know_nothing(structure)
 
 
@@ -404,25 +601,25 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     rng : numpy.random.Generator
         For intervals.
     """
-    setting, parts = naming.setting, naming.parts
-    robot = setting.structure.robot
+    problem, parts = naming.problem, naming.parts
+    robot = problem.structure.robot
     counts = Counter(p.candidate.family.name for p in parts)  # families stand together
     ends = np.cumsum([0, *counts.values()]).tolist()
-    plain = setting.recommended if len(setting.recommended) else with_parts(naming, ()).fit(())
-    fits = [naming.of(setting.plain) @ plain, *(naming.fit(range(n)) for n in ends[1:])]
-    left = naming.predict(fits[-1:], naming.fitted.samples).residual[:, :, 0]
+    plain = problem.recommended if len(problem.recommended) else with_parts(naming, ()).fit(())
+    fits = [naming.of(problem.plain) @ plain, *(naming.fit(range(n)) for n in ends[1:])]
+    left = naming.predict_excerpt(fits[-1]).residual[:, :, 0]
     # Folds of the fitted logs choose what predicts, and unseen motion may refute that: what came
     # last is left out first.
     for n in range(len(counts), -1, -1):
         used = naming if n == len(counts) else with_parts(naming, parts[: ends[n]])
-        values = used.best if n or setting.changes else plain  # without what changed
+        values = used.best if n or problem.changes else plain  # without what changed
         last = naming.of(used.completed) @ values
         each = [*fits[: len(fits) - (0 < n == len(counts))], last]
-        gap = naming.predict(each, setting.validation or setting.samples)
-        if not n or ((setting.fixed or used.predicts) and not gap.surely_better(0, -1)):
+        gap = naming.predict_unseen(each)
+        if not n or ((problem.fixed or used.predicts) and not gap.surely_better(0, -1)):
             break
     errors = gap.relative_error()
-    before = naming.predict([fits[0], last], setting.samples).relative_error()
+    before = naming.predict_fitted([fits[0], last]).relative_error()
     placed = [_place(naming, k) for k in range(len(parts))]
     effects = list[NamedEffect]()
     for at, (a, b) in enumerate(pairwise(ends)):
@@ -441,7 +638,7 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
         )
     after = {t.key: t.odds for t in naming.after}
     return Diagnosis(
-        **vars(setting),
+        problem=replace(problem, columns=()),  # they are large
         effects=tuple(effects),
         curves=tuple(_curve(naming, left, k, p) for k, p in enumerate(placed)),
         gap=gap,
@@ -460,14 +657,15 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
             for t in naming.before
         ),
         values=values,
-        model=used.completed.model,
+        completed=used.completed,
+        information=used.information,
         included=n,
     )
 
 
 def _place(naming: Naming, k: int) -> Placement:
     """Return what is known of a part."""
-    part, robot = naming.parts[k], naming.setting.structure.robot
+    part, robot = naming.parts[k], naming.problem.structure.robot
     c = part.candidate
     value, covariance = naming.values(k)
     parameters = Placed([c.part]).parameters(robot)
@@ -492,7 +690,7 @@ def _place(naming: Naming, k: int) -> Placement:
 def _curve(naming: Naming, left: Array, k: int, placed: Placement) -> Curve:
     """Return what a part was learned to be, along the fitted motion."""
     c, rows = naming.parts[k].candidate, naming.fitted
-    joints, robot = naming.acts(k), naming.setting.structure.robot
+    joints, robot = naming.acts(k), naming.problem.structure.robot
     columns = {j: naming.columns([k], j) for j in joints}
     j = max(joints, key=lambda j: float(np.abs(columns[j] @ placed.values).sum()))
     law, of = columns[j], c.effect.drawn_over(robot, j)

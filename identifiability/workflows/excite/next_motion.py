@@ -25,15 +25,16 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.options import Positive, Seed, at_least, checked, counted
 from identifiability.foundation.output import write_json
 from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.runs import Progress
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation
+from identifiability.logs.prepare.excerpt import prepare_excerpt
 from identifiability.logs.signals import sampling_step
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.information import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.simulation import Trajectory
-from identifiability.workflows.diagnose.problem import prepare_rows
 from identifiability.workflows.diagnose.result import Diagnosis
 from identifiability.workflows.excite.criteria import (
     Ask,
@@ -47,7 +48,6 @@ from identifiability.workflows.excite.limits import LimitsLike, find_limits
 from identifiability.workflows.excite.result import Excitation
 from identifiability.workflows.excite.search import Series
 from identifiability.workflows.excite.workflow import find_motion
-from identifiability.workflows.session import Progress
 
 #: Similarity from which on two torques are the same one.
 SAME: Tolerance = 1.0 - 1e-6
@@ -272,7 +272,7 @@ class Bench:
         q, some = path.motion(t)[0], np.ones((len(t), len(d.robot.joints)))
         log = Log("next", d.robot.joints, t, q, some, None, None, "")
         how = None if d.preparation == Preparation() else d.preparation
-        samples, columns = prepare_rows(d.robot, log, how), self.question.columns
+        samples, columns = prepare_excerpt(d.robot, log, how), self.question.columns
         regression = Regression(d.robot, self.question.model, (samples,), columns)
         R = gather_information(regression).factor(self.known.weights)[:, : len(columns)]
         # What a sample says is known of those of the logs.

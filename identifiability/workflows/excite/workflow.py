@@ -10,7 +10,7 @@ import numpy as np
 
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.defaults import DEFAULTS
-from identifiability.foundation.engines import Engine, one_thread
+from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import (
@@ -24,10 +24,13 @@ from identifiability.foundation.options import (
     checked,
     counted,
 )
+from identifiability.foundation.runs import Progress, Run, quiet
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import Dataset
+from identifiability.quality.recordings import Logs
 from identifiability.regression.reduction import ModelLike, free_again
 from identifiability.robot import Robot, RobotLike
+from identifiability.workflows.case import Case, Use
 from identifiability.workflows.excite.criteria import (
     Known,
     LogDet,
@@ -39,7 +42,7 @@ from identifiability.workflows.excite.criteria import (
 from identifiability.workflows.excite.limits import CLEARANCE, LimitsLike, Workspace, find_limits
 from identifiability.workflows.excite.result import Excitation, Merit
 from identifiability.workflows.excite.search import OPEN, Objective, Search, Series, search
-from identifiability.workflows.session import Logs, Progress, Session, quiet, state_provenance
+from identifiability.workflows.provenance import state_provenance
 
 
 @checked
@@ -141,9 +144,10 @@ def _start(
     structure = question.structure
     if logs is None:
         return (), (), structure.robot
-    session = Session.read(structure, logs, preparation=preparation, engine=engine, commands=False)
-    session, opening = session.settle()
-    return opening.samples, opening.hints, session.structure.robot
+    use = Use(divides=False, commands=False)
+    case = Case(structure.robot, logs, preparation=preparation, use=use)
+    data = case.data(structure, Run(engine=engine or Serial()))
+    return data.samples, data.hints, data.robot
 
 
 def find_motion(

@@ -38,9 +38,11 @@ from identifiability.foundation.options import ExportFormat, FilePath, checked
 from identifiability.foundation.output import check_ending, temporary_folder, write_text
 from identifiability.foundation.quoting import for_patch, for_python
 from identifiability.foundation.rounding import percent
+from identifiability.foundation.runs import Run
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import state_mass
 from identifiability.physical.pseudo_inertia import check_body
+from identifiability.quality.recordings import Logs, list_logs
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
@@ -48,6 +50,7 @@ from identifiability.robot.locate import SMALLEST
 from identifiability.robot.servo import state_delay
 from identifiability.robot.table import write_converted
 from identifiability.robot.write import write_robot
+from identifiability.workflows.case import Case, Use
 from identifiability.workflows.export.snippet import write_snippet
 from identifiability.workflows.predict import (
     PositionPrediction,
@@ -56,7 +59,6 @@ from identifiability.workflows.predict import (
     read_real,
     state_missing,
 )
-from identifiability.workflows.session import Logs, Session, list_logs
 
 
 def check_result(robot: Robot, path: Path, content: ResultEntry, known: set[str]) -> None:
@@ -522,8 +524,8 @@ def judge_files(
             )
         )
         structure = Structure.of(copy, model)
-        session = Session.read(structure, logs, preparation=how, commands=False)
-        samples = tuple(session.prepare(session.recordings.fitted, "compared"))
+        case = Case(copy, logs, preparation=how, use=Use(divides=False, commands=False))
+        samples = case.samples(copy, Run(), "compared")
         found = prediction.predict(Regression(copy, model, samples), structure.nominal[:, None])
         errors.append(float(found.relative_error()[0]))
         worst.append(copy.joints[int(np.argmax(found.joint_error()[:, 0]))])

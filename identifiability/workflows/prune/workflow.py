@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -32,34 +31,29 @@ from identifiability.foundation.options import (
     resolve_count,
 )
 from identifiability.foundation.rounding import percent
+from identifiability.foundation.runs import Progress, Run, quiet, running
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import find_signal
 from identifiability.physical.cad_prior import resolve_prior
 from identifiability.physical.feasibility import certify_model
 from identifiability.physical.fitted_model import FittedModel
+from identifiability.quality.recordings import Logs
 from identifiability.regression.reduction import (
     LadderEntry,
     LadderLike,
     Submodel,
     build_ladder,
-    find_ladder,
     full_model,
     ladder_model,
 )
-from identifiability.regression.structure import Structure
-from identifiability.robot import Robot, RobotLike
+from identifiability.robot import RobotLike
+from identifiability.workflows.analyze.judge import decide_model, tell_with_file
+from identifiability.workflows.analyze.ladder import LadderFit, fit_with_robot
 from identifiability.workflows.analyze.result import WORSE
-from identifiability.workflows.analyze.workflow import (
-    Settled,
-    SharedErrors,
-    decide_model,
-    predict_everywhere,
-    say_band,
-    say_of_fit,
-    settle_robot,
-    tell_with_file,
-)
+from identifiability.workflows.analyze.shared_errors import SharedErrors, measure_shared_errors
+from identifiability.workflows.analyze.workflow import predict_everywhere, say_band, say_of_fit
+from identifiability.workflows.case import Case, WeightedRows, take_case
 from identifiability.workflows.prune.elimination import (
     Search,
     Step,
@@ -72,15 +66,6 @@ from identifiability.workflows.prune.elimination import (
 )
 from identifiability.workflows.prune.moves import propose_moves
 from identifiability.workflows.prune.result import Ladder, PrunedModel
-from identifiability.workflows.session import (
-    Logs,
-    Progress,
-    Session,
-    Weighed,
-    count_offsets,
-    quiet,
-    running,
-)
 
 #: Models as good as the best, and smaller ones, whose physical certificate is asked for.
 CERTIFIED = 4
@@ -88,8 +73,8 @@ CERTIFIED = 4
 
 @checked
 def prune(
-    robot: RobotLike,
-    logs: Logs,
+    robot: RobotLike | Case,
+    logs: Logs = (),
     validate: Logs = (),
     ladder: LadderLike | None = None,
     *,
@@ -110,11 +95,13 @@ def prune(
 
     Parameters
     ----------
-    robot : Robot, path or shipped name
+    robot : Robot, path, shipped name, or Case
+        A case has its own logs and preparation, and shares its stages with other verbs.
     logs : log, path, DataFrame, or several
         The size of the model is chosen on these only.
     validate : the same, optional
-        Logs held out from everything, which are only reported on.
+        Held-out logs, which are only reported on. Without any, the last log (or the last quarter
+        of the only one) is set aside; with "none" all logs are fitted.
     ladder : path, LadderEntry or result of `prune`, optional
         Its first model is where pruning starts; by default every base parameter, with
         torque offsets.
@@ -150,68 +137,58 @@ def prune(
     IdentifiabilityError
         With one sentence on what to do.
     """
-    say, base = progress or quiet, find_estimator(method)
+    say = progress or quiet
     draws = resolve_count(replicates, DEFAULTS.resampled, DEFAULTS.resampled_quick, quick=quick)
-    streams = np.random.default_rng(seed).spawn(3)
+    rng = np.random.default_rng(seed).spawn(3)[2]
+    method_name = find_estimator(method).name
     with one_thread("blas"):
+        case = take_case(robot, logs, validate, preparation)
         with running(engine) as runner:
-            robot = Robot.of(robot)
-            source = find_ladder(robot, ladder, beside=False)
-            structure = count_offsets(Structure.of(robot, ladder_model(source.entry)))
-            session = Session.read(structure, logs, validate, preparation, say, runner)
-            commanded = session.recordings.commanded
+            run = Run(say, runner, seed)
+            source = case.ladder(ladder, beside=False)
+            commanded = case.recordings(run).commanded
             share_, cad_prior = resolve_prior(prior, cad_prior, commanded)
-            session = session.follow(streams[0])
-            session, opening = session.settle("pruned")
-            rows = session.weigh(opening, base, estimator, whole=ladder is None)
-            session = replace(session, structure=rows.opening.structure)
-            start = build_ladder(LadderEntry(models=source.entry.models[:1]), session.structure)[0]
+            given = case.structure(case.known_robot(run), ladder_model(source.entry))
+            data = case.data(given, run, "pruned")
+            complete = ladder is None and case.model is None
+            rows = case.weigh(data, method, estimator, run, complete=complete)
+            data = rows.data
+            start = build_ladder(LadderEntry(models=source.entry.models[:1]), data.structure)[0]
             _check_wishes(start, forbid, force)
             part = start.reduce(rows.information)
-            own = estimate_noise(rows.estimator, part)
-            question = Question(
-                rows,
-                start,
-                own,
-                SharedErrors.of(session, rows),
-            )
+            noise_known = estimate_noise(rows.estimator, part)
+            shared = case.stages.once(measure_shared_errors, rows)
+            question = Question(rows, start, noise_known, shared)
             say("walking down the ladder", 0.4)
+            variation = rows.unweighted.variation * find_signal([s.survey for s in data.samples])
             search = find_path(
                 part,
-                variation=rows.alike.variation * find_signal([s.survey for s in opening.samples]),
-                suggested=propose_moves(session.structure, start.columns),
+                variation=variation,
+                suggested=propose_moves(data.structure, start.columns),
                 forbid=forbid,
                 force=force,
-                method=own,
+                method=noise_known,
             )
-            selected, settled = _choose(question, search, cad_prior)
+            selected, fit = _choose(question, search, cad_prior)
             search, selected, thinned = thin_path(search, selected)
             say("measuring errors", 0.5)
-            measured = measure_models(
-                question,
-                search,
-                selected,
-                settled,
-                replicates=draws,
-                rng=streams[2],
-                session=session,
-            )
-        hints = _hint(session, rows, measured["models"], selected)
+            measured = measure_models(question, search, selected, fit, replicates=draws, rng=rng)
+        hints = _hint(rows, measured["models"], selected)
         found = Ladder(
-            structure=session.structure,
-            samples=opening.samples,
-            validation=opening.validation,
+            structure=data.structure,
+            samples=data.samples,
+            validation=data.validation,
             hints=tuple(filter(None, (*hints, thinned))),
-            recordings=session.recordings,
+            recordings=data.recordings,
             information=rows.information,
             start=start,
             selected=selected,
             least=best_step(search.steps),
             refused=search.refused,
-            late=question.shared.together(full_model(session.structure.base)),
+            late=shared.together(full_model(data.structure.base)),
             source=source,
             settings={
-                "method": base.name,
+                "method": method_name,
                 "seed": seed,
                 "estimator": estimator,
                 "forbid": list(forbid),
@@ -219,29 +196,24 @@ def prune(
                 "replicates": draws,
                 "cad_prior": cad_prior,
                 "prior": share_,
-                "preparation": preparation or Preparation(),
+                "preparation": case.preparation or Preparation(),
             },
             **measured,
         )
         return tell_with_file(found, share_)
 
 
-def _hint(
-    session: Session,
-    rows: Weighed,
-    models: Sequence[PrunedModel],
-    selected: int,
-) -> tuple[str, ...]:
+def _hint(rows: WeightedRows, models: Sequence[PrunedModel], selected: int) -> tuple[str, ...]:
     """Return what seems to be wrong with robot file, logs and their cut-off."""
-    opening = rows.opening
-    other = of_key(opening.hints, "alternative")
+    data = rows.data
+    other = of_key(data.hints, "alternative")
     return (
         *other,  # under which all is said
-        _state_foreign(models[0]) if opening.validation else "",
-        rows.burst,
-        *(hint for hint in opening.hints if hint not in other),
-        *(() if session.recordings.commanded else say_band(getattr(session.how, "band", None))),
-        *say_of_fit(session, opening.samples, models[selected], opening.missing.functions),
+        _state_foreign(models[0]) if data.validation else "",
+        rows.outlier_hint,
+        *(hint for hint in data.hints if hint not in other),
+        *(() if data.recordings.commanded else say_band(data.band)),
+        *say_of_fit(data, models[selected], data.missing.functions),
     )
 
 
@@ -270,7 +242,7 @@ def _check_wishes(start: Submodel, forbid: Sequence[str], force: Sequence[str]) 
         raise ModelError(f"'{both[0]}' is to be kept and to be dropped; say which.")
 
 
-def _choose(question: Question, search: Search, cad_prior: float | None) -> tuple[int, Settled]:
+def _choose(question: Question, search: Search, cad_prior: float | None) -> tuple[int, LadderFit]:
     """Return the step to use: the smallest as good as the best, and its nearest real robot.
 
     What a model with impossible values says of the robot is its nearest real robot. A smaller
@@ -296,7 +268,7 @@ def _choose(question: Question, search: Search, cad_prior: float | None) -> tupl
         found.append(
             (
                 k,
-                settle_robot(
+                fit_with_robot(
                     model,
                     held_out,
                     cad_prior,
@@ -319,14 +291,14 @@ class Question:
 
     Attributes
     ----------
-    rows : Weighed
+    rows : WeightedRows
     start : Submodel
         The model that pruning starts from.
     estimator : Estimator
     shared : SharedErrors
     """
 
-    rows: Weighed
+    rows: WeightedRows
     start: Submodel
     estimator: Estimator
     shared: SharedErrors
@@ -342,7 +314,7 @@ class Question:
         if step.move is not None:
             name = f"{size} parameter{'' if size == 1 else 's'}"
             submodel = step.partition.submodel(submodel, name)
-        structure = self.rows.opening.structure
+        structure = self.rows.data.structure
         return FittedModel.of(
             structure,
             submodel,
@@ -352,7 +324,7 @@ class Question:
 
     def recall(self, submodel: Submodel, estimate: Estimate) -> FittedModel:
         """Return a model that was fitted before; all of them at once would fill the memory."""
-        structure, whole = self.rows.opening.structure, self.rows.information
+        structure, whole = self.rows.data.structure, self.rows.information
         return FittedModel(structure, submodel, whole, submodel.reduce(whole), estimate)
 
 
@@ -360,11 +332,10 @@ def measure_models(
     question: Question,
     search: Search,
     chosen: int,
-    settled: Settled,
+    settled: LadderFit,
     *,
     replicates: int,
     rng: np.random.Generator,
-    session: Session,
 ) -> dict[str, Any]:
     """Fit every model of a path and say how it predicts, going through the logs once.
 
@@ -376,15 +347,13 @@ def measure_models(
     search : Search
     chosen : int
         The step to use.
-    settled : Settled
+    settled : LadderFit
         Its fit, and its nearest real robot.
     replicates : int
         Of the bootstrap.
     rng : numpy.random.Generator
-    session : Session
     """
-    rows, steps = question.rows, search.steps
-    opening = rows.opening
+    data, steps = question.rows.data, search.steps
     fits = [(model.submodel, model.estimate) for model in map(question.fit, steps)]
     values = np.stack([submodel.expand(fit.value) for submodel, fit in fits], 1)
     # Stretches (or logs) are predicted by models fitted to the others.
@@ -393,11 +362,11 @@ def measure_models(
     along = [Task(np.column_stack([values, settled.values])[None], kept=False)]
     both = np.concatenate([rests, settled.turned], axis=2)
     tasks = [*along, Task(both, turns, kept=False)]
-    fitted, crossed = predict_all(opening.regression, tasks)
+    fitted, crossed = predict_all(data.regression, tasks)
     unseen = crossed
-    if opening.unseen is not None:
-        (unseen,) = predict_all(opening.unseen, along)
-    missing = opening.missing
+    if data.unseen is not None:
+        (unseen,) = predict_all(data.unseen, along)
+    missing = data.missing
     weights = np.zeros(len(steps))
     first = first_allowed(steps)
     weights[first:] = weigh_models([step.score.density for step in steps[first:]], rng)
@@ -430,18 +399,12 @@ def measure_models(
         )
     result = models[chosen]
     better = len(result) and result.error_ra_unseen < crossed.constant_error()
-    nothing = opening.misread or (result.contradicted if better else WORSE)
+    nothing = data.misread or (result.contradicted if better else WORSE)
     models = [pruned.withdraw(nothing) for pruned in models] if nothing else models
     used = int(result.physical_used)
     return {
         "models": tuple(models),
-        "everywhere": predict_everywhere(
-            session,
-            rows,
-            settled,
-            used,
-            turns,
-        ),
+        "everywhere": predict_everywhere(data, settled, used, turns),
         "nothing": nothing,
         "missing": missing,
     }

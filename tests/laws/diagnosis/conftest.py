@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.workflows.diagnose.problem import Rows
+from identifiability.workflows.diagnose.problem import ResidualRows
 
 
 def make_rows(tau, **motion):
@@ -16,7 +16,7 @@ def make_rows(tau, **motion):
     n = len(tau)
     data = np.ones(tau.shape, bool)
     seen = SimpleNamespace(t=0.01 * np.arange(n), log=np.zeros(n, int), data=data)
-    rows = Rows(seen, (), tau)
+    rows = ResidualRows(seen, (), tau)
     zero = np.zeros_like(tau)
     vars(rows)["states"] = tuple(motion.get(k, zero) for k in ("q", "dq", "ddq"))
     return rows

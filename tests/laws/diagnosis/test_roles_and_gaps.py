@@ -6,10 +6,12 @@ import pytest
 from identifiability.foundation.errors import LogError
 from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset
+from identifiability.logs.prepare.excerpt import thin
 from identifiability.logs.signals import Decimation
+from identifiability.quality.recordings import Recordings
 from identifiability.robot import Robot, complete_motion
 from identifiability.workflows.diagnose.forward import ForwardGap
-from identifiability.workflows.diagnose.problem import assign_roles, thin
+from identifiability.workflows.roles import assign_roles, require_held_out
 
 
 def log(name="log", n=1000):
@@ -25,6 +27,10 @@ def rows(logs):
     return [(int(x.q[0, 0]), int(x.q[-1, 0])) for x in logs]
 
 
+def divided(fitted, held=()):
+    return assign_roles(Recordings(tuple(fitted), tuple(held)))
+
+
 @pytest.mark.parametrize(
     ("fitted", "held", "fit", "verify"),
     [
@@ -34,19 +40,21 @@ def rows(logs):
     ],
 )
 def test_whole_logs_have_one_role_each(fitted, held, fit, verify):
-    *roles, verified_on = assign_roles([log(c) for c in fitted], [log(c) for c in held])
-    assert ["".join(names(part)) for part in roles] == [fit, verify]
-    assert ("set aside" in verified_on) == (not held)
+    found = divided([log(c) for c in fitted], [log(c) for c in held])
+    assert ["".join(names(part)) for part in (found.fitted, found.held_out)] == [fit, verify]
+    assert ("set aside" in found.verified_on) == found.set_aside == (not held)
 
 
 def test_the_last_quarter_of_the_only_log_verifies():
-    fit, verify, verified_on = assign_roles([log("a")], [])
-    assert rows(fit) == [(0, 711)]  # 5 % of 750 before the edge
-    assert rows(verify) == [(763, 999)]  # and of 250 after it
-    assert "last 25 % of a" in verified_on
+    found = divided([log("a")])
+    assert rows(found.fitted) == [(0, 711)]  # 5 % of 750 before the edge
+    assert rows(found.held_out) == [(763, 999)]  # and of 250 after it
+    assert "last 25 % of a" in found.verified_on
+    short = divided([log("a", 399)])
+    assert rows(short.fitted) == [(0, 398)]  # what is too short is fitted as a whole
     with pytest.raises(LogError, match="at least 400 samples"):
-        assign_roles([log("a", 399)], [])
-    assert len(assign_roles([log("a", 400)], [])[1][0]) >= 90
+        require_held_out(short)
+    assert len(divided([log("a", 400)]).held_out[0]) >= 90
 
 
 def test_long_logs_are_looked_at_in_even_stretches():

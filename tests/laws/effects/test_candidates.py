@@ -14,7 +14,7 @@ from identifiability.logs.signals import Decimation
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.workflows.diagnose.problem import Rows, know_file, know_nothing
+from identifiability.workflows.diagnose.problem import ResidualRows, know_file, know_nothing
 
 T = 0.01 * np.arange(300)
 
@@ -132,7 +132,7 @@ def test_rows_are_the_model_then_the_dictionary_log_by_log(polar, move):
     candidates, _ = listed(polar, parts[0], "encoder_bias", "joint_stiffness", "torque_offset")
     model = Model.of("rigid_body", "viscous_friction")
     structure = Structure.of(polar, model)
-    rows = Rows.of(structure, logs, know_nothing(structure))
+    rows = ResidualRows.of(structure.regression(logs), know_nothing(structure))
     entries = rows.seen.entries(candidates)
     W = np.concatenate([model.regressor(polar, m) for m in parts])[:, :, structure.base.kept]
     np.testing.assert_allclose(rows.seen.X, W, atol=1e-12)
@@ -151,7 +151,7 @@ def test_rows_are_the_model_then_the_dictionary_log_by_log(polar, move):
     assert rows.seen.log.tolist() == [0] * 120 + [1] * 180
     assert list(rows.seen.runs[0]) == [(0, 120), (120, 300)]
     # With the values of the robot file the model's torque is taken off, and no column is left.
-    fixed = Rows.of(structure, logs, know_file(structure))
+    fixed = ResidualRows.of(structure.regression(logs), know_file(structure))
     left = rows.measured - W @ structure.nominal_base
     np.testing.assert_allclose(fixed.seen.y, left, atol=1e-9)
     assert fixed.seen.X.shape[2] == 0
@@ -166,7 +166,7 @@ def test_no_stretch_of_rows_reaches_across_a_gap(polar, move, factor):
     log = Dataset("log", m, np.ones((len(m), 2)), d, (), "")
     model = Model.of("viscous_friction")
     structure = Structure.of(polar, model)
-    rows = Rows.of(structure, [log, log], know_nothing(structure))
+    rows = ResidualRows.of(structure.regression([log, log]), know_nothing(structure))
     runs = rows.seen.runs[0]
     assert len(runs) == 4
     for a, b in runs:

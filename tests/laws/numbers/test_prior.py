@@ -18,7 +18,7 @@ from identifiability.regression.reduction import default_ladder, ladder_model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.simulation import Noise, random_trajectory, simulate
-from identifiability.workflows.analyze.workflow import hold_folds
+from identifiability.workflows.analyze.ladder import hold_folds
 
 BODY = np.array([0.2, 0.01, 0.0, 0.3, 0.02, 0.25, 0.3, 0.1, -0.2, 2.0])
 REGION = PhysicalSet(

@@ -13,7 +13,8 @@ from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.verdict import Class, Flag
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import Submodel
-from identifiability.workflows.analyze.workflow import Settled, assess_ladder, select_model
+from identifiability.workflows.analyze.judge import assess_ladder, select_model
+from identifiability.workflows.analyze.ladder import LadderFit
 
 from .made import gather
 
@@ -141,8 +142,9 @@ def ladder():
     ]
     rng, physics = np.random.default_rng(0), [Physics(0.1), Physics(-0.1)]
     pairs = zip(models, physics, strict=True)
-    settled = [Settled(model, real, None, None, np.empty(0)) for model, real in pairs]
-    results = assess_ladder(settled, *made, rng, 50, NO_MISSING_EFFECTS)
+    ladder_fits = [LadderFit(model, real, None, None, np.empty(0)) for model, real in pairs]
+    found = SimpleNamespace(fits=ladder_fits, fitted=made[0], unseen=made[1], shared=None)
+    results = assess_ladder(found, rng, 50, NO_MISSING_EFFECTS)
     return W, tau, every, fits, made, results
 
 

@@ -8,10 +8,10 @@ import pytest
 from identifiability.logs import Log
 from identifiability.logs.log import share_clock
 from identifiability.logs.prepare import prepare_log
+from identifiability.logs.prepare.excerpt import prepare_excerpt
+from identifiability.quality.recordings import read_recordings
 from identifiability.robot import Robot
 from identifiability.simulation import Campaign, random_trajectory
-from identifiability.workflows.diagnose.problem import prepare_rows
-from identifiability.workflows.session import read_recordings
 
 T = 0.01 * np.arange(200)
 
@@ -52,12 +52,12 @@ def test_the_start_comes_with_the_motion_and_not_with_values(tmp_path, read_long
     assert all(one.t[0] == 0 for one in logs)
     fitted = read_recordings(logs).fitted
     for one, same in zip(logs, fitted, strict=True):
-        assert prepare_rows(robot, same, None).motion.start == one.start
+        assert prepare_excerpt(robot, same, None).motion.start == one.start
         assert prepare_log(robot, same).motion[3:90].start == one.start
     assert [one.start for one in read_recordings([*logs, log("c", None)]).fitted] == [None] * 3
     # It is in no file, so that it is not read from one whose times begin at zero.
     path = logs[1].write(tmp_path / "log.csv")
     assert Log.read(path).start is None
     long = replace(read_long(path), start=4.0)
-    assert prepare_rows(robot, long, None).motion.start == 4.0
+    assert prepare_excerpt(robot, long, None).motion.start == 4.0
     assert long.rows(100, 200).start == 4.0

@@ -1,0 +1,53 @@
+"""`Run`: how a call computes: where, with which seed, and how it reports its progress."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Annotated
+
+from identifiability.foundation.engines import Engine, Processes, Serial, Steps
+from identifiability.foundation.options import Expected
+from identifiability.foundation.values import frozen
+
+Progress = Annotated[
+    Callable[[str, float], None], Expected("a function that takes a text and the share done")
+]
+
+
+def quiet(_text: str, _share: float) -> None:
+    """Report no progress."""
+
+
+@contextmanager
+def running(engine: Engine | None) -> Iterator[Engine]:
+    """Yield the given engine, or processes that start once that pays."""
+    if engine is not None:
+        yield engine
+        return
+    with Processes() as processes:
+        yield processes
+
+
+def share(say: Progress, text: str, start: float, stop: float) -> Steps:
+    """Return the progress callback of one stage, which takes this share of the whole."""
+    return lambda done, total: say(text, start + (stop - start) * done / max(total, 1))
+
+
+@frozen
+class Run:
+    """How a call computes. No case and no result keeps it.
+
+    Attributes
+    ----------
+    say : callable(str, float)
+        Receives what is being done and the share that is done.
+    engine : Engine
+        Where stretches of logs that are too long for memory are worked on.
+    seed : int
+        Of every random choice.
+    """
+
+    say: Progress = quiet
+    engine: Engine = Serial()
+    seed: int = 0

@@ -1,0 +1,119 @@
+"""Excerpts of prepared logs: a diagnosis asks few rows many questions.
+
+Of long logs evenly spaced stretches are prepared. Measured derivatives need no filter, but a
+diagnosis needs few rows: torque and columns are low-passed alike to ten times the bandwidth of the
+motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from identifiability.logs import Log, signals
+from identifiability.logs.log import join_logs
+from identifiability.logs.prepare.dataset import Dataset, prepare_log
+from identifiability.logs.prepare.preparation import Preparation
+from identifiability.logs.rules import RULES
+from identifiability.logs.spectrum import bandwidth_of_windows
+from identifiability.robot import Robot
+
+#: Samples after decimation that a diagnosis looks at in one log, and in all that are fitted; more
+#: are thinned to stretches.
+MOST_SAMPLES, MOST_IN_ALL = 3000, 4000
+STRETCH = 300
+#: Of a file so many times as many samples are read, in longer stretches.
+READ = 40
+
+
+def prepare_excerpt(
+    robot: Robot, log: Log, how: Preparation | None, most: int = MOST_SAMPLES
+) -> Dataset:
+    """Return a prepared log with at most some rows, decimated to ten times its bandwidth.
+
+    Parameters
+    ----------
+    robot : Robot
+    log : Log
+        Of a long one evenly spaced stretches are prepared.
+    how : Preparation or None
+        None decimates measured derivatives.
+    most : int
+        Rows after decimation.
+    """
+    factor = find_factor(log) if how is None else 1
+    how = how or Preparation(decimate=factor)
+    if log.long:
+        long = len(log) > READ * most
+        windows = spread(len(log), READ * STRETCH, most // STRETCH) if long else [(0, len(log))]
+        log = join_logs([log.rows(a, b) for a, b in windows])
+    return thin(prepare_log(robot, log, how), most)
+
+
+def thin_prepared(
+    samples: Dataset, log: Log, asked: Preparation | None, most: int = MOST_SAMPLES
+) -> Dataset:
+    """Return an excerpt of a prepared log.
+
+    Parameters
+    ----------
+    samples : Dataset
+        The log, prepared as a whole.
+    log : Log
+    asked : Preparation or None
+        What the user asked for.
+    most : int
+        Rows after decimation.
+    """
+    if asked is None and samples.cutoff is None:
+        factor = find_factor(log)
+        samples = replace(samples, decimation=signals.Decimation(factor) if factor > 1 else None)
+    return thin(samples, most)
+
+
+def find_factor(log: Log) -> int:
+    """Return the decimation of measured derivatives that keeps ten times the motion's bandwidth.
+
+    It is 1 where derivatives are not measured, or samples are missing: no filter reaches across a
+    gap.
+    """
+    windows = [window for _, window in log.windows()]
+    step = float(np.median(np.concatenate([np.diff(w.t) for w in windows])))
+    even = log.clock.longest < RULES.gap * step
+    if not (even and {"dq", "ddq"} <= set(log.channels)):
+        return 1
+    band = RULES.cutoff_wide * bandwidth_of_windows([w.q for w in windows], step)
+    cutoff = min(max(band, RULES.cutoff_lowest), RULES.cutoff_highest / step)
+    factor = int(0.5 / (cutoff * step))
+    # Of a short part of a log enough must be left.
+    while factor > 1 and signals.Decimation(factor).outputs(len(log)) < RULES.fewest:
+        factor -= 1
+    return max(factor, 1)
+
+
+def thin(samples: Dataset, most: int = MOST_SAMPLES) -> Dataset:
+    """Return evenly spaced stretches of samples that are more than a diagnosis needs."""
+    if samples.outputs <= most:
+        return samples
+    d, length = samples.decimation, STRETCH
+    length = length if d is None else length * d.factor + 2 * d.reach
+    windows = spread(len(samples.tau), length, most // STRETCH)
+    rows = np.concatenate([np.arange(a, b) for a, b in windows])
+    note = f"{len(windows)} stretches of {STRETCH} samples, evenly spaced in time, were looked at"
+    return replace(samples.take(rows), notes=(*samples.notes, note))
+
+
+def spread(samples: int, length: int, most: int) -> list[tuple[int, int]]:
+    """Return evenly spaced stretches (start, stop) of a length, so many at most."""
+    starts = np.linspace(0, samples - length, max(1, min(most, samples // length))).astype(int)
+    return [(int(s), int(s) + length) for s in starts]
+
+
+def thin_all(
+    samples: Sequence[Dataset], logs: Sequence[Log], asked: Preparation | None, most: int
+) -> tuple[Dataset, ...]:
+    """Return excerpts of prepared logs; parameters as of `thin_prepared`."""
+    pairs = zip(samples, logs, strict=True)
+    return tuple(thin_prepared(s, log, asked, most) for s, log in pairs)

@@ -1,0 +1,192 @@
+"""`Recordings`: logs as they were measured, read once, with outlying samples repaired."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import pandas as pd
+
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.findings import Finding
+from identifiability.foundation.names import shorten_paths
+from identifiability.foundation.options import Expected
+from identifiability.foundation.values import frozen
+from identifiability.logs import Log
+from identifiability.logs.commands import of_commands
+from identifiability.logs.conventions import Conventions
+from identifiability.logs.formats.containers import frame_of
+from identifiability.logs.formats.reader import find_parts
+from identifiability.logs.log import check_held_out, refuse_silent, share_clock, too_long
+from identifiability.logs.prepare import Dataset, Preparation
+from identifiability.quality.registry import RawLogs, mend
+
+LogLike = Log | str | Path | pd.DataFrame | Mapping[str, Any]
+Logs = Annotated[
+    Sequence[LogLike] | LogLike,
+    Expected("a log (the path of a file, a DataFrame, arrays by name or a Log) or a list of logs"),
+]
+#: Makes torque of commands where a log has none.
+MakeTorque = Callable[[list[Log]], list[Log]]
+InMemory = TypeVar("InMemory", Log, Dataset)
+
+
+@frozen
+class Recordings:
+    """Logs as they were measured, every row once.
+
+    Attributes
+    ----------
+    fitted, held_out : tuple of Log
+    hints : tuple of str
+        Remarks on converted columns, repeated logs and repaired samples.
+    later : tuple of mapping
+        Fitted logs by their place, with commands that act one standard deviation of the delay
+        later, log by log, or with gains that differ by one standard deviation.
+    rolled : servos.Rollouts or None
+        The rollouts by which torque of commands was calibrated.
+    verified_on : str
+        The held-out motion in words, to follow "on".
+    set_aside : bool
+        Whether nobody gave it: it was set aside.
+    """
+
+    fitted: tuple[Log, ...]
+    held_out: tuple[Log, ...] = ()
+    hints: tuple[str, ...] = ()
+    later: tuple[Mapping[int, Log], ...] = ()
+    rolled: Any = None
+    verified_on: str = ""
+    set_aside: bool = False
+
+    @property
+    def commanded(self) -> bool:
+        """Whether torque of any log comes from commands."""
+        return any(map(of_commands, self.fitted))
+
+    @property
+    def long(self) -> bool:
+        """Whether a log is too long for memory."""
+        return any(log.long for log in (*self.fitted, *self.held_out))
+
+
+def list_logs(logs: Logs) -> list[LogLike]:
+    """Return logs as a list, one or several."""
+    one = isinstance(logs, (Log, str, Path, pd.DataFrame, Mapping))
+    return [logs] if one else list(logs)  # type: ignore[list-item,arg-type]
+
+
+def read_logs(logs: Logs, known: Conventions, before: int = 0) -> list[Log]:
+    """Return logs of any form; long files stay files.
+
+    Each episode of a dataset is a log. Logs without a name get a number.
+
+    Parameters
+    ----------
+    logs : Logs
+    known : Conventions
+        Of the robot's logs; they hold for the logs that are read here.
+    before : int
+        Number of other logs, after which numbers begin.
+    """
+    out: list[Log] = []
+    given = [
+        one
+        for item in list_logs(logs)
+        for one in (find_parts(Path(item)) if isinstance(item, (str, Path)) else [item])
+    ]
+    for k, item in enumerate(given, before):
+        if isinstance(item, Mapping):
+            item = frame_of(item, f"log {k + 1}")  # noqa: PLW2901 - the same in another form
+        if isinstance(item, pd.DataFrame):
+            out.append(Log.from_frame(item, f"log {k + 1}", known))
+        else:
+            out.append(item if isinstance(item, Log) else Log.read(item, known))
+    return out
+
+
+def read_recordings(
+    logs: Logs,
+    validate: Logs = (),
+    known: Conventions | None = None,
+    how: Preparation | None = None,
+    *,
+    commands: bool = False,
+    learns: bool = True,
+    torque: MakeTorque | None = None,
+) -> Recordings:
+    """Return fitted and held-out logs on one clock, every row once, outlying samples repaired.
+
+    Parameters
+    ----------
+    logs, validate : Logs
+    known : Conventions, optional
+        Of the robot; by default logs are read as they are.
+    how : Preparation, optional
+        How they will be prepared: derivatives that contradict the positions are left out, unless
+        it asks for the given ones.
+    commands : bool
+        Whether logs may hold commands and no torque.
+    learns : bool
+        Whether a verb learns from their torque.
+    torque : callable, optional
+        Makes torque of commands, if a verb learns from it.
+
+    Raises
+    ------
+    LogError
+        If there is no log to fit, or one is given twice.
+    """
+    known = known or Conventions()
+    train = read_logs(logs, known)
+    held_out = read_logs(validate, known, len(train))
+    if not train:
+        raise LogError(Finding("logs.none"))
+    named = _with_short_names([*train, *held_out])
+    n = len(train)
+    train, held_out = named[:n], named[n:]
+    check_held_out(train, held_out)
+    clocked = share_clock([*train, *held_out])
+    raw = RawLogs(tuple(clocked[:n]), tuple(clocked[n:]), how, torque if learns else None)
+    mended = mend(raw)
+    every = (*mended.fitted, *mended.held_out)
+    alone = [x.name for x in every if of_commands(x)]
+    if alone and not commands:
+        raise LogError(Finding("logs.commands", names=alone, first=alone[0]))
+    if learns:
+        refuse_silent(train)
+    conversions = _list_conversions([*train, *held_out])
+    return Recordings(mended.fitted, mended.held_out, (*conversions, *mended.hints))
+
+
+def _list_conversions(logs: Sequence[Log]) -> list[Finding]:
+    """Return how columns were converted, logs with the same conversions together."""
+    names: dict[str, list[str]] = {}
+    for log in logs:
+        names.setdefault("; ".join(log.notes), []).append(log.name)
+    return [Finding("reading", names=own, text=text) for text, own in names.items() if text]
+
+
+def _with_short_names(logs: list[Log]) -> list[Log]:
+    """Return logs, each with the shortest end of its path that no other log has."""
+    short = shorten_paths([log.path or log.name for log in logs])
+    return [  # a name that somebody chose stays
+        replace(log, name=name) if [log.name] == shorten_paths([log.path]) else log
+        for log, name in zip(logs, short, strict=True)
+    ]
+
+
+def in_memory(logs: Sequence[InMemory]) -> list[InMemory]:
+    """Return logs, prepared or not, for work that needs all rows at once.
+
+    Raises
+    ------
+    LogError
+        If one is too long.
+    """
+    long = [log.name for log in logs if log.long]
+    if long:
+        raise too_long(long[0])
+    return list(logs)

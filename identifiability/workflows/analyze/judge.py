@@ -1,0 +1,182 @@
+"""Verdicts on the models of a ladder, and which one to use."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from identifiability.estimation.estimate import fit_whole
+from identifiability.estimation.estimator import Estimate, clip_signs
+from identifiability.estimation.fit import Fit, find_left_out
+from identifiability.estimation.groups import MissingEffects
+from identifiability.estimation.rules import Thresholds
+from identifiability.estimation.verdict import Flag, Verdict, judge, narrow
+from identifiability.foundation.errors import listing
+from identifiability.foundation.linalg import NEARLY
+from identifiability.foundation.rounding import REACH
+from identifiability.physical.cad_prior import combine_with_file
+from identifiability.physical.feasibility import PhysicalResult
+from identifiability.physical.fitted_model import FittedModel
+from identifiability.workflows.analyze.ladder import FittedLadder
+from identifiability.workflows.analyze.result import Laddered, ModelResult
+from identifiability.workflows.analyze.shared_errors import SharedErrors
+
+
+def decide_model(
+    model: FittedModel,
+    torque: float,
+    rng: np.random.Generator,
+    replicates: int,
+    full: Estimate | None,
+    missing: MissingEffects,
+    late: SharedErrors | None = None,
+    real: PhysicalResult | None = None,
+) -> tuple[Fit, tuple[Verdict, ...], tuple[str, ...]]:
+    """Return a fit with all that its model leaves open, its verdicts, and impossible signs.
+
+    Parameters
+    ----------
+    model : FittedModel
+    torque : float [N·m or N]
+        Root mean square of the measured torque.
+    rng : numpy.random.Generator
+    replicates : int
+        Of the bootstrap.
+    full : Estimate or None
+        Of all base parameters.
+    missing : MissingEffects
+        What may be missing beside these.
+    late : SharedErrors, optional
+        What errors that all samples share do to the values of a model.
+    real : PhysicalResult, optional
+        The nearest real robot: it may be right, too, where it predicts as well.
+    """
+    structure, submodel, estimate = model.structure, model.submodel, model.estimate
+    fit = Fit.of(model.information, estimate, rng, replicates)
+    shared = dict(fit.shared) | (late.move(submodel) if late else {})
+    if real is not None and real.as_good and real.nearest is not None:
+        apart = model.to_x @ real.nearest.phi - estimate.value
+        shared["prior"] = np.where(estimate.determined, apart, 0.0)[None]
+    left_out = find_left_out(structure, submodel, model.whole, estimate, full)
+    alternatives = missing.of_labels(submodel, estimate)
+    fit = replace(fit, shared=shared, left_out=left_out, alternatives=alternatives)
+    stated = np.linalg.lstsq(submodel.M, structure.nominal_base - submodel.fixed, rcond=None)[0]
+    signed = submodel.nonnegative & estimate.determined
+    forbidden = signed & (clip_signs(model.information, estimate, signed) < 0)
+    told = submodel.labels, submodel.units, torque, _aliases(estimate), forbidden, stated
+    return fit, judge(fit, *told), tuple(np.array(submodel.columns, object)[forbidden])
+
+
+def assess_ladder(
+    found: FittedLadder, rng: np.random.Generator, replicates: int, missing: MissingEffects
+) -> tuple[ModelResult, ...]:
+    """Return the results of all models of a ladder.
+
+    Parameters
+    ----------
+    found : FittedLadder
+    rng, replicates, missing
+        As of `decide_model`.
+    """
+    torque, first = float(np.sqrt(np.mean(found.fitted.rms**2))), found.fits[0].model
+    full = fit_whole(first.estimate.estimator, first.whole) if first.estimate.kept else None
+    how = rng, replicates, full, missing, found.shared
+    results = []
+    for k, one in enumerate(found.fits):
+        model, accounts = one.model, range(4 * k, 4 * k + 4)
+        fit, verdicts, infeasible = decide_model(model, torque, *how, one.robot)
+        result = ModelResult(
+            submodel=model.submodel,
+            estimate=model.estimate,
+            fit=fit,
+            verdicts=verdicts,
+            infeasible=infeasible,
+            physical=one.robot,
+            fitted=found.fitted.select(accounts),
+            unseen=found.unseen.select(accounts),
+        )
+        results.append(result)
+    return tuple(results)
+
+
+Answered = TypeVar("Answered", bound=Laddered[Any])
+
+
+def tell_with_file(found: Answered, share: float) -> Answered:
+    """Return an answer whose verdicts say what the file's bodies add, and what logs say of these.
+
+    What logs determine stays; what they leave open may be narrowed by bodies within a share of the
+    file's.
+
+    Parameters
+    ----------
+    found : Laddered
+    share : float
+        0 for none.
+    """
+    structure, rules = found.structure, Thresholds()
+    stated = structure.robot.prior or structure.robot.said.prior_share
+    if found.nothing or not (share or stated):
+        return found
+    data = found.fit.of_standard
+    models, hint = list[Any](), ""
+    for model in found.models:
+        to_x = np.linalg.pinv(model.submodel.M)
+        try:
+            both = combine_with_file(structure, data.R, data.z, to_x @ structure.G, share)
+        except ValueError:  # bodies that no prior can be around are said elsewhere
+            return found
+        verdicts, hint = list(model.verdicts), both.hint
+        means = both.mean - to_x @ model.submodel.fixed
+        for k, (v, mean, sd) in enumerate(zip(verdicts, means, both.sd, strict=True)):
+            if v.open and sd**2 < rules.constraint_variance * v.sigma_robust**2:
+                low, high = float(mean - REACH * sd), float(mean + REACH * sd)
+                text = (
+                    f"Who believes {both.words} is left with {low:.3g} … {high:.3g} (95 %); the "
+                    "file narrows it, not the log."
+                )
+                verdicts[k] = narrow(v, Flag.BY_PRIOR, text, (low, high))
+        models.append(replace(model, verdicts=tuple(verdicts)))
+    hints = tuple(filter(None, (*found.hints, hint)))
+    return replace(found, models=tuple(models), hints=hints)
+
+
+def _aliases(fit: Estimate) -> tuple[str, ...]:
+    """Return, for each undetermined parameter, what this motion cannot tell it from."""
+    out, leans = [""] * len(fit.columns), np.abs(fit.open)
+    for k in np.flatnonzero(~fit.determined):
+        shared, own = (leans * leans[k]).max(1, initial=0.0), k in fit.kept
+        near = (i for i in np.argsort(-shared) if (i in fit.kept) != own and shared[i] > NEARLY)
+        others = [fit.columns[i] for i in near]
+        out[k] = (
+            f"This motion determines only its combination with {listing(others, 4)}."
+            if others
+            else "This motion never makes it act on the torque."
+        )
+    return tuple(out)
+
+
+def select_model(results: Sequence[ModelResult], near: np.ndarray) -> int:
+    """Return the smallest of the models that may stand for the best, possible ones first.
+
+    Folds of the fitted logs choose (`evidence.near_best`); logs that are held out do not.
+
+    Of those that they leave, models come last of which the data call something identifiable that
+    physics forbids, and models that a real robot can have first, then those without forbidden
+    signs.
+
+    Parameters
+    ----------
+    results : sequence of m ModelResult
+    near : (m,) bool
+    """
+
+    def rank(k: int) -> tuple[bool, bool, bool, int, float]:
+        r = results[k]
+        impossible = bool(r.contradicted), not r.feasible, bool(r.infeasible)
+        return *impossible, len(r.submodel), r.error_ra_validation
+
+    return min(np.flatnonzero(near).tolist(), key=rank)

@@ -1,0 +1,203 @@
+"""Models of a ladder: fitted, each with its nearest real robot, and what they predict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from identifiability.estimation.estimate import estimate_noise
+from identifiability.estimation.estimator import Estimator
+from identifiability.estimation.evidence import Folds, HeldOut, Score, near_best
+from identifiability.estimation.prediction import Prediction, Task, predict, predict_all
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.names import Array
+from identifiability.foundation.runs import Run
+from identifiability.foundation.values import frozen
+from identifiability.physical.cad_prior import WEAK, WEIGHTS
+from identifiability.physical.feasibility import (
+    PhysicalResult,
+    certify_model,
+    choose_prior,
+    find_nearest,
+)
+from identifiability.physical.fitted_model import FittedModel
+from identifiability.regression.information import Information
+from identifiability.regression.reduction import Submodel
+from identifiability.workflows.analyze.shared_errors import SharedErrors, measure_shared_errors
+from identifiability.workflows.case import WeightedRows
+
+
+@frozen
+class LadderFit:
+    """A fitted model with the nearest real robot, and what both predict in turns.
+
+    Attributes
+    ----------
+    model : FittedModel
+    robot : PhysicalResult
+    free : Score
+        Of the estimated values, on folds.
+    real : Score or None
+        The same of the nearest real robot; None where there is none.
+    crossed : (F, b, 2)
+        Base parameters of both, found from each fold's rest.
+    """
+
+    model: FittedModel
+    robot: PhysicalResult
+    free: Score
+    real: Score | None
+    crossed: Array
+
+    @property
+    def values(self) -> Array:
+        """Base parameters (b, 4): as estimated, and of the nearest real robot.
+
+        Then what a robot file holds of the latter: of its own format, and of the other.
+        """
+        free = self.model.submodel.expand(self.model.estimate.value)
+        return np.column_stack([free, self.robot.base, *self.robot.in_files])
+
+    @property
+    def turned(self) -> Array:
+        """The same found from each fold's rest, (F, b, 4); files lack as much as of the whole."""
+        lacking = self.values[:, 2:] - self.values[:, 1:2]
+        return np.concatenate([self.crossed, self.crossed[:, :, 1:] + lacking], axis=2)
+
+
+def fit_ladder(
+    rows: WeightedRows, submodels: Sequence[Submodel], cad_weight: float | None
+) -> tuple[list[LadderFit], Folds, str]:
+    """Fit models with their real robots; return also the folds, and why they choose nothing.
+
+    Parameters
+    ----------
+    rows : WeightedRows
+    submodels : sequence of Submodel
+    cad_weight : float or None
+        Of the prior around the robot file; by default predictions choose it (`choose_prior`).
+    """
+    structure, information = rows.data.structure, rows.information
+    estimator = estimate_noise(rows.estimator, information)
+    held_out, short = hold_folds(information, estimator)
+    found: list[LadderFit] = []
+    for submodel in submodels:  # a smaller one asks for no heavier prior than the unpruned
+        model = FittedModel.of(structure, submodel, information, estimator)
+        heaviest = found[0].robot.cad_weight if found else np.inf
+        found.append(fit_with_robot(model, held_out, cad_weight, heaviest, choose=not short))
+    return found, held_out.folds, short
+
+
+def hold_folds(information: Information, estimator: Estimator) -> tuple[HeldOut, str]:
+    """Return folds of the fitted logs; those of logs too short for a choice, and why they are."""
+    fit = estimator.fit(information)
+    try:
+        return HeldOut.of(information, fit.noise), ""
+    except LogError as error:
+        short = (
+            "Whether values of a robot that can exist predict as well, and how strongly the robot "
+            f"file's bodies pull, could not be asked: {error}"
+        )
+        return HeldOut.of(information, fit.noise, Folds.of(information)), short
+
+
+def fit_with_robot(
+    model: FittedModel,
+    held_out: HeldOut,
+    cad_weight: float | None,
+    heaviest: float = np.inf,
+    *,
+    choose: bool = True,
+    certified: Sequence[Any] = (),
+) -> LadderFit:
+    """Return the nearest real robot of a model, and what both predict in turns.
+
+    Parameters
+    ----------
+    model : FittedModel
+    held_out : HeldOut
+        Folds of what was fitted.
+    cad_weight : float or None
+        As in `fit_ladder`.
+    heaviest : float
+        Weight that is tried.
+    choose : bool
+        Whether folds may choose; else the prior is weak, unless it is given.
+    certified : (Certificate or None, str), optional
+        What `certify_model` says of it, where that is known.
+    """
+    submodel, fit = model.submodel, model.estimate
+    free = held_out.refit(fit, submodel.M, submodel.fixed)
+    score = held_out.score(free, held_out.roots(fit, submodel.M))
+    weight = WEAK if cad_weight is None and not choose else cad_weight
+    tried = [w for w in WEIGHTS if w <= heaviest] if weight is None else [weight or WEIGHTS[-1]]
+    chosen = choose_prior(model, held_out, score, tried)
+    if weight is None:
+        weight = WEAK if chosen is None else chosen.weight
+    robot = find_nearest(model, weight)
+    certificate, said = certified or certify_model(model)
+    robot = replace(robot, certificate=certificate, sentence=said + robot.sentence)
+    if chosen is None:
+        return LadderFit(model, robot, score, None, np.stack([free, np.full_like(free, np.nan)], 2))
+    if choose:
+        robot = replace(robot, as_good=chosen.as_good)
+    return LadderFit(model, robot, score, chosen.score, np.stack([free, chosen.values], 2))
+
+
+@frozen
+class FittedLadder:
+    """Fitted models of a ladder and their predictions.
+
+    Attributes
+    ----------
+    rows : WeightedRows
+    fits : tuple of m LadderFit
+    folds : Folds
+        Stretches of the fitted logs that are predicted by models fitted to the others.
+    short : str
+        Why folds choose nothing; empty where they do.
+    near : (m,) bool
+        Models that may stand for the best.
+    fitted, unseen : Prediction
+        By the four accounts of each model (`LadderFit.values`), on fitted and on unseen motion.
+    shared : SharedErrors
+        What errors that all samples of a log share do to values.
+    """
+
+    rows: WeightedRows
+    fits: tuple[LadderFit, ...]
+    folds: Folds
+    short: str
+    near: np.ndarray
+    fitted: Prediction
+    unseen: Prediction
+    shared: SharedErrors
+
+
+def compute_ladder(
+    rows: WeightedRows, submodels: Sequence[Submodel], cad_weight: float | None, *, run: Run
+) -> FittedLadder:
+    """Fit the models of a ladder and predict torque by them, going through the logs once."""
+    data = rows.data
+    run.say("fitting models", 0.6)
+    fits, folds, short = fit_ladder(rows, submodels, cad_weight)
+    values = np.concatenate([one.values for one in fits], axis=1)
+    crossed = np.concatenate([one.turned for one in fits], axis=2)
+    tasks = [Task(values[None]), *([] if data.validation else [Task(crossed, folds)])]
+    run.say("predicting torque", 0.65)
+    fitted, *others = predict_all(data.regression, tasks)
+    if data.unseen is not None:
+        others = [predict(data.unseen, values)]
+    return FittedLadder(
+        rows=rows,
+        fits=tuple(fits),
+        folds=folds,
+        short=short,
+        near=near_best([one.free for one in fits]),
+        fitted=fitted,
+        unseen=others[0] if others else fitted,
+        shared=measure_shared_errors(rows),
+    )

@@ -1,0 +1,92 @@
+"""`SharedErrors`: what errors that all samples of a log share do to values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from identifiability.estimation.estimate import with_known
+from identifiability.estimation.estimator import Estimator
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+from identifiability.logs import Log
+from identifiability.logs.prepare import Dataset, Preparation, prepare_log
+from identifiability.logs.prepare.instruments import noise_again
+from identifiability.logs.rules import RULES as LOG_RULES
+from identifiability.regression.information import Information, gather_information
+from identifiability.regression.reduction import Submodel
+from identifiability.robot import Robot
+from identifiability.workflows.case import Data, WeightedRows
+
+
+@frozen
+class SharedErrors:
+    """What errors that all samples of a log share do to values.
+
+    ``delay``: of delays and gains of servos. ``bias``: of noise that a cut-off lets into computed
+    derivatives, where no second record of the motion takes it away: with as much noise once more
+    values move by what it has moved them already [Cook 1994].
+
+    Attributes
+    ----------
+    information : Information
+        About all columns, before rows were weighed.
+    others : mapping of str to tuple of Information
+        The same, had commands of one log acted one standard deviation of its delay later, or had
+        gains that were found been others by one; and with the noise of the motion once more.
+    estimator : Estimator
+    """
+
+    information: Information
+    others: Mapping[str, tuple[Information, ...]]
+    estimator: Estimator
+
+    def move(self, submodel: Submodel) -> dict[str, Array]:
+        """Return by how much each of them moves the values of a model, (w, k)."""
+        own = self.estimator.fit(submodel.reduce(self.information)).value if self.others else None
+        return {
+            name: np.array([self.estimator.fit(submodel.reduce(x)).value - own for x in others])
+            for name, others in self.others.items()
+        }
+
+    def together(self, submodel: Submodel) -> Array:
+        """Return all of them, (w, k)."""
+        return np.vstack([np.zeros((0, len(submodel))), *self.move(submodel).values()])
+
+
+def measure_shared_errors(rows: WeightedRows) -> SharedErrors:
+    """Return what delays, gains and noise of the motion do to values of fitted samples."""
+    delayed = tuple(_gather_again(rows.data, logs) for logs in rows.data.recordings.later)
+    others = {"delay": delayed} if delayed else {}
+    if _motion_is_noisy(rows):
+        fitted = enumerate(rows.data.recordings.fitted)
+        rng = np.random.default_rng
+        noisier = {k: noise_again(log, rng(0)) for k, log in fitted if not log.long}
+        others["bias"] = (_gather_again(rows.data, noisier),)
+    return SharedErrors(rows.unweighted, others, rows.estimator)
+
+
+def _motion_is_noisy(rows: WeightedRows) -> bool:
+    """Return whether noise of the motion reaches the columns and nothing else accounts for it."""
+    data = rows.data
+    band = data.band
+    noisy = data.robot.base is not None or (band is not None and band.noise > LOG_RULES.small)
+    return noisy and not (rows.estimator.instruments or data.recordings.commanded)
+
+
+def _gather_again(data: Data, logs: Mapping[int, Log]) -> Information:
+    """Return the information with some fitted logs in another version, by their place."""
+    samples = list(data.samples)
+    for k, log in logs.items():
+        samples[k] = measure_again(data.robot, log, samples[k], data.preparation)
+    rows = gather_information(data.structure.regression(samples))
+    return with_known(rows, data.structure.known)
+
+
+def measure_again(robot: Robot, log: Log, prepared: Dataset, how: Preparation) -> Dataset:
+    """Return motion and torque as another version of a log has them, if the same rows are kept."""
+    again = prepare_log(robot, log, how)
+    same = np.array_equal(again.motion.kept, prepared.motion.kept)
+    return replace(prepared, motion=again.motion, tau=again.tau) if same else prepared

@@ -1,0 +1,825 @@
+"""`Case`: a robot, logs of it and settings, with every stage from logs to columns computed once.
+
+A stage is a plain function in its own room; `Case` connects the stages and keeps their results. No
+stage changes the result of another. What a verb needs of them is `Data`: logs prepared under one
+model, as they are to be understood. Verbs that are given the same case share all stages:
+
+1. `Case.recordings`: logs read, repaired, with roles (fitted, held out) that are the same for every
+   verb;
+2. `Case.preparation`: one cut-off for all logs;
+3. `Case.torque`: torque of servos, for logs of commands;
+4. `Case.data`: prepared rows, data-quality checks, and the reading of the logs that fits;
+5. `Case.weigh`: second records of the motion, information, and the weights of rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from typing import Any, Self
+
+import numpy as np
+
+from identifiability.effects import FAMILIES
+from identifiability.effects.friction import PassiveJointFriction
+from identifiability.estimation.estimate import Kind, Method, Outliers, find_estimator, with_known
+from identifiability.estimation.estimator import Estimator
+from identifiability.estimation.groups import MissingEffects, describe_term, find_missing
+from identifiability.estimation.mixed_model import Term
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.findings import Finding, of_key, phrase
+from identifiability.foundation.options import OptionError
+from identifiability.foundation.runs import Run, share
+from identifiability.foundation.stages import Stages
+from identifiability.foundation.values import frozen
+from identifiability.logs import Log
+from identifiability.logs.conventions import Conventions
+from identifiability.logs.prepare import Dataset, Preparation, prepare_log
+from identifiability.logs.prepare.dataset import explain_silence, require_signal
+from identifiability.logs.prepare.excerpt import prepare_excerpt
+from identifiability.logs.prepare.instruments import add_instrument
+from identifiability.logs.prepare.preparation import choose_cutoff, fit_band
+from identifiability.physical.cad_prior import load_by_fit
+from identifiability.quality import MeasuredLogs, find_always, find_oddities
+from identifiability.quality.hints import leave_out_rows, weigh_rows
+from identifiability.quality.recordings import LogLike, Logs, Recordings, list_logs, read_recordings
+from identifiability.reading import Reading, choose_reading
+from identifiability.reading.rules import RULES
+from identifiability.regression.information import Information, gather_information
+from identifiability.regression.reduction import LadderEntry, LadderLike, LadderSource, find_ladder
+from identifiability.regression.regression import Model, Regression
+from identifiability.regression.structure import (
+    BaseParameters,
+    OfStructure,
+    Structure,
+    count_offsets,
+)
+from identifiability.robot import Robot, RobotLike
+from identifiability.workflows.roles import assign_roles
+
+#: Why no verdict stands on columns that are misread, for after "because".
+MISREAD = (
+    "a column seems to have the wrong sign, unit or joint, or to be aliased, as the first remark "
+    "says: mend that, and run again"
+)
+
+#: Families that a model has where rows surely name them.
+COMPLETED = {n for n, f in FAMILIES.items() if f.loaded and not (f.needs or f.shapes)}
+COMPLETED |= {PassiveJointFriction.name}
+
+#: What follows the statement of a reading that is used.
+SO = "All that follows is said under that reading."
+
+
+@frozen
+class Use:
+    """How a verb reads the logs of its case.
+
+    Attributes
+    ----------
+    divides : bool
+        Whether a part is set aside if no held-out log is given.
+    commands : bool
+        Whether logs may hold commands and no torque.
+    motion_alone : bool
+        Whether logs need no torque.
+    """
+
+    divides: bool = True
+    commands: bool = True
+    motion_alone: bool = False
+
+
+@frozen
+class Prepared:
+    """Prepared logs.
+
+    Attributes
+    ----------
+    fitted, held_out : tuple of Dataset
+    """
+
+    fitted: tuple[Dataset, ...]
+    held_out: tuple[Dataset, ...]
+
+
+@frozen(kw_only=True)
+class Data(OfStructure):
+    """Logs prepared for a model, under the reading that fits them.
+
+    Attributes
+    ----------
+    structure : Structure
+        The robot under the unpruned model.
+    recordings : Recordings
+        What the logs were prepared from.
+    preparation : Preparation
+        How they were prepared, with one cut-off.
+    samples, validation : tuple of Dataset
+        Fitted and held-out logs.
+    regression : Regression
+        Columns of the base parameters along the fitted motion.
+    hints : tuple of str
+        What seems to be wrong with robot file and logs, for the user to check.
+    reading : Reading or None
+        Another reading of the logs, which is used or only reported.
+    explained : bool
+        Whether a reading or a check explains whatever else contradicts physics.
+    misread : str
+        Why no verdict stands, for after "because"; empty where verdicts do.
+    """
+
+    structure: Structure
+    recordings: Recordings
+    preparation: Preparation
+    samples: tuple[Dataset, ...]
+    validation: tuple[Dataset, ...]
+    regression: Regression
+    hints: tuple[str, ...]
+    reading: Reading | None = None
+    explained: bool = False
+    misread: str = ""
+
+    @cached_property
+    def unseen(self) -> Regression | None:
+        """Columns of the base parameters along held-out motion; None where none was held out."""
+        return self.structure.regression(self.validation) if self.validation else None
+
+    @cached_property
+    def missing(self) -> MissingEffects:
+        """What may be missing in the unpruned model."""
+        commanded = bool(of_key(self.hints, "commands"))
+        return find_missing(self.structure, self.regression, self.unseen, commanded=commanded)
+
+    @cached_property
+    def measured(self) -> MeasuredLogs:
+        """The fitted logs, as checks look at them."""
+        return MeasuredLogs(self.structure, self.recordings.fitted, self.samples)
+
+    @property
+    def band(self) -> Any:
+        """What the chosen cut-off lets through; None where none was chosen."""
+        return getattr(self.preparation, "band", None)
+
+    @cached_property
+    def silence(self) -> str:
+        """Why the fitted logs have nothing to explain, for after "because"; empty if they do."""
+        return explain_silence([s.survey for s in self.samples])
+
+
+@frozen
+class WeightedRows:
+    """Rows of the fitted logs, each weighted by its noise.
+
+    Attributes
+    ----------
+    data : Data
+    estimator : Estimator
+        For these rows; it still has to measure the noise.
+    unweighted, information : Information
+        About all columns: with equal rows, and weighted.
+    outlier_hint : str
+        A sentence on outliers, if there are any.
+    outliers : Outliers or None
+    """
+
+    data: Data
+    estimator: Estimator
+    unweighted: Information
+    information: Information
+    outlier_hint: str = ""
+    outliers: Outliers | None = None
+
+    @cached_property
+    def missing(self) -> MissingEffects:
+        """What may be missing in the model; rows of little weight are left out."""
+        light = self.outliers.below() if self.outliers is not None and self.outlier_hint else None
+        if light is None:
+            return self.data.missing
+        samples = leave_out_rows(self.data.samples, light)
+        regression = self.data.structure.regression(samples)
+        return replace(self.data, samples=samples, regression=regression).missing
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Case:
+    """A robot, logs of it, and settings; verbs that are given the same case share its stages.
+
+    Attributes
+    ----------
+    robot : Robot, path or shipped name
+    logs : log, path, DataFrame, or several
+        What models are fitted to.
+    validate : the same, or "none", optional
+        Held-out logs. Without any, the last log (or the last quarter of the only one) is set aside;
+        with "none" all logs are fitted.
+    model : path, LadderEntry, result of `prune` or `diagnose`, or None
+        Models that `analyze` compares and `prune` starts from; by default those beside the robot.
+    preparation : Preparation, optional
+        How derivatives are made.
+
+    Example
+    -------
+    >>> from identifiability import Case, analyze, diagnose
+    >>> case = Case("robot.urdf", ["run1.csv", "run2.csv"], "run3.csv")  # doctest: +SKIP
+    >>> analyze(case), diagnose(case)  # doctest: +SKIP
+    """
+
+    robot: Robot
+    logs: tuple[LogLike, ...]
+    validate: tuple[LogLike, ...] = ()
+    model: LadderLike | None = None
+    preparation: Preparation | None = None
+    use: Use = field(default=Use(), repr=False)
+    stages: Stages = field(default_factory=Stages, repr=False)
+
+    def __init__(
+        self,
+        robot: RobotLike,
+        logs: Logs,
+        validate: Logs = (),
+        *,
+        model: LadderLike | None = None,
+        preparation: Preparation | None = None,
+        use: Use | None = None,
+        stages: Stages | None = None,
+    ) -> None:
+        held_out, use = tuple(list_logs(validate)), use or Use()
+        if _is_none(held_out):
+            held_out, use = (), replace(use, divides=False)
+        values = {
+            "robot": Robot.of(robot),
+            "logs": tuple(list_logs(logs)),
+            "validate": held_out,
+            "model": model,
+            "preparation": preparation,
+            "use": use,
+            "stages": stages or Stages(),
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    def __repr__(self) -> str:
+        """Return the robot and how many logs there are, in one line."""
+        return f"<Case: {self.robot.name}, {len(self.logs)} + {len(self.validate)} logs>"
+
+    def with_(self, **settings: Any) -> Self:
+        """Return the case with other settings, such as ``model=…``.
+
+        A case with another model shares everything up to the columns.
+        """
+        return replace(self, **settings)
+
+    def release(self) -> None:
+        """Forget the results of all stages; they are computed anew when they are asked for."""
+        self.stages.release()
+
+    # Stages before any model.
+
+    def known_robot(self, run: Run) -> Robot:
+        """Return the robot; gains of its servos that nobody states are found from the logs."""
+        if not self.use.commands:
+            return self.robot
+        run.say("reading logs", 0.0)
+        return self.stages.once(find_gains, self.robot, self.logs)
+
+    def recordings(self, run: Run) -> Recordings:
+        """Return the logs as they were measured, with their roles."""
+        robot = self.known_robot(run)
+        inputs = robot, self.logs, self.validate, self.preparation, self.use
+        recordings = self.stages.once(read_case, *inputs)
+        return self.stages.once(assign_roles, recordings) if self.use.divides else recordings
+
+    def settled(self, robot: Robot, recordings: Recordings) -> Preparation:
+        """Return how logs are prepared, with one cut-off for all fitted ones."""
+        return self.stages.once(choose_cutoff, robot, recordings.fitted, self.preparation)
+
+    def ladder(self, ladder: LadderLike | None = None, *, beside: bool) -> LadderSource:
+        """Return the models to compare: those given, those of the case, or the default ones.
+
+        Parameters
+        ----------
+        ladder : path, LadderEntry, result of `prune`, or None
+        beside : bool
+            Whether the default is the ladder beside the robot file.
+        """
+        chosen = self.model if ladder is None else ladder
+        return self.stages.once(look_up_ladder, self.robot, chosen, beside)
+
+    # Stages of a model.
+
+    def structure(self, robot: Robot, model: Model) -> Structure:
+        """Return a robot under a model; its groupings count torque offsets that nothing tells."""
+        structure = self.stages.once(Structure.of, robot, model)
+        return self.stages.once(count_offsets, structure)
+
+    def torque(self, structure: Structure, run: Run) -> tuple[Recordings, Structure]:
+        """Return recordings with torque of their servos, and the structure with these servos."""
+        recordings = self.recordings(run)
+        if not recordings.commanded:
+            return recordings, structure
+        run.say("rolling out commands", 0.1)
+        how = self.settled(structure.robot, recordings)
+        return self.stages.once(follow, recordings, structure, how, run.seed)
+
+    def data(
+        self,
+        structure: Structure,
+        run: Run,
+        done: str = "",
+        *,
+        recordings: Recordings | None = None,
+        seek: bool = True,
+        apply: bool = True,
+        most: int | None = None,
+    ) -> Data:
+        """Return the prepared logs under the reading that the fitted ones prefer.
+
+        Other columns are read only where logs are in memory; else the reading is only reported.
+
+        Parameters
+        ----------
+        structure : Structure
+            As `torque` returned it.
+        run : Run
+        done : str
+            What cannot be done, as a participle, with logs that have nothing to explain; empty
+            where that is an answer too.
+        recordings : Recordings, optional
+            By default those of the case, with torque of their servos.
+        seek, apply : bool
+            Whether other readings are looked for, and used.
+        most : int, optional
+            Prepare an excerpt of so many rows of each log.
+        """
+        if recordings is None:
+            recordings, structure = self.torque(structure, run)
+        # Rollouts were calibrated with the cut-off of the logs as they were read.
+        source = self.recordings(run) if recordings.commanded else recordings
+        how = self.settled(self.known_robot(run), source)
+        prepared = self.prepared(structure.robot, recordings, how, run, most)
+        if done:
+            require_signal(prepared.fitted, done)
+        prepared = self.stages.once(drop_silent_part, recordings, prepared)
+        columns = self.regression(structure, prepared.fitted)
+        inputs = structure, recordings, how, prepared, columns
+        unchecked = self.stages.once(gather_data, *inputs)
+        found = self.stages.once(seek_reading, unchecked) if seek else None
+        literal = self.stages.once(check_logs, unchecked, found)
+        reading = literal.reading
+        in_memory = not recordings.long
+        if not apply or reading is None or not (in_memory or reading.keeps_columns):
+            return self.at_fit(literal, run)
+        structure = self.stages.once(apply_to_structure, reading, structure)
+        reread = self.stages.once(apply_to_logs, reading, recordings, structure)
+        if reread is not recordings:
+            how = self.settled(self.known_robot(run), reread)
+            prepared = self.prepared(structure.robot, reread, how, run, most)
+        columns = self.regression(structure, prepared.fitted)
+        inputs = structure, reread, how, prepared, columns
+        checked = self.stages.once(check_logs, self.stages.once(gather_data, *inputs), None)
+        return self.at_fit(self.stages.once(read_otherwise, checked, reading), run)
+
+    def prepared(
+        self,
+        robot: Robot,
+        recordings: Recordings,
+        how: Preparation,
+        run: Run,
+        most: int | None = None,
+    ) -> Prepared:
+        """Return logs with derivatives made and loops closed, or an excerpt of each."""
+        inputs = robot, recordings.fitted, recordings.held_out, how, self.preparation, most
+        return self.stages.once(prepare_logs, *inputs, run=run)
+
+    def samples(self, robot: Robot, run: Run, done: str = "") -> tuple[Dataset, ...]:
+        """Return the prepared fitted logs, for verbs that need no checks of them.
+
+        Parameters
+        ----------
+        robot, run
+        done : str
+            What cannot be done, as a participle, with logs that have nothing to explain; empty
+            where they will do.
+        """
+        recordings = self.recordings(run)
+        how = self.settled(robot, recordings)
+        samples = self.unfitted(robot, recordings, how, run)
+        if done:
+            require_signal(samples, done)
+        return samples
+
+    def unfitted(
+        self, robot: Robot, recordings: Recordings, how: Preparation, run: Run
+    ) -> tuple[Dataset, ...]:
+        """Return prepared logs that have no say in the cut-off of a fitted model.
+
+        A log that cannot have this cut-off gets its own band.
+        """
+        logs = recordings.fitted
+        return self.stages.once(prepare_logs, robot, (), logs, how, None, None, run=run).held_out
+
+    def at_fit(self, data: Data, run: Run, *, named: bool = False) -> Data:
+        """Return data with load-dependent columns taken at the fitted robot."""
+        inputs = data.structure, data.samples, named
+        structure = self.stages.once(linearise, *inputs, run=run)
+        return self.under(data, structure)
+
+    def under(self, data: Data, structure: Structure) -> Data:
+        """Return data under another model of the same robot."""
+        regression = self.regression(structure, data.samples)
+        return self.stages.once(with_structure, data, structure, regression)
+
+    def regression(self, structure: Structure, samples: tuple[Dataset, ...]) -> Regression:
+        """Return the columns of the base parameters along prepared motion.
+
+        Structures with the same groupings have the same columns.
+        """
+        return self.stages.once(make_regression, structure.base, samples, structure=structure)
+
+    def instrumented(self, data: Data, kind: Kind) -> Data:
+        """Return data whose fitted samples have second records of their motion, where they exist.
+
+        Raises
+        ------
+        LogError
+            If instruments are asked for and a log has no second record of its motion.
+        """
+        inputs = data.robot, data.recordings.fitted, data.samples, kind
+        return self.with_samples(data, self.stages.once(add_instruments, *inputs))
+
+    def with_samples(self, data: Data, samples: tuple[Dataset, ...]) -> Data:
+        """Return data with other fitted samples."""
+        regression = self.regression(data.structure, samples)
+        return self.stages.once(with_samples, data, samples, regression)
+
+    def weigh(
+        self, data: Data, method: Method, kind: Kind, run: Run, *, complete: bool = True
+    ) -> WeightedRows:
+        """Return the rows of prepared logs, each weighted by its noise.
+
+        Parameters
+        ----------
+        data : Data
+        method : Method
+        kind : {"auto", "ls", "iv"}
+            Whether instruments are used.
+        run : Run
+        complete : bool
+            Whether the model gets the errors of measurement that it surely lacks.
+        """
+        data = self.instrumented(data, kind)
+        data = self.completed(data, run) if complete else data
+        return self.stages.once(weigh_data, data, method, run=run)
+
+    def completed(self, data: Data, run: Run) -> Data:
+        """Return data whose model has the errors of measurement that it surely lacks.
+
+        Which law friction has is for `diagnose` to say. But the direction of gravity, or a log's
+        scale, clock or zero, moves every other value; so does friction of passive joints.
+        """
+        if data.recordings.commanded:
+            return data
+        named = (t for t in data.missing.named if t.odds >= RULES.log_odds)
+        terms = [t for t in named if t.group.family in COMPLETED]
+        if not terms:
+            return data
+        return self.at_fit(self.stages.once(complete_model, data, tuple(terms)), run)
+
+
+#: What stands for held-out logs where all logs are to be fitted.
+NONE = "none"
+
+
+def _is_none(validate: Sequence[LogLike]) -> bool:
+    """Return whether somebody asked that nothing is held out."""
+    return len(validate) == 1 and isinstance(validate[0], str) and validate[0] == NONE
+
+
+def take_case(
+    robot: RobotLike | Case,
+    logs: Logs,
+    validate: Logs,
+    preparation: Preparation | None,
+) -> Case:
+    """Return the case that a verb was given, or make one of robot and logs.
+
+    Raises
+    ------
+    OptionError
+        If a case is given and logs or a preparation beside it.
+    """
+    if not isinstance(robot, Case):
+        return Case(robot, logs, validate, preparation=preparation)
+    if list_logs(logs) or list_logs(validate) or preparation is not None:
+        raise OptionError(
+            "A Case was given, and logs or a preparation beside it. A case has its own: make "
+            "another one, Case(robot, logs, validate=…), or case.with_(preparation=…)."
+        )
+    return robot
+
+
+def read_sides(
+    robot: Robot, first: Logs, second: Logs, preparation: Preparation | None, run: Run
+) -> tuple[Case, Recordings, int]:
+    """Return the case of the logs of two sides, all of them as fitted, and how many the first has.
+
+    Raises
+    ------
+    LogError
+        If a log stands on both.
+    """
+    use = Use(divides=False, commands=False)
+    case = Case(robot, first, second, preparation=preparation, use=use)
+    try:
+        both = case.recordings(run)
+    except LogError as error:
+        if error.key in ("twice.held", "twice.rows"):
+            raise LogError(Finding("twice.sides")) from None
+        raise
+    together = replace(both, fitted=(*both.fitted, *both.held_out), held_out=())
+    return case, together, len(both.fitted)
+
+
+# The stages: plain functions of what earlier stages returned.
+
+
+def look_up_ladder(robot: Robot, ladder: LadderLike | None, beside: bool) -> LadderSource:
+    """Return the ladder that is meant, and where it came from."""
+    return find_ladder(robot, ladder, beside=beside)
+
+
+def comparable_entry(source: LadderSource, commanded: bool) -> LadderEntry:
+    """Return the models of a ladder to compare."""
+    return source.models_for(commanded=commanded)
+
+
+def find_gains(robot: Robot, logs: Sequence[LogLike]) -> Robot:
+    """Return a robot whose servos have gains; logs of commands tell those that nobody states.
+
+    Raises
+    ------
+    LogError
+    """
+    if robot.servo is None or not (robot.servo.unknown.any() and logs):
+        return robot
+    from identifiability.servos import learn_gains, select_commanded  # noqa: PLC0415 - MuJoCo
+
+    known = Conventions.of(robot)
+    recordings = read_recordings(logs, known=known, commands=True, learns=False)
+    commanded = (x for x in recordings.fitted if x.commanded and x.motion_alone)
+    return learn_gains(robot, select_commanded(robot, commanded))
+
+
+def read_case(
+    robot: Robot,
+    logs: Sequence[LogLike],
+    validate: Sequence[LogLike],
+    preparation: Preparation | None,
+    use: Use,
+) -> Recordings:
+    """Return the logs of a case as they were measured."""
+    known = replace(Conventions.of(robot), motion_alone=use.motion_alone)
+    torque = None
+    if known.servo is not None:
+        from identifiability.servos import compute_torque  # noqa: PLC0415 - MuJoCo
+
+        torque = partial(compute_torque, servo=known.servo)
+    return read_recordings(logs, validate, known, preparation, commands=use.commands, torque=torque)
+
+
+def follow(
+    recordings: Recordings, structure: Structure, how: Preparation, seed: int
+) -> tuple[Recordings, Structure]:
+    """Return recordings with torque of commands, calibrated on rollouts of a fitted robot."""
+    from identifiability.servos import follow_commands  # noqa: PLC0415 - MuJoCo
+
+    rng = np.random.default_rng(seed).spawn(1)[0]
+    found: tuple[Recordings, Structure] = follow_commands(recordings, structure, how, rng)
+    return found
+
+
+def prepare_logs(
+    robot: Robot,
+    fitted: Sequence[Log],
+    held_out: Sequence[Log],
+    how: Preparation,
+    asked: Preparation | None,
+    most: int | None,
+    *,
+    run: Run,
+) -> Prepared:
+    """Return the rows of logs.
+
+    Parameters
+    ----------
+    robot, fitted, held_out
+    how : Preparation
+        With one cut-off for all logs.
+    asked : Preparation or None
+        What the user asked for: an excerpt of measured derivatives needs no cut-off.
+    most : int or None
+        Rows of the excerpt of each log; None for whole logs.
+    run : Run
+    """
+    if most is None:
+        reading = share(run.say, "reading logs", 0.1, 0.2)
+        prepare = partial(prepare_log, robot, how=how, engine=run.engine, progress=reading)
+        each: Any = map
+    else:
+        chosen = asked if how.cutoff is None else how
+        prepare = partial(prepare_excerpt, robot, how=chosen, most=most)
+        each = run.engine.map
+    unseen = partial(prepare_held_out, prepare=prepare, robot=robot, how=how)
+    return Prepared(tuple(each(prepare, fitted)), tuple(each(unseen, held_out)))
+
+
+def prepare_held_out(
+    log: Log, prepare: Callable[..., Dataset], robot: Robot, how: Preparation
+) -> Dataset:
+    """Return a prepared log that had no say in the cut-off; its own band if it cannot have that.
+
+    Parameters
+    ----------
+    log : Log
+    prepare : callable(Log, how=Preparation) -> Dataset
+    robot : Robot
+    how : Preparation
+        Of the fitted logs.
+    """
+    band = fit_band(robot, log, how)
+    return prepare(log) if band is how else prepare(log, how=band)
+
+
+def drop_silent_part(recordings: Recordings, prepared: Prepared) -> Prepared:
+    """Return prepared logs without a part that was set aside and has nothing to explain.
+
+    Raises
+    ------
+    LogError
+        If a held-out log that was given has nothing to explain.
+    """
+    silent = prepared.held_out and explain_silence([s.survey for s in prepared.held_out])
+    if not silent:
+        return prepared
+    if not recordings.set_aside:
+        require_signal(prepared.held_out, "verified")
+    return replace(prepared, held_out=())
+
+
+def gather_data(
+    structure: Structure,
+    recordings: Recordings,
+    how: Preparation,
+    prepared: Prepared,
+    regression: Regression,
+) -> Data:
+    """Return prepared logs as data of a model, before any check."""
+    every = (*prepared.fitted, *prepared.held_out)
+    split = tuple(text for s in every for text in s.hints)
+    data = Data(
+        structure=structure,
+        recordings=recordings,
+        preparation=how,
+        samples=prepared.fitted,
+        validation=prepared.held_out,
+        regression=regression,
+        hints=(*recordings.hints, *split),
+    )
+    return replace(data, validation=()) if data.silence else data
+
+
+def seek_reading(data: Data) -> Reading | None:
+    """Return another reading of the logs that the fitted rows surely prefer, if there is one."""
+    return None if data.silence else choose_reading(data.measured)
+
+
+def check_logs(data: Data, reading: Reading | None) -> Data:
+    """Return data with what the data-quality checks report.
+
+    Parameters
+    ----------
+    data : Data
+    reading : Reading or None
+        Another reading that the fitted rows prefer.
+    """
+    hints = (*find_always(data.measured), *data.hints)
+    if data.silence:
+        return replace(data, hints=hints)
+    odd = find_oddities(data.measured, explained=reading is not None)
+    reading = None if odd.misread else reading  # positions that are misread explain the torque
+    said = () if reading is None else (Finding("alternative", text=reading.statement),)
+    return replace(
+        data,
+        reading=reading,
+        explained=odd.explains or reading is not None,
+        misread=MISREAD if odd.misread else "",
+        hints=(*said, *odd.hints, *hints),
+    )
+
+
+def read_otherwise(checked: Data, reading: Reading) -> Data:
+    """Return data that report the reading under which they were prepared."""
+    said = Finding("alternative", text=f"{reading.statement} {SO}")
+    return replace(checked, reading=reading, hints=(said, *checked.hints))
+
+
+def make_regression(
+    _base: BaseParameters, samples: tuple[Dataset, ...], *, structure: Structure
+) -> Regression:
+    """Return the columns of the base parameters along prepared motion."""
+    return structure.regression(samples)
+
+
+def with_structure(data: Data, structure: Structure, regression: Regression) -> Data:
+    """Return data under another structure."""
+    if structure is data.structure:
+        return data
+    return replace(data, structure=structure, regression=regression)
+
+
+def with_samples(data: Data, samples: tuple[Dataset, ...], regression: Regression) -> Data:
+    """Return data with other fitted samples."""
+    if samples is data.samples:
+        return data
+    return replace(data, samples=samples, regression=regression)
+
+
+def complete_model(data: Data, terms: Sequence[Term]) -> Data:
+    """Return data whose model also has some effects that were found missing."""
+    given = data.structure.model
+    texts = (f"{t.group.family}@{t.group.place}" for t in terms)
+    model = replace(Model.of(*given.texts, *texts), random=given.random)
+    said = phrase("alternative", "has", what=[describe_term(t) for t in terms])
+    hints = (*data.hints, Finding("alternative", text=said))
+    structure = Structure.of(data.robot, model)
+    regression = structure.regression(data.samples)
+    return replace(data, structure=structure, regression=regression, hints=hints)
+
+
+def apply_to_structure(reading: Reading, structure: Structure) -> Structure:
+    """Return a structure under the gravity of a reading."""
+    return reading.structure(structure)
+
+
+def apply_to_logs(reading: Reading, recordings: Recordings, structure: Structure) -> Recordings:
+    """Return recordings with columns as a reading understands them."""
+    robot = structure.robot
+    weighs = bool(robot.known_torque or robot.torque.compensated)
+    if reading.keeps_columns and not weighs:
+        return recordings
+    fitted, held_out = (
+        tuple(x if x.long else reading.read(x, structure) for x in logs)
+        for logs in (recordings.fitted, recordings.held_out)
+    )
+    return replace(recordings, fitted=fitted, held_out=held_out)
+
+
+def linearise(
+    structure: Structure, samples: Sequence[Dataset], named: bool, *, run: Run
+) -> Structure:
+    """Return a structure whose load-dependent columns are taken at the fitted robot."""
+    return load_by_fit(structure, samples, run.engine, named=named)
+
+
+def add_instruments(
+    robot: Robot, logs: Sequence[Log], samples: tuple[Dataset, ...], kind: Kind
+) -> tuple[Dataset, ...]:
+    """Return fitted samples with second records of their motion.
+
+    Without a second record of any motion, or where a log is too long for memory, they are returned
+    as they are.
+
+    Raises
+    ------
+    LogError
+        If instruments are asked for and a log has no second record of its motion.
+    """
+    if kind == "ls" or any(s.instrument is not None for s in samples):
+        return samples
+    always = kind == "iv"
+    found = [
+        None if s.long else add_instrument(robot, log, s, always=always)
+        for log, s in zip(logs, samples, strict=True)
+    ]
+    if always and None in found:
+        raise LogError(Finding("instrument.none", logs[found.index(None)].name))
+    if any(s.long for s in samples) or not any(found):
+        return samples
+    note = "it has no second record of its motion, and is fitted as by least squares"
+    return tuple(
+        s or replace(x, instrument=x.motion, notes=(*x.notes, note))
+        for s, x in zip(found, samples, strict=True)
+    )
+
+
+def weigh_data(data: Data, method: Method, *, run: Run) -> WeightedRows:
+    """Return the rows of prepared logs, each weighted by its noise."""
+    instruments = any(s.instrument is not None for s in data.samples)
+    estimator = replace(find_estimator(method), instruments=instruments)
+    building = share(run.say, "building the regression", 0.2, 0.4)
+    rows = gather_information(data.regression, engine=run.engine, progress=building)
+    unweighted = with_known(rows, data.structure.known)
+    weighted = weigh_rows(data.robot.joints, data.samples, unweighted, estimator)
+    return WeightedRows(data, estimator, unweighted, *weighted)

@@ -1,0 +1,47 @@
+"""What decided the numbers of a result: versions, seed, options, and hashes of its inputs."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping, Sequence
+from hashlib import sha256
+
+from identifiability.foundation import __version__
+from identifiability.foundation.engines import NUMERICS, find_version
+from identifiability.logs.prepare import Dataset
+from identifiability.regression.reduction import LadderSource
+from identifiability.robot import Robot
+
+_PACKAGES = (*NUMERICS, "pandas")
+
+
+def state_provenance(
+    robot: Robot,
+    samples: Sequence[Dataset],
+    seed: int,
+    source: LadderSource | None = None,
+    options: Mapping[str, object] | None = None,
+) -> dict[str, str]:
+    """Return everything that decided the numbers: versions, seed, options, hashes of the inputs."""
+    out = {"python": platform.python_version(), "identifiability": __version__}
+    out |= {package: find_version(package) or "not installed" for package in _PACKAGES}
+    out |= {"seed": str(seed)}
+    out |= {name: str(value) for name, value in (options or {}).items()}
+    out[f"sha256 {robot.path.name}"] = robot.sha256
+    if robot.sidecar is not None:
+        out["sidecar"] = robot.sidecar.name
+        out[f"sha256 {robot.sidecar.name}"] = sha256(robot.sidecar.read_bytes()).hexdigest()
+    conventions = {
+        "columns": robot.columns.text,
+        "time unit": robot.time_unit,
+        "torque": robot.torque.text,
+        "known torque": "; ".join(k.text for k in robot.known_torque),
+        "angles": robot.angles,
+        "locked": ", ".join(f"{name} = {at:g}" for name, at in robot.locked.items()),
+    }
+    out |= {name: text for name, text in conventions.items() if text}
+    if source is not None:
+        out["ladder"] = source.origin
+        out["sha256 ladder"] = source.sha256
+    out |= {f"sha256 {s.path or s.name}": s.sha256 for s in samples}
+    return out

@@ -1,0 +1,72 @@
+"""Roles of logs: which are fitted and which verify, assigned before any fit.
+
+An error that was minimised is no evidence: the motion on which an error is quoted is not fitted.
+Whole logs are kept apart where there are enough; else a log is divided, with a pause that nobody
+looks at.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from identifiability.estimation.groups import LAST, divide
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.rounding import format_count, join
+from identifiability.logs import Log
+from identifiability.quality.recordings import Recordings
+
+#: What follows the name of a log in that of a part of it.
+PART = ", part "
+#: Samples of a log that is divided: the part that verifies has a hundred or so.
+FEWEST = int(100 / LAST)
+
+
+def assign_roles(recordings: Recordings) -> Recordings:
+    """Return recordings of which some are held out.
+
+    Held-out logs that were given keep their role. Without any, the last log is set aside, or the
+    last quarter of the only one. Nothing is set aside of a log that is too short for it.
+    """
+    fitted, held_out = recordings.fitted, recordings.held_out
+    if held_out:
+        return replace(recordings, verified_on=join([log.name for log in held_out]))
+    if len(fitted) > 1:
+        last = fitted[-1]
+        words = f"{last.name}, which was set aside"
+        return replace(
+            recordings, fitted=fitted[:-1], held_out=(last,), verified_on=words, set_aside=True
+        )
+    if len(fitted[0]) < FEWEST:
+        return recordings
+    fit, verify, words = _divide_log(fitted[0])
+    return replace(recordings, fitted=(fit,), held_out=(verify,), verified_on=words, set_aside=True)
+
+
+def require_held_out(recordings: Recordings) -> None:
+    """Refuse logs of which nothing is held out.
+
+    Raises
+    ------
+    LogError
+    """
+    if recordings.held_out:
+        return
+    log = recordings.fitted[0]
+    if len(recordings.fitted) > 1 or len(log) >= FEWEST:
+        raise LogError(
+            "Effects are verified on motion that was not fitted, and nothing is held out: give a "
+            "held-out log (validate), or leave validate out, and a part is set aside."
+        )
+    raise LogError(
+        f"{log.name} has {format_count(len(log), 'sample')}, too few to name effects from one "
+        f"part and verify them on another; give a log of at least {FEWEST} samples, or a "
+        "second one."
+    )
+
+
+def _divide_log(log: Log) -> tuple[Log, Log, str]:
+    """Return the part of the only log that is fitted, the part that verifies, and it in words."""
+    end, start = divide(len(log))
+    fit = log.rows(0, end, f"{log.name}{PART}1")
+    verify = log.rows(start, len(log), f"{log.name}{PART}2")
+    return fit, verify, f"the last {100 * LAST:.0f} % of {log.name}, set aside"

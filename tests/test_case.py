@@ -1,0 +1,141 @@
+"""A case: every stage from logs to columns is computed once, and every verb uses it."""
+
+from __future__ import annotations
+
+import pickle
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identifiability import Case, Noise, Robot, analyze, diagnose, prune, simulate
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.options import OptionError
+from identifiability.regression import structure
+from identifiability.simulation import PrescribedMotion, shipped_trajectory
+from identifiability.workflows import case as cases
+
+VERBS = {"analyze": analyze, "diagnose": diagnose, "prune": prune}
+
+
+@pytest.fixture(scope="module")
+def two_logs():
+    """A robot with a spring that its model lacks, and two logs of it."""
+    robot, rng = Robot.load("two-link"), np.random.default_rng(0)
+    logs = [
+        simulate(
+            robot,
+            PrescribedMotion.of(shipped_trajectory(robot, name), 600),
+            noise=Noise(torque=0.03),
+            rng=rng,
+            hide=["joint_stiffness=0.1"],
+        )
+        for name in ("a", "b")
+    ]
+    return robot, [replace(log, name=name) for log, name in zip(logs, "ab", strict=True)]
+
+
+@pytest.fixture
+def counted(monkeypatch):
+    """How often logs are prepared, information is gathered and base parameters are computed."""
+    counts = {"prepared": Counter(), "gathered": Counter(), "base": Counter()}
+    prepare, gather, find = (
+        cases.prepare_log, cases.gather_information, structure.find_base_parameters,
+    )  # fmt: skip
+
+    def prepare_log(robot, log, *args, **options):
+        counts["prepared"][log.name] += 1
+        return prepare(robot, log, *args, **options)
+
+    def gather_information(regression, **options):
+        names = tuple(p.name for p in regression.parameters)
+        counts["gathered"][names, tuple(s.name for s in regression.samples)] += 1
+        return gather(regression, **options)
+
+    def find_base_parameters(robot, model):
+        counts["base"][model.texts] += 1
+        return find(robot, model)
+
+    monkeypatch.setattr(cases, "prepare_log", prepare_log)
+    monkeypatch.setattr(cases, "gather_information", gather_information)
+    monkeypatch.setattr(structure, "find_base_parameters", find_base_parameters)
+    return counts
+
+
+@pytest.mark.parametrize("first", VERBS)
+def test_verbs_of_one_case_prepare_gather_and_group_once(two_logs, counted, first):
+    robot, logs = two_logs
+    case = Case(robot, logs[:1], logs[1])
+    for verb in sorted(VERBS, key=lambda name: name != first):
+        VERBS[verb](case)
+    assert set(counted["prepared"].values()) == {1}
+    assert set(counted["gathered"].values()) == {1}
+    assert set(counted["base"].values()) == {1}
+
+
+def test_verbs_of_a_case_answer_as_verbs_of_robot_and_logs(two_logs):
+    robot, logs = two_logs
+    case = Case(robot, logs[:1], logs[1])
+    for verb in VERBS.values():
+        shared, alone = verb(case), verb(robot, logs[:1], logs[1])
+        assert shared.statement == alone.statement
+    assert str(shared.to_dict()["models"]) == str(alone.to_dict()["models"])
+
+
+def test_without_a_held_out_log_all_verbs_set_the_same_part_aside(two_logs):
+    robot, logs = two_logs
+    one, both = Case(robot, logs[0]), Case(robot, logs)
+    for case, words in ((one, ["part 2"]), (both, [logs[1].name])):
+        for verb in VERBS.values():
+            held_out = verb(case).validation
+            assert [s.name.rpartition(", ")[2] for s in held_out] == words
+
+
+def test_all_logs_can_be_fitted(two_logs):
+    robot, logs = two_logs
+    for verb in (analyze, prune):
+        found = verb(robot, logs, "none")
+        assert [s.name for s in found.samples] == ["a", "b"]
+        assert not found.validation
+    with pytest.raises(LogError, match="nothing is held out"):
+        diagnose(robot, logs, "none")
+
+
+def test_a_log_that_is_too_short_to_be_divided_is_fitted_as_a_whole(two_logs):
+    robot, (log, _) = two_logs
+    found = analyze(robot, log.rows(0, 300))
+    assert not found.validation
+    assert found.samples[0].survey.kept == 300
+
+
+def test_a_part_that_stands_still_is_not_held_out(two_logs):
+    robot, (log, _) = two_logs
+    rest = log.each(lambda x: np.concatenate([x[:300], np.repeat(x[300:301], 140, axis=0)]))
+    assert len(analyze(robot, rest.rows(0, 440)).samples) == 1
+
+
+def test_another_model_shares_what_comes_before_the_columns(two_logs, counted):
+    robot, logs = two_logs
+    case = Case(robot, logs[:1], logs[1])
+    missing = diagnose(case)
+    found = analyze(case.with_(model=missing))
+    assert found.models[0].name == "the diagnosed model"
+    assert set(counted["prepared"].values()) == {1}
+    case.release()
+    analyze(case)
+    assert set(counted["prepared"].values()) == {2}
+
+
+def test_a_case_is_sent_without_its_results(two_logs):
+    robot, logs = two_logs
+    case = Case(robot, logs[:1], logs[1])
+    fresh = len(pickle.dumps(case))
+    analyze(case)
+    assert len(pickle.dumps(case)) < 1.1 * fresh
+
+
+def test_a_case_has_its_own_logs(two_logs):
+    robot, logs = two_logs
+    with pytest.raises(OptionError, match="A case has its own"):
+        analyze(Case(robot, logs), logs)
