@@ -425,6 +425,8 @@ def _look_at(case: Case, data: Data, run: Run) -> tuple[Data, Excerpts]:
         return case.instrumented(data, "auto"), excerpts
 
     def move(samples: tuple[Dataset, ...], logs: Sequence[Log]) -> tuple[Dataset, ...]:
+        if not samples:  # all rows are looked at, or nothing was held out
+            return ()
         inputs = data.structure, samples, logs, recordings.rolled
         return case.stages.once(along_rollouts, *inputs)
 
