@@ -183,8 +183,8 @@ def _state_calibrated(servos: IdentifiedServos, logs: Sequence[Log]) -> Finding:
 
 def _without_rollouts(recordings: Recordings, servo: Servo, error: RobotError) -> Recordings:
     """Return recordings that say why their torque is not calibrated."""
-    key = "none" if servo.delay is None else "stated"
-    hint = Finding("rollouts", text=phrase("rollouts", key, error=str(error)))
+    text = phrase("rollouts", "none" if servo.delay is None else "stated", error=str(error))
+    hint = Finding("rollouts", text=text)
     return replace(recordings, hints=(hint, *recordings.hints))
 
 
