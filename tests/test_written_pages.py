@@ -87,7 +87,9 @@ def test_every_finding_and_phrase_fills_the_holes_of_its_sentence():
             part = "says"
             if call.func.id == "phrase":
                 parts = [n.value for n in ast.walk(rest[0]) if isinstance(n, ast.Constant)]
-                part = parts[0] if parts else part
+                if not parts:
+                    continue  # a part that is chosen when it runs
+                part = parts[0]
             given = {k.arg for k in call.keywords} | {"subject"}
             seen.add(first.value)
             wanted = holes(table[first.value][part])

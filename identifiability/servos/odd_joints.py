@@ -179,9 +179,8 @@ def _state_odd(robot: Robot, found: Rollouts, best: Sequence[Explanation]) -> Fi
         half = 1.96 * sd + 0.05 * value
     else:
         half = 1.96 * sd
-    used = "off" if kind == "play" else "used"
-    joint = robot.joints[j]
-    then = phrase("odd_joint", used, key=kind, joint=joint, value=value, half=half)
+    numbers = {"key": kind, "joint": robot.joints[j], "value": value, "half": half}
+    then = phrase("odd_joint", "off" if kind == "play" else "used", **numbers)
     return Finding("odd_joint", what=" or ".join(what), share=100 * (1 - share), then=then)
 
 
