@@ -13,6 +13,7 @@ from identifiability import Case, Noise, Robot, analyze, diagnose, prune, simula
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.options import OptionError
 from identifiability.regression import structure
+from identifiability.regression.regression import LogPart
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.workflows import case as cases
 
@@ -39,7 +40,7 @@ def two_logs():
 @pytest.fixture
 def counted(monkeypatch):
     """How often logs are prepared, information is gathered and base parameters are computed."""
-    counts = {"prepared": Counter(), "gathered": Counter(), "base": Counter()}
+    counts = {name: Counter() for name in ("prepared", "gathered", "base", "regressors")}
     prepare, gather, find = (
         cases.prepare_log, cases.gather_information, structure.find_base_parameters,
     )  # fmt: skip
@@ -57,6 +58,18 @@ def counted(monkeypatch):
         counts["base"][model.texts] += 1
         return find(robot, model)
 
+    compute = LogPart._computed
+
+    def computed(part, *windows):
+        whole = part.regression
+        key = (whole.model.stage_key, whole.robot.gravity.tobytes(), whole.dwelling)
+        samples = part.samples
+        decimation = 1 if samples.decimation is None else samples.decimation.factor
+        rows = samples.motion.q.tobytes(), samples.weight.tobytes(), decimation
+        counts["regressors"][key, rows] += 1
+        return compute(part, *windows)
+
+    monkeypatch.setattr(LogPart, "_computed", computed)
     monkeypatch.setattr(cases, "prepare_log", prepare_log)
     monkeypatch.setattr(cases, "gather_information", gather_information)
     monkeypatch.setattr(structure, "find_base_parameters", find_base_parameters)
@@ -72,6 +85,7 @@ def test_verbs_of_one_case_prepare_gather_and_group_once(two_logs, counted, firs
     assert set(counted["prepared"].values()) == {1}
     assert set(counted["gathered"].values()) == {1}
     assert set(counted["base"].values()) == {1}
+    assert set(counted["regressors"].values()) == {1}
 
 
 def test_verbs_of_a_case_answer_as_verbs_of_robot_and_logs(two_logs):

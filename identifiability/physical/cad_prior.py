@@ -269,7 +269,7 @@ ROUNDS = 8
 
 
 def load_by_fit(
-    structure: Structure, samples: Sequence[Dataset], engine: Engine, *, named: bool = False
+    structure: Structure, regression: Regression, engine: Engine, *, named: bool = False
 ) -> Structure:
     """Return the structure with loads as a fit has them: the file may be wrong of its robot.
 
@@ -280,7 +280,7 @@ def load_by_fit(
     before, rounds = np.empty(0), ROUNDS if loaded else int(named)
     # Each leaves the share of an error that a scale is of the torque.
     for _ in range(rounds):
-        rows = gather_information(structure.regression(samples), engine=engine)
+        rows = gather_information(regression, engine=engine)
         fit = find_estimator("wls").fit(rows := with_known(rows, structure.known))
         data = LeastSquares.of_fit(rows, fit).through(structure.G)
         both = data.R / data.unit, data.z / data.unit, np.eye(len(structure.columns))
@@ -291,6 +291,7 @@ def load_by_fit(
         # Columns that do not depend on loads have the same groupings.
         if loaded:
             structure = Structure.of(robot, structure.model)
+            regression = structure.regression(regression.samples)
         else:
             structure = Structure(robot, structure.model, structure.base)
         x = fit.value

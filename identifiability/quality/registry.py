@@ -19,6 +19,7 @@ from identifiability.logs import Log
 from identifiability.logs.commands import of_commands
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import Dataset, join_motions
+from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot
 
@@ -169,11 +170,19 @@ class MeasuredLogs:
         As they were measured.
     samples : tuple of Dataset
         The same prepared, in the same order.
+    columns : Regression or None
+        Columns of the base parameters along them, if they were computed already.
     """
 
     structure: Structure
     recordings: tuple[Log, ...]
     samples: tuple[Dataset, ...]
+    columns: Regression | None = None
+
+    @cached_property
+    def regression(self) -> Regression:
+        """Columns of the base parameters along the prepared logs."""
+        return self.columns or self.structure.regression(self.samples)
 
     @property
     def robot(self) -> Robot:

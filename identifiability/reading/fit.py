@@ -24,6 +24,7 @@ from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.spectrum import autocorrelation_time
 from identifiability.reading.reading import Reading
 from identifiability.regression.columns import list_candidates
+from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 
 #: Most rows of the excerpt, as so many windows of so many rows, and most numbers of its columns.
@@ -68,21 +69,18 @@ def excerpt_size(structure: Structure) -> tuple[int, int, int]:
     return rows, ROWS[1], rows // ROWS[1]
 
 
-def take_excerpt(
-    structure: Structure, samples: tuple[Dataset, ...], gravity: Array | None = None
-) -> Excerpt:
-    """Return the rows of logs, with the columns of the base parameters.
+def turn_columns(structure: Structure, samples: tuple[Dataset, ...], gravity: Array) -> Array:
+    """Return the columns of the base parameters under another gravity, (N, n, b).
 
     Parameters
     ----------
     structure : Structure
     samples : tuple of Dataset
-    gravity : (3,), optional
-        Another direction of gravity, in the world of the robot file.
+    gravity : (3,)
+        Direction of gravity, in the world of the robot file.
     """
-    if gravity is not None:
-        structure = replace(structure, robot=structure.robot.turned(gravity))
-    return Excerpt.of(structure.regression(samples), excerpt_size(structure))
+    turned = replace(structure, robot=structure.robot.turned(gravity))
+    return Excerpt.of(turned.regression(samples), excerpt_size(structure)).X
 
 
 def split_gravity(structure: Structure, samples: tuple[Dataset, ...], excerpt: Excerpt) -> Array:
@@ -96,7 +94,7 @@ def split_gravity(structure: Structure, samples: tuple[Dataset, ...], excerpt: E
 
     def along(direction: Array) -> Array:
         if _key(direction) not in columns:
-            columns[_key(direction)] = take_excerpt(structure, samples, direction).X
+            columns[_key(direction)] = turn_columns(structure, samples, direction)
         return columns[_key(direction)]
 
     weightless = 0.5 * (along(gravity) + along(-gravity))
@@ -145,7 +143,11 @@ class TorqueRows:
 
     @staticmethod
     def of(
-        structure: Structure, samples: tuple[Dataset, ...], *, turns_gravity: bool = False
+        structure: Structure,
+        samples: tuple[Dataset, ...],
+        regression: Regression | None = None,
+        *,
+        turns_gravity: bool = False,
     ) -> TorqueRows:
         """Return the rows of prepared logs.
 
@@ -154,10 +156,13 @@ class TorqueRows:
         structure : Structure
         samples : tuple of Dataset
             The prepared logs, with the motion of the readings.
+        regression : Regression, optional
+            Columns of the base parameters along them, if they were computed already.
         turns_gravity : bool
             Whether readings may state another gravity, or lack it in some joints.
         """
-        excerpt = take_excerpt(structure, samples)
+        columns = regression or structure.regression(samples)
+        excerpt = Excerpt.of(columns, excerpt_size(structure))
         has_weight = "rigid_body" in structure.model.names and structure.robot.gravity.any()
         if turns_gravity and has_weight:
             parts = split_gravity(structure, samples, excerpt)

@@ -77,7 +77,8 @@ class ReadingSearch:
         self.logs, self.robot, self.structure = logs, logs.robot, logs.structure
         self.literal = Reading.literal(logs.robot)
         #: Rows along the literal motion.
-        self.rows = TorqueRows.of(logs.structure, logs.samples, turns_gravity=True)
+        columns = logs.regression
+        self.rows = TorqueRows.of(logs.structure, logs.samples, columns, turns_gravity=True)
         self.candidates = ReadingCandidates(logs, self.literal, self.rows.turns_gravity)
         #: Rows of other motions, and of separate offsets: each regressor is evaluated once.
         self._other_rows: dict[bytes, TorqueRows] = {}

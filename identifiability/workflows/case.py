@@ -155,7 +155,8 @@ class Data(OfStructure):
     @cached_property
     def measured(self) -> MeasuredLogs:
         """The fitted logs, as checks look at them."""
-        return MeasuredLogs(self.structure, self.recordings.fitted, self.samples)
+        logs = self.recordings.fitted
+        return MeasuredLogs(self.structure, logs, self.samples, self.regression)
 
     @property
     def band(self) -> Any:
@@ -422,7 +423,7 @@ class Case:
 
     def at_fit(self, data: Data, run: Run, *, named: bool = False) -> Data:
         """Return data with load-dependent columns taken at the fitted robot."""
-        inputs = data.structure, data.samples, named
+        inputs = data.structure, data.regression, named
         structure = self.stages.once(linearise, *inputs, run=run)
         return self.under(data, structure)
 
@@ -776,11 +777,9 @@ def apply_to_logs(reading: Reading, recordings: Recordings, structure: Structure
     return replace(recordings, fitted=fitted, held_out=held_out)
 
 
-def linearise(
-    structure: Structure, samples: Sequence[Dataset], named: bool, *, run: Run
-) -> Structure:
+def linearise(structure: Structure, regression: Regression, named: bool, *, run: Run) -> Structure:
     """Return a structure whose load-dependent columns are taken at the fitted robot."""
-    return load_by_fit(structure, samples, run.engine, named=named)
+    return load_by_fit(structure, regression, run.engine, named=named)
 
 
 def add_instruments(

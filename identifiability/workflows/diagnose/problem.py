@@ -354,10 +354,10 @@ def weigh_fit(robot: Robot, samples: Sequence[Dataset], information: Information
     return weighed, estimate_noise(estimator, weighed).fit(weighed), said, outliers
 
 
-def fit_structure(structure: Structure, samples: Sequence[Dataset]) -> WeighedFit:
+def fit_structure(structure: Structure, regression: Regression) -> WeighedFit:
     """Return the same of the base parameters of a model, random ones as large as it says."""
-    information = gather_information(structure.regression(samples))
-    return weigh_fit(structure.robot, samples, with_known(information, structure.known))
+    information = with_known(gather_information(regression), structure.known)
+    return weigh_fit(structure.robot, regression.samples, information)
 
 
 def nearest_robot(

@@ -905,7 +905,11 @@ def fit_physical(d: Diagnosis, structure: Structure, cad_weight: float | None = 
     IdentifiabilityError
         If the solver finds none.
     """
-    weighed = d.refit if structure is d.completed else fit_structure(structure, d.samples)
+    weighed = (
+        d.refit
+        if structure is d.completed
+        else fit_structure(structure, d.problem.regression(structure))
+    )
     found = nearest_robot(structure, *weighed[:2], cad_weight)
     if found.nearest is None:
         raise IdentifiabilityError(found.sentence.strip())

@@ -170,10 +170,11 @@ def diagnose(
         found, data = _diagnose_again_later(case, request, run, rngs[0], found, data)
         found = _with_context(case, request, found, data, quick=quick, seed=seed)
         found = found.moved_by(data.recordings)
-        if quick or not (forward and found.included) or found.robot.base is not None:
-            return found
-        run.say("simulating forward", 0.95)
-        return replace(found, forward=simulate_forward(found, rngs[1]))
+        if not quick and forward and found.included and found.robot.base is None:
+            run.say("simulating forward", 0.95)
+            found = replace(found, forward=simulate_forward(found, rngs[1]))
+        # Columns are large, and nothing needs them any more.
+        return replace(found, problem=replace(found.problem, columns=()))
 
 
 @frozen
@@ -640,7 +641,7 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
         )
     after = {t.key: t.odds for t in naming.after}
     return Diagnosis(
-        problem=replace(problem, columns=()),  # they are large
+        problem=problem,
         effects=tuple(effects),
         curves=tuple(_curve(naming, left, k, p) for k, p in enumerate(placed)),
         gap=gap,
