@@ -129,6 +129,11 @@ class Compared(Excerpt):
         own = {**vars(seen), "X": seen.X @ known.directions, "y": seen.y - torque}
         return Compared(**own, torque=torque)
 
+    @property
+    def centre(self) -> Array:  # type: ignore[override]
+        """Zero, (p,): the torque is less what is known as it is."""
+        return np.zeros(self.X.shape[2])
+
     def entries(self, candidates: Sequence[Candidate]) -> Entries:
         """Return the torque (N,) of candidates by joint and column, where it is not zero."""
         every = [c for c in candidates if isinstance(c, Differing)]
@@ -283,7 +288,8 @@ class Differences:
         none = np.where(diagonal > 0, 0.0, np.finfo(float).eps)  # what does not act is no value
         length = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
         scale = np.concatenate([length[: fixed - drifts], self.scale])
-        return MixedModel(own, fixed, self.groups, scale, np.diag(precision + none), CHANGES)
+        about = np.zeros(fixed)
+        return MixedModel(own, fixed, self.groups, scale, np.diag(precision + none), about, CHANGES)
 
     def solve(self, terms: Terms = ()) -> tuple[Array, Array]:
         """Return values of the fixed columns and of terms in their order, and the covariance."""

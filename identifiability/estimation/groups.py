@@ -28,10 +28,17 @@ from identifiability.estimation.mixed_model import (
     Terms,
     whitened_information,
 )
-from identifiability.estimation.noise import ARNoise, JointNoise, JointRuns, rich_noise, split_runs
+from identifiability.estimation.noise import (
+    ARNoise,
+    JointNoise,
+    JointRuns,
+    Runs,
+    rich_noise,
+    split_runs,
+)
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.errors import listing
-from identifiability.foundation.linalg import ROUNDOFF
+from identifiability.foundation.linalg import NEARLY, RANK_TOLERANCE, ROUNDOFF, triangular_factor
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -134,6 +141,34 @@ class Excerpt:
         rows = np.concatenate(seen)
         return Excerpt(plain.robot, X, y, raw, data, t, log, own, tuple(pieces), rows)
 
+    @cached_property
+    def centre(self) -> Array:
+        """Values of the model by least squares, (p,), each joint by the size of its torque.
+
+        Torque less that of these values is as small as what the model lacks. Products of all of the
+        torque would hold that to half of their digits only.
+        """
+        torque = self.torque_norm
+        weight = np.divide(1.0, torque, out=np.zeros_like(torque), where=torque > 0)
+        rows = np.concatenate([self.X, self.y[:, :, None]], axis=2) * weight[:, None]
+        R = triangular_factor(rows.reshape(-1, rows.shape[2]))
+        length = np.linalg.norm(R[:, :-1], axis=0)
+        length = np.where(length > 0, length, 1.0)
+        unit = R[:, :-1] / length
+        values: Array = np.linalg.lstsq(unit, R[:, -1], rcond=RANK_TOLERANCE)[0] / length
+        return values
+
+    @cached_property
+    def torque_norm(self) -> Array:
+        """Norm of the measured torque of each joint, (n,) [N·m or N]."""
+        norm: Array = np.linalg.norm(self.raw * self.data, axis=0)
+        return norm
+
+    def about(self, values: Array) -> Array:
+        """Return the torque less that of some values of the model, (N, n) [N·m or N]."""
+        torque: Array = self.y - self.X @ values
+        return torque
+
     def entries(self, candidates: Sequence[Candidate]) -> Entries:
         """Return the torque (N,) of candidates by joint and column, where it is not zero."""
         parts = [(c.part, c.columns) for c in candidates]
@@ -232,8 +267,21 @@ class Missing:
             own = [self.entries[joint, k] for k in columns if (joint, k) in self.entries]
             if own:
                 (model if session else random).append(np.stack(own, 1))
-        blocks = [np.column_stack(model), *random]
-        return rich_noise(blocks, self.seen.y[:, joint], self.seen.runs[joint])
+        return self._measure(joint, self.seen.runs[joint], [np.column_stack(model), *random])
+
+    def noise_within(self, joint: int, runs: Runs) -> JointNoise:
+        """Return the noise of a joint in some stretches, beside the model alone."""
+        X = self.seen.X[:, joint]
+        return self._measure(joint, runs, [X[:, X.any(0)]])
+
+    def _measure(self, joint: int, runs: Runs, blocks: Sequence[Array]) -> JointNoise:
+        least = NEARLY * float(self.seen.torque_norm[joint])
+        return rich_noise(blocks, self.torque[:, joint], runs, least)
+
+    @cached_property
+    def torque(self) -> Array:
+        """Torque of the fitted rows less that of the centre, (N, n) [N·m or N]."""
+        return self.seen.about(self.seen.centre)
 
     @cached_property
     def _beside_noise(self) -> list[tuple[bool, list[int]]]:
@@ -276,7 +324,7 @@ class Missing:
     @cached_property
     def _squares(self) -> Array:
         """Sum of squares of each column in each joint over the torque's, (n, c)."""
-        torque = np.sum(self.seen.raw**2 * self.seen.data, axis=0)
+        torque = self.seen.torque_norm**2
         width = max((c.columns[-1] + 1 for c in self.candidates), default=0)
         square = np.zeros((len(torque), width))
         for (j, k), x in self.entries.items():
@@ -324,10 +372,11 @@ class Missing:
 
         def of_joint(j: int) -> Array:
             Z = [entries[j, k] for k in acting[j]]
-            return np.column_stack([rows.X[:, j, model[j]], *Z, rows.y[:, j]])
+            return np.column_stack([rows.X[:, j, model[j]], *Z, torque[:, j]])
 
         # One joint after the other: in rows of a base that floats every column acts.
         blocks = map(of_joint, range(len(columns)))
+        torque = self.torque if of is None else rows.about(self.seen.centre)
         known, edges = noise or self.noise, edges or [0, len(rows.y)]
         return whitened_information(columns, blocks, known, rows.runs, edges, together=together)
 
@@ -375,14 +424,17 @@ class Missing:
         acts = diagonal > ROUNDOFF**2 * diagonal.max(initial=0.0)  # else rounding is left of it
         scale = np.concatenate([np.sqrt(np.where(acts, diagonal, 1.0)), self.scale])
         prior, always = self.root.T @ self.root, (REVERSALS.name, EVERYWHERE)
+        mean = -self.seen.centre  # products are of torque about the centre
         groups = tuple(g for g in self.groups if g.family != REVERSALS.name)
         if always not in self.sets:
-            return MixedModel(own, p, groups, scale, prior)
+            return MixedModel(own, p, groups, scale, prior, mean)
         columns = np.concatenate([c.columns for c in self.sets[always][0]]) + p
-        (term,) = MixedModel(own, p, (Group(*always, (columns,), 0.0),), scale, prior).gains()
+        held = (Group(*always, (columns,), 0.0),)
+        (term,) = MixedModel(own, p, held, scale, prior, mean).gains()
+        mean = np.append(mean, np.zeros(len(columns)))
         prior = prior if prior.size else np.zeros((p, p))
         prior = block_diag(prior, np.diag(scale[columns] ** 2 / term.variance))
-        return MixedModel(own, p + len(columns), groups, scale, prior)
+        return MixedModel(own, p + len(columns), groups, scale, prior, mean)
 
 
 def with_reversals(

@@ -189,8 +189,11 @@ class MixedModel:
         What a column is divided by: random ones by what makes their torque as large as their
         joint's.
     prior : (p, p)
-        What is known of the fixed columns' values without the rows: the inverse of a covariance
-        about zero; none where it is empty.
+        What is known of the fixed columns' values without the rows: the inverse of their
+        covariance; none where it is empty.
+    mean : (p,)
+        What these values are known to be, less the values that the torque was taken about; of no
+        account where nothing is known.
     sizes : (s,)
         That a group may have, each as likely.
     """
@@ -200,6 +203,7 @@ class MixedModel:
     groups: tuple[Group, ...]
     scale: Array
     prior: Array = field(default_factory=lambda: np.empty((0, 0)))
+    mean: Array = field(default_factory=lambda: np.empty(0))
     sizes: Array = field(default_factory=lambda: SIZES)
 
     @cached_property
@@ -237,6 +241,8 @@ class MixedModel:
         P[range(first, len(P)), range(first, len(P))] += 1.0 / sizes
         if self.prior.size:
             P[:first, :first] += self.prior / np.outer(self.scale[:first], self.scale[:first])
+            target = target.copy()
+            target[:first] += self.prior @ self.mean / self.scale[:first]
         x = Normal.of(P, target)
         likelihood = x.evidence - 0.5 * float(np.log(sizes).sum())
         return Solution(x.factor, x.half, columns, likelihood)

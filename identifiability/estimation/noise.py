@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 
 from identifiability.estimation.rules import RULES
-from identifiability.foundation.linalg import NEARLY, RANK_TOLERANCE, ROUNDOFF, TINY
+from identifiability.foundation.linalg import RANK_TOLERANCE, ROUNDOFF, TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -197,10 +197,11 @@ class RestrictedLikelihood:
         widths = [basis.shape[1], *(x.shape[1] for x in random)]
         self.owner = np.repeat(np.arange(-1, len(random)), widths)
         self.lagged = LaggedProducts.of(np.column_stack([Z, beside]), runs)
-        self.rows, self.fixed = self.lagged.rows, float(beside @ beside)
+        self.rows = self.lagged.rows
         self.dof = max(self.rows - basis.shape[1], 1)
         self.floor = floor * float(rest @ rest) / self.rows
         self.rounding = float(rest @ rest) <= RANK_TOLERANCE**2
+        self.rest = float(np.linalg.norm(rest)) * self.scale
 
     def whitened(self, a: Array, lagged: LaggedProducts) -> Array:
         """Return products of columns and y that a filter leaves white."""
@@ -361,7 +362,7 @@ def span_columns(X: Array, most: int) -> Array:
     return basis
 
 
-def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs) -> JointNoise:
+def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs, least: float = 0.0) -> JointNoise:
     """Return the noise of a joint by restricted likelihood beside all that may be missing.
 
     Beside the model alone what is missing would count as noise, and hide itself; without the
@@ -374,6 +375,10 @@ def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs) -> JointNoise:
         between the stretches.
     y : (N,)
     runs : Runs
+    least : float, optional [N·m or N]
+        Smallest standard deviation of the innovations that is returned: the norm of torque that
+        rounding and preparation may leave. Such torque gains no more than half a nat, whatever
+        its course in time.
     """
     silent, rows = JointNoise(np.empty(0), np.inf), sum(b - a for a, b in runs)
     if not any(b - a >= HIGHEST_ORDER for a, b in runs):
@@ -387,10 +392,10 @@ def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs) -> JointNoise:
             parts.append(part)
             room -= part.shape[1]
     every = RestrictedLikelihood(y, basis, runs, parts)
-    if every.rounding:  # it says nothing, unless something that is missing is exact
-        exact = JointNoise(np.empty(0), NEARLY * every.scale / np.sqrt(rows))
-        return exact if every.fixed > NEARLY**2 else silent
+    if every.rounding or every.rest <= least:
+        return JointNoise(np.empty(0), least) if least > 0 else silent
     # All is noise at first, or what is missing.
     none = np.full(len(parts), PRECISIONS[-1])
     found = every.backfit(none, every.maximise(none)), every.backfit(np.ones(len(parts)), none[:0])
-    return min(found, key=lambda x: x[0])[1]
+    noise = min(found, key=lambda x: x[0])[1]
+    return replace(noise, sigma=max(noise.sigma, least))

@@ -25,7 +25,7 @@ from identifiability.estimation.evidence import LEVELS, Evidence
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
 from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms
-from identifiability.estimation.noise import rich_noise, split_runs
+from identifiability.estimation.noise import split_runs
 from identifiability.estimation.prediction import Prediction, predict
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.linalg import ROUNDOFF, scan_columns
@@ -548,7 +548,7 @@ def find_change_in_log(naming: Naming, effects: Collection[str] | None = None) -
         noise = list(naming.missing.noise)
         for j in {j for j, k in missing.entries if k in every[0].candidate.columns}:
             (runs,) = split_runs(seen.runs[j], outside)
-            noise[j] = rich_noise([seen.X[:, j, seen.X[:, j].any(0)]], seen.y[:, j], runs)
+            noise[j] = missing.noise_within(j, runs)
         every = _odds_of_stays(missing.under(noise), begins, stays, courses)
     best, at = every[0], int(every[0].odds.argmax())
     first, last = stays[at].tolist()
