@@ -13,7 +13,7 @@ from identifiability.estimation.evidence import HeldOut
 from identifiability.estimation.noise import Noise
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.errors import LogError
-from identifiability.foundation.linalg import ROUNDOFF
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import EstimatorKind, check_choice, checked
 from identifiability.foundation.values import frozen
@@ -211,7 +211,8 @@ def _measure(information: Information, fit: Estimate) -> tuple[Array, Array]:
     rows = information.data.T
     freedom = np.maximum(rows / fit.times[:, None], 1.0)
     beyond = np.zeros(squares.shape)
-    floor = ROUNDOFF**2 * information.torque / information.rows_each  # rounding is no noise
+    # What nothing measured has is no noise: rounding, and what filters leave at the ends of a log.
+    floor = NEARLY**2 * information.torque / information.rows_each
     for log in np.unique(information.log):
         own = information.log == log
         mean = squares[:, own] / np.maximum(rows[:, own], 1)

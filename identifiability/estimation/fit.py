@@ -17,7 +17,7 @@ from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.groups import LabelAlternatives
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.findings import phrase
-from identifiability.foundation.linalg import ROUNDOFF, sandwich, unit_coordinates
+from identifiability.foundation.linalg import ROUNDOFF, TINY, sandwich, unit_coordinates
 from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.rounding import ENDS, REACH
 from identifiability.foundation.rules import Tolerance
@@ -154,7 +154,28 @@ def scatter_scores(information: Information, fit: Estimate, time: float) -> Scor
     if not fit.kept or RULES.stretches_fewest > B:
         return None
     sd = np.linalg.norm(fit.estimator.influence(merged, fit), axis=0)
+    sd = np.maximum(sd, rounding_error(information, fit))
     return ScoreScatter(np.where(fit.determined, sd, np.inf), B, count_freedom(merged, fit))
+
+
+def rounding_error(information: Information, fit: Estimate) -> Array:
+    """Return the largest change of each value by torque that rounding alone makes, (k,).
+
+    Rounding is neither white nor independent from stretch to stretch, so that scores need not
+    show it.
+
+    Parameters
+    ----------
+    information : Information
+        About the fitted columns.
+    fit : Estimate
+    """
+    kept, size = list(fit.kept), len(fit.kept)
+    R = information.select(fit.kept).factor(fit.weights)
+    torque = TINY * np.linalg.norm(R[:, size])
+    change = np.zeros(information.size)
+    change[kept] = torque * np.linalg.norm(unit_coordinates(R[:size, :size]), axis=1)
+    return change
 
 
 def count_freedom(information: Information, fit: Estimate) -> Array:

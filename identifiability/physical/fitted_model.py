@@ -15,7 +15,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from identifiability.estimation.estimator import Estimate, Estimator
-from identifiability.foundation.linalg import SPAN_TOLERANCE
+from identifiability.foundation.linalg import ROUNDOFF, SPAN_TOLERANCE
 from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.values import frozen
 from identifiability.physical import pseudo_inertia
@@ -299,7 +299,7 @@ class LeastSquares:
         To it data without noise have a little of it.
         """
         tau = float(np.linalg.norm(estimate.estimator.loss(information, estimate)[:, -1]))
-        rss = max(float(estimate.weights @ estimate.rss), (1e-9 * tau) ** 2)
+        rss = max(float(estimate.weights @ estimate.rss), (ROUNDOFF * tau) ** 2)
         dof = max(information.rows / estimate.memory - len(estimate.kept), 1.0)
         return replace(LeastSquares.of_fit(information, estimate), rss_min=rss, dof=dof)
 
@@ -344,10 +344,9 @@ class LeastSquares:
 
     @property
     def unit(self) -> float:
-        """Residual that counts as one: the noise sd [torque], never below 1e-6 of the signal."""
-        return float(
-            max(np.sqrt(self.variance), 1e-6 * np.linalg.norm(self.z), np.finfo(float).tiny)
-        )
+        """Residual that counts as one: the noise sd [torque], or what rounding leaves."""
+        rounding = ROUNDOFF * np.linalg.norm(self.z)
+        return float(max(np.sqrt(self.variance), rounding, np.finfo(float).tiny))
 
     def rss(self, phi: Array) -> Array:
         """Residual sum of squares (...) [torque²] of parameter vectors ``phi (..., p)``."""
