@@ -129,8 +129,8 @@ class Compared(Excerpt):
         own = {**vars(seen), "X": seen.X @ known.directions, "y": seen.y - torque}
         return Compared(**own, torque=torque)
 
-    @property
-    def centre(self) -> Array:  # type: ignore[override]
+    @cached_property
+    def centre(self) -> Array:
         """Zero, (p,): the torque is less what is known as it is."""
         return np.zeros(self.X.shape[2])
 

@@ -511,10 +511,11 @@ class Fit:
     motions : Motions or None
         What logs say of each other; None of one log, or of too short ones.
     shared : mapping of str to (w, k)
-        What moves all samples alike, which none of them can show. ``delay``: one standard deviation
-        of the delay of each log's commands; ``bias``: of the bias that noise in the motion leaves;
-        ``prior``: how far the nearest real robot lies, where the estimate does not surely predict
-        better (of two that are not told apart, labels hold over both).
+        What moves all samples alike, which none of them can show. ``noise``: the error that the
+        preparation of positions leaves, which is like noise but not white. ``delay``: one standard
+        deviation of the delay of each log's commands. ``bias``: of the bias that noise in the
+        motion leaves. ``prior``: how far the nearest real robot lies, where the estimate does not
+        surely predict better (of two that are not told apart, labels hold over both).
     left_out : LeftOut or None
         What the parameters that the model leaves out do to its own.
     alternatives : LabelAlternatives or None
@@ -584,7 +585,7 @@ class Fit:
         if self.motions is not None:
             found["logs"] = self.motions.between
         for name, rows in self.shared.items():
-            found[name] = np.linalg.norm(rows, axis=0)
+            found[name] = np.hypot(found[name], np.linalg.norm(rows, axis=0))
         if self.left_out is not None:
             found["omitted"] = self.left_out.sigma
         if self.alternatives is not None:

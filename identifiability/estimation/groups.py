@@ -164,7 +164,7 @@ class Excerpt:
         norm: Array = np.linalg.norm(self.raw * self.data, axis=0)
         return norm
 
-    def about(self, values: Array) -> Array:
+    def residual(self, values: Array) -> Array:
         """Return the torque less that of some values of the model, (N, n) [N·m or N]."""
         torque: Array = self.y - self.X @ values
         return torque
@@ -281,7 +281,7 @@ class Missing:
     @cached_property
     def torque(self) -> Array:
         """Torque of the fitted rows less that of the centre, (N, n) [N·m or N]."""
-        return self.seen.about(self.seen.centre)
+        return self.seen.residual(self.seen.centre)
 
     @cached_property
     def _beside_noise(self) -> list[tuple[bool, list[int]]]:
@@ -376,7 +376,7 @@ class Missing:
 
         # One joint after the other: in rows of a base that floats every column acts.
         blocks = map(of_joint, range(len(columns)))
-        torque = self.torque if of is None else rows.about(self.seen.centre)
+        torque = self.torque if of is None else rows.residual(self.seen.centre)
         known, edges = noise or self.noise, edges or [0, len(rows.y)]
         return whitened_information(columns, blocks, known, rows.runs, edges, together=together)
 

@@ -1,0 +1,173 @@
+"""Logs without noise: no effect is named, and values agree with the truth to their digits."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from identifiability import analyze, diagnose
+from identifiability.estimation.noise import JointNoise, rich_noise
+from identifiability.logs import Log
+from identifiability.robot import Robot
+from identifiability.simulation import PrescribedMotion, random_trajectory, simulate
+
+LINK = """<link name="{}"><inertial><origin xyz="{} 0 {}"/><mass value="{}"/>
+<inertia ixx="0.004" iyy="{}" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
+JOINT = """<joint name="{}" type="revolute"><parent link="{}"/><child link="{}"/>
+<origin xyz="{} 0 0"/><axis xyz="0 1 0"/>
+<limit lower="-3" upper="3" effort="60" velocity="6"/></joint>"""
+ARM = "".join(
+    (
+        '<robot name="arm"><link name="base"/>',
+        LINK.format("upper", 0.15, 0.0, 2.0, 0.02),
+        LINK.format("fore", 0.12, 0.02, 1.0, 0.019),
+        JOINT.format("shoulder", "base", "upper", 0.0),
+        JOINT.format("elbow", "upper", "fore", 0.3),
+        "</robot>",
+    )
+)
+#: Friction and rotors that the robot file does not state.
+ADDED = {"Fv": np.array([0.3, 0.2]), "Fc": np.array([0.4, 0.25]), "Ia": np.array([0.05, 0.03])}
+
+
+def move(robot, seed, rate, period):
+    """Return times, positions, velocities and accelerations of a random motion of nine seconds."""
+    trajectory = random_trajectory(robot, np.random.default_rng(seed), period=period)
+    t = np.arange(int(9 * rate)) / rate
+    return t, *trajectory.motion(t)
+
+
+def simulated_torque(robot, t, q, dq, ddq):
+    return simulate(robot, PrescribedMotion(t, q, dq, ddq)).tau
+
+
+def rigid_torque(robot, t, q, dq, ddq):
+    """Return the torque by recursive Newton-Euler, with friction and rotors: no MuJoCo."""
+    model = pin.buildModelFromUrdf(str(robot.path))
+    data = model.createData()
+    rigid = [pin.rnea(model, data, *rows) for rows in zip(q, dq, ddq, strict=True)]
+    friction = ADDED["Fv"] * dq + ADDED["Fc"] * np.sign(dq)
+    return np.array(rigid) + friction + ADDED["Ia"] * ddq
+
+
+def store(x, kind):
+    """Return numbers as a file keeps them: all digits, single precision, or six digits."""
+    if kind == "float32":
+        return x.astype(np.float32).astype(float)
+    if kind == "six digits":
+        digits = np.vectorize(lambda value: float(f"{value:.6g}"))
+        return digits(x)
+    return x
+
+
+def make_logs(robot, torque, noise=0.0, kind="", rate=100, period=7.5, derivatives=True):
+    """Return three logs, of which the last one is to be held out."""
+    rng, logs = np.random.default_rng(7), []
+    for seed in (1, 2, 3):
+        t, *motion = move(robot, seed, rate, period)
+        tau = torque(robot, t, *motion)
+        tau = store(tau + noise * rng.standard_normal(tau.shape), kind)
+        q, dq, ddq = (store(x, kind) for x in motion)
+        log = Log(f"motion {seed}", robot.joints, t, q, tau, dq, ddq, str(seed))
+        logs.append(log if derivatives else replace(log, dq=None, ddq=None))
+    return logs
+
+
+def true_values(structure, submodel):
+    """Return the values (k,) of a model's parameters."""
+    true = dict(zip(structure.columns, structure.nominal, strict=True))
+    if structure.robot.path.name == "arm.urdf":
+        joints = structure.robot.joints
+        own = {f"{j}.{kind}": x[k] for kind, x in ADDED.items() for k, j in enumerate(joints)}
+        true |= {name: value for name, value in own.items() if name in true}
+    base = structure.G @ np.array([true[name] for name in structure.columns])
+    return np.linalg.lstsq(submodel.M, base - submodel.fixed, rcond=None)[0]
+
+
+def check_values(found, digits):
+    """Values that are sure agree with the truth, and intervals hold as often as they say."""
+    model = found.full
+    true = true_values(found.structure, model.submodel)
+    used = np.linalg.pinv(model.submodel.M) @ (model.physical.base - model.submodel.fixed)
+    inside = []
+    for verdict, value, real in zip(model.verdicts, true, used, strict=True):
+        low, high = verdict.data_interval95
+        inside.append(low <= value <= high)
+        if verdict.sure:
+            assert verdict.value == pytest.approx(value, rel=digits), verdict.name
+            assert real == pytest.approx(value, rel=digits), verdict.name
+    # Fewer would be as rare as one in a thousand of 95 %.
+    assert np.mean(inside) >= 0.95 - 3.1 * np.sqrt(0.95 * 0.05 / len(inside))
+
+
+PREPARED = [
+    ("two-link", {"kind": "float32"}, 1e-6),
+    ("five-bar", {"kind": "six digits"}, 0.01),
+    ("six-dof-arm", {"noise": 1e-7}, 1e-3),
+    ("two-link", {"derivatives": False}, 1e-5),
+    pytest.param("3-rps", {}, 1e-3, marks=pytest.mark.everything),
+    pytest.param("scara", {"kind": "float32"}, 1e-4, marks=pytest.mark.everything),
+    pytest.param(
+        "two-link", {"derivatives": False, "rate": 1000}, 1e-6, marks=pytest.mark.everything
+    ),
+]
+
+
+@pytest.mark.parametrize(("name", "how", "digits"), PREPARED)
+def test_rounding_is_no_effect(name, how, digits):
+    robot = Robot.load(name)
+    logs = make_logs(robot, simulated_torque, **how)
+    found = analyze(robot, logs[:2], logs[2:], replicates=0)
+    assert found.missing.named == ()
+    check_values(found, digits)
+
+
+@pytest.mark.parametrize("how", [{"kind": "float32"}, {"derivatives": False}])
+def test_rounding_is_no_diagnosis(how):
+    robot = Robot.load("two-link")
+    logs = make_logs(robot, simulated_torque, **how)
+    found = diagnose(robot, logs[:2], logs[2:], quick=True)
+    assert found.effects == ()
+
+
+@pytest.mark.parametrize("how", [{"noise": 1e-9}, {"kind": "float32"}])
+def test_rounding_is_no_effect_in_torque_of_another_simulator(tmp_path, how):
+    path = tmp_path / "arm.urdf"
+    path.write_text(ARM)
+    robot = Robot.load(path)
+    logs = make_logs(robot, rigid_torque, **how)
+    found = analyze(robot, logs[:2], logs[2:], replicates=0)
+    assert found.missing.named == ()
+    check_values(found, 1e-6)
+
+
+def test_intervals_hold_what_a_low_pass_leaves_of_a_fast_motion():
+    """The low-pass errs at the ends of a log, alike in all samples: scores show too little."""
+    robot = Robot.load("two-link")
+    logs = make_logs(robot, simulated_torque, period=1.5, derivatives=False)
+    found = analyze(robot, logs[:2], logs[2:], replicates=0)
+    assert found.missing.named == ()
+    check_values(found, 1e-3)
+    for model in found.models:
+        true = true_values(found.structure, model.submodel)
+        for verdict, value in zip(model.verdicts, true, strict=True):
+            low, high = verdict.data_interval95
+            middle = 0.5 * (low + high)
+            assert abs(value - middle) <= high - low, verdict.name
+
+
+def test_noise_is_no_smaller_than_what_torque_may_be_left_out():
+    rng = np.random.default_rng(0)
+    t = np.linspace(0, 1, 400)
+    X = np.column_stack([t, np.cos(9 * t)])
+    y = X @ [1.0, 2.0] + 0.1 * rng.standard_normal(400)
+    runs = [(0, 400)]
+    plain = rich_noise([X], y, runs)
+    same = rich_noise([X], y, runs, 0.5 * plain.sigma)
+    assert (same.sigma, *same.pacf) == (plain.sigma, *plain.pacf)
+    assert rich_noise([X], y, runs, 2 * plain.sigma).sigma == 2 * plain.sigma
+    slow = 1e-3 * np.sin(5 * t) / np.linalg.norm(np.sin(5 * t))
+    floored = rich_noise([X], X @ [1.0, 2.0] + slow, runs, 1e-3)
+    assert isinstance(floored, JointNoise)
+    assert (floored.sigma, len(floored.pacf)) == (1e-3, 0)
