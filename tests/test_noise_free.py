@@ -95,8 +95,8 @@ def check_values(found, digits):
         low, high = verdict.data_interval95
         inside.append(low <= value <= high)
         if verdict.sure:
-            assert verdict.value == pytest.approx(value, rel=digits), verdict.name
-            assert real == pytest.approx(value, rel=digits), verdict.name
+            assert verdict.value == pytest.approx(value, rel=digits, abs=1e-6), verdict.name
+            assert real == pytest.approx(value, rel=digits, abs=1e-6), verdict.name
     # Fewer would be as rare as one in a thousand of 95 %.
     assert np.mean(inside) >= 0.95 - 3.1 * np.sqrt(0.95 * 0.05 / len(inside))
 
