@@ -288,8 +288,8 @@ class Differences:
         none = np.where(diagonal > 0, 0.0, np.finfo(float).eps)  # what does not act is no value
         length = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
         scale = np.concatenate([length[: fixed - drifts], self.scale])
-        about = np.zeros(fixed)
-        return MixedModel(own, fixed, self.groups, scale, np.diag(precision + none), about, CHANGES)
+        prior = np.diag(precision + none)
+        return MixedModel(own, fixed, self.groups, scale, prior, np.zeros(fixed), CHANGES)
 
     def solve(self, terms: Terms = ()) -> tuple[Array, Array]:
         """Return values of the fixed columns and of terms in their order, and the covariance."""

@@ -376,7 +376,7 @@ class Missing:
 
         # One joint after the other: in rows of a base that floats every column acts.
         blocks = map(of_joint, range(len(columns)))
-        torque = self.torque if of is None else rows.residual(self.seen.centre)
+        torque = rows.residual(self.seen.centre)
         known, edges = noise or self.noise, edges or [0, len(rows.y)]
         return whitened_information(columns, blocks, known, rows.runs, edges, together=together)
 
@@ -423,18 +423,28 @@ class Missing:
         diagonal = own.between(np.arange(p), np.arange(p))
         acts = diagonal > ROUNDOFF**2 * diagonal.max(initial=0.0)  # else rounding is left of it
         scale = np.concatenate([np.sqrt(np.where(acts, diagonal, 1.0)), self.scale])
-        prior, always = self.root.T @ self.root, (REVERSALS.name, EVERYWHERE)
-        mean = -self.seen.centre  # products are of torque about the centre
         groups = tuple(g for g in self.groups if g.family != REVERSALS.name)
+        prior = self.root.T @ self.root
+        # Products are of the torque about the centre.
+        plain = MixedModel(own, p, groups, scale, prior, -self.seen.centre)
+        always = (REVERSALS.name, EVERYWHERE)
         if always not in self.sets:
-            return MixedModel(own, p, groups, scale, prior, mean)
+            return plain
         columns = np.concatenate([c.columns for c in self.sets[always][0]]) + p
-        held = (Group(*always, (columns,), 0.0),)
-        (term,) = MixedModel(own, p, held, scale, prior, mean).gains()
-        mean = np.append(mean, np.zeros(len(columns)))
-        prior = prior if prior.size else np.zeros((p, p))
-        prior = block_diag(prior, np.diag(scale[columns] ** 2 / term.variance))
-        return MixedModel(own, p + len(columns), groups, scale, prior, mean)
+        (term,) = replace(plain, groups=(Group(*always, (columns,), 0.0),)).gains()
+        precision = np.diag(scale[columns] ** 2 / term.variance)
+        return replace(
+            plain,
+            fixed=p + len(columns),
+            prior=block_diag(prior if prior.size else np.zeros((p, p)), precision),
+            mean=np.append(plain.mean, np.zeros(len(columns))),
+        )
+
+    def values(self) -> Array:
+        """Return the values of the model's columns where nothing is missing, (p,)."""
+        model, centre = self.model(), self.seen.centre
+        found: Array = (model.solve().value / model.scale[: model.fixed])[: len(centre)] + centre
+        return found
 
 
 def with_reversals(

@@ -386,11 +386,8 @@ def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs, least: float = 0.0
     most = int(RULES.columns_most * rows)
     basis = span_columns(blocks[0], most)
     # As many columns as rows would leave nothing, and no noise.
-    parts, room = list[Array](), min(2 * most - basis.shape[1], DIRECTIONS)
-    for part in (np.sqrt(rows) * principal_columns(Z)[0] for Z in blocks[1:]):
-        if 0 < part.shape[1] <= room:
-            parts.append(part)
-            room -= part.shape[1]
+    room = min(2 * most - basis.shape[1], DIRECTIONS)
+    parts = _choose_parts([np.sqrt(rows) * principal_columns(Z)[0] for Z in blocks[1:]], room)
     every = RestrictedLikelihood(y, basis, runs, parts)
     if every.rounding or every.rest <= least:
         return JointNoise(np.empty(0), least) if least > 0 else silent
@@ -399,3 +396,13 @@ def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs, least: float = 0.0
     found = every.backfit(none, every.maximise(none)), every.backfit(np.ones(len(parts)), none[:0])
     noise = min(found, key=lambda x: x[0])[1]
     return replace(noise, sigma=max(noise.sigma, least))
+
+
+def _choose_parts(parts: Sequence[Array], room: int) -> list[Array]:
+    """Return those of some parts (N, k) that together have no more columns than there is room."""
+    chosen = list[Array]()
+    for part in parts:
+        if 0 < part.shape[1] <= room:
+            chosen.append(part)
+            room -= part.shape[1]
+    return chosen

@@ -25,7 +25,7 @@ from identifiability.foundation.options import Expected, checked
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
-from identifiability.regression.regression import Model, Regression
+from identifiability.regression.regression import CHUNK, Model, Regression
 from identifiability.robot import KnownRobot, Motion, Robot, complete_motion
 
 if TYPE_CHECKING:
@@ -350,6 +350,11 @@ class Structure:
         others = tuple(s.beside for s in samples if s.beside is not None)
         beside = others if others and len(others) == len(samples) else None
         return Regression(self.robot, self.model, tuple(samples), self.base.kept, beside)
+
+    def torque_along(self, motion: Motion, phi: Array) -> Array:
+        """Return the torque of parameters (p,) along a motion, (N, n) [N·m or N]."""
+        pieces = (motion[k : k + CHUNK] for k in range(0, len(motion), CHUNK))
+        return np.concatenate([self.model.regressor(self.robot, x) @ phi for x in pieces])
 
 
 def count_offsets(structure: Structure) -> Structure:
