@@ -104,10 +104,10 @@ def check_values(found, digits):
 PREPARED = [
     ("two-link", {"kind": "float32"}, 1e-6),
     ("five-bar", {"kind": "six digits"}, 0.01),
-    ("six-dof-arm", {"noise": 1e-7}, 1e-3),
+    ("six-dof-arm", {"noise": 1e-7}, 1e-4),
+    ("scara", {"kind": "float32"}, 1e-4),
     ("two-link", {"derivatives": False}, 1e-5),
     pytest.param("3-rps", {}, 1e-3, marks=pytest.mark.everything),
-    pytest.param("scara", {"kind": "float32"}, 1e-4, marks=pytest.mark.everything),
     pytest.param(
         "two-link", {"derivatives": False, "rate": 1000}, 1e-6, marks=pytest.mark.everything
     ),
@@ -129,6 +129,7 @@ def test_rounding_is_no_diagnosis(how):
     logs = make_logs(robot, simulated_torque, **how)
     found = diagnose(robot, logs[:2], logs[2:], quick=True)
     assert found.effects == ()
+    assert not any("farther from the model" in hint for hint in found.hints)
 
 
 @pytest.mark.parametrize("how", [{"noise": 1e-9}, {"kind": "float32"}])

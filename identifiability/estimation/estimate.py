@@ -13,7 +13,7 @@ from identifiability.estimation.evidence import HeldOut
 from identifiability.estimation.noise import Noise
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.errors import LogError
-from identifiability.foundation.linalg import NEARLY
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import EstimatorKind, check_choice, checked
 from identifiability.foundation.values import frozen
@@ -145,6 +145,8 @@ class Outliers:
     moved : (k,)
         By how much each value moves with their whole weight, in the standard deviations that the
         scatter of all blocks gives.
+    share : float
+        Largest residual of these blocks, root mean square, over that of the actuator's torque.
     """
 
     log: np.ndarray
@@ -153,6 +155,7 @@ class Outliers:
     beyond: Array
     weight: Array
     moved: Array
+    share: float = 1.0
 
     def below(self, weight: float = 0.1) -> Outliers | None:
         """Return those that have less weight; None if there are none.
@@ -160,7 +163,7 @@ class Outliers:
         Bursts of 7 to 30 rows weigh at most .05, the worst rows of twelve sound logs .16.
         """
         less = self.weight < weight
-        rows = {k: v[less] for k, v in vars(self).items() if k != "moved"}
+        rows = {k: v[less] for k, v in vars(self).items() if k not in ("moved", "share")}
         return replace(self, **rows) if less.any() else None
 
 
@@ -202,7 +205,17 @@ def weigh_outliers(
     logs, weight = np.unique(information.log), weights.min(0)[out]
     stop = np.concatenate([np.cumsum(information.counts[information.log == k]) for k in logs])
     at = information.log[out], (stop - information.counts)[out], stop[out]
-    return weighed, Outliers(*at, beyond.T[out], weight, moved)
+    share = float(_residual_shares(information, fit)[:, out].max())
+    return weighed, Outliers(*at, beyond.T[out], weight, moved, share)
+
+
+def _residual_shares(information: Information, fit: Estimate) -> Array:
+    """Return each block's residual over the actuator's torque, root mean squares, (n, B)."""
+    squares = information.squares_of_blocks(np.append(-fit.value, 1.0)).T
+    mean = squares / np.maximum(information.data.T, 1)
+    torque = np.maximum(information.torque / information.rows_each, np.finfo(float).tiny)
+    shares: Array = np.sqrt(mean / torque[:, None])
+    return shares
 
 
 def _measure(information: Information, fit: Estimate) -> tuple[Array, Array]:
@@ -211,8 +224,7 @@ def _measure(information: Information, fit: Estimate) -> tuple[Array, Array]:
     rows = information.data.T
     freedom = np.maximum(rows / fit.times[:, None], 1.0)
     beyond = np.zeros(squares.shape)
-    # What nothing measured has is no noise: rounding, and what filters leave at the ends of a log.
-    floor = NEARLY**2 * information.torque / information.rows_each
+    floor = ROUNDOFF**2 * information.torque / information.rows_each  # rounding is no noise
     for log in np.unique(information.log):
         own = information.log == log
         mean = squares[:, own] / np.maximum(rows[:, own], 1)

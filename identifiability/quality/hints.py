@@ -253,7 +253,8 @@ def weigh_rows(
 ) -> tuple[Information, str, Outliers | None]:
     """Return the information with outliers weighed down; a sentence on them, and these.
 
-    Said is what would have moved a value out of its interval.
+    The sentence names what would have moved a value out of its interval. Residuals below the share
+    that moves no value are no outliers: a low-pass leaves some at the ends of a log without noise.
 
     Parameters
     ----------
@@ -266,7 +267,9 @@ def weigh_rows(
     estimator : Estimator
     """
     weighed, found = weigh_outliers(information, replace(estimator, noise=None))
-    if found is None or found.moved.max() <= REACH:
+    if found is None or found.share < RULES.negligible:
+        return weighed, "", None
+    if found.moved.max() <= REACH:
         return weighed, "", found
     most, where = int(np.argmax(found.moved)), where_outlying(joints, samples, found)
     told = {"parameter": information.columns[most], "moved": float(found.moved[most])}

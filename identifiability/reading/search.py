@@ -293,10 +293,7 @@ class ReadingSearch:
         each = np.einsum("jk,jNl->Njkl", np.eye(joints), constant)
         X = np.append(excerpt.X, each.reshape(samples, joints, -1), 2)
         reversals = with_reversals(self.robot, (), self.structure.present)
-        rows = replace(excerpt, X=X)
-        model = Missing(reversals, rows).model()
-        change = (model.solve().value / model.scale)[: len(rows.centre)]
-        value = rows.centre + change
+        value = Missing(reversals, replace(excerpt, X=X)).values()
         return np.asarray(value[columns:].reshape(joints, logs).T)
 
     # Step 3: the evidence.
