@@ -8,7 +8,7 @@ __version__ = "0.1.0"
 
 #: What lower rooms call of those above by its name, so that imports run one way all the same; all
 #: else that they call is of the room that shows results.
-_ABOVE = {"save_robot": "workflows.export.workflow"}
+_ABOVE = {"save_robot": "workflows.export.workflow", "find_presenter": "report.answers"}
 
 
 def handed(name: str) -> Any:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from functools import cached_property
 from pathlib import Path
 from textwrap import fill, shorten
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from identifiability.foundation import handed
-from identifiability.foundation.findings import Finding, ledger, merge_subjects, of_key
+from identifiability.foundation.findings import Finding, of_key
 from identifiability.foundation.keyed import Keyed
 from identifiability.foundation.output import check_ending, write_json
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from identifiability.foundation.answers import Answer, Note, Table
+    from identifiability.foundation.presenter import Presenter
 
 
 def shown(statement: str, frame: pd.DataFrame | None = None, more: str = "") -> str:
@@ -31,20 +33,32 @@ def by_name(frame: pd.DataFrame, column: int = 0) -> pd.DataFrame:
 
 
 class Result(Keyed, ABC):
-    """An answer; `schema` names its kind in JSON and finds its page."""
+    """An answer; `schema` names its kind in JSON and finds its page.
+
+    A presenter says and shows it (`report/answers`): methods and properties of this class that
+    return words or tables call its presenter's of the same names.
+    """
 
     schema: ClassVar[str]
 
     @property
+    def _presenter(self) -> Presenter:
+        """The presenter of this kind of result."""
+        found: Presenter = handed("find_presenter")(self)
+        return found
+
+    def _present(self, name: str, *about: Any) -> Any:
+        """Return what a method of the presenter returns that only this kind of result has."""
+        return getattr(self._presenter, name)(*about)
+
+    @property
     def statement(self) -> str:
         """The answers and warnings in plain words, one a line, without what to do next."""
-        told = ((a.question, a.short, a.text) for a in self.answers() if not a.commands)
-        answered = [" ".join(filter(None, own)) for own in told]
-        return "\n".join([*answered, *self.warnings])
+        return self._presenter.statement()
 
-    @abstractmethod
     def to_frame(self) -> pd.DataFrame:
         """Return the answer as a table."""
+        return self._presenter.to_frame()
 
     @abstractmethod
     def to_dict(self) -> dict[str, Any]:
@@ -53,19 +67,19 @@ class Result(Keyed, ABC):
     @property
     def heading(self) -> tuple[str, str, str]:
         """Title of its page, what kind of page it is, and what it is about."""
-        return type(self).__name__, "", ""
+        return self._presenter.heading()
 
     def answers(self) -> tuple[Answer, ...]:
         """Return what every reader asks first, answered."""
-        return ()
+        return self._presenter.answers()
 
     def cautions(self) -> tuple[Note, ...]:
         """Return what is to be kept in mind, gravest first."""
-        return ()
+        return self._presenter.cautions()
 
     def tables(self) -> tuple[Table, ...]:
         """Return the tables that page, terminal and notebook show alike."""
-        return ()
+        return self._presenter.tables()
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -74,11 +88,10 @@ class Result(Keyed, ABC):
         notes = (text for logs in prepared for one in logs for text in one.notes)
         return tuple(of_key([*getattr(self, "hints", ()), *notes]))
 
-    @property
+    @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Findings that change a decision; every way of showing the result shows them."""
-        found = of_key(getattr(self, "hints", ()))
-        return merge_subjects(one for one in found if one.decides)
+        return self._presenter.warnings()
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -88,7 +101,7 @@ class Result(Keyed, ABC):
 
     def ledger(self) -> tuple[Table, ...]:
         """Return the table of what checks did with the logs; none where nothing was done."""
-        return ledger(self.findings)
+        return self._presenter.ledger()
 
     def summary(self) -> str:
         """Return the answers and the tables as text in 80 columns."""

@@ -26,6 +26,13 @@ from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.cad_prior import mass_rows, total_mass
 from identifiability.posterior.rules import RULES as POSTERIOR_RULES
 from identifiability.report import plot
+from identifiability.report.answers.analyze import (
+    error_tables,
+    file_table,
+    label_note,
+    model_title,
+    parameter_table,
+)
 from identifiability.report.blocks import (
     GLOSSARY,
     Fold,
@@ -43,13 +50,6 @@ from identifiability.report.blocks import (
 from identifiability.report.skeleton import move_with_torque
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.analyze.result import (
-    error_tables,
-    file_table,
-    label_note,
-    model_title,
-    parameter_table,
-)
 from identifiability.workflows.answers import note, sentence
 from identifiability.workflows.predict import Fit
 

@@ -633,7 +633,7 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
 def section_survivors(ladder: Ladder) -> Section:
     """Return the parameters of the model to use."""
     from identifiability.report.analysis import fold_verdicts  # noqa: PLC0415
-    from identifiability.workflows.analyze.result import parameter_table  # noqa: PLC0415
+    from identifiability.report.answers.analyze import parameter_table  # noqa: PLC0415
 
     table, size = parameter_table(ladder.chosen), len(ladder.chosen)
     tables = fold_verdicts(table, ladder.chosen.verdicts)

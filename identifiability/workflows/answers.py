@@ -43,6 +43,26 @@ def note(name: str, /, **holes: Any) -> Note:
     return Note(**words(f"note.{name}", **holes))
 
 
+def answer(
+    name: str, part: str, text: str = "", tone: str = "", /, question: str = "", **holes: Any
+) -> Answer:
+    """Return an answer: the question of some name and one of its sentences, with holes filled.
+
+    Parameters
+    ----------
+    name : str
+        Key in `words.toml`.
+    part : str
+        Which of its sentences is the short answer.
+    text, tone : str
+        As of `Answer`.
+    question : str
+        In place of the question that stands there.
+    """
+    asked = question or sentence(name, "question", **holes)
+    return Answer(asked, sentence(name, part, **holes), text, tone)
+
+
 def hint_note(hint: str) -> Note:
     """Return a hint as a caveat; how logs were read, and torque was made, is none."""
     if not isinstance(hint, Finding) or hint.level is not Level.INFO:
@@ -98,9 +118,8 @@ def after_mass(answer: Answer, warning: str) -> Answer:
 
 def answer_next(commands: Sequence[tuple[str, str]]) -> Answer:
     """Return what to do next, with lines for the terminal."""
-    one = "this" if len(commands) == 1 else "one of these"
-    short = f"Run {one} in the folder in which this was run."
-    return Answer("What next?", short, commands=tuple(commands))
+    part = "one" if len(commands) == 1 else "some"
+    return replace(answer("next", part), commands=tuple(commands))
 
 
 def answer_quality(
@@ -108,7 +127,7 @@ def answer_quality(
     joints: Sequence[str],
     each: Array,
     more: str,
-    question: str = "How good is it?",
+    question: str = "",
     raw: float = math.nan,
     warnings: Sequence[str] = (),
 ) -> Answer:
@@ -124,29 +143,31 @@ def answer_quality(
     more : str
         What it was measured on.
     question : str
+        In place of the usual one.
     raw : float
         The same of torque that no filter has passed.
     warnings : sequence of str
         What changes a decision: the grade is no better than fair.
     """
     if not np.isfinite(error):
-        return Answer(question, "There is no error to tell.", "", "grey")
+        return answer("quality", "none", "", "grey", question=question)
     errors, headline = state_errors(error, raw), grade_of(error)
     grade = worse_of(headline, "fair") if warnings else headline
     short = sentence("decision.grades", grade, errors=errors)
     if grade != headline:
         short = sentence("decision.lowered", "warned", word=word_of(grade), errors=errors)
     joint, worst = worst_joint(joints, each)
-    said = [f"Worst joint, over its own variation: {joint} {error_text(worst)}."] if joint else []
+    at_worst = {"joint": joint, "worst": error_text(worst)}
+    said = [sentence("quality", "worst", **at_worst)] if joint else []
     if joint and errs_unevenly(error, worst):
         grade, said = worse_of(grade, grade_of(worst), worse_of(headline, "good")), []
-        told = {"word": word_of(grade), "joint": joint, "worst": error_text(worst)}
-        short = sentence("decision.lowered", "joint", errors=errors, **told)
+        word = word_of(grade)
+        short = sentence("decision.lowered", "joint", errors=errors, word=word, **at_worst)
     tone = TONES[grade]
     if tone == "green" and grade != headline:
         tone = "amber"
     text = " ".join([sentence("decision.uses", grade), *said, more]).rstrip()
-    return Answer(question, short, text, tone)
+    return Answer(question or sentence("quality", "question"), short, text, tone)
 
 
 def state_errors(error: float, raw: float) -> str:
@@ -215,21 +236,21 @@ def answer_trust(
     warnings : sequence of str
         What changes a decision.
     """
-    question = "May I trust it?"
     if doubt:
-        return Answer(question, f"No: {doubt}", "", "vermilion")
+        return answer("trust", "no", "", "vermilion", doubt=doubt)
     graver = [n.title.rstrip(".") for n in notes if n.level == "warning"]
     titles = [f"“{title}”" for title in dict.fromkeys(graver)]
-    ask = ["read the warnings" if len(warnings) > 1 else "read the warning"]
-    grave = "; ".join([*(ask if warnings else []), *titles])
-    found_text = f"{found} of {format_count(size, 'value')} are identifiable"
-    read = f"{found_text}. Read below: {grave}." if titles else f"{found_text}."
+    read = [sentence("trust", "warnings" if len(warnings) > 1 else "one_warning")]
+    grave = "; ".join([*(read if warnings else []), *titles])
+    found_text = sentence("trust", "found", found=found, size=format_count(size, "value"))
     if missing:
-        return Answer(question, f"Only if nothing is missing, and {missing}.", read, "amber")
+        text = f"{found_text}."
+        if titles:
+            text = sentence("trust", "read", found=found_text, grave=grave)
+        return answer("trust", "if_nothing", text, "amber", missing=missing)
     if grave:
-        return Answer(question, f"With care: {grave}.", f"{found_text}.", "amber")
-    text = f"{found_text}; nothing was found that speaks against it."
-    return Answer(question, "Yes, within its intervals.", text, "green")
+        return answer("trust", "care", f"{found_text}.", "amber", grave=grave)
+    return answer("trust", "yes", sentence("trust", "nothing", found=found_text), "green")
 
 
 def reserve(answers: Sequence[Answer], warnings: Sequence[str]) -> tuple[Answer, ...]:

@@ -16,6 +16,7 @@ from identifiability.logs.prepare.preparation import CommonPreparation
 from identifiability.regression.reduction import LadderSource, ladder_path
 from identifiability.robot import Robot
 from identifiability.robot.locate import find_sidecar, shipped_folder
+from identifiability.workflows.answers import sentence
 
 #: What of a preparation an option says; others are only said from Python.
 OPTIONS = ("derivatives", "cutoff", "decimate")
@@ -50,7 +51,7 @@ def source_name(robot: Robot) -> str:
 
 
 #: What a line that `export_line` returns is for.
-EXPORT = "Take the robot into a simulator:"
+EXPORT = sentence("next", "export")
 
 
 def export_line(robot: Robot, result: str) -> str:
@@ -120,7 +121,7 @@ def compare_line(
     more = "".join(f" --after {path_for_shell(path)}" for path in files[2:])
     two = name_logs(robot, files[:2], how=how)
     line = f"identifiability compare {source_name(robot)} {two}{more}{ladder}"
-    return "See what differs between the logs:", line
+    return sentence("next", "compare"), line
 
 
 def held_back(samples: Sequence[Dataset], fitted: Sequence[Dataset] = ()) -> str:

@@ -15,6 +15,7 @@ import pandas as pd
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Flag, Verdict, narrow
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, near_match
+from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -33,7 +34,6 @@ from identifiability.posterior.exact import Progress
 from identifiability.posterior.rules import RULES as POSTERIOR_RULES
 from identifiability.posterior.target import Prior, Target
 from identifiability.regression.structure import Structure
-from identifiability.workflows.answers import sentence
 
 # What is believed of the parameters after the data: a normal prior per standard parameter,
 # restricted to bodies that can exist and friction that brakes. Residuals are correlated, so the
@@ -141,7 +141,7 @@ def refine_verdicts(verdicts: Sequence[Verdict], belief: Belief) -> tuple[Verdic
         flag, part = (Flag.BY_CONE, "bodies") if by_bodies and learned else (Flag.BY_PRIOR, "prior")
         if not physical.stated[k]:
             flag, part = Flag.BY_PRIOR, "edge"
-        text = sentence("decision.narrowed", part, span=f"{low:.3g} … {high:.3g} (95 %)")
+        text = phrase("narrowed", part, span=f"{low:.3g} … {high:.3g} (95 %)")
         out[k] = narrow(v, flag, text, v.believed if part == "edge" else (low, high))
     return tuple(out)
 

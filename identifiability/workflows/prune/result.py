@@ -1,21 +1,11 @@
 """`Ladder`: the models from the unpruned model down, which one to use, and why."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, ClassVar
 
 from identifiability.estimation.prediction import Prediction
-from identifiability.estimation.verdict import Class, percent_of
-from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
-from identifiability.foundation.errors import listing
+from identifiability.estimation.verdict import percent_of
 from identifiability.foundation.output import write_text
-from identifiability.foundation.rounding import (
-    digits,
-    error_text,
-    format_number,
-    percent,
-    percent_text,
-)
 from identifiability.foundation.values import frozen
 from identifiability.regression.reduction import (
     LadderEntry,
@@ -24,14 +14,7 @@ from identifiability.regression.reduction import (
     ladder_text,
     model_entry,
 )
-from identifiability.workflows.analyze.result import (
-    Laddered,
-    ModelResult,
-    error_tables,
-    found_cell,
-    possible_cell,
-)
-from identifiability.workflows.answers import note, with_hints
+from identifiability.workflows.analyze.result import Laddered, ModelResult
 from identifiability.workflows.prune.elimination import Refusal, Step
 
 # The models of the ladder: models on the way down, with what is said of each.
@@ -136,21 +119,6 @@ class Ladder(Laddered[PrunedModel]):
     refused: tuple[Refusal, ...]
     source: LadderSource
 
-    @property
-    def validation_kind(self) -> str:
-        """What the error on unseen motion was measured on, and that of the unpruned model."""
-        return f"{super().validation_kind} ({error_text(self.full.error_ra_validation)} unpruned)"
-
-    def tables(self) -> tuple[Table, ...]:
-        """Return the models of the path, and the errors of the one to use by joint and by log."""
-        path = Table.of(
-            "",
-            MOVES,
-            self.models,
-            marked=self.selected,
-        )
-        return (path, *error_tables(self))
-
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain values."""
         return super().to_dict() | {
@@ -175,65 +143,3 @@ class Ladder(Laddered[PrunedModel]):
     def to_ladder(self) -> LadderEntry:
         """Return the chosen model as a ladder of one, for `analyze`, `diagnose` and others."""
         return LadderEntry(models=[model_entry(self.chosen.submodel, self.structure)])
-
-    def _answer_use(self) -> Answer:
-        """Return which model is worth using."""
-        question, size = "Which model is worth using?", len(self.full)
-        if self.nothing:
-            short = f"None: 0 of {size} parameters are worth using."
-            return Answer(
-                question,
-                short,
-                f"Because {self.nothing}.",
-                "vermilion",
-            )
-        chosen = self.chosen
-        wrong, found = chosen.infeasible, chosen.count(Class.IDENTIFIABLE)
-        used = [c for c in chosen.columns if c not in wrong]
-        short = f"Of {size} parameters {len(used)} are worth using, {found} of them identifiable."
-        text = (
-            f"{listing(used, 6)}{f' (not {listing(wrong, 4)}: impossible sign)' if wrong else ''}."
-        )
-        if len(chosen) == size:
-            text = "Nothing was pruned: each is needed to predict motion that the fit has not seen."
-        text = " ".join(filter(None, (text, self._physics)))
-        return Answer(
-            question,
-            short,
-            text,
-            "green" if chosen.feasible else "amber",
-        )
-
-    def _notes(self) -> Iterator[Note]:
-        yield from super()._notes()
-        kind = "stable" if self.chosen.weight > 0.5 else "unstable"
-        yield note(kind, weight=percent(self.chosen.weight, 2))
-
-
-def _move_cell(r: PrunedModel) -> Cell:
-    move = r.step.move
-    return Cell(f"{move.kind.value}: {move.text}" if move is not None else r.name, note=r.reason)
-
-
-def _worst_cell(r: PrunedModel) -> Cell:
-    condition = f"condition {format_number(r.estimate.condition, 3)}"
-    return Cell(percent_text(r.worst_sigma_percent), r.worst_sigma_percent, condition)
-
-
-MOVES = with_hints(
-    "moves",
-    Column("move", "text", _move_cell),
-    Column("size", "number", len),
-    Column("identifiable", "number", found_cell),
-    Column("fitted", error_text, "error_ra"),
-    Column("unseen", error_text, "error_ra_unseen"),
-    Column("density [nats]", digits(3), "density"),
-    Column(
-        "weight",
-        digits(2),
-        "weight",
-        detail=True,
-    ),
-    Column("worst σ%", "number", _worst_cell),
-    Column("real robot", "badge", possible_cell),
-)

@@ -1,0 +1,73 @@
+"""`Presenter`: how a result is said and shown; the room of reports has one for each verb."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from identifiability.foundation.findings import ledger, merge_subjects, of_key
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from identifiability.foundation.answers import Answer, Note, Table
+
+
+class Presenter:
+    """Answers, tables and frames of one result.
+
+    `report/answers/<verb>.py` has a subclass for each kind of result. A result calls these methods
+    from its methods and properties of the same names.
+
+    Attributes
+    ----------
+    result : Result
+    """
+
+    result: Any
+
+    def __init__(self, result: Any) -> None:
+        self.result = result
+
+    def heading(self) -> tuple[str, str, str]:
+        """Return the title of the page, its kind, and its subject."""
+        return type(self.result).__name__, "", ""
+
+    def answers(self) -> tuple[Answer, ...]:
+        """Return the questions that every reader asks first, with their answers."""
+        return ()
+
+    def cautions(self) -> tuple[Note, ...]:
+        """Return the caveats, gravest first."""
+        return ()
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return the tables that page, terminal and notebook show."""
+        return ()
+
+    def ledger(self) -> tuple[Table, ...]:
+        """Return the table of the data-quality checks; none if no check changed the logs."""
+        result = self.result
+        return ledger(result.findings)
+
+    def warnings(self) -> tuple[str, ...]:
+        """Return the findings that change a decision."""
+        found = of_key(getattr(self.result, "hints", ()))
+        return merge_subjects(one for one in found if one.decides)
+
+    def statement(self) -> str:
+        """Return answers and warnings as text, one a line, without the next commands."""
+        result = self.result
+        asked = [a for a in result.answers() if not a.commands]
+        lines = [" ".join(filter(None, (a.question, a.short, a.text))) for a in asked]
+        return "\n".join([*lines, *result.warnings])
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the answer as a table.
+
+        Raises
+        ------
+        NotImplementedError
+            If this kind of result has no presenter.
+        """
+        kind = type(self.result).__name__
+        raise NotImplementedError(f"{kind} has no to_frame; write it in report/answers.")

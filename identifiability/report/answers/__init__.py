@@ -1,0 +1,27 @@
+"""Answers, tables and frames: one file a verb, with a presenter for each kind of its results."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+from identifiability.foundation.presenter import Presenter
+
+#: File of the presenter of each kind of result. A presenter is called ``<kind>Presenter``.
+FILES = {
+    "Analysis": "analyze",
+    "Ladder": "prune",
+}
+
+
+def find_presenter(result: Any) -> Presenter:
+    """Return the presenter of a result, by the name of its class or of one above it.
+
+    A result whose class is not in `FILES` says and shows itself.
+    """
+    for kind in type(result).__mro__:
+        if kind.__name__ in FILES:
+            home = import_module(f"{__name__}.{FILES[kind.__name__]}")
+            presenter: type[Presenter] = getattr(home, f"{kind.__name__}Presenter")
+            return presenter(result)
+    return Presenter(result)

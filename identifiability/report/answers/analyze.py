@@ -1,0 +1,510 @@
+"""What `analyze` answers, and what `prune` answers alike about the model to use."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from statistics import NormalDist
+from textwrap import shorten
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from identifiability.effects.vocabulary import by_effect, file_kinds, values_in_file
+from identifiability.estimation.prediction import loaded_joints
+from identifiability.estimation.rules import Thresholds
+from identifiability.estimation.verdict import Class, Flag, Verdict, percent_of
+from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
+from identifiability.foundation.errors import listing
+from identifiability.foundation.findings import of_key
+from identifiability.foundation.presenter import Presenter
+from identifiability.foundation.result import by_name
+from identifiability.foundation.rounding import (
+    LEVEL,
+    REACH,
+    digits,
+    error_text,
+    join,
+    measured,
+    percent,
+    percent_text,
+    stated_text,
+)
+from identifiability.foundation.rules import Tolerance
+from identifiability.workflows import commands
+from identifiability.workflows.analyze.result import NAMED, compare_logs, stated_values
+from identifiability.workflows.answers import (
+    SIGMA,
+    UNIT,
+    VALUE,
+    VERDICT,
+    after_mass,
+    answer,
+    answer_next,
+    answer_quality,
+    answer_trust,
+    grade_of,
+    hint_note,
+    note,
+    reserve,
+    sentence,
+    state_contradicted,
+    state_uneven,
+    with_hints,
+)
+from identifiability.workflows.case import COMPLETED
+
+if TYPE_CHECKING:
+    from identifiability.workflows.analyze.result import Analysis, Laddered, ModelResult
+
+#: From which share on a robot file's error is another than that of the values to use.
+DIFFERS: Tolerance = 0.05
+
+
+class LadderedPresenter(Presenter, ABC):
+    """What analyze and prune answer alike about the model to use of a ladder."""
+
+    result: Laddered[Any]
+
+    @abstractmethod
+    def answer_use(self) -> Answer:
+        """Return which model to use, and what the logs determine of it."""
+
+    def answers(self) -> tuple[Answer, ...]:
+        """Return what to use, how good it is, whether to trust it, what to do next."""
+        result = self.result
+        use = after_mass(self.answer_use(), result.mass_warning)
+        use = replace(use, short=f"{result.weight} {use.short}".lstrip())
+        asked = use, answer_error(result), answer_doubt(result)
+        return (*reserve(asked, result.warnings), answer_next(result.commands_next))
+
+    def warnings(self) -> tuple[str, ...]:
+        """Return the findings on the logs, on one joint, and on contradicted bodies."""
+        result, usual = self.result, super().warnings()
+        if result.nothing:
+            return usual
+        verdicts = result.full.verdicts
+        judged = [v.sigma_label if Flag.NEGLIGIBLE not in v.flags else np.inf for v in verdicts]
+        stated = [np.nan if x is None else x for x in stated_values(result, result.full)]
+        values = np.array([v.value for v in verdicts])
+        known = values, np.array(stated), np.array(judged)
+        error, each = result.chosen.error_ra_validation, result.held_out.joint_error()[:, 0]
+        uneven = state_uneven(error, result.robot.joints, each)
+        return (*usual, *uneven, *state_contradicted(result.base, result.full.submodel, *known))
+
+    def statement(self) -> str:
+        """Return the answers in plain words, behind a wrong mass, with what is odd."""
+        result = self.result
+        tilt = result.robot.tilt
+        parts = [sentence("laddered.trust", "nothing", why=result.nothing)]
+        if not result.nothing:
+            parts = [f"{a.short} {a.text}".rstrip() for a in result.answers()[:3]]
+        if tilt is not None:
+            parts.append(sentence("laddered.statement", "tilt", tilt=tilt.text))
+        if result.moved is not None:
+            parts.append(result.moved.told)
+        return " ".join(filter(None, (*parts, *result.warnings, *result.remarks)))
+
+    def cautions(self) -> tuple[Note, ...]:
+        """Return the caveats of physics, motion, samples and fit, gravest first."""
+        order = {"warning": 0, "note": 1, "good": 2}
+        return tuple(sorted(self.notes(), key=lambda n: order[n.level]))
+
+    def notes(self) -> Iterator[Note]:
+        """Yield the caveats of physics, motion, samples and fit."""
+        yield from _list_notes(self.result)
+
+    def validation_kind(self) -> str:
+        """Return what the error on unseen motion was measured on."""
+        validation = self.result.validation
+        if validation:
+            names = ", ".join(s.name for s in validation)
+            return sentence("laddered.measured", "held", names=names)
+        return sentence("laddered.measured", "crossed")
+
+    def weight(self) -> str:
+        """Return what a floating robot weighs by its logs; nothing of other robots."""
+        return state_weight(self.result)
+
+    def commands_next(self) -> list[tuple[str, str]]:
+        """Return at most three lines for the terminal, the most useful first."""
+        return list_commands(self.result)
+
+    def to_frame(self, model: str | None = None) -> pd.DataFrame:
+        """Return one row a parameter of the model to use, or of the named one."""
+        result = self.result
+        shown = result.chosen if model is None else result.models[result.find_model(model)]
+        frame = pd.DataFrame(shown.rows())
+        frame[["lower", "upper"]] = [*frame["interval95"]]
+        return by_name(frame)
+
+    def ladder_frame(self) -> pd.DataFrame:
+        """Return one row a model."""
+        return by_name(pd.DataFrame([m.row() for m in self.result.models]))
+
+    def error_frame(self) -> pd.DataFrame:
+        """Return the errors of the values to use by joint and by log."""
+        result, robot = self.result, self.result.robot
+        joints: dict[str, Any] = {"of": "joint", "name": robot.joints, "unit": robot.torque_units}
+        joints |= result.fitted.by_joint() | result.held_out.by_joint("_validation")
+        each, known = (*result.samples, *result.validation), len(result.samples)
+        held = range(known if result.validation else 0, len(each))
+        unseen = [result.held_out.relative_error(k)[0] for k in range(len(held))]
+        logs = pd.DataFrame({"of": "log", "name": [s.path or s.name for s in each], "unit": ""})
+        logs["error"] = pd.Series([result.fitted.relative_error(k)[0] for k in range(known)])
+        logs["error_validation"] = pd.Series(unseen, held)
+        return pd.concat([pd.DataFrame(joints), logs], ignore_index=True)
+
+
+class AnalysisPresenter(LadderedPresenter):
+    """What `analyze` answers."""
+
+    result: Analysis
+
+    def answer_use(self) -> Answer:
+        """Return which model to use, and what the logs determine of it."""
+        result, about = self.result, "analysis.use"
+        chosen, base = result.chosen, result.base
+        size = sentence(about, "size", parameters=len(base.parameters), rank=base.rank)
+        if result.nothing:
+            return answer(about, "nothing", size, "vermilion")
+        title, count = model_title(chosen), len(chosen.submodel)
+        capital = f"{title[0].upper()}{title[1:]}"
+        holes: dict[str, Any] = {"title": title, "capital": capital, "count": count}
+        part = "unjudged" if chosen.unjudged else "found"
+        tone = "blue" if chosen.feasible else "amber"
+        text = f"{size} {state_physics(result)}"
+        return answer(about, part, text, tone, found=found_cell(chosen).text, **holes)
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return the models, the errors by joint and by log, the parameters of the model to use."""
+        result = self.result
+        models = Table.of("", LADDER, result.models, marked=result.selected)
+        parameters = parameter_table(result.chosen)
+        return (models, *error_tables(result), parameters, file_table(result))
+
+    def file_frame(self) -> pd.DataFrame:
+        """Return which numbers of the robot file the logs bear out, those they contradict first."""
+        result = self.result
+        pairs = zip(result.full.verdicts, stated_values(result, result.full), strict=True)
+        known = [(v, x) for v, x in pairs if x is not None]
+        reach = NormalDist().inv_cdf(1 - (1 - LEVEL) / (2 * max(len(known), 1)))
+        rows: list[dict[str, Any]] = []
+        for v, x in known:
+            off = abs(v.value - x) / v.sigma_label if np.isfinite(v.sigma_label) else np.nan
+            judged = v.verdict is Class.IDENTIFIABLE or Flag.NEGLIGIBLE in v.flags
+            word = "agrees" if judged else "not determined"
+            word = "contradicted" if off > reach and not result.nothing else word
+            row = {"name": v.name, "label": v.label, "unit": v.unit, "file": x, "value": v.value}
+            rows.append({**row, "sigma": v.sigma_label, "sigmas": off, "logs": word})
+        rows.sort(key=lambda r: ([*BELIEVED].index(r["logs"]), -np.nan_to_num(r["sigmas"])))
+        columns = ["name", "label", "unit", "file", "value", "sigma", "sigmas", "logs"]
+        return by_name(pd.DataFrame(rows, columns=columns))
+
+
+# How good the model to use is, and whether to trust it.
+
+
+def answer_error(result: Laddered[Any]) -> Answer:
+    """Return how well the values to use predict, and what that error leaves out."""
+    each = result.held_out.joint_error()[:, 0]
+    more = [sentence("laddered.measured", kind=result.validation_kind)]
+    if not result.nothing:
+        more += [_state_left_out(result), _state_file_error(result)]
+    error, text = result.chosen.error_ra_validation, " ".join(filter(None, more))
+    raw, warnings = result.left_out["raw"], result.warnings
+    return answer_quality(error, result.robot.joints, each, text, raw=raw, warnings=warnings)
+
+
+def _state_left_out(result: Laddered[Any]) -> str:
+    """Return which rows the error leaves out, as they have no weight."""
+    left = result.left_out
+    if not left["rows"] > 0:
+        return ""
+    share, every = percent(left["rows"], 2), percent(left["all_rows"])
+    return sentence("decision.left", "rows", share=share, error=every)
+
+
+def _state_file_error(result: Laddered[Any]) -> str:
+    """Return what a plain robot file errs by in a simulator, and what it lacks."""
+    robot, real, error = result.robot, result.real_robot, result.chosen.error_ra_validation
+    alone, given = real["error_ra_validation_files"], real["parameters"]
+    kind = file_kinds(robot)[0]
+    if not np.isfinite(alone[kind]):
+        return ""
+    held = values_in_file(robot, given, kind)
+    titles = by_effect(robot, (n for n in given if given[n] != held[n]), real["shapes"])
+    text = sentence("decision.left", "file", kind=kind.upper(), error=percent(alone[kind]))
+    if titles and alone[kind] > (1 + DIFFERS) * error:
+        names = [f"{title} ({listing(own, NAMED)})" for title, own in titles.items()]
+        text += sentence("decision.left", "lacks", names=listing(names, NAMED))
+    return f"{text}."
+
+
+def answer_doubt(result: Laddered[Any]) -> Answer:
+    """Return whether the result may be trusted."""
+    found, doubt = result.chosen.count(Class.IDENTIFIABLE), result.chosen.unjudged
+    if result.nothing:
+        doubt = sentence("laddered.trust", "nothing", why=result.nothing)
+    size, missing = len(result.chosen.submodel), result.missing.statement
+    usual = answer_trust(result.cautions(), doubt, found, size, missing, result.warnings)
+    odd = [*_state_impossible(result), *of_key(result.hints, "alternative", "odd_joint")]
+    text = f"{_state_measurement(result)} {usual.short} {usual.text}".lstrip()
+    return usual if doubt or not odd else replace(usual, short=odd[0], text=text, tone="amber")
+
+
+def _state_measurement(result: Laddered[Any]) -> str:
+    """Return the values of the errors of measurement that the model has, in words."""
+    names = {p.name for p in result.structure.parameters if p.group in COMPLETED}
+    every = (v for v in result.chosen.verdicts if v.name in names)
+    values = [f"{v.name} = {measured(v.value, REACH * v.sigma_robust, v.unit)}" for v in every]
+    return f"{listing(values, NAMED)} (95 %)." if values else ""
+
+
+def _state_impossible(result: Laddered[Any]) -> Iterator[str]:
+    """Yield the error of the nearest real robot where it is no model of these logs."""
+    used, real = result.chosen, result.chosen.physical
+    free, near = used.fitted.relative_error()[:2].tolist()
+    if result.nothing or used.physical_used or real is None or near <= (1 + DIFFERS) * free:
+        return
+    joint = result.robot.joints[int(np.argmax(used.fitted.joint_error()[:, 1]))]
+    held = join(real.nearest.active if real.nearest else ()) or "nothing"
+    holes = {"near": error_text(near), "error": percent(free), "joint": joint, "names": held}
+    yield sentence("decision.impossible", **holes)
+
+
+def _list_notes(result: Laddered[Any]) -> Iterator[Note]:
+    """Yield what physics, the motion, its samples and the fit speak against."""
+    chosen, base, kept = result.chosen, result.base, result.full.estimate.kept
+    yield from map(hint_note, result.remarks)
+    for found in of_key(result.findings, "unclosed", "singular"):
+        yield note(found.key, log=found.subject, text=found)
+    if chosen.infeasible and not result.nothing and not chosen.physical_used:
+        names, near = join(chosen.infeasible), error_text(chosen.unseen_by(1))
+        yield note("impossible", names=names, near=near)
+    yield from (note("unreal", text=text) for text in _state_impossible(result))
+    if len(kept) < base.rank:
+        yield note("poor", rank=base.rank, excited=len(kept))
+    if base.ambiguous:
+        yield note("ambiguous")
+    if not result.validation:
+        yield note("inside", kind=result.validation_kind)
+
+
+def state_physics(result: Laddered[Any]) -> str:
+    """Return which values of the model are used, and which are no parameter by itself."""
+    chosen = result.chosen
+    used = "used" if chosen.physical_used else "free"
+    each = zip(chosen.submodel.columns, chosen.meanings, strict=True)
+    names = listing([f"{name} ({text})" for name, text in each if text], NAMED)
+    more = sentence("decision.left", "names", names=names) if names else ""
+    return f"{sentence('decision.physics', used)} {more}".rstrip()
+
+
+def state_weight(result: Laddered[Any]) -> str:
+    """Return what a robot that floats weighs by its logs and by its file; nothing of others.
+
+    The mass of all its bodies is one of its base parameters: gravity acts on the whole of it.
+    """
+    structure = result.structure
+    if result.robot.base is None or result.nothing:
+        return ""
+    masses = np.array([p.kind == "m" for p in structure.parameters], float)
+    pairs = zip(structure.base.names, structure.G, strict=True)
+    total = [name for name, row in pairs if np.allclose(row, masses, atol=1e-6)]
+    for v in result.full.verdicts:
+        if v.name in total and np.isfinite(half := REACH * v.sigma_label):
+            holes: dict[str, Any] = {
+                "title": result.robot.title,
+                "file": float(structure.nominal @ masses),
+            }
+            return sentence("decision.weight", value=v.value, half=half, **holes)
+    return ""
+
+
+# What to do next.
+
+
+def list_commands(result: Laddered[Any]) -> list[tuple[str, str]]:
+    """Return at most three lines for the terminal, the most useful first."""
+    verb = "prune" if "pruning" in result.schema else "analyze"
+    robot = commands.source_name(result.robot)
+    names, how = commands.given_paths(result.samples), result.settings["preparation"]
+    logs = commands.name_logs(result.robot, names, how=how)
+    if result.nothing:
+        return [(sentence("next", "inspect"), f"identifiability inspect {robot} {logs}")]
+    inputs = f"{robot} {logs}{commands.held_back(result.validation)}"
+    ladder = commands.ladder_option(result.robot, result.source)
+    again = f"identifiability {verb} {inputs}{ladder}"
+    find, out = f"identifiability diagnose {inputs}", list[tuple[str, str]]()
+    if verb == "prune":
+        use = partial("{} --model {}".format, find)
+        find = commands.on_file(result, "model", "pruned.toml", f"{again} --out", use)
+    elif result.chosen.count(Class.IDENTIFIABLE) < len(result.chosen.submodel):
+        line = f"{again.replace('analyze', 'prune', 1)} --report pruned.html --json prune.json"
+        begun = commands.name_logs(result.robot, names, "--start-from", how)
+        more = f"identifiability excite {robot} {begun} --out next.json"
+        out = [(sentence("next", "prune"), line), (sentence("next", "measure"), more)]
+    export = partial(commands.export_line, result.robot)
+    line = commands.on_file(result, "json", f"{verb}.json", f"{again} --json", export)
+    out.append((commands.EXPORT, line))
+    return _order_commands(result, out, f"{find} --report missing.html", ladder)
+
+
+def _order_commands(
+    result: Laddered[Any], lines: list[tuple[str, str]], find: str, ladder: str
+) -> list[tuple[str, str]]:
+    """Return the three most useful lines, with those that diagnose and compare.
+
+    Parameters
+    ----------
+    result : Laddered
+    lines : list of (purpose, command)
+    find : str
+        The command that diagnoses.
+    ladder : str
+        The option that names the ladder, if one was given.
+    """
+    missing = sentence("next", "missing"), find
+    very_good = grade_of(result.chosen.error_ra_validation) == "very-good"
+    first = result.missing.functions or result.chosen.contradicted or not very_good
+    # What wrote a ladder may have been a diagnosis.
+    if not ladder:
+        lines = [missing, *lines] if first else [*lines, missing]
+    # Logs disagree under a model that misses something; what differs shows beside that.
+    if not result.missing.functions and compare_logs(result.samples, result.chosen):
+        names, how = commands.given_paths(result.samples), result.settings["preparation"]
+        lines = [commands.compare_line(result.robot, names, how, ladder), *lines]
+    return lines[:3]
+
+
+# Tables, as page, terminal and notebook show them.
+
+
+def model_title(result: ModelResult) -> str:
+    """Return the name of a model as it stands in a sentence."""
+    return result.name if "model" in result.name.lower() else f"“{result.name}”"
+
+
+def found_cell(model: ModelResult) -> Cell:
+    """Return how many parameters of a model are identifiable."""
+    found = model.count(Class.IDENTIFIABLE)
+    return Cell("not judged" if model.unjudged else str(found), found)
+
+
+def possible_cell(m: ModelResult) -> Cell:
+    """Return whether a real robot has the values of a model, and how much the nearest errs."""
+    about = "laddered.tables"
+    near = sentence(about, "near", error=error_text(m.unseen_by(1)))
+    if m.feasible:
+        return Cell("yes", 2.0, badge="pass")
+    if m.infeasible:
+        text = sentence(about, "sign", names=join(m.infeasible, 3), near=near)
+        return Cell("no", 0.0, text, "differs")
+    open_ = m.physical is None or m.physical.certificate is None
+    return Cell("open" if open_ else "not exactly", 1.0, near, "partly")
+
+
+LADDER = with_hints(
+    "models",
+    Column("model", get=lambda m: Cell(m.name, note=m.submodel.description)),
+    Column("parameters", "number", lambda m: len(m.submodel)),
+    Column("identifiable", "number", found_cell),
+    Column("10× rule", "number", lambda m: int(m.estimate.paper_rule.sum()), detail=True),
+    Column("error, fitted", error_text, "error_ra"),
+    Column("error, unseen", error_text, "error_ra_validation"),
+    Column("real robot", "badge", possible_cell),
+)
+
+
+def error_tables(result: Laddered[Any]) -> tuple[Table, ...]:
+    """Return the errors of the model to use by joint and, where there are several, by log."""
+    errors, samples = result.error_frame(), (*result.samples, *result.validation)
+    joints = errors[errors["of"] == "joint"].iloc[loaded_joints(result.held_out.rms)]
+    caption = sentence("laddered.tables", "joints")
+    each = Table.of(caption, JOINTS, joints.itertuples())
+    if len(samples) == 1:
+        return (each,)
+    logs = errors[errors["of"] == "log"].assign(
+        name=[s.name for s in samples], samples=[s.outputs for s in samples]
+    )
+    return each, Table.of(sentence("laddered.tables", "logs"), LOGS, logs.itertuples())
+
+
+ERRORS = (
+    Column("error, fitted", error_text, "error"),
+    Column("error, unseen", error_text, "error_validation"),
+)
+
+JOINTS = with_hints(
+    "joints",
+    Column("joint", get="name"),
+    Column("unit", get="unit"),
+    *ERRORS,
+    Column("rms error, unseen", digits(3), "rms_validation"),
+    Column("of raw torque, unseen", error_text, "error_raw_validation"),
+)
+
+LOGS = (Column("log", get="name"), Column("samples", "number", "samples"), *ERRORS)
+
+
+def parameter_table(result: ModelResult) -> Table:
+    """Return one row for each parameter of a model, filtered by verdict."""
+    most = max((v.share for v in result.verdicts if np.isfinite(v.share)), default=0.0) or 1.0
+    values = zip(result.recommended.tolist(), result.meanings, strict=True)
+    used = dict(zip(result.submodel.columns, values, strict=True))
+    limit = Thresholds().sigma_percent  # a whole bar is what verdicts allow, or more
+
+    def in_model(v: Verdict) -> Cell:
+        value, meaning = used[v.name]
+        return Cell(stated_text(value, v.sigma_robust), value, meaning)
+
+    def bar(x: float, whole: float) -> Cell:
+        return Cell(percent_text(x), x, share=float(np.nan_to_num(min(x / whole, 1.0))))
+
+    def drawn(v: Verdict) -> float:
+        return percent_of(v.sigma_bootstrap, v.value)
+
+    columns = (
+        Column("parameter", get=lambda v: Cell(v.name, note=label_note(v))),
+        VALUE,
+        SIGMA,
+        UNIT,
+        Column("σ label", "bar", lambda v: bar(v.sigma_label_percent, limit)),
+        Column("σ bootstrap", percent_text, drawn, detail=True),
+        Column("used", "number", in_model, detail=not any(result.meanings)),
+        Column("share of torque", "bar", lambda v: bar(100 * v.share, 100 * most)),
+        Column("10× rule", get=lambda v: "✓" if v.paper_rule else "–", detail=True),
+        VERDICT,
+    )
+    every = with_hints("parameters", *columns)
+    return Table.of("", every, result.verdicts, filter_by=-1, long=True)
+
+
+#: What logs say of a number of the robot file, and its mark.
+BELIEVED = {"contradicted": "differs", "agrees": "pass", "not determined": "partly"}
+
+
+def file_table(analysis: Analysis) -> Table:
+    """Return which numbers of the robot file may be believed, after these logs."""
+    frame = analysis.file_frame()
+    counts = [f"{(frame['logs'] == word).sum()} {word.rstrip('s')}" for word in BELIEVED]
+    columns = (
+        Column("parameter", get=lambda r: " = ".join(filter(None, (r.name, label_note(r))))),
+        Column("robot file", stated_text, "file"),
+        Column("found", stated_text, "value"),
+        Column("± σ", digits(2), "sigma"),
+        UNIT,
+        Column("off by [σ]", digits(2), "sigmas"),
+        Column("these logs", "badge", lambda r: Cell(r.logs, badge=BELIEVED[r.logs])),
+    )
+    caption = sentence("laddered.tables", "file", counts=", ".join(counts))
+    return Table.of(caption, columns, frame.itertuples(index=False))
+
+
+def label_note(v: Any) -> str:
+    """Return the combination that a name stands for; nothing where it is the parameter alone."""
+    return shorten(v.label, 64, placeholder=" …") if " " in v.label else ""

@@ -1,0 +1,102 @@
+"""What `prune` answers: the models of the reduction path, and which one to use."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from identifiability.estimation.verdict import Class
+from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
+from identifiability.foundation.errors import listing
+from identifiability.foundation.rounding import (
+    digits,
+    error_text,
+    format_number,
+    percent,
+    percent_text,
+)
+from identifiability.report.answers.analyze import (
+    LadderedPresenter,
+    error_tables,
+    found_cell,
+    possible_cell,
+    state_physics,
+)
+from identifiability.workflows.answers import answer, note, sentence, with_hints
+
+if TYPE_CHECKING:
+    from identifiability.workflows.prune.result import Ladder, PrunedModel
+
+
+class LadderPresenter(LadderedPresenter):
+    """What `prune` answers."""
+
+    result: Ladder
+
+    def validation_kind(self) -> str:
+        """Return what the error on unseen motion was measured on, and the unpruned model's."""
+        error = error_text(self.result.full.error_ra_validation)
+        kind = super().validation_kind()
+        return sentence("laddered.measured", "unpruned", kind=kind, error=error)
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return the models of the path, and the errors of the one to use by joint and by log."""
+        result = self.result
+        path = Table.of("", MOVES, result.models, marked=result.selected)
+        return (path, *error_tables(result))
+
+    def answer_use(self) -> Answer:
+        """Return which model is worth using."""
+        result, about = self.result, "pruning.use"
+        chosen, size = result.chosen, len(result.full)
+        if result.nothing:
+            text = sentence(about, "because", why=result.nothing)
+            return answer(about, "nothing", text, "vermilion", size=size)
+        wrong = chosen.infeasible
+        used = [name for name in chosen.columns if name not in wrong]
+        impossible = sentence(about, "impossible", names=listing(wrong, 4)) if wrong else ""
+        text = f"{listing(used, 6)}{impossible}."
+        if len(chosen) == size:
+            text = sentence(about, "all")
+        text = " ".join(filter(None, (text, state_physics(result))))
+        counts: dict[str, Any] = {
+            "size": size,
+            "used": len(used),
+            "found": chosen.count(Class.IDENTIFIABLE),
+        }
+        return answer(about, "some", text, "green" if chosen.feasible else "amber", **counts)
+
+    def notes(self) -> Iterator[Note]:
+        """Yield the caveats, and whether the choice is stable."""
+        yield from super().notes()
+        weight = self.result.chosen.weight
+        yield note("stable" if weight > 0.5 else "unstable", weight=percent(weight, 2))
+
+
+def _move_cell(r: PrunedModel) -> Cell:
+    move = r.step.move
+    return Cell(f"{move.kind.value}: {move.text}" if move is not None else r.name, note=r.reason)
+
+
+def _worst_cell(r: PrunedModel) -> Cell:
+    condition = f"condition {format_number(r.estimate.condition, 3)}"
+    return Cell(percent_text(r.worst_sigma_percent), r.worst_sigma_percent, condition)
+
+
+MOVES = with_hints(
+    "moves",
+    Column("move", "text", _move_cell),
+    Column("size", "number", len),
+    Column("identifiable", "number", found_cell),
+    Column("fitted", error_text, "error_ra"),
+    Column("unseen", error_text, "error_ra_unseen"),
+    Column("density [nats]", digits(3), "density"),
+    Column(
+        "weight",
+        digits(2),
+        "weight",
+        detail=True,
+    ),
+    Column("worst σ%", "number", _worst_cell),
+    Column("real robot", "badge", possible_cell),
+)
