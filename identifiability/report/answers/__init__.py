@@ -11,6 +11,7 @@ from identifiability.foundation.presenter import Presenter
 FILES = {
     "Analysis": "analyze",
     "Ladder": "prune",
+    "Diagnosis": "diagnose",
 }
 
 

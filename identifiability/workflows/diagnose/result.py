@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import field, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -16,21 +16,16 @@ from identifiability.estimation.estimate import with_known
 from identifiability.estimation.fit import Fit as Known
 from identifiability.estimation.prediction import Prediction, measure_spread, predict
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
-from identifiability.foundation.answers import Answer, Column, Note, Table
 from identifiability.foundation.engines import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.keyed import Row, name_estimates
-from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import BASE, Array
 from identifiability.foundation.output import write_text
-from identifiability.foundation.quoting import option_for_shell
-from identifiability.foundation.result import Result, by_name
-from identifiability.foundation.rounding import REACH, digits, error_text, join, percent
-from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.result import Result
+from identifiability.foundation.rounding import join
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.physical.cad_prior import real_robot_dict, share_weight, state_mass
-from identifiability.reading.rules import RULES as READING_RULES
 from identifiability.regression.columns import Refusal
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import LadderEntry, ModelEntry, full_model, ladder_text
@@ -38,26 +33,8 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.analyze.result import disagree
-from identifiability.workflows.answers import (
-    after_mass,
-    answer_next,
-    answer_quality,
-    reserve,
-    state_contradicted,
-    state_uneven,
-    with_hints,
-)
-from identifiability.workflows.commands import (
-    EXPORT,
-    compare_line,
-    export_line,
-    given_paths,
-    held_back,
-    name_logs,
-    on_file,
-    source_name,
-)
-from identifiability.workflows.diagnose.changes import Change, table_changes
+from identifiability.workflows.commands import given_paths
+from identifiability.workflows.diagnose.changes import Change
 from identifiability.workflows.diagnose.forward import ForwardGap, Physical, compare_forward
 from identifiability.workflows.diagnose.problem import (
     Discrepancy,
@@ -82,6 +59,8 @@ if TYPE_CHECKING:
 
 #: Names that a sentence says of one effect; JSON has them all.
 LIKELIEST = 4
+#: Places that a sentence lists of each effect.
+PLACES = 3
 
 
 class Rival(NamedTuple):
@@ -227,8 +206,8 @@ class NamedEffect:
     def names(self) -> list[str]:
         """The name with its place, and its alternatives, with theirs where these are others."""
         rivals = [r for p in self.placements for r in p.rivals]
-        others = [title_of(r.family) if r.place in self.joints else _at(*r) for r in rivals]
-        return list(dict.fromkeys([_at(self.name, _where(self)), *others]))
+        others = [title_of(r.family) if r.place in self.joints else name_place(*r) for r in rivals]
+        return list(dict.fromkeys([name_place(self.name, name_places(self)), *others]))
 
     @property
     def called(self) -> str:
@@ -451,61 +430,10 @@ class Diagnosis(Result, Predicts):
         only = ModelEntry(name="the diagnosed model", effects=effects, random=random)
         return LadderEntry(models=[only])
 
-    def answers(self) -> tuple[Answer, ...]:
-        """Return what is missing, what it explains, what is left, what to do next."""
-        what = after_mass(_what(self), self.mass_warning)
-        asked = what, _gap(self), _left(self)
-        return (*reserve(asked, self.warnings), answer_next(next_commands(self)))
-
-    @cached_property
-    def warnings(self) -> tuple[str, ...]:
-        """Findings that change a decision: of the logs, one joint, and contradicted bodies."""
-        each = self.error_frame()["after"].to_numpy()
-        uneven = state_uneven(self.held_after, self.robot.joints, each)
-        seen = (*super().warnings, *uneven)
-        if self.nothing or self.fixed:
-            return seen
-        base, fit = self.completed.base, self.fit
-        sigma = np.sqrt(np.diag(fit.base_covariance))
-        unknown = np.abs(fit.base_unknown).max(1, initial=0.0) > ROUNDOFF
-        sigma = np.where(unknown, np.inf, sigma)
-        stated = self.completed.nominal_base
-        found = state_contradicted(base, full_model(base), fit.base, stated, sigma)
-        return (*seen, *found)
-
-    def tables(self) -> tuple[Table, ...]:
-        """Return what changed in mid-log, the effects that were named, and the errors of joints."""
-        named = Table.of("Effects that were missing", NAMED, self.effects)
-        caption = "Each joint by itself on unseen motion, over its own scale"
-        errors = Table.of(caption, ERRORS, self.error_frame().itertuples())
-        changed = (table_changes(self.changes, CHANGED),) if self.changes else ()
-        return (*changed, *((named,) if self.effects else ()), errors)
-
-    def cautions(self) -> tuple[Note, ...]:
-        """Return what else should be known of the named effects, and what was refuted."""
-        return tuple(_remark(self))
-
-    @property
-    def statement(self) -> str:
-        """The answers in plain words, and below them what should be known with them."""
-        return "\n- ".join([super().statement, *(note.text for note in self.cautions())])
-
     @property
     def unexplained(self) -> str:
         """What is left, in words."""
-        if max(self.held_after, self.error_after) < ROUNDOFF:
-            return "The residual is rounding: the logs are explained to their last digits."
-        parts = []
-        left = [x for x in self.evidence if np.isfinite(x.after)]
-        if left:
-            most = max(left, key=lambda x: x.after)
-            odds = f"{most.after:.2g}".replace("-", "−")
-            parts.append(
-                "Nothing that is known explains the rest; the likeliest is "
-                f"{_at(most.name, most.place)} (log odds {odds})"
-            )
-        parts.append(f"The residual looks like {_looks(self)}")
-        return " ".join(f"{part}." for part in parts)
+        return str(self._present("unexplained"))
 
     def rows_by_name(self) -> Iterator[Row]:
         """Yield the parameters of the model, then those of the named effects with their odds."""
@@ -527,15 +455,7 @@ class Diagnosis(Result, Predicts):
 
         `before` and `after` are ε_RA on unseen motion without and with the whole effect.
         """
-        rows = []
-        for e in self.effects:
-            for p in e.placements:
-                where = (e.name, p.place, p.shape, p.odds)
-                which = (", ".join(e.alternatives), e.before, e.after)
-                rows += [(*where, *row, *which) for row in p.rows]
-        place, parameter = "effect joint shape log_odds", "parameter value error unit"
-        columns = f"{place} {parameter} or before after".split()
-        return by_name(pd.DataFrame(rows, columns=columns))
+        return super().to_frame()
 
     def error_frame(self) -> pd.DataFrame:
         """Return the errors of each joint on unseen motion before and after.
@@ -543,17 +463,8 @@ class Diagnosis(Result, Predicts):
         Over the joint's own scale (`Prediction.joint_error`), and in N or N·m (`rms`), of the
         torque that was fitted, low-passed with the columns where these were.
         """
-        found = self.gap
-        error, rms = found.joint_error(), found.joint_rms()
-        columns = {
-            "joint": self.robot.joints,
-            "unit": self.robot.torque_units,
-            "before": error[:, 0],
-            "after": error[:, -1],
-            "rms_before": rms[:, 0],
-            "rms_after": rms[:, -1],
-        }
-        return pd.DataFrame(columns)
+        frame: pd.DataFrame = self._present("error_frame")
+        return frame
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
@@ -663,34 +574,6 @@ def simulate_forward(d: Diagnosis, rng: np.random.Generator) -> ForwardGap:
     return replace(found, nearest=after)
 
 
-def next_commands(d: Diagnosis) -> list[tuple[str, str]]:
-    """Return lines for the terminal, the most useful first."""
-    robot = source_name(d.robot)
-    paths = given_paths(d.samples)
-    given = name_logs(d.robot, paths, how=d.preparation)
-    logs, model = given + held_back(d.validation, d.samples), d.provenance.get("model")
-    again = f"identifiability diagnose {robot} {logs}"
-    if model:
-        again = f"{again} {option_for_shell('--model', model)}"
-    undecided = any(e.alternatives for e in d.effects) and not d.written("next")
-    tells = "Find the motion that tells one name from the other:", f"{again} --next motion.json"
-    out = [tells] if undecided else []
-    if logs_disagree(d):
-        text, compare = compare_line(d.robot, paths, d.preparation)
-        line = compare
-        if d.included:
-            make = f"{again} --out"
-            line = on_file(d, "model", "model.toml", make, lambda x: f"{compare} --ladder {x}")
-        out.insert(0, (text, line))
-    if d.included:
-        judge = f"identifiability analyze {robot} {logs}"
-        use = partial("{} --ladder {} --report report.html".format, judge)
-        line = on_file(d, "model", "model.toml", f"{again} --out", use)
-        out.append(("Judge the parameters of the diagnosed model:", line))
-    export = partial(export_line, d.robot)
-    return [*out, (EXPORT, on_file(d, "json", "diagnose.json", f"{again} --json", export))]
-
-
 def logs_disagree(d: Diagnosis) -> bool:
     """Return whether the fitted logs disagree although the named effects are in the model."""
     motions = d.refitted[1].motions
@@ -700,177 +583,14 @@ def logs_disagree(d: Diagnosis) -> bool:
     return apart or max(shares, default=0.0) > 0.25
 
 
-ODDS = "Log odds for it on the fitted motion, all that was asked counted [nat]."
-
-
-def _what(d: Diagnosis) -> Answer:
-    model = d.alternative.partition(":")[0]
-    told = [f"{model}."] if model else []
-    told += [f"{_capital(c.called)}. What was logged meanwhile was left out." for c in d.changes]
-    named = [f"{' or '.join([c.what, *c.others])} in a part of {c.log}" for c in d.changes]
-    named += map(_state_effect, d.effects)
-    if not d.effects:
-        why = "No effect can be named" if d.evidence else _state_untried(d)
-        told.append(
-            f"{why}: {d.known.words} predict{'' if d.fixed else 's'} unseen motion "
-            f"({d.verified_on}) with an error of {percent(d.held_before)}."
-        )
-    short = f"{_capital(join(named, PLACES))}." if named else "Nothing that can be named."
-    odds = max([e.odds for e in d.effects] + [c.odds for c in d.changes], default=0.0)
-    unsure = odds < READING_RULES.log_odds and not d.interval[1] < 0
-    weak = unsure or not (d.included or d.changes)
-    if named and weak:
-        short = f"Nothing that makes the error smaller. Likeliest beside it: {short}"
-    return Answer("What is missing?", short, " ".join(told), "grey" if weak else "vermilion")
-
-
-def _gap(d: Diagnosis) -> Answer:
-    question = "How much of the gap does it explain?"
-    if not (d.included or d.changes):
-        short = f"The error on unseen motion stays at {percent(d.held_before)}."
-        why = " With it other motion is not predicted better." if d.effects else ""
-        return Answer(question, short, f"Measured on {d.verified_on}.{why}")
-    ends = [f"{100 * x:+.2g}".replace("-", "−") for x in d.interval]
-    before = f"{percent(d.held_before)} ({d.known.words.rstrip(',')})"
-    short = f"The error goes from {before} to {percent(d.held_after)}"
-    short += f" (95 %: {' … '.join(ends)} points)." if any(d.interval) else "."
-    text = f"All joints together on {d.verified_on}, which was not fitted."
-    if 0 < d.included < len(d.effects):
-        some = join([e.title for e in d.effects[: d.included]])
-        text += f" By {some} alone: with the rest other motion is not predicted better."
-    return Answer(question, short, text, "green" if d.interval[1] < 0 else "amber")
-
-
-def _left(d: Diagnosis) -> Answer:
-    question = "How good is the model then?"
-    each = d.error_frame()["after"].to_numpy()
-    about = d.held_after, d.robot.joints, each, d.unexplained, question
-    told = answer_quality(*about, warnings=d.warnings)
-    return told if d.moved is None else d.moved.warn(told)
-
-
-#: Places that the headline lists of each effect.
-PLACES = 3
-#: Share of its variance from which on what a residual depends on is said.
-VISIBLE: Tolerance = 0.05
-
-
-def _at(name: str, place: str) -> str:
+def name_place(name: str, place: str) -> str:
     """Return an effect and where it is; of the base its title says it."""
     return title_of(name) if place == BASE else f"{title_of(name)} in {place}"
 
 
-def _where(e: NamedEffect) -> str:
+def name_places(e: NamedEffect) -> str:
     """Return where an effect is, in words."""
     return "all joints" if e.everywhere else join(e.joints, PLACES)
-
-
-def _state_untried(d: Diagnosis) -> str:
-    """Return why no family was tried, and the beginning of the sentence after that."""
-    if d.nothing:
-        return f"Nothing is named, because {d.nothing}. As it is"
-    why = {f"{r.family} ({r.reason})": 0 for r in d.refusals}
-    text = join(list(why))
-    return f"Nothing was left to name: {text}. Give other families, or none for all. As it is"
-
-
-def _remark(d: Diagnosis) -> Iterator[Note]:
-    """Yield what else should be known of the named effects, and what was refuted."""
-    if d.forward is not None and d.forward.measured:
-        better = d.forward.interval[1] < 0
-        yield Note("good" if better else "note", "In simulated motion", d.forward.statement)
-    for e in d.effects:
-        if e.alternatives:
-            text = f"This motion cannot tell {e.called} apart: {advice(e)}."
-            yield Note("note", "A or B", text)
-        if e.unnamed:
-            near = join(e.nearest)
-            text = (
-                f"Nearest to it are {near}." if near else "No effect that has a name can be there."
-            )
-            text = f"No name explains this in {_where(e)} as well. {text}"
-            yield Note("note", "Without a name", text)
-        if not e.confirmed:
-            text = f"Unseen motion alone does not say so of {e.title}: treat it with caution."
-            yield Note("note", "Not confirmed", text)
-    for x in d.refuted:
-        yield Note("note", "Refuted", _state_refuted(x, d))
-    for hint in d.remarks:
-        yield Note("note", "Please note", hint)
-
-
-def _state_effect(e: NamedEffect) -> str:
-    sure = f" (log odds {e.odds:.3g})" if np.isfinite(e.odds) else ""
-    return f"{e.called}{_state_mass(e)}{sure}"
-
-
-def _capital(text: str) -> str:
-    return text[0].upper() + text[1:]
-
-
-def _state_mass(e: NamedEffect) -> str:
-    """Return the mass of what was named, where it has one, with its 95 % interval."""
-    masses = []
-    for p in e.placements:
-        for name, value, error, unit in p.rows:
-            if name.endswith(".payload_m"):
-                masses.append(f"{value:.3g} ± {REACH * error:.2g} {unit}")
-    return f", {' and '.join(masses)}".replace("-", "−") if masses else ""
-
-
-def _state_refuted(x: Odds, d: Diagnosis) -> str:
-    """Return that the motion that verifies did not confirm an effect."""
-    what = _capital(_at(x.name, x.place))
-    gain = f"{x.unseen:.2g}".replace("-", "−")
-    return (
-        f"{what} stood out from the fitted motion (log odds {x.before:.3g}) and is left out: on "
-        f"{d.verified_on} the torque is not surely likelier with it (log likelihood ratio {gain})."
-    )
-
-
-def advice(e: NamedEffect) -> str:
-    """Return the motion that would tell an effect from its alternatives."""
-    motions = [find_family(name).told_by for name in (e.name, *e.alternatives)]
-    known = join(list(dict.fromkeys(filter(None, motions))))
-    return f"{known or 'run other speeds, postures and loads in turn'} to separate them"
-
-
-def _looks(d: Diagnosis) -> str:
-    """Return what the residual depends on most, in words."""
-    most = max(d.discrepancies, key=lambda x: max(x.explained.values(), default=0.0))
-    where, best = max(most.explained.items(), key=lambda x: x[1])
-    if best < VISIBLE:
-        return "noise: it depends on none of velocity, position, acceleration, load or time"
-    share = f"{percent(best, 2)} of its variance"
-    return f"something that depends on the {where} in {most.joint} ({share})"
-
-
-# What is missing and how large errors are, as tables.
-
-
-CHANGED = "What changed in the middle of a log, and was left out"
-NAMED = (
-    Column(
-        "effect",
-        "code",
-        lambda e: " or ".join(dict.fromkeys([e.name, *e.alternatives][:LIKELIEST])),
-    ),
-    Column("where", get=lambda e: ", ".join(e.joints)),
-    Column("log odds", digits(3), "odds", ODDS),
-    Column("on unseen motion", digits(3), "unseen"),
-    Column("unseen error before", error_text, "before"),
-    Column("after", error_text, "after"),
-)
-
-ERRORS = with_hints(
-    "gap-joints",
-    Column("joint", get="joint"),
-    Column("before", error_text, "before"),
-    Column("after", error_text, "after"),
-    Column("rms before", digits(3), "rms_before", detail=True),
-    Column("rms after", digits(3), "rms_after"),
-    Column("unit", get="unit"),
-)
 
 
 def keep_completed(d: Diagnosis) -> Fit:

@@ -1,0 +1,351 @@
+"""What `diagnose` answers: what is missing, what it explains, what is left, what to do next."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from identifiability.effects import find_family
+from identifiability.foundation.answers import Answer, Column, Note, Table
+from identifiability.foundation.linalg import ROUNDOFF
+from identifiability.foundation.presenter import Presenter
+from identifiability.foundation.quoting import option_for_shell
+from identifiability.foundation.result import by_name
+from identifiability.foundation.rounding import REACH, digits, error_text, join, percent
+from identifiability.foundation.rules import Tolerance
+from identifiability.reading.rules import RULES as READING_RULES
+from identifiability.regression.reduction import full_model
+from identifiability.workflows.answers import (
+    after_mass,
+    answer,
+    answer_next,
+    answer_quality,
+    reserve,
+    sentence,
+    state_contradicted,
+    state_uneven,
+    with_hints,
+)
+from identifiability.workflows.commands import (
+    EXPORT,
+    compare_line,
+    export_line,
+    given_paths,
+    held_back,
+    name_logs,
+    on_file,
+    source_name,
+)
+from identifiability.workflows.diagnose.changes import table_changes
+from identifiability.workflows.diagnose.result import (
+    LIKELIEST,
+    PLACES,
+    logs_disagree,
+    name_place,
+    name_places,
+)
+
+if TYPE_CHECKING:
+    from identifiability.workflows.diagnose.result import Diagnosis, NamedEffect, Odds
+
+#: Share of its variance from which on what a residual depends on is said.
+VISIBLE: Tolerance = 0.05
+
+
+class DiagnosisPresenter(Presenter):
+    """What `diagnose` answers."""
+
+    result: Diagnosis
+
+    def answers(self) -> tuple[Answer, ...]:
+        """Return what is missing, what it explains, what is left, what to do next."""
+        result = self.result
+        missing = after_mass(_answer_missing(result), result.mass_warning)
+        asked = missing, _answer_gap(result), _answer_error(result)
+        return (*reserve(asked, result.warnings), answer_next(list_commands(result)))
+
+    def warnings(self) -> tuple[str, ...]:
+        """Return the findings on the logs, on one joint, and on contradicted bodies."""
+        result = self.result
+        each = result.error_frame()["after"].to_numpy()
+        uneven = state_uneven(result.held_after, result.robot.joints, each)
+        seen = (*super().warnings(), *uneven)
+        if result.nothing or result.fixed:
+            return seen
+        base, fit = result.completed.base, result.fit
+        sigma = np.sqrt(np.diag(fit.base_covariance))
+        unknown = np.abs(fit.base_unknown).max(1, initial=0.0) > ROUNDOFF
+        sigma = np.where(unknown, np.inf, sigma)
+        stated = result.completed.nominal_base
+        return (*seen, *state_contradicted(base, full_model(base), fit.base, stated, sigma))
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return what changed in mid-log, the effects that were named, and the errors of joints."""
+        result, about = self.result, "diagnosis.tables"
+        tables = []
+        if result.changes:
+            tables.append(table_changes(result.changes, sentence(about, "changed")))
+        if result.effects:
+            tables.append(Table.of(sentence(about, "named"), NAMED, result.effects))
+        rows = result.error_frame().itertuples()
+        return (*tables, Table.of(sentence(about, "joints"), ERRORS, rows))
+
+    def cautions(self) -> tuple[Note, ...]:
+        """Return what else should be known of the named effects, and what was refuted."""
+        result = self.result
+        notes = [*_list_motion(result), *_list_doubts(result)]
+        notes += [_write_note("refuted", _state_refuted(x, result)) for x in result.refuted]
+        notes += [_write_note("remark", hint) for hint in result.remarks]
+        return tuple(notes)
+
+    def statement(self) -> str:
+        """Return the answers in plain words, and below them the caveats."""
+        notes = (note.text for note in self.result.cautions())
+        return "\n- ".join([super().statement(), *notes])
+
+    def unexplained(self) -> str:
+        """Return what is left, in words."""
+        result, about = self.result, "diagnosis.residual"
+        if max(result.held_after, result.error_after) < ROUNDOFF:
+            return sentence(about, "rounding")
+        parts = []
+        asked = [x for x in result.evidence if np.isfinite(x.after)]
+        if asked:
+            most = max(asked, key=lambda x: x.after)
+            name, odds = name_place(most.name, most.place), f"{most.after:.2g}".replace("-", "−")
+            parts.append(sentence(about, "likeliest", name=name, odds=odds))
+        parts.append(sentence(about, "looks", looks=_state_looks(result)))
+        return " ".join(parts)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row for every named effect and place."""
+        rows = []
+        for e in self.result.effects:
+            for p in e.placements:
+                where = (e.name, p.place, p.shape, p.odds)
+                which = (", ".join(e.alternatives), e.before, e.after)
+                rows += [(*where, *row, *which) for row in p.rows]
+        place, parameter = "effect joint shape log_odds", "parameter value error unit"
+        columns = f"{place} {parameter} or before after".split()
+        return by_name(pd.DataFrame(rows, columns=columns))
+
+    def error_frame(self) -> pd.DataFrame:
+        """Return the errors of each joint on unseen motion before and after."""
+        robot, found = self.result.robot, self.result.gap
+        error, rms = found.joint_error(), found.joint_rms()
+        columns = {
+            "joint": robot.joints,
+            "unit": robot.torque_units,
+            "before": error[:, 0],
+            "after": error[:, -1],
+            "rms_before": rms[:, 0],
+            "rms_after": rms[:, -1],
+        }
+        return pd.DataFrame(columns)
+
+
+# What is missing.
+
+
+def _answer_missing(d: Diagnosis) -> Answer:
+    """Return what is missing, and what was logged while something changed."""
+    about = "diagnosis.missing"
+    named = [f"{' or '.join([c.what, *c.others])} in a part of {c.log}" for c in d.changes]
+    named += map(_state_effect, d.effects)
+    short = f"{_capital(join(named, PLACES))}." if named else sentence(about, "nothing")
+    odds = max([e.odds for e in d.effects] + [c.odds for c in d.changes], default=0.0)
+    unsure = odds < READING_RULES.log_odds and not d.interval[1] < 0
+    weak = unsure or not (d.included or d.changes)
+    if named and weak:
+        short = sentence(about, "weak", names=short)
+    tone = "grey" if weak else "vermilion"
+    return Answer(sentence(about, "question"), short, _state_search(d), tone)
+
+
+def _state_search(d: Diagnosis) -> str:
+    """Return the model that was searched, what was left out, and why nothing was named."""
+    about, model = "diagnosis.missing", d.alternative.partition(":")[0]
+    parts = [f"{model}."] if model else []
+    parts += [sentence(about, "changed", name=_capital(c.called)) for c in d.changes]
+    if not d.effects:
+        why = sentence(about, "none") if d.evidence else _state_untried(d)
+        holes = {"verified": d.verified_on, "error": percent(d.held_before)}
+        part = "fixed" if d.fixed else "fitted"
+        parts.append(sentence(about, part, why=why, model=d.known.words, **holes))
+    return " ".join(parts)
+
+
+def _state_untried(d: Diagnosis) -> str:
+    """Return why no family was tried, and the beginning of the sentence after that."""
+    about = "diagnosis.missing"
+    if d.nothing:
+        return sentence(about, "because", why=d.nothing)
+    why = list(dict.fromkeys(f"{r.family} ({r.reason})" for r in d.refusals))
+    return sentence(about, "refused", why=join(why))
+
+
+def _state_effect(e: NamedEffect) -> str:
+    """Return the name of an effect with its mass and its log odds."""
+    sure = f" (log odds {e.odds:.3g})" if np.isfinite(e.odds) else ""
+    return f"{e.called}{_state_mass(e)}{sure}"
+
+
+def _capital(text: str) -> str:
+    return text[0].upper() + text[1:]
+
+
+def _state_mass(e: NamedEffect) -> str:
+    """Return the mass of what was named, where it has one, with its 95 % interval."""
+    masses = []
+    for p in e.placements:
+        for name, value, error, unit in p.rows:
+            if name.endswith(".payload_m"):
+                masses.append(f"{value:.3g} ± {REACH * error:.2g} {unit}")
+    return f", {' and '.join(masses)}".replace("-", "−") if masses else ""
+
+
+# How much of the gap it explains, and how good the model is then.
+
+
+def _answer_gap(d: Diagnosis) -> Answer:
+    """Return the error on unseen motion without and with what was named."""
+    about = "diagnosis.explained"
+    if not (d.included or d.changes):
+        text = sentence(about, "measured", verified=d.verified_on)
+        text += sentence(about, "useless") if d.effects else ""
+        return answer(about, "stays", text, error=percent(d.held_before))
+    ends = [f"{100 * x:+.2g}".replace("-", "−") for x in d.interval]
+    interval = sentence(about, "interval", ends=" … ".join(ends)) if any(d.interval) else "."
+    text = sentence(about, "unseen", verified=d.verified_on)
+    if 0 < d.included < len(d.effects):
+        titles = join([e.title for e in d.effects[: d.included]])
+        text += sentence(about, "some", titles=titles)
+    tone = "green" if d.interval[1] < 0 else "amber"
+    holes: dict[str, Any] = {"before": percent(d.held_before), "after": percent(d.held_after)}
+    model = d.known.words.rstrip(",")
+    return answer(about, "falls", text, tone, model=model, interval=interval, **holes)
+
+
+def _answer_error(d: Diagnosis) -> Answer:
+    """Return how good the model with the named effects is."""
+    question = sentence("diagnosis.residual", "question")
+    each = d.error_frame()["after"].to_numpy()
+    about = d.held_after, d.robot.joints, each, d.unexplained, question
+    found = answer_quality(*about, warnings=d.warnings)
+    return found if d.moved is None else d.moved.warn(found)
+
+
+def _state_looks(d: Diagnosis) -> str:
+    """Return what the residual depends on most, in words."""
+    most = max(d.discrepancies, key=lambda x: max(x.explained.values(), default=0.0))
+    where, best = max(most.explained.items(), key=lambda x: x[1])
+    if best < VISIBLE:
+        return sentence("diagnosis.residual", "noise")
+    holes = {"where": where, "joint": most.joint, "share": percent(best, 2)}
+    return sentence("diagnosis.residual", "depends", **holes)
+
+
+# What else should be known.
+
+
+def _write_note(name: str, text: str, level: Any = "note") -> Note:
+    """Return a caveat under its title."""
+    return Note(level, sentence("diagnosis.notes", name), text)
+
+
+def _list_motion(d: Diagnosis) -> Iterator[Note]:
+    """Yield what simulated motion says of the named effects, where it was simulated."""
+    if d.forward is not None and d.forward.measured:
+        better = d.forward.interval[1] < 0
+        yield _write_note("motion", d.forward.statement, "good" if better else "note")
+
+
+def _list_doubts(d: Diagnosis) -> Iterator[Note]:
+    """Yield which names stand for others, have no name, or are not confirmed."""
+    about = "diagnosis.doubts"
+    for e in d.effects:
+        if e.alternatives:
+            text = sentence(about, "rivals", name=e.called, advice=advise_motion(e))
+            yield _write_note("rivals", text)
+        if e.unnamed:
+            part = "near" if e.nearest else "alone"
+            near = sentence(about, part, names=join(e.nearest))
+            text = sentence(about, "unnamed", where=name_places(e), near=near)
+            yield _write_note("unnamed", text)
+        if not e.confirmed:
+            yield _write_note("unconfirmed", sentence(about, "unconfirmed", title=e.title))
+
+
+def _state_refuted(x: Odds, d: Diagnosis) -> str:
+    """Return that the motion that verifies did not confirm an effect."""
+    name = _capital(name_place(x.name, x.place))
+    holes = {"before": f"{x.before:.3g}", "gain": f"{x.unseen:.2g}".replace("-", "−")}
+    return sentence("diagnosis.doubts", "refuted", name=name, verified=d.verified_on, **holes)
+
+
+def advise_motion(e: NamedEffect) -> str:
+    """Return the motion that would tell an effect from its alternatives."""
+    motions = [find_family(name).told_by for name in (e.name, *e.alternatives)]
+    known = join(list(dict.fromkeys(filter(None, motions))))
+    motion = known or sentence("diagnosis.doubts", "motion")
+    return sentence("diagnosis.doubts", "advice", motion=motion)
+
+
+# What to do next.
+
+
+def list_commands(d: Diagnosis) -> list[tuple[str, str]]:
+    """Return lines for the terminal, the most useful first."""
+    robot, paths = source_name(d.robot), given_paths(d.samples)
+    given = name_logs(d.robot, paths, how=d.preparation)
+    logs, model = given + held_back(d.validation, d.samples), d.provenance.get("model")
+    again = f"identifiability diagnose {robot} {logs}"
+    if model:
+        again = f"{again} {option_for_shell('--model', model)}"
+    undecided = any(e.alternatives for e in d.effects) and not d.written("next")
+    separate = sentence("next", "separate"), f"{again} --next motion.json"
+    out = [separate] if undecided else []
+    if logs_disagree(d):
+        text, compare = compare_line(d.robot, paths, d.preparation)
+        line = compare
+        if d.included:
+            make = f"{again} --out"
+            line = on_file(d, "model", "model.toml", make, lambda x: f"{compare} --ladder {x}")
+        out.insert(0, (text, line))
+    if d.included:
+        judge = f"identifiability analyze {robot} {logs}"
+        use = partial("{} --ladder {} --report report.html".format, judge)
+        line = on_file(d, "model", "model.toml", f"{again} --out", use)
+        out.append((sentence("next", "judge"), line))
+    export = partial(export_line, d.robot)
+    return [*out, (EXPORT, on_file(d, "json", "diagnose.json", f"{again} --json", export))]
+
+
+# What is missing and how large errors are, as tables.
+
+NAMED = (
+    Column(
+        "effect",
+        "code",
+        lambda e: " or ".join(dict.fromkeys([e.name, *e.alternatives][:LIKELIEST])),
+    ),
+    Column("where", get=lambda e: ", ".join(e.joints)),
+    Column("log odds", digits(3), "odds", sentence("diagnosis.tables", "odds")),
+    Column("on unseen motion", digits(3), "unseen"),
+    Column("unseen error before", error_text, "before"),
+    Column("after", error_text, "after"),
+)
+
+ERRORS = with_hints(
+    "gap-joints",
+    Column("joint", get="joint"),
+    Column("before", error_text, "before"),
+    Column("after", error_text, "after"),
+    Column("rms before", digits(3), "rms_before", detail=True),
+    Column("rms after", digits(3), "rms_after"),
+    Column("unit", get="unit"),
+)
