@@ -19,17 +19,15 @@ from identifiability.effects.vocabulary import complete_values
 from identifiability.estimation.groups import MissingEffects, place_of
 from identifiability.estimation.prediction import Prediction, TorqueUncertainty
 from identifiability.foundation import handed
-from identifiability.foundation.answers import Answer, Column, Table, frame_table
+from identifiability.foundation.answers import Answer
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.engines import Engine, Serial, one_thread
-from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing
+from identifiability.foundation.errors import IdentifiabilityError, RobotError
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.keyed import Keyed, Row, name_estimates
-from identifiability.foundation.names import BASE, Array, shorten_paths
+from identifiability.foundation.names import BASE, Array
 from identifiability.foundation.options import Expected, OptionError, checked
-from identifiability.foundation.quoting import path_for_shell
 from identifiability.foundation.result import Result, by_name
-from identifiability.foundation.rounding import digits, error_text, format_count, join
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.runs import Run
 from identifiability.foundation.values import frozen
@@ -54,21 +52,8 @@ from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.robot import new_place
 from identifiability.robot.servo import FOUND, Servo
 from identifiability.robot.sidecar import Value
-from identifiability.workflows.answers import (
-    answer_next,
-    answer_quality,
-    reserve,
-    state_uneven,
-    with_hints,
-)
 from identifiability.workflows.case import Case, Use
-from identifiability.workflows.commands import (
-    EXPORT,
-    export_line,
-    given_paths,
-    name_logs,
-    source_name,
-)
+from identifiability.workflows.commands import given_paths
 
 
 def state_missing(functions: Sequence[str]) -> tuple[str, ...]:
@@ -180,37 +165,6 @@ class TorquePrediction(Result):
         share: Array = np.isinf(self.mean).mean(0)
         return share
 
-    @cached_property
-    def warnings(self) -> tuple[str, ...]:
-        """Findings that change a decision: of the logs, and one joint."""
-        each = self.error_frame()["error"].to_numpy(float)
-        uneven = state_uneven(self.error_ra, self.robot.joints, each)
-        return (*super().warnings, *uneven)
-
-    def answers(self) -> tuple[Answer, ...]:
-        """Return what was predicted, how well, whether to trust it, what to do next."""
-        known = [n for n, has in zip(self.logs, self.measured, strict=True) if has]
-        each = self.error_frame()["error"].to_numpy(float)
-        more = f"Measured on {join(known)}." if known else ""
-        about = self.error_ra, self.robot.joints, each, more
-        quality = answer_quality(*about, raw=self.error_ra_raw, warnings=self.warnings)
-        asked = reserve((_what(self), quality, _trust(self)), self.warnings)
-        return (*asked, answer_next(_next_commands(self)))
-
-    def tables(self) -> tuple[Table, ...]:
-        """Return one row a joint."""
-        own = with_hints(
-            "predicted",
-            Column("joint", get="joint"),
-            Column("error", error_text, "error"),
-            Column("rms error", digits(3), "rms"),
-            Column("unit", get="unit"),
-            Column("error of raw torque", error_text, "error_raw"),
-            Column("inside", error_text, "inside"),
-            Column("unknown", error_text, "unknown"),
-        )
-        return (Table.of("Each joint by itself", own, self.error_frame().itertuples()),)
-
     def to_frame(self) -> pd.DataFrame:
         """Return one row a sample: ``log``, ``t``, and of each joint ten columns [N·m or N].
 
@@ -219,33 +173,12 @@ class TorquePrediction(Result):
         from ``.mean_from`` to ``.mean_to`` and those of new samples from ``.from`` to ``.to`` and
         ``.raw_from`` to ``.raw_to``; ``.weight`` is 0 where errors leave the sample out.
         """
-        columns: dict[str, Any] = {"log": np.array(self.logs)[self.log], "t": self.t}
-        for k, joint in enumerate(self.robot.joints):
-            tau, raw = self.tau[:, k], self.raw[:, k]
-            found = self.predicted[:, k]
-            own = {
-                "tau": tau,
-                "tau_raw": raw,
-                "predicted": found,
-                "residual": tau - found,
-                "residual_raw": raw - found,
-                "weight": self.known[:, k].astype(int),
-            }
-            halves = {"mean_": self.mean, "": self.low, "raw_": self.new}
-            for name, half in halves.items():
-                own[f"{name}from"] = found - half[:, k]
-                own[f"{name}to"] = found + half[:, k]
-            for what, values in own.items():
-                columns[f"{joint}.{what}"] = values
-        return pd.DataFrame(columns)
+        return super().to_frame()
 
     def error_frame(self) -> pd.DataFrame:
         """Return one row a joint: its error over its own scale, in N or N·m, and inside what."""
-        columns: dict[str, Any] = {"joint": self.robot.joints, "unit": self.robot.torque_units}
-        columns |= self.errors.by_joint() | {"inside": self.inside, "unknown": self.unknown}
-        frame = pd.DataFrame(columns)
-        frame.loc[~self.known.any(0), ["rms", "rms_raw"]] = np.nan
-        return by_name(frame)
+        frame: pd.DataFrame = self._present("error_frame")
+        return frame
 
     def to_dict(self) -> dict[str, Any]:
         """Return errors and shares in the documented JSON schema; samples go to `write`."""
@@ -713,52 +646,6 @@ def find_fit(result: FitLike, robot: Robot) -> Fit:
     return fit
 
 
-def _what(result: TorquePrediction) -> Answer:
-    joints, logs = format_count(len(result.robot.joints), "joint"), shorten_paths(result.logs)
-    short = f"The torque of {joints} along {join(logs, 3)}."
-    text = f"By the model “{result.fit.submodel.name}” of {result.fit.origin}, at "
-    text += f"{format_count(len(result.t), 'sample')}."
-    silent = [name for name, has in zip(logs, result.measured, strict=True) if not has]
-    if silent:
-        text += f" Without measured torque it is predicted alone: {join(silent, 3)}."
-    return Answer("What is predicted?", short, text, "blue")
-
-
-def _few(result: TorquePrediction) -> list[str]:
-    """Return the joints of whose samples too few lie in their intervals."""
-    # Share of samples inside their 95 % interval below which something must have changed.
-    few: list[str] = np.array(result.robot.joints)[result.inside < 0.8].tolist()
-    return few
-
-
-def _trust(result: TorquePrediction) -> Answer:
-    question = "May I trust its intervals?"
-    new = np.array(result.robot.joints)[result.unknown > 0].tolist()
-    text = phrase("predicted", "new", joints=new) if new else ""
-    if not any(result.measured):
-        return Answer(question, "Nothing was measured that could tell.", text, "grey")
-    size = f"{error_text(float(result.inside.mean()))} of the samples lie in their 95 % interval."
-    if few := _few(result):
-        text = f"{phrase('predicted', 'few', joints=few)} {text}".rstrip()
-        return Answer(question, f"No: only {size}", text, "vermilion")
-    word = "With care" if result.warnings else "Yes"
-    return Answer(question, f"{word}: {size}", text, "amber" if new else "green")
-
-
-def _next_commands(result: TorquePrediction) -> list[tuple[str, str]]:
-    robot, given = source_name(result.robot), path_for_shell(result.fit.origin)
-    every = name_logs(result.robot, result.logs)
-    pairs = zip(result.logs, result.measured, strict=True)
-    measured = name_logs(result.robot, [n for n, known in pairs if known])
-    line = f"identifiability predict {robot} {given} {every} --out torque.csv"
-    table = [("Have every sample with its intervals as a table:", line)]
-    table *= result.written("table") is None
-    if _few(result):
-        line = f"identifiability diagnose {robot} {measured} --report missing.html"
-        return [("Find out what is missing on this motion:", line), *table]
-    return [*table, (EXPORT, export_line(result.robot, given))]
-
-
 # `PositionPrediction`: how robots move as logged commands, or torques, make them.
 #
 # What is judged is the error of positions: by commands over whole logs; by torque over windows
@@ -832,23 +719,9 @@ class PositionPrediction(Result):
         errors = np.array([run.errors for run in self.runs])
         return np.asarray(np.sqrt(np.mean(errors[:, self.alike] ** 2, axis=1)))
 
-    def answers(self) -> tuple[Answer, ...]:
-        """Return by how much positions err, and what is next."""
-        logs = name_logs(self.robot, given_paths(self.logs))
-        line = f"identifiability diagnose {source_name(self.robot)} {logs} --report missing.html"
-        return _position_error(self), answer_next([("Find out what the robot file misses:", line)])
-
-    def tables(self) -> tuple[Table, ...]:
-        """Return one row a joint, in mrad or mm."""
-        frame = 1e3 * self.to_frame().drop(columns="joint").rename_axis("joint")
-        return (frame_table(frame, "Each joint by itself [mrad or mm]"),)
-
     def to_frame(self) -> pd.DataFrame:
         """Return one row a joint: the error of each robot [rad or m]."""
-        frame = pd.DataFrame({"joint": list(self.robot.joints)})
-        for run in self.runs:
-            frame[f"error of {run.name}"] = run.errors
-        return by_name(frame)
+        return super().to_frame()
 
     def write(self, path: str | Path) -> Path:
         """Write positions sample by sample, measured and simulated, as CSV or Parquet.
@@ -887,22 +760,13 @@ class PositionPrediction(Result):
 
     def warn(self, answer: Answer) -> Answer:
         """Return how good a model is, behind that it moves worse than without what was named."""
-        if not self.totals[-1] < self.totals[1]:
-            return answer
-        short = phrase("predicted", "worse", told=self.told)
-        return replace(answer, short=short, text=f"{answer.short} {answer.text}", tone="amber")
+        found: Answer = self._present("warn", answer)
+        return found
 
     @property
     def told(self) -> str:
         """The errors of the file's and of the fitted robot, as their result says them."""
-        errors = (
-            f"errs by {1e3 * x:.3g} {self.unit} (rms)" if np.isfinite(x) else "diverges"
-            for x in self.totals
-        )
-        logs = listing([log.name for log in self.logs], 3)
-        of = "not fitted" if self.unseen else "fitted"
-        each = [f"{run.name} {error}" for run, error in zip(self.runs, errors, strict=True)]
-        return f"Moved by the commands of {logs} ({of}), {', '.join(each[::-1])}."
+        return str(self._present("told"))
 
     def to_rollout(self) -> dict[str, Any]:
         """Return it as the JSON of the fitted robot's result has it."""
@@ -917,16 +781,6 @@ class PositionPrediction(Result):
             "error_file": file if np.isfinite(file) else None,
             **({"gains": gains} if gains else {}),
         }
-
-
-def _position_error(result: PositionPrediction) -> Answer:
-    totals, unit = 1e3 * result.totals, result.unit
-    told = " → ".join(f"{x:.3g} {unit}" if np.isfinite(x) else "it diverges" for x in totals)
-    over = f"windows of {WINDOW:g} s that begin with what was measured"
-    over = "whole logs" if any(map(has_commands, result.logs)) else over
-    text = f"{' → '.join(run.name for run in result.runs)}: over {over} (rms)."
-    tone = "blue" if len(totals) == 1 else "green" if totals[1] < totals[0] else "amber"
-    return Answer("By how much do positions err?", f"{told[0].upper()}{told[1:]}.", text, tone)
 
 
 def move_fitted(

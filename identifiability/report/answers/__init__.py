@@ -12,6 +12,8 @@ FILES = {
     "Analysis": "analyze",
     "Ladder": "prune",
     "Diagnosis": "diagnose",
+    "TorquePrediction": "predict",
+    "PositionPrediction": "predict",
 }
 
 

@@ -1,0 +1,230 @@
+"""What `predict` answers: torque along logs, or how far positions are off."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from identifiability.foundation.answers import Answer, Column, Table, frame_table
+from identifiability.foundation.errors import listing
+from identifiability.foundation.findings import phrase
+from identifiability.foundation.names import shorten_paths
+from identifiability.foundation.presenter import Presenter
+from identifiability.foundation.quoting import path_for_shell
+from identifiability.foundation.result import by_name
+from identifiability.foundation.rounding import digits, error_text, format_count, join
+from identifiability.logs.commands import has_commands
+from identifiability.workflows.answers import (
+    answer,
+    answer_next,
+    answer_quality,
+    reserve,
+    sentence,
+    state_uneven,
+    with_hints,
+)
+from identifiability.workflows.commands import (
+    EXPORT,
+    export_line,
+    given_paths,
+    name_logs,
+    source_name,
+)
+from identifiability.workflows.predict import WINDOW
+
+if TYPE_CHECKING:
+    from identifiability.workflows.predict import PositionPrediction, TorquePrediction
+
+
+class TorquePredictionPresenter(Presenter):
+    """What `predict` answers of torque."""
+
+    result: TorquePrediction
+
+    def answers(self) -> tuple[Answer, ...]:
+        """Return what was predicted, how well, whether to trust it, what to do next."""
+        result = self.result
+        known = [name for name, has in zip(result.logs, result.measured, strict=True) if has]
+        each = result.error_frame()["error"].to_numpy(float)
+        more = sentence("prediction.what", "measured", logs=join(known)) if known else ""
+        about = result.error_ra, result.robot.joints, each, more
+        quality = answer_quality(*about, raw=result.error_ra_raw, warnings=result.warnings)
+        asked = _answer_what(result), quality, _answer_intervals(result)
+        return (*reserve(asked, result.warnings), answer_next(_list_commands(result)))
+
+    def warnings(self) -> tuple[str, ...]:
+        """Return the findings on the logs, and on one joint."""
+        result = self.result
+        each = result.error_frame()["error"].to_numpy(float)
+        return (
+            *super().warnings(),
+            *state_uneven(result.error_ra, result.robot.joints, each),
+        )
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return one row a joint."""
+        rows = self.result.error_frame().itertuples()
+        return (Table.of(sentence("prediction.what", "table"), JOINTS, rows),)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a sample."""
+        result = self.result
+        columns: dict[str, Any] = {"log": np.array(result.logs)[result.log], "t": result.t}
+        for k, joint in enumerate(result.robot.joints):
+            for what, values in _list_samples(result, k).items():
+                columns[f"{joint}.{what}"] = values
+        return pd.DataFrame(columns)
+
+    def error_frame(self) -> pd.DataFrame:
+        """Return one row a joint: its error over its own scale, in N or N·m, and inside what."""
+        result, robot = self.result, self.result.robot
+        columns: dict[str, Any] = {"joint": robot.joints, "unit": robot.torque_units}
+        columns |= result.errors.by_joint()
+        columns |= {"inside": result.inside, "unknown": result.unknown}
+        frame = pd.DataFrame(columns)
+        frame.loc[~result.known.any(0), ["rms", "rms_raw"]] = np.nan
+        return by_name(frame)
+
+
+def _list_samples(result: TorquePrediction, joint: int) -> dict[str, Any]:
+    """Return the columns of one joint, sample by sample."""
+    tau, raw, found = (x[:, joint] for x in (result.tau, result.raw, result.predicted))
+    columns: dict[str, Any] = {
+        "tau": tau,
+        "tau_raw": raw,
+        "predicted": found,
+        "residual": tau - found,
+        "residual_raw": raw - found,
+        "weight": result.known[:, joint].astype(int),
+    }
+    halves = {"mean_": result.mean, "": result.low, "raw_": result.new}
+    for name, half in halves.items():
+        columns[f"{name}from"] = found - half[:, joint]
+        columns[f"{name}to"] = found + half[:, joint]
+    return columns
+
+
+JOINTS = with_hints(
+    "predicted",
+    Column("joint", get="joint"),
+    Column("error", error_text, "error"),
+    Column("rms error", digits(3), "rms"),
+    Column("unit", get="unit"),
+    Column("error of raw torque", error_text, "error_raw"),
+    Column("inside", error_text, "inside"),
+    Column("unknown", error_text, "unknown"),
+)
+
+
+def _answer_what(result: TorquePrediction) -> Answer:
+    """Return what was predicted, and by which model."""
+    about, logs = "prediction.what", shorten_paths(result.logs)
+    names = {"model": result.fit.submodel.name, "origin": result.fit.origin}
+    text = sentence(about, "model", samples=format_count(len(result.t), "sample"), **names)
+    silent = [name for name, has in zip(logs, result.measured, strict=True) if not has]
+    if silent:
+        text += sentence(about, "silent", logs=join(silent, 3))
+    joints = format_count(len(result.robot.joints), "joint")
+    return answer(about, "torque", text, "blue", joints=joints, logs=join(logs, 3))
+
+
+def _find_few(result: TorquePrediction) -> list[str]:
+    """Return the joints of whose samples too few lie in their intervals."""
+    # Share of samples inside their 95 % interval below which something must have changed.
+    few: list[str] = np.array(result.robot.joints)[result.inside < 0.8].tolist()
+    return few
+
+
+def _answer_intervals(result: TorquePrediction) -> Answer:
+    """Return whether the intervals may be trusted."""
+    about = "prediction.trust"
+    new = np.array(result.robot.joints)[result.unknown > 0].tolist()
+    text = phrase("predicted", "new", joints=new) if new else ""
+    if not any(result.measured):
+        return answer(about, "unmeasured", text, "grey")
+    share = error_text(float(result.inside.mean()))
+    if few := _find_few(result):
+        text = f"{phrase('predicted', 'few', joints=few)} {text}".rstrip()
+        return answer(about, "no", text, "vermilion", share=share)
+    part = "care" if result.warnings else "yes"
+    return answer(about, part, text, "amber" if new else "green", share=share)
+
+
+def _list_commands(result: TorquePrediction) -> list[tuple[str, str]]:
+    """Return lines for the terminal, the most useful first."""
+    robot, given = source_name(result.robot), path_for_shell(result.fit.origin)
+    every = name_logs(result.robot, result.logs)
+    pairs = zip(result.logs, result.measured, strict=True)
+    measured = name_logs(result.robot, [name for name, known in pairs if known])
+    line = f"identifiability predict {robot} {given} {every} --out torque.csv"
+    table = [(sentence("next", "samples"), line)] if result.written("table") is None else []
+    if _find_few(result):
+        line = f"identifiability diagnose {robot} {measured} --report missing.html"
+        return [(sentence("next", "missing_here"), line), *table]
+    return [*table, (EXPORT, export_line(result.robot, given))]
+
+
+class PositionPredictionPresenter(Presenter):
+    """What `predict` answers of positions."""
+
+    result: PositionPrediction
+
+    def answers(self) -> tuple[Answer, ...]:
+        """Return by how much positions err, and what is next."""
+        result = self.result
+        logs = name_logs(result.robot, given_paths(result.logs))
+        robot = source_name(result.robot)
+        line = f"identifiability diagnose {robot} {logs} --report missing.html"
+        following = answer_next([(sentence("next", "missing_file"), line)])
+        return _answer_positions(result), following
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return one row a joint, in mrad or mm."""
+        frame = 1e3 * self.result.to_frame().drop(columns="joint").rename_axis("joint")
+        return (frame_table(frame, sentence("rollout.errors", "table")),)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a joint: the error of each robot [rad or m]."""
+        frame = pd.DataFrame({"joint": list(self.result.robot.joints)})
+        for run in self.result.runs:
+            frame[f"error of {run.name}"] = run.errors
+        return by_name(frame)
+
+    def told(self) -> str:
+        """Return the errors of the file's and of the fitted robot."""
+        result, about = self.result, "rollout.errors"
+        errors = (
+            sentence(about, "error", error=1e3 * x, unit=result.unit)
+            if np.isfinite(x)
+            else sentence(about, "diverges")
+            for x in result.totals
+        )
+        each = [f"{run.name} {error}" for run, error in zip(result.runs, errors, strict=True)]
+        logs = listing([log.name for log in result.logs], 3)
+        part = "unseen" if result.unseen else "fitted"
+        return sentence(about, part, logs=logs, runs=", ".join(each[::-1]))
+
+    def warn(self, usual: Answer) -> Answer:
+        """Return how good a model is, behind that it moves worse than without what was named."""
+        result = self.result
+        if not result.totals[-1] < result.totals[1]:
+            return usual
+        short = phrase("predicted", "worse", told=result.told)
+        return replace(usual, short=short, text=f"{usual.short} {usual.text}", tone="amber")
+
+
+def _answer_positions(result: PositionPrediction) -> Answer:
+    """Return by how much the positions of each robot err."""
+    about, totals = "rollout.errors", 1e3 * result.totals
+    diverges = sentence(about, "it_diverges")
+    errors = [f"{x:.3g} {result.unit}" if np.isfinite(x) else diverges for x in totals]
+    short = " → ".join(errors)
+    whole = any(map(has_commands, result.logs))
+    over = sentence(about, "whole" if whole else "windows", window=WINDOW)
+    names = " → ".join(run.name for run in result.runs)
+    tone = "blue" if len(totals) == 1 else "green" if totals[1] < totals[0] else "amber"
+    text = sentence(about, "over", names=names, over=over)
+    return Answer(sentence(about, "question"), f"{short[0].upper()}{short[1:]}.", text, tone)
