@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
-import pandas as pd
 
 from identifiability.effects import find_families
 from identifiability.estimation.differences import (
@@ -23,15 +22,12 @@ from identifiability.estimation.differences import (
     pooled_values,
 )
 from identifiability.estimation.groups import Excerpt
-from identifiability.foundation.answers import Answer, Table
 from identifiability.foundation.engines import Engine, Serial, one_thread
-from identifiability.foundation.errors import LogError, listing
+from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.keyed import Row, name_estimates
-from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import checked
-from identifiability.foundation.quoting import option_for_shell
-from identifiability.foundation.result import Result, by_name
+from identifiability.foundation.result import Result
 from identifiability.foundation.runs import Run
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset, Preparation
@@ -49,24 +45,13 @@ from identifiability.regression.reduction import (
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.robot import tool_bodies
-from identifiability.workflows.answers import answer_next, reserve, sentence, with_hints
 from identifiability.workflows.case import read_sides
-from identifiability.workflows.commands import (
-    EXPORT,
-    export_line,
-    given_paths,
-    ladder_option,
-    name_logs,
-    source_name,
-)
+from identifiability.workflows.commands import given_paths
 from identifiability.workflows.diagnose.changes import (
-    NAMED,
     Change,
     DifferentTorque,
-    frame_changes,
     list_changes,
     list_log_changes,
-    table_changes,
 )
 
 # Logs of several sides as one question.
@@ -133,9 +118,6 @@ def find_differences(
 # `Comparison`: what changed, in numbers and words.
 
 
-TABLE = "What changed, with 95 % intervals"
-
-
 @frozen(kw_only=True)
 class Comparison(OfStructure, Result):
     """What changed. Make it with `compare`.
@@ -175,26 +157,7 @@ class Comparison(OfStructure, Result):
     @property
     def answer(self) -> str:
         """What changed, in one sentence."""
-        if self.changes:
-            text = "; ".join([change.called for change in self.changes[:NAMED]])
-            return f"{text[0].upper()}{text[1:]}."
-        return sentence("comparison.how", "nothing")
-
-    def answers(self) -> tuple[Answer, ...]:
-        """Return what changed, whether to trust it, what to do next."""
-        every, k = shorten_paths((*self.before, *self.after)), len(self.before)
-        sides = f"{listing(every[:k], 3)} and {listing(every[k:], 3)}"
-        tone = "vermilion" if self.changes else "green"
-        changed = Answer(f"What changed between {sides}?", self.answer, tone=tone)
-        why = " ".join(sentence("comparison.how", name) for name in ("logs", "odds"))
-        trust = Answer("May I trust it?", sentence("comparison.trust", "logs"), why, "amber")
-        asked = reserve((changed, trust), self.warnings)
-        return (*asked, answer_next(_next_commands(self)))
-
-    def tables(self) -> tuple[Table, ...]:
-        """Return one row a number that changed."""
-        table = table_changes(self.changes, TABLE)
-        return (replace(table, columns=with_hints("changes", *table.columns)),)
+        return str(self._present("answer"))
 
     def rows_by_name(self) -> Iterator[Row]:
         """Yield one row a number that changed; the surest change of a name stands last."""
@@ -209,10 +172,6 @@ class Comparison(OfStructure, Result):
         """Return that a parameter of the model did not change."""
         known = name in self.structure.columns
         return "no change of it was found between these logs." if known else ""
-
-    def to_frame(self) -> pd.DataFrame:
-        """Return one row a number that changed: what, by how much, interval, log odds."""
-        return by_name(frame_changes(self.changes))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison in the documented JSON schema."""
@@ -293,29 +252,3 @@ def compare(
             torque=DifferentTorque.of(found, terms),
             source=source,
         )
-
-
-def _next_commands(result: Comparison) -> list[tuple[str, str]]:
-    robot = source_name(result.robot)
-    sides, how = (result.before, result.after), result.preparation
-    before, after = (name_logs(result.robot, paths, how=how) for paths in sides)
-    ladder = ladder_option(result.robot, result.source)
-    if not result.changes:
-        return [_export_together(result, robot, ladder)]
-    loads = [c.place for c in result.changes if c.kind == "load"]
-    if loads:
-        fitted = f"identifiability analyze {robot} {before}{ladder} --json analyze.json"
-        logs, body = name_logs(result.robot, result.after), option_for_shell("--body", loads[0])
-        call = f"{fitted} && identifiability payload {robot} analyze.json {logs} {body}"
-        return [("Fit the robot without the load, and weigh the load:", call)]
-    fit = f"identifiability analyze {robot} {after}{ladder} --json analyze.json"
-    fit += " --report report.html"
-    return [("Fit the robot as it is now:", fit)]
-
-
-def _export_together(result: Comparison, robot: str, ladder: str) -> tuple[str, str]:
-    """Return the line that fits all logs, which are of one robot, and exports it."""
-    paths = (*result.before, *result.after)
-    every = name_logs(result.robot, paths, how=result.preparation)
-    fit = f"identifiability analyze {robot} {every}{ladder} --json analyze.json"
-    return EXPORT, f"{fit} && {export_line(result.robot, 'analyze.json')}"

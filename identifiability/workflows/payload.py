@@ -21,16 +21,16 @@ from identifiability.estimation.groups import describe_term
 from identifiability.estimation.mixed_model import Terms
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import percent_of
-from identifiability.foundation.answers import Answer, Table, frame_table
 from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import listing
+from identifiability.foundation.findings import phrase
 from identifiability.foundation.keyed import Row
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array
 from identifiability.foundation.options import OptionError, Positive, checked
-from identifiability.foundation.quoting import for_toml, option_for_shell, path_for_shell
-from identifiability.foundation.result import Result, by_name
-from identifiability.foundation.rounding import REACH, measured
+from identifiability.foundation.quoting import for_toml
+from identifiability.foundation.result import Result
+from identifiability.foundation.rounding import REACH
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.runs import Run
 from identifiability.foundation.values import frozen
@@ -49,9 +49,8 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.robot import Point, body_of, ten_parameters, tool_bodies
-from identifiability.workflows.answers import answer_next, reserve, sentence, with_hints
 from identifiability.workflows.case import read_sides
-from identifiability.workflows.commands import given_paths, name_logs, source_name
+from identifiability.workflows.commands import given_paths
 from identifiability.workflows.compare import find_differences, look
 from identifiability.workflows.diagnose.changes import Change, DifferentTorque, list_log_changes
 from identifiability.workflows.predict import FitLike, Predicts, find_fit, state_missing
@@ -59,8 +58,6 @@ from identifiability.workflows.predict import FitLike, Predicts, find_fit, state
 # `LoadEstimate`: the ten parameters of a load, with everything that is not known of them.
 
 
-#: Its words.
-WORDS_OF = "payload.how"
 #: Where each of `GROUPED_KINDS` stands among `INERTIAL_KINDS`.
 ORDER = [INERTIAL_KINDS.index(kind) for kind in GROUPED_KINDS]
 #: Sizes of the ten parameters of a body of 1 kg, by which their columns are compared.
@@ -257,9 +254,6 @@ def state_quantities(found: LoadEstimate, body: Array, length: float) -> tuple[Q
     return tuple(out)
 
 
-QUANTITIES_OF = "Mass, centre, and moments about the centre"
-GAINS_OF = "What one unit of each torque column is: its gain in the sidecar"
-
 # Gains: what one unit of a torque column is, by a load that is known.
 #
 # Torque that was read by wrong gains is a load by the same factor wrong. So each joint by itself,
@@ -357,47 +351,7 @@ class Load(Result):
     @property
     def answer(self) -> str:
         """Mass and where, or gains by a mass that is known, in one sentence."""
-        mass = self.mass
-        if self.known is not None:
-            sure = [g for g in self.gains if g.told]
-            each = [
-                f"{g.value:.4g} ({g.low:.4g} … {g.high:.4g}) {g.unit} at {g.name}" for g in sure
-            ]
-            if not sure:
-                return "The logs do not tell the gain of any torque column."
-            return f"By {self.known:g} kg one unit of the torque columns is {listing(each, 12)}."
-        if not np.isfinite(mass.half):
-            return f"These logs do not tell the mass of what hangs on {self.body}."
-        if not mass.told:
-            return f"Nothing surely hangs on {self.body}: at most {mass.high:.3g} kg."
-        text = f"{measured(mass.value, mass.half, 'kg')} at body {self.body}"
-        centre = self.quantities[1:4]
-        if all(q.told for q in centre):
-            at = ", ".join(measured(q.value, q.half) for q in centre)
-            text += f", its centre at ({at}) m in the frame of {self.body}"
-        return f"{text} (95 %)."
-
-    def answers(self) -> tuple[Answer, ...]:
-        """Return how heavy and where, or gains; how well known, whether to trust it, what next."""
-        following = answer_next(_next_commands(self))
-        if self.known is not None:
-            return (*reserve([_gains(self)], self.warnings), following)
-        tone = "blue" if self.mass.told else "amber"
-        text = sentence(WORDS_OF, "proportional") if self.mass.told else ""
-        what = Answer(f"What hangs on {self.body}?", self.answer, text, tone)
-        lost = [q.name for q in self.quantities if not q.told]
-        count, known = len(self.quantities), "green" if self.mass.told else "amber"
-        text = f"Not identifiable: {listing(lost, count)}; the table says why." if lost else ""
-        short = f"{count - len(lost)} of {count} quantities are identifiable."
-        told = Answer("How well is it known?", short, text, known)
-        return (*reserve((what, told, _trust(self)), self.warnings), following)
-
-    def tables(self) -> tuple[Table, ...]:
-        """Return one row a quantity, or a joint whose gain a known load tells."""
-        shown = self.to_frame().drop(columns="told")  # what is not says why
-        shown = shown.loc[:, (shown != "").any()]
-        table = frame_table(shown, QUANTITIES_OF if self.known is None else GAINS_OF)
-        return (replace(table, columns=with_hints("load", *table.columns)),)
+        return str(self._present("answer"))
 
     @property
     def sidecar(self) -> str:
@@ -408,8 +362,8 @@ class Load(Result):
     @property
     def caveats(self) -> tuple[str, ...]:
         """What makes the answer doubtful, and what to do."""
-        lacks = self.estimate.lacks
-        return (sentence(WORDS_OF, "changed", lacks=listing(lacks, 4)),) if lacks else ()
+        texts: tuple[str, ...] = self._present("caveats")
+        return texts
 
     def rows_by_name(self) -> Iterator[Row]:
         """Yield the quantities of the load, and the gain of each joint by the joint's name."""
@@ -430,8 +384,7 @@ class Load(Result):
 
         Of a load that is known one row a joint: its gain.
         """
-        shown = self.quantities if self.known is None else self.gains
-        return by_name(pd.DataFrame([{**asdict(q), "told": q.told} for q in shown]))
+        return super().to_frame()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the load in the documented JSON schema."""
@@ -582,7 +535,7 @@ def _tell_noise(logs: Sequence[Log], how: Preparation) -> list[str]:
     if band is None or band.noise <= LOG_RULES.small:
         return []
     loud = [x.name for x in logs if not {"dq", "ddq"} <= set(x.channels)]
-    return [sentence(WORDS_OF, "noise", logs=listing(loud, 4))] if loud else []
+    return [phrase("load_noise", "says", logs=listing(loud, 4))] if loud else []
 
 
 def choose_body(structure: Structure, body: str | None) -> str:
@@ -600,39 +553,3 @@ def choose_body(structure: Structure, body: str | None) -> str:
     if f"{place}." not in structure.bodies:
         raise OptionError("The result's model has no bodies (rigid_body); fit one that has.")
     return place
-
-
-def _trust(result: Load) -> Answer:
-    changes = result.estimate.changes
-    short, text, tone = "Yes, within its intervals.", "The logs agree.", "green"
-    if len(result.logs) == 1:
-        short, tone = "As far as one log can tell.", "amber"
-        text = "One motion cannot show what another would change."
-    if any(change.kind == "load" for change in changes):
-        short, text, tone = "With care: the logs have different loads.", "", "amber"
-    if result.warnings:
-        short, tone = "With care: see the warning.", "amber"
-    if result.caveats:
-        short, tone = "With care: the robot changed since.", "amber"
-    beside = f"Found beside it: {listing([c.called for c in changes])}." if changes else ""
-    return Answer(
-        "May I trust it?", short, " ".join(filter(None, [text, beside, *result.caveats])), tone
-    )
-
-
-def _gains(result: Load) -> Answer:
-    lost = [g.name for g in result.gains if not g.told]
-    text = sentence(WORDS_OF, "untold", joints=listing(lost, 12)) if lost else ""
-    question, tone = "What is one unit of each torque column?", "amber" if lost else "green"
-    return Answer(question, result.answer, text, tone)
-
-
-def _next_commands(result: Load) -> list[tuple[str, str]]:
-    robot, logs = source_name(result.robot), name_logs(result.robot, result.logs)
-    fitted, body = path_for_shell(result.origin), option_for_shell("--body", result.body)
-    call = f"identifiability payload {robot} {fitted} {logs} {body}"
-    text = "Weigh it against a log of the same motion without the load (empty.csv):"
-    other = [] if result.without or result.gains else [(text, f"{call} --without empty.csv")]
-    begun = name_logs(result.robot, result.logs, "--start-from")
-    more = f"identifiability excite {robot} {begun} --out next.json"
-    return [*other, ("Find a motion that tells more:", more)]

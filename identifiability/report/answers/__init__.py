@@ -14,6 +14,8 @@ FILES = {
     "Diagnosis": "diagnose",
     "TorquePrediction": "predict",
     "PositionPrediction": "predict",
+    "Load": "payload",
+    "Comparison": "compare",
 }
 
 

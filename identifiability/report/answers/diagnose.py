@@ -19,6 +19,7 @@ from identifiability.foundation.rounding import REACH, digits, error_text, join,
 from identifiability.foundation.rules import Tolerance
 from identifiability.reading.rules import RULES as READING_RULES
 from identifiability.regression.reduction import full_model
+from identifiability.report.answers.compare import table_changes
 from identifiability.workflows.answers import (
     after_mass,
     answer,
@@ -40,7 +41,6 @@ from identifiability.workflows.commands import (
     on_file,
     source_name,
 )
-from identifiability.workflows.diagnose.changes import table_changes
 from identifiability.workflows.diagnose.result import (
     LIKELIEST,
     PLACES,

@@ -9,14 +9,12 @@ from collections.abc import Sequence
 from itertools import groupby
 
 import numpy as np
-import pandas as pd
 
 from identifiability.effects import FAMILIES, find_families
 from identifiability.estimation.differences import Differences
 from identifiability.estimation.groups import describe_term, place_of
 from identifiability.estimation.mixed_model import Term, Terms
 from identifiability.estimation.rules import RULES
-from identifiability.foundation.answers import Table, frame_table
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rounding import REACH, measured
@@ -186,25 +184,6 @@ class Change:
         shares = ((n, 100 * x, 100 * h, "%") if u == "1" else (n, x, h, u) for n, x, h, u in every)
         parts = [f"{n} by {measured(x, h, u)}" for n, x, h, u in shares if abs(x) > h]
         return f"{self.what} changed{': ' if parts else ''}{listing(parts, NAMED)}"
-
-
-def frame_changes(changes: Sequence[Change]) -> pd.DataFrame:
-    """Return one row a number that changed: what, by how much, interval, log odds."""
-    rows = [
-        [c.what, c.kind, name, size, size - REACH * sd, size + REACH * sd, unit, *rest]
-        for c in changes
-        for rest in [(c.share, c.share_sd, c.odds, c.when, "; ".join(c.others))]
-        for name, size, sd, unit in zip(c.names, c.sizes, c.sd, c.units, strict=True)
-    ]
-    columns = "what kind name change low high unit share share_sd log_odds logs or"
-    return pd.DataFrame(rows, columns=columns.split())
-
-
-def table_changes(changes: Sequence[Change], caption: str) -> Table:
-    """Return the same as a table."""
-    own = frame_changes(changes).drop(columns=["kind", "share_sd"])
-    own = own.loc[:, (own != "").any()]  # nothing is said of where without several logs
-    return frame_table(own.rename(columns={"log_odds": "log odds", "logs": "in"}), caption)
 
 
 def _describe(found: Differences, term: Term, names: Sequence[str]) -> str:

@@ -1,0 +1,142 @@
+"""What `payload` answers: how heavy a load is and where, or the gains of torque columns."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from identifiability.foundation.answers import Answer, Table, frame_table
+from identifiability.foundation.errors import listing
+from identifiability.foundation.presenter import Presenter
+from identifiability.foundation.quoting import option_for_shell, path_for_shell
+from identifiability.foundation.result import by_name
+from identifiability.foundation.rounding import measured
+from identifiability.workflows.answers import answer, answer_next, reserve, sentence, with_hints
+from identifiability.workflows.commands import name_logs, source_name
+
+if TYPE_CHECKING:
+    from identifiability.workflows.payload import Load
+
+#: Joints that a sentence names.
+NAMED = 12
+
+
+class LoadPresenter(Presenter):
+    """What `payload` answers."""
+
+    result: Load
+
+    def answers(self) -> tuple[Answer, ...]:
+        """Return how heavy and where, or gains; how well known, whether to trust it, what next."""
+        result = self.result
+        asked = [_answer_gains(result)]
+        if result.known is None:
+            asked = [_answer_load(result), _answer_known(result), _answer_trust(result)]
+        following = answer_next(_list_commands(result))
+        return (*reserve(asked, result.warnings), following)
+
+    def answer(self) -> str:
+        """Return mass and where, or gains by a mass that is known, in one sentence."""
+        return _state_load(self.result) if self.result.known is None else _state_gains(self.result)
+
+    def caveats(self) -> tuple[str, ...]:
+        """Return what makes the answer doubtful, and what to do."""
+        lacks = self.result.estimate.lacks
+        return (sentence("payload.how", "changed", lacks=listing(lacks, 4)),) if lacks else ()
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return one row a quantity, or a joint whose gain a known load tells."""
+        result = self.result
+        shown = result.to_frame().drop(columns="told")  # what is not says why
+        shown = shown.loc[:, (shown != "").any()]
+        part = "quantities" if result.known is None else "gains"
+        table = frame_table(shown, sentence("payload.tables", part))
+        return (replace(table, columns=with_hints("load", *table.columns)),)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a quantity; of a load that is known one row a joint: its gain."""
+        result = self.result
+        shown = result.quantities if result.known is None else result.gains
+        return by_name(pd.DataFrame([{**asdict(q), "told": q.told} for q in shown]))
+
+
+def _state_load(result: Load) -> str:
+    """Return mass and where, in one sentence."""
+    about, mass, body = "payload.load", result.mass, result.body
+    if not np.isfinite(mass.half):
+        return sentence(about, "unknown", body=body)
+    if not mass.told:
+        return sentence(about, "nothing", body=body, most=mass.high)
+    value = measured(mass.value, mass.half, "kg")
+    centre = result.quantities[1:4]
+    if not all(q.told for q in centre):
+        return sentence(about, "mass", mass=value, body=body)
+    at = ", ".join(measured(q.value, q.half) for q in centre)
+    return sentence(about, "centre", mass=value, body=body, at=at)
+
+
+def _state_gains(result: Load) -> str:
+    """Return the gains of torque columns by a mass that is known, in one sentence."""
+    sure = [g for g in result.gains if g.told]
+    if not sure:
+        return sentence("payload.unit", "none")
+    each = [f"{g.value:.4g} ({g.low:.4g} … {g.high:.4g}) {g.unit} at {g.name}" for g in sure]
+    return sentence("payload.unit", "some", mass=result.known, gains=listing(each, NAMED))
+
+
+def _answer_load(result: Load) -> Answer:
+    """Return how heavy the load is, and where."""
+    question = sentence("payload.load", "question", body=result.body)
+    if not result.mass.told:
+        return Answer(question, result.answer, "", "amber")
+    return Answer(question, result.answer, sentence("payload.how", "proportional"), "blue")
+
+
+def _answer_known(result: Load) -> Answer:
+    """Return how many quantities of the load the logs tell."""
+    about = "payload.known"
+    unknown = [q.name for q in result.quantities if not q.told]
+    count, tone = len(result.quantities), "green" if result.mass.told else "amber"
+    text = sentence(about, "lost", names=listing(unknown, count)) if unknown else ""
+    return answer(about, "count", text, tone, found=count - len(unknown), count=count)
+
+
+def _answer_trust(result: Load) -> Answer:
+    """Return whether the load may be trusted."""
+    about, changes = "payload.trust", result.estimate.changes
+    part, text, tone = "yes", sentence(about, "agree"), "green"
+    if len(result.logs) == 1:
+        part, text, tone = "one", sentence(about, "motion"), "amber"
+    if any(change.kind == "load" for change in changes):
+        part, text, tone = "loads", "", "amber"
+    if result.warnings:
+        part, tone = "warning", "amber"
+    if result.caveats:
+        part, tone = "robot", "amber"
+    names = listing([c.called for c in changes])
+    found = sentence(about, "found", names=names) if changes else ""
+    return answer(about, part, " ".join(filter(None, [text, found, *result.caveats])), tone)
+
+
+def _answer_gains(result: Load) -> Answer:
+    """Return the gain of each torque column."""
+    unknown = [g.name for g in result.gains if not g.told]
+    text = sentence("payload.how", "untold", joints=listing(unknown, NAMED)) if unknown else ""
+    tone = "amber" if unknown else "green"
+    return Answer(sentence("payload.unit", "question"), result.answer, text, tone)
+
+
+def _list_commands(result: Load) -> list[tuple[str, str]]:
+    """Return lines for the terminal, the most useful first."""
+    robot, logs = source_name(result.robot), name_logs(result.robot, result.logs)
+    fitted, body = path_for_shell(result.origin), option_for_shell("--body", result.body)
+    call = f"identifiability payload {robot} {fitted} {logs} {body}"
+    out = []
+    if not (result.without or result.gains):
+        out = [(sentence("next", "weigh"), f"{call} --without empty.csv")]
+    begun = name_logs(result.robot, result.logs, "--start-from")
+    more = f"identifiability excite {robot} {begun} --out next.json"
+    return [*out, (sentence("next", "motion"), more)]
