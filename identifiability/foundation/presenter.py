@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from identifiability.foundation import handed
 from identifiability.foundation.findings import ledger, merge_subjects, of_key
 
 if TYPE_CHECKING:
@@ -71,3 +72,18 @@ class Presenter:
         """
         kind = type(self.result).__name__
         raise NotImplementedError(f"{kind} has no to_frame; write it in report/answers.")
+
+
+def present(result: Any, name: str, *about: Any) -> Any:
+    """Return what a method of the presenter of a result returns.
+
+    Parameters
+    ----------
+    result : Result or another object that is shown
+    name : str
+        Of the method.
+    about
+        Its arguments.
+    """
+    presenter: Presenter = handed("find_presenter")(result)
+    return getattr(presenter, name)(*about)

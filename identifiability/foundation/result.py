@@ -12,13 +12,13 @@ from identifiability.foundation import handed
 from identifiability.foundation.findings import Finding, of_key
 from identifiability.foundation.keyed import Keyed
 from identifiability.foundation.output import check_ending, write_json
+from identifiability.foundation.presenter import Presenter, present
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
     from identifiability.foundation.answers import Answer, Note, Table
-    from identifiability.foundation.presenter import Presenter
 
 
 def shown(statement: str, frame: pd.DataFrame | None = None, more: str = "") -> str:
@@ -49,7 +49,7 @@ class Result(Keyed, ABC):
 
     def _present(self, name: str, *about: Any) -> Any:
         """Return what a method of the presenter returns that only this kind of result has."""
-        return getattr(self._presenter, name)(*about)
+        return present(self, name, *about)
 
     @property
     def statement(self) -> str:

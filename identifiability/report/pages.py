@@ -483,7 +483,7 @@ def _preparation(record: Record) -> Fold | None:
 
 def _robot(result: Inspection) -> list[Section]:
     """Return what the robot file says of joints, logs and parameters, and what it leaves open."""
-    from identifiability.workflows.inspect import JOINTS  # noqa: PLC0415
+    from identifiability.report.answers.inspect import JOINTS  # noqa: PLC0415
 
     robot = result.robot
     motors = ", ".join(result.motors)

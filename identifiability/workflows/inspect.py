@@ -15,23 +15,13 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from identifiability.effects.nominal import has_masses
-from identifiability.foundation.answers import Answer, Cell, Column, Table
 from identifiability.foundation.engines import Engine
 from identifiability.foundation.errors import listing
-from identifiability.foundation.findings import ledger, phrase
+from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import checked
 from identifiability.foundation.quoting import for_toml
-from identifiability.foundation.result import Result, by_name
-from identifiability.foundation.rounding import (
-    NONE,
-    digits,
-    format_count,
-    format_number,
-    join,
-    percent,
-    rough_percent,
-)
+from identifiability.foundation.result import Result
 from identifiability.foundation.runs import Progress, Run, quiet, running
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
@@ -48,9 +38,7 @@ from identifiability.regression.reduction import ModelLike, choose_model, find_l
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.sidecar import read_sidecar
-from identifiability.workflows.answers import answer_next, hint_note, sentence, with_hints
 from identifiability.workflows.case import Case, Use
-from identifiability.workflows.commands import name_logs, robot_word, source_name
 from identifiability.workflows.provenance import state_provenance
 
 # What a robot file and logs hold, before anything is fitted.
@@ -344,39 +332,14 @@ class Inspection(OfStructure, Result):
         transmission = self.robot.transmission
         return () if transmission is None else transmission.motors
 
-    def answers(self) -> tuple[Answer, ...]:
-        """Return whether logs can be used and what they show, or what the robot needs."""
-        of_logs, of_robot = (_usable, _content), (_most, _open)
-        answers = [build(self) for build in (of_logs if self.records else of_robot)]
-        return (*answers, answer_next(_next_commands(self)))
-
-    def ledger(self) -> tuple[Table, ...]:
-        """Return the table of all that checks found, and did with the logs."""
-        return ledger(self.findings, every=True)
-
-    def tables(self) -> tuple[Table, ...]:
-        """Return clock, motion and torque of logs; without logs the joints of the robot file."""
-        if not self.records:
-            return (Table.of("Joints of the robot file", JOINTS, self.joints),)
-        clocks = pd.DataFrame([{"log": r.name, **r.clock} for r in self.records])
-        commanded = "kp" in self.to_frame()
-        motion = (*MOTION, *SERVO) if commanded else MOTION
-        return (
-            Table.of("Clock and preparation", CLOCK, clocks.itertuples()),
-            Table.of("Each joint [SI units]", motion, self.to_frame().itertuples()),
-        )
-
     def to_frame(self) -> pd.DataFrame:
         """Return one row a joint; with logs, one row a joint of each log."""
-        if not self.records:
-            return by_name(pd.DataFrame([asdict(j) for j in self.joints]))
-        each = [r.joints.assign(log=r.name) for r in self.records]
-        frame = pd.concat(each, ignore_index=True)
-        return by_name(frame[["log", *frame.columns[:-1]]], 1)
+        return super().to_frame()
 
     def parameters_frame(self) -> pd.DataFrame:
         """Return one row a base parameter: name, unit and what is grouped in it."""
-        return by_name(self.base.to_frame())
+        frame: pd.DataFrame = self._present("parameters_frame")
+        return frame
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in its documented JSON schema."""
@@ -485,115 +448,3 @@ def _with_logs(
         provenance={**found.provenance, **hashes},
         preparation=how or Preparation(),
     )
-
-
-#: Things of which the first screen says what they are.
-SHOWN = 3
-
-
-def _usable(result: Inspection) -> Answer:
-    question = "Can these logs be used?"
-    odd = [hint for hint in result.hints if hint_note(hint).level == "warning"]
-    if odd:
-        count = format_count(len(odd), "thing")
-        if result.warnings:
-            return Answer(question, f"Check {count} first: see the warning.", "", "amber")
-        return Answer(question, f"Check {count} first: {odd[0]}", "", "amber")
-    return Answer(question, "Yes: nothing is odd.", sentence("inspection.sound"), "green")
-
-
-def _content(result: Inspection) -> Answer:
-    clocks = pd.DataFrame([r.clock for r in result.records])
-    seconds = format_number(float(clocks.duration.sum()), 3)
-    samples = format_count(int(clocks.samples.sum()), "sample")
-    rates = dict.fromkeys(format_number(x, 3) for x in (clocks.rate.min(), clocks.rate.max()))
-    short = f"{seconds} s of motion: {samples} at {' … '.join(rates)} Hz."
-    cut = clocks.cutoff.dropna().min()
-    text = "" if np.isnan(cut) else f"Derivatives would be cut off at {format_number(cut, 3)} Hz."
-    return Answer("What is in them?", short, text, "blue")
-
-
-def _most(result: Inspection) -> Answer:
-    base, columns = result.base, join(result.columns, 9)
-    short = f"{len(result.columns)} columns: {columns}."
-    size = f"{format_count(base.rank, 'base parameter')} of {len(base.parameters)}"
-    text = f"They tell {size} at most; the others act only together with these, or never."
-    text += " Measured torque, '<joint>.tau', does as well as commands." * bool(result.robot.servo)
-    if result.motors:
-        short = f"{short[:-1]}; or of motors {join(required_columns(result.motors)[1:], 9)}."
-    return Answer("What must a log have?", short, text, "blue")
-
-
-def _open(result: Inspection) -> Answer:
-    question, needs = "What does the robot file leave open?", result.needs
-    if not needs:
-        return Answer(question, "Nothing that is needed.", tone="green")
-    short = f"{format_count(len(needs), 'thing')}; none is needed to begin."
-    text = " ".join(need.text for need in needs[:SHOWN])
-    return Answer(question, short, text, "amber")
-
-
-def _next_commands(result: Inspection) -> list[tuple[str, str]]:
-    robot = source_name(result.robot)
-    if not result.records:
-        study = f"identifiability new study --robot {robot_word(result.robot)}"
-        motion = f"identifiability excite {robot} --out motion.json --report motion.html"
-        return [
-            ("Begin a folder with an empty log of the right columns:", study),
-            ("Find a motion that is worth measuring:", motion),
-        ]
-    logs = name_logs(result.robot, [r.path or r.name for r in result.records])
-    judge = f"identifiability analyze {robot} {logs} --report report.html --json analyze.json"
-    return [("Say which parameters they determine:", judge)]
-
-
-def _share(value: float) -> str:
-    # Shares below this are none: rounding of times leaves as much.
-    return percent(value, 2) if not value <= 1e-5 else "no"
-
-
-MOTION = with_hints(
-    "inspection.motion",
-    Column("joint", get="joint"),
-    Column("log", get="log"),
-    Column("least", digits(3), "low"),
-    Column("largest", digits(3), "high"),
-    Column("of its range", rough_percent, "room"),
-    Column("speed", digits(3), "speed"),
-    Column("acceleration", digits(3), "acceleration"),
-    Column("bandwidth", digits(3), "bandwidth"),
-    Column("noise", digits(2), "noise"),
-    Column("least torque", digits(3), "torque_low"),
-    Column("largest torque", digits(3), "torque_high"),
-    Column("torque noise", digits(2), "torque_noise"),
-)
-
-#: Of logs of commands beside these.
-SERVO = tuple(Column(word, digits(4), word) for word in ("kp", "kv", "limit"))
-
-
-CLOCK = with_hints(
-    "inspection.clock",
-    Column("log", get="log"),
-    Column("samples", "number", "samples"),
-    Column("seconds", digits(4), "duration"),
-    Column("rate [Hz]", digits(4), "rate"),
-    Column("jitter", _share, "jitter"),
-    Column("gaps", "number", "gaps"),
-    Column("lost", "number", "lost"),
-    Column("cut-off [Hz]", digits(3), "cutoff"),
-    Column("used", rough_percent, lambda r: r.kept / r.samples),
-    Column("left", "number", "outputs"),
-)
-
-
-JOINTS = with_hints(
-    "inspection.joints",
-    Column("joint", get="name"),
-    Column("is", get=lambda j: Cell(j.role, note=j.remark)),
-    Column("kind", get=lambda j: f"{j.kind} [{j.unit}]" if j.kind else NONE),
-    Column("least", digits(3), "low"),
-    Column("largest", digits(3), "high"),
-    Column("speed", digits(3), "speed"),
-    Column("acceleration", digits(3), "acceleration"),
-)

@@ -8,25 +8,20 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import partial
-from operator import itemgetter
 from pathlib import Path
 from typing import Any, ClassVar, Literal, get_type_hints
 
 import pandas as pd
 
-from identifiability.foundation.answers import Answer, Cell, Column, Table
 from identifiability.foundation.engines import Engine, Serial
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, listing, near_match
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.options import FilePath, OptionError, check_option, checked
 from identifiability.foundation.output import temporary_folder, write_bytes
-from identifiability.foundation.quoting import for_link
-from identifiability.foundation.result import Result, by_name
-from identifiability.foundation.rounding import NONE, error_text, format_count, percent
+from identifiability.foundation.result import Result
 from identifiability.foundation.runs import Progress, quiet, running
 from identifiability.foundation.values import frozen
 from identifiability.logs.formats.bags import BAGS, is_bag
@@ -35,7 +30,6 @@ from identifiability.logs.tables import write_table
 from identifiability.robot.locate import ENDINGS
 from identifiability.robot.sidecar import read_settings
 from identifiability.workflows.analyze import analyze
-from identifiability.workflows.answers import TONES, grade_of, with_hints
 from identifiability.workflows.diagnose import diagnose
 from identifiability.workflows.prune import prune
 
@@ -188,50 +182,9 @@ class Fleet(Result):
         """Robots without an answer, and why."""
         return {row["robot"]: row["failed"] for row in self.rows if row["failed"]}
 
-    @property
-    def heading(self) -> tuple[str, str, str]:
-        """Title of its page, what kind of page it is, and what it is about."""
-        about = f"{self.verb} · {format_count(len(self.rows), 'robot')}"
-        return self.folder.resolve().name, "Many robots", about
-
-    def tables(self) -> tuple[Table, ...]:
-        """Return one row a robot."""
-        own = with_hints(
-            "fleet",
-            Column("robot", "text", _robot_cell),
-            Column("held out", "text", lambda r: ", ".join(r["held"]) or NONE),
-            Column("model", "text", itemgetter("model")),
-            Column("size", "number", itemgetter("parameters")),
-            Column("identifiable", "number", lambda r: r["verdicts"].get("identifiable")),
-            Column("error", error_text, lambda r: _known(r["error"])),
-            Column("unseen", error_text, lambda r: _known(r["error_unseen"])),
-            Column("missing", "text", lambda r: "; ".join(r["missing"]) or NONE),
-            Column("warnings", "number", lambda r: len(r["warnings"])),
-        )
-        return (Table.of("One row a robot, whose name leads to its own page", own, self.rows),)
-
-    def answers(self) -> tuple[Answer, ...]:
-        """Return how many robots have an answer, and which model errs most."""
-        short = [f"{len(self.rows) - len(self.failed)} of {len(self.rows)} robots have an answer."]
-        short += [f"{name} has none: {why}" for name, why in [*self.failed.items()][:3]]
-        tone = "amber" if self.failed else "green"
-        told = Answer("Is there an answer?", " ".join(short), tone=tone)
-        known = {r["robot"]: r["error_unseen"] for r in self.rows if r["error_unseen"] is not None}
-        if not known:
-            return (told,)
-        worst = max(known, key=lambda name: known[name])
-        grade = TONES[grade_of(known[worst])]
-        text = f"{worst} errs most on unseen motion: {percent(known[worst], 2)}."
-        return told, Answer("How good are the models?", text, "", grade)
-
     def to_frame(self) -> pd.DataFrame:
         """Return one row a robot; errors are fractions."""
-        frame = pd.DataFrame(self.rows)
-        for name in ("logs", "held", "missing", "warnings"):
-            frame[name] = frame[name].map("; ".join)
-        frame["identifiable"] = [row["verdicts"].get("identifiable") for row in self.rows]
-        whole = dict.fromkeys(("parameters", "identifiable"), "Int64")
-        return by_name(frame.drop(columns="verdicts").astype(whole))
+        return super().to_frame()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the answers in their documented JSON schema."""
@@ -294,15 +247,6 @@ def analyze_many(
     result.to_json(folder / JSON)
     result.write_report(folder / PAGE)
     return result
-
-
-def _robot_cell(row: Mapping[str, Any]) -> Cell:
-    """Return the name of a robot, which leads to its page."""
-    return Cell(row["robot"], row["robot"], link=for_link(row["page"]))
-
-
-def _known(error: float | None) -> float:
-    return math.nan if error is None else error
 
 
 def _open(folder: Path) -> None:

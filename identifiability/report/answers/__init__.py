@@ -16,6 +16,15 @@ FILES = {
     "PositionPrediction": "predict",
     "Load": "payload",
     "Comparison": "compare",
+    "Inspection": "inspect",
+    "Excitation": "excite",
+    "NextMotion": "excite",
+    "Calibration": "calibrate",
+    "Exported": "export",
+    "Unseen": "export",
+    "Draws": "export",
+    "Study": "study",
+    "Fleet": "many",
 }
 
 

@@ -15,15 +15,16 @@ from typing import Annotated, Any
 import numpy as np
 from scipy.special import ndtr
 
-from identifiability.effects import Part, Placed, find_family, title_of
+from identifiability.effects import Part, Placed, find_family
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import one_thread
-from identifiability.foundation.errors import IdentifiabilityError, listing
+from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Positive, Seed, at_least, checked, counted
 from identifiability.foundation.output import write_json
+from identifiability.foundation.presenter import present
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.runs import Progress
 from identifiability.foundation.values import frozen
@@ -89,27 +90,7 @@ class NextMotion:
     @property
     def statement(self) -> str:
         """The answer in plain words."""
-        parts = [name.partition(":")[0].partition("@") for name in self.names]
-        first, *others = (f"{title_of(family)} in {place}" for family, _, place in parts)
-        pair = f"{first} from {listing(others)}"
-        if self.same:
-            return (
-                f"No motion was found that tells {pair}: beside the rest of the model they are the "
-                "same torque, and either predicts it."
-            )
-        period, k = self.excitation.trajectory.period, self.periods
-        more = f", {k} times ({k * period:g} s in all)" if k > 1 else ""
-        # From here on a percentage is not said.
-        chance, before = (
-            "more than 99 %" if share > 0.99 else f"{100 * share:.0f} %"
-            for share in (self.chance, self.before)
-        )
-        return (
-            f"To tell {pair}, log this motion of {period:g} s{more}, which begins and ends at "
-            "rest, and diagnose it with the logs there are: it decides, if the effect is as large "
-            f"as it was found, with a chance of {chance} (without it: {before}). "
-            f"{self.excitation.limits_statement}"
-        )
+        return str(present(self, "statement"))
 
     def to_json(self, path: str | Path) -> Path:
         """Write a trajectory file: ``identifiability simulate ROBOT FILE.json`` follows it."""

@@ -15,22 +15,17 @@ from typing import Any, ClassVar
 import numpy as np
 import pandas as pd
 
-from identifiability.foundation.answers import Answer, Cell, Column, Table
 from identifiability.foundation.defaults import DEFAULTS
-from identifiability.foundation.errors import ClosureError, LogError, listing
+from identifiability.foundation.errors import ClosureError, LogError
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import MOST_SAMPLES
 from identifiability.foundation.output import check_ending, csv_text, write_bytes, write_text
-from identifiability.foundation.quoting import path_for_shell
-from identifiability.foundation.result import Result, by_name
-from identifiability.foundation.rounding import digits, format_count, format_number, percent
+from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation.motion import PrescribedMotion, Trajectory, write_trajectory_bag
-from identifiability.workflows.answers import answer_next
-from identifiability.workflows.commands import name_logs, source_name
-from identifiability.workflows.excite.criteria import Criterion, LogDet
+from identifiability.workflows.excite.criteria import Criterion
 from identifiability.workflows.excite.limits import CLEARANCE, Clearance, Drive, Limits, survey
 
 # From a periodic motion to what a controller plays: from rest, into the periods, back to rest.
@@ -187,25 +182,12 @@ class Excitation(Result):
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a joint: what it does, and the limits that it keeps."""
-        _, q, v, a = self.motion
-        limits = self.limits
-        columns = {
-            "joint": limits.joints,
-            "least": q.min(0),
-            "largest": q.max(0),
-            "lower_limit": limits.low,
-            "upper_limit": limits.high,
-            "speed": np.abs(v).max(0),
-            "speed_limit": limits.speed,
-            "acceleration": np.abs(a).max(0),
-            "acceleration_limit": limits.acceleration,
-        }
-        return by_name(pd.DataFrame(columns))
+        return super().to_frame()
 
     def parameters_frame(self) -> pd.DataFrame:
         """Return one row a column: how its standard deviation changes."""
-        own = {"name": self.names, "unit": self.units, "sigma_ratio": self.gain}
-        return by_name(pd.DataFrame(own))
+        frame: pd.DataFrame = self._present("parameters_frame")
+        return frame
 
     def play(self, rate: float = DEFAULTS.rate, periods: int = 1) -> PrescribedMotion:
         """Return what a controller plays: from rest, through whole periods, back to rest.
@@ -306,91 +288,12 @@ class Excitation(Result):
         }
         return write_text(path, csv_text(pd.DataFrame({"t": motion.t, **columns})))
 
-    def answers(self) -> tuple[Answer, ...]:
-        """Return what the motion tells, whether the robot may play it, what next."""
-        return _worth(self), _safe(self), answer_next(_next_commands(self))
-
-    def tables(self) -> tuple[Table, ...]:
-        """Return one row a joint."""
-        caption = "What each joint does, and may do [SI units]"
-        return (Table.of(caption, LIMITS, self.to_frame().itertuples()),)
-
-    @property
-    def statement(self) -> str:
-        """The answer in plain words."""
-        return f"{self.worth} {self.limits_statement}"
-
     @property
     def worth(self) -> str:
         """What the motion tells, in words; nothing of what only `diagnose --next` asks."""
-        if not isinstance(self.criterion, LogDet):
-            return ""
-        about = listing(self.chosen, 4) if self.chosen else f"all {len(self.names)} parameters"
-        rise = self.after.figure - self.before.figure
-        share = percent(float(np.exp(-rise / (2 * len(self.criterion.chosen)))), 2)
-        return (
-            f"With this motion of {self.trajectory.period:g} s standard deviations, of {about}, "
-            f"are {share} of those of {self.beside} (geometric mean)."
-        )
+        return str(self._present("worth"))
 
     @property
     def limits_statement(self) -> str:
         """What the motion keeps, in words."""
-        told = ["It keeps the limits of every joint"]
-        if self.robot.closed:
-            told += [
-                f"Its loops close at all {self.trajectory.samples} samples",
-                f"The condition number of the closure stays below {self.closure:.2g} (bound "
-                f"{self.limits.closure_bound:g})",
-            ]
-        if np.isfinite(self.gap):
-            told.append(f"Bodies that are not joined keep {1000 * self.gap:.3g} mm or more apart")
-        if self.limits.assumed:
-            told.append(f"Assumed, as nobody stated them: {listing(self.limits.assumed)}")
-        return " ".join(f"{text}." for text in told)
-
-
-def _worth(result: Excitation) -> Answer:
-    question, text = "What does it tell?", result.worth
-    old, new = result.before.identifiable, result.after.identifiable
-    if not new:  # of values that nobody states
-        return Answer(question, text, "", "green")
-    noise = "as the logs'" if result.logs else "of 5 % of the torque"
-    count = format_count(len(result.after.told), "parameter")
-    short = f"{old} → {new} of {count} identifiable, beside {result.beside} (noise {noise})."
-    return Answer(question, short, text, "green")
-
-
-def _safe(result: Excitation) -> Answer:
-    question, text = "May the robot play it?", result.limits_statement
-    if result.limits.assumed:
-        return Answer(question, "Check the limits first: some were assumed.", text, "amber")
-    return Answer(question, "Yes, as far as its limits say.", text, "green")
-
-
-def _next_commands(result: Excitation) -> list[tuple[str, str]]:
-    robot, there = source_name(result.robot), result.written("json")
-    logs = name_logs(result.robot, [*result.logs, "next.csv"])
-    analyze = f"identifiability analyze {robot} {logs} --report report.html"
-    measured = [("When it is measured (as next.csv), judge all logs together:", analyze)]
-    if there is None:  # another motion would be rehearsed
-        return measured
-    line = f"identifiability simulate {robot} {path_for_shell(there)} --out rehearsal.csv"
-    return [("Rehearse it in simulation:", line), *measured]
-
-
-def _range(row: Any) -> Cell:
-    low, high = (format_number(x, 3) for x in (row.lower_limit, row.upper_limit))
-    return Cell(f"{low} … {high}", row.upper_limit - row.lower_limit)
-
-
-LIMITS = (
-    Column("joint", get="joint"),
-    Column("least", digits(3), "least"),
-    Column("largest", digits(3), "largest"),
-    Column("range", "number", _range, "Limits of position."),
-    Column("speed", digits(3), "speed"),
-    Column("limit", digits(3), "speed_limit", "Of the speed."),
-    Column("acceleration", digits(3), "acceleration"),
-    Column("limit", digits(3), "acceleration_limit", "Of the acceleration."),
-)
+        return str(self._present("limits_statement"))

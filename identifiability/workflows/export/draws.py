@@ -21,7 +21,7 @@ from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Expected, FilePath, Positive, Seed, checked
 from identifiability.foundation.output import check_ending
-from identifiability.foundation.rounding import percent
+from identifiability.foundation.presenter import present
 from identifiability.foundation.values import frozen
 from identifiability.logs.tables import PARQUET, write_table
 from identifiability.physical.fitted_model import LeastSquares, physical_set
@@ -93,12 +93,7 @@ class Draws:
     @property
     def statement(self) -> str:
         """What they are, in words."""
-        return (
-            f"{len(self.values)} robots that the logs leave possible, with the file's bodies "
-            f"± {percent(self.share)} as the prior: randomise by them what the logs leave open. A "
-            "body that the file has wrong by more, and the logs do not tell, stays wrong in all of "
-            "them: give a larger --prior."
-        )
+        return str(present(self, "statement"))
 
 
 @checked

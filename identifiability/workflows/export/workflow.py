@@ -36,8 +36,8 @@ from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS
 from identifiability.foundation.options import ExportFormat, FilePath, checked
 from identifiability.foundation.output import check_ending, temporary_folder, write_text
+from identifiability.foundation.presenter import present
 from identifiability.foundation.quoting import for_patch, for_python
-from identifiability.foundation.rounding import percent
 from identifiability.foundation.runs import Run
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import state_mass
@@ -261,25 +261,7 @@ class Exported:
     @property
     def statement(self) -> str:
         """What the files hold, in words."""
-        parts, alone = list[str](), self.error_ra_file
-        if self.beside:
-            beside = [f"{effect} ({listing(n, 4)})" for effect, n in self.beside.items()]
-            told, stand = listing(beside), "it stands" if len(beside) == 1 else "they stand"
-            lacks = f"{told}: {stand} in the sidecar, which simulators do not read."
-            misread = {*self.beside} <= {FAMILIES[name].title for name in MISREADS}
-            kept = f"{self.robot.name} leaves out {told}: its torque is what a sound sensor reads."
-            parts.append(kept if misread else f"{self.robot.name} cannot hold {lacks}")
-            alone = self.error_ra if misread else alone
-        if self.snippet is not None:
-            added = listing(self.added, 4)
-            parts.append(f"In MuJoCo {self.snippet.name} adds {added} to it.")
-        if self.error_ra is not None and alone is not None:
-            parts.append(
-                f"On the fitted logs the real robot errs by {percent(self.error_ra)}, and what "
-                f"{self.robot.name} alone holds by {percent(alone)}."
-            )
-        parts += [self.unseen.told] if self.unseen is not None else []
-        return " ".join([*parts, *self.notes])
+        return str(present(self, "statement"))
 
 
 @checked
@@ -482,13 +464,7 @@ class Unseen:
     @property
     def told(self) -> str:
         """They, in a sentence."""
-        before, written, both = map(percent, (self.before, self.written, self.both))
-        whole = f"its sidecar, or in MuJoCo {self.callback}," if self.callback else "its sidecar"
-        beside = f" and with {whole} by {both}," if self.both != self.written else ""
-        return (
-            f"On {listing(self.logs, 4)} (not fitted) {self.names[1]} alone errs by {written}, "
-            f"most in {self.worst},{beside} where {self.names[0]} alone errs by {before}."
-        )
+        return str(present(self, "told"))
 
 
 def judge_files(

@@ -12,10 +12,11 @@ from tempfile import TemporaryDirectory
 from typing import Annotated
 
 from identifiability.foundation.errors import OutputError
-from identifiability.foundation.findings import Finding, phrase
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.options import Expected, FilePath, checked
 from identifiability.foundation.output import check_writable, csv_text, write_together
-from identifiability.foundation.quoting import for_python, for_toml, path_for_shell, toml_key
+from identifiability.foundation.presenter import present
+from identifiability.foundation.quoting import for_python, for_toml, toml_key
 from identifiability.foundation.values import frozen
 from identifiability.logs.formats.reader import check_there
 from identifiability.robot import Robot
@@ -65,20 +66,12 @@ class Study:
     @property
     def next_line(self) -> str:
         """The first command to type."""
-        if self.has_logs:
-            given = " ".join(map(path_for_shell, [self.robot, *self.fitted]))
-            judge = f" --validate {path_for_shell(self.held_back)}" if self.held_back else ""
-            verb = f"analyze {given}{judge} --report report.html"
-        else:
-            verb = f"inspect {path_for_shell(self.robot)}"
-        return f"cd {path_for_shell(self.folder)} && identifiability {verb}"
+        return str(present(self, "next_line"))
 
     @property
     def statement(self) -> str:
         """The files of the study, in one sentence."""
-        logs = [*self.fitted, *filter(None, [self.held_back])]
-        told = phrase("study", "logs" if self.has_logs else "alone", logs=logs, runs=[*RUNS])
-        return f"{self.folder} is a study of {self.robot}, {told}."
+        return str(present(self, "statement"))
 
 
 @checked

@@ -1,0 +1,141 @@
+"""What `calibrate` answers: whether intervals and verdicts can be trusted on a motion."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from identifiability.foundation.answers import Answer, Column, Table
+from identifiability.foundation.presenter import Presenter
+from identifiability.foundation.result import by_name
+from identifiability.foundation.rounding import join, rough_percent
+from identifiability.workflows.answers import answer, answer_next, reserve, sentence
+from identifiability.workflows.calibrate.rules import RULES
+from identifiability.workflows.commands import (
+    given_paths,
+    held_back,
+    ladder_option,
+    name_logs,
+    source_name,
+)
+
+if TYPE_CHECKING:
+    from identifiability.workflows.calibrate.calibration import Calibration
+
+#: The tone of the answer.
+TONES = {"yes": "green", "no": "vermilion", "not enough trials": "amber"}
+
+
+class CalibrationPresenter(Presenter):
+    """What `calibrate` answers."""
+
+    result: Calibration
+
+    def answers(self) -> tuple[Answer, ...]:
+        """Return whether to trust, how often verdicts are wrong, where, what to do next."""
+        result = self.result
+        asked = _answer_trust(result), _answer_wrong(result), _answer_weakest(result)
+        return (*reserve(asked, result.warnings), answer_next(_list_commands(result)))
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return the coverage of every parameter, the worst first."""
+        rows = self.result.to_frame().itertuples(index=False)
+        return (Table.of(sentence("calibration.table"), EACH, rows),)
+
+    def statement(self) -> str:
+        """Return the answer in plain words, and what is odd about the logs."""
+        result = self.result
+        texts = [f"{a.short} {a.text}".strip() for a in result.answers()[:3]]
+        return "\n".join([*texts, *result.warnings, *result.remarks])
+
+    def warnings(self) -> tuple[str, ...]:
+        """Return the findings of the analysis that change a decision."""
+        found: tuple[str, ...] = self.result.analysis.warnings
+        return found
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a parameter, the worst first: coverage with its Monte-Carlo interval."""
+        cell = self.result.cell
+        pairs = zip(cell.names, cell.each, strict=True)
+        rows = pd.DataFrame([{"parameter": name, **vars(found)} for name, found in pairs])
+        return by_name(rows.sort_values("value", kind="stable"))
+
+
+def _answer_trust(result: Calibration) -> Answer:
+    """Return whether intervals and verdicts can be trusted."""
+    about, cell = "calibration.trust", result.cell
+    part, tone = str(result.word), TONES[result.word]
+    if result.word == "yes" and result.analysis.missing.statement:
+        part, tone = "if_nothing", "amber"
+    elif result.word == "yes" and result.warnings:
+        part, tone = "if_settled", "amber"
+    coverage = f"{100 * cell.coverage:.1f} ± {100 * cell.coverage_se:.1f} %"
+    holes: dict[str, Any] = {"model": result.model, "coverage": coverage}
+    text = sentence(about, "coverage", trials=len(cell.held), **holes)
+    return answer(about, part, text, tone)
+
+
+def _answer_wrong(result: Calibration) -> Answer:
+    """Return how often a verdict is wrong."""
+    about, cell, wrong = "calibration.wrong", result.cell, result.cell.wrong
+    short, parts, tone = sentence(about, "never"), list[str](), "grey"
+    if cell.called:
+        share = rough_percent(wrong.value) if wrong.value else "None"
+        short = sentence(about, "share", share=share)
+        parts.append(sentence(about, "most", most=rough_percent(wrong.high)))
+        tone = "green" if wrong.high <= RULES.wrong_most else "amber"
+    if cell.not_judged:
+        parts.append(sentence(about, "unjudged", share=rough_percent(cell.not_judged)))
+    return Answer(sentence(about, "question"), short, " ".join(parts), tone)
+
+
+def _answer_weakest(result: Calibration) -> Answer:
+    """Return the parameter whose intervals hold the truth least often, and why."""
+    about, below = "calibration.weakest", list(result.cell.below)
+    worst = result.to_frame().iloc[0]
+    held = rough_percent(worst["value"])
+    narrow = sentence(about, "narrow", names=join(below)) if below else ""
+    text = f"{narrow}{_state_reason(result)}"
+    tone = "amber" if narrow else ""
+    return answer(about, "worst", text, tone, parameter=str(worst["parameter"]), share=held)
+
+
+def _state_reason(result: Calibration) -> str:
+    """Return why the answer is no, and what to do about it; else what it rests on."""
+    about, analysis, word = "calibration.reason", result.analysis, result.word
+    if analysis.nothing:
+        return sentence(about, "nothing", why=analysis.nothing)
+    if word == "yes":
+        # Repetitions are made by the model: what it lacks altogether is in none of them.
+        missing = analysis.missing.statement
+        return sentence(about, "missing" if missing else "yes", missing=missing)
+    return sentence(about, word, trials=4 * len(result.cell.held))
+
+
+def _list_commands(result: Calibration) -> list[tuple[str, str]]:
+    """Return lines for the terminal, the most useful first."""
+    analysis, word = result.analysis, result.word
+    robot, how = analysis.robot, analysis.settings.get("preparation")
+    given, name = given_paths(analysis.samples), source_name(robot)
+    logs = f"{name_logs(robot, given, how=how)}{ladder_option(robot, analysis.source)}"
+    more = f"--replicates {4 * len(result.cell.held)} --report calibration.html"
+    begun = name_logs(robot, given, "--start-from", how)
+    usual = {
+        "yes": ("use", f"analyze {name} {logs} --report report.html"),
+        "no": ("motion_next", f"excite {name} {begun} --out next.json"),
+        "not enough trials": ("trials", f"calibrate {name} {logs} {more}"),
+    }
+    found = [usual[word]]
+    if word == "yes" and analysis.missing.functions:
+        held = held_back(analysis.validation)
+        found.insert(0, ("missing", f"diagnose {name} {logs}{held} --report missing.html"))
+    return [(sentence("next", part), f"identifiability {line}") for part, line in found]
+
+
+EACH = (
+    Column("parameter"),
+    Column("coverage", rough_percent, hint=sentence("calibration.table", "coverage")),
+    Column("at least", rough_percent, hint=sentence("calibration.table", "low")),
+    Column("at most", rough_percent, hint=sentence("calibration.table", "high")),
+)

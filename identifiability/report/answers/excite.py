@@ -1,0 +1,167 @@
+"""What `excite` answers: what a motion tells, and whether the robot may play it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from identifiability.effects import title_of
+from identifiability.foundation.answers import Answer, Cell, Column, Table
+from identifiability.foundation.errors import listing
+from identifiability.foundation.presenter import Presenter
+from identifiability.foundation.quoting import path_for_shell
+from identifiability.foundation.result import by_name
+from identifiability.foundation.rounding import digits, format_count, format_number, percent
+from identifiability.workflows.answers import answer, answer_next, sentence
+from identifiability.workflows.commands import name_logs, source_name
+from identifiability.workflows.excite.criteria import LogDet
+
+if TYPE_CHECKING:
+    from identifiability.workflows.excite.next_motion import NextMotion
+    from identifiability.workflows.excite.result import Excitation
+
+
+class ExcitationPresenter(Presenter):
+    """What `excite` answers."""
+
+    result: Excitation
+
+    def answers(self) -> tuple[Answer, ...]:
+        """Return what the motion tells, whether the robot may play it, what next."""
+        result = self.result
+        following = answer_next(_list_commands(result))
+        return _answer_worth(result), _answer_safe(result), following
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return one row a joint."""
+        rows = self.result.to_frame().itertuples()
+        return (Table.of(sentence("excitation.limits", "table"), LIMITS, rows),)
+
+    def statement(self) -> str:
+        """Return the answer in plain words."""
+        return f"{self.result.worth} {self.result.limits_statement}"
+
+    def worth(self) -> str:
+        """Return what the motion tells; nothing of what only `diagnose --next` asks."""
+        result, about = self.result, "excitation.worth"
+        if not isinstance(result.criterion, LogDet):
+            return ""
+        every = sentence(about, "every", count=len(result.names))
+        names = listing(result.chosen, 4) if result.chosen else every
+        rise = result.after.figure - result.before.figure
+        share = percent(float(np.exp(-rise / (2 * len(result.criterion.chosen)))), 2)
+        period, other = result.trajectory.period, result.beside
+        return sentence(about, names=names, share=share, period=period, other=other)
+
+    def limits_statement(self) -> str:
+        """Return what the motion keeps, in words."""
+        result, about = self.result, "excitation.limits"
+        limits, parts = result.limits, [sentence(about, "joints")]
+        if result.robot.closed:
+            holes: dict[str, Any] = {"closure": result.closure, "bound": limits.closure_bound}
+            parts.append(sentence(about, "loops", samples=result.trajectory.samples, **holes))
+        if np.isfinite(result.gap):
+            parts.append(sentence(about, "gap", gap=1000 * result.gap))
+        if limits.assumed:
+            parts.append(sentence(about, "assumed", names=listing(limits.assumed)))
+        return " ".join(parts)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a joint: what it does, and the limits that it keeps."""
+        _, q, v, a = self.result.motion
+        limits = self.result.limits
+        columns = {
+            "joint": limits.joints,
+            "least": q.min(0),
+            "largest": q.max(0),
+            "lower_limit": limits.low,
+            "upper_limit": limits.high,
+            "speed": np.abs(v).max(0),
+            "speed_limit": limits.speed,
+            "acceleration": np.abs(a).max(0),
+            "acceleration_limit": limits.acceleration,
+        }
+        return by_name(pd.DataFrame(columns))
+
+    def parameters_frame(self) -> pd.DataFrame:
+        """Return one row a column: how its standard deviation changes."""
+        result = self.result
+        columns = {"name": result.names, "unit": result.units, "sigma_ratio": result.gain}
+        return by_name(pd.DataFrame(columns))
+
+
+def _answer_worth(result: Excitation) -> Answer:
+    """Return what the motion tells."""
+    about, text = "excitation.worth", result.worth
+    old, new = result.before.identifiable, result.after.identifiable
+    if not new:  # of values that nobody states
+        return Answer(sentence(about, "question"), text, "", "green")
+    noise = sentence(about, "noise_logs" if result.logs else "noise")
+    count = format_count(len(result.after.told), "parameter")
+    holes: dict[str, Any] = {"old": old, "new": new, "count": count, "noise": noise}
+    return answer(about, "counts", text, "green", other=result.beside, **holes)
+
+
+def _answer_safe(result: Excitation) -> Answer:
+    """Return whether the robot may play the motion."""
+    text = result.limits_statement
+    if result.limits.assumed:
+        return answer("excitation.safe", "assumed", text, "amber")
+    return answer("excitation.safe", "yes", text, "green")
+
+
+def _list_commands(result: Excitation) -> list[tuple[str, str]]:
+    """Return lines for the terminal, the most useful first."""
+    robot, there = source_name(result.robot), result.written("json")
+    logs = name_logs(result.robot, [*result.logs, "next.csv"])
+    analyze = f"identifiability analyze {robot} {logs} --report report.html"
+    measured = [(sentence("next", "together"), analyze)]
+    if there is None:  # another motion would be rehearsed
+        return measured
+    line = f"identifiability simulate {robot} {path_for_shell(there)} --out rehearsal.csv"
+    return [(sentence("next", "rehearse"), line), *measured]
+
+
+class NextMotionPresenter(Presenter):
+    """What `diagnose --next` answers."""
+
+    result: NextMotion
+
+    def statement(self) -> str:
+        """Return the answer in plain words."""
+        result, about = self.result, "excitation.next"
+        parts = [name.partition(":")[0].partition("@") for name in result.names]
+        first, *others = (f"{title_of(family)} in {place}" for family, _, place in parts)
+        pair = sentence(about, "pair", first=first, others=listing(others))
+        if result.same:
+            return sentence(about, "same", pair=pair)
+        period, k = result.excitation.trajectory.period, result.periods
+        more = sentence(about, "times", times=k, seconds=k * period) if k > 1 else ""
+        chances = {"chance": _state_chance(result.chance), "before": _state_chance(result.before)}
+        limits = result.excitation.limits_statement
+        return sentence(about, pair=pair, period=period, more=more, limits=limits, **chances)
+
+
+def _state_chance(share: float) -> str:
+    """Return a probability in percent."""
+    # From here on a percentage is not said.
+    return "more than 99 %" if share > 0.99 else f"{100 * share:.0f} %"
+
+
+def _range(row: Any) -> Cell:
+    low, high = (format_number(x, 3) for x in (row.lower_limit, row.upper_limit))
+    return Cell(f"{low} … {high}", row.upper_limit - row.lower_limit)
+
+
+LIMITS = (
+    Column("joint", get="joint"),
+    Column("least", digits(3), "least"),
+    Column("largest", digits(3), "largest"),
+    Column("range", "number", _range, "Limits of position."),
+    Column("speed", digits(3), "speed"),
+    Column("limit", digits(3), "speed_limit", "Of the speed."),
+    Column("acceleration", digits(3), "acceleration"),
+    Column("limit", digits(3), "acceleration_limit", "Of the acceleration."),
+)

@@ -1,0 +1,77 @@
+"""What `export` answers: what the files hold, and how much they err."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from identifiability.effects import FAMILIES
+from identifiability.foundation.errors import listing
+from identifiability.foundation.presenter import Presenter
+from identifiability.foundation.rounding import percent
+from identifiability.workflows.answers import sentence
+from identifiability.workflows.export.workflow import MISREADS
+
+if TYPE_CHECKING:
+    from identifiability.workflows.export.draws import Draws
+    from identifiability.workflows.export.workflow import Exported, Unseen
+
+
+class ExportedPresenter(Presenter):
+    """What `export` answers."""
+
+    result: Exported
+
+    def statement(self) -> str:
+        """Return what the files hold, in words."""
+        result, about = self.result, "export.files"
+        parts, alone, name = list[str](), result.error_ra_file, result.robot.name
+        if result.beside:
+            misread = {*result.beside} <= {FAMILIES[family].title for family in MISREADS}
+            parts.append(_state_beside(result, misread=misread))
+            alone = result.error_ra if misread else alone
+        if result.snippet is not None:
+            added = listing(result.added, 4)
+            parts.append(sentence(about, "snippet", snippet=result.snippet.name, added=added))
+        if result.error_ra is not None and alone is not None:
+            errors = {"error": percent(result.error_ra), "alone": percent(alone)}
+            parts.append(sentence(about, "errors", file=name, **errors))
+        if result.unseen is not None:
+            parts.append(result.unseen.told)
+        return " ".join([*parts, *result.notes])
+
+
+def _state_beside(result: Exported, *, misread: bool) -> str:
+    """Return what the robot file cannot hold; what only concerns the sensor it leaves out."""
+    effects = listing([f"{effect} ({listing(n, 4)})" for effect, n in result.beside.items()])
+    if misread:
+        return sentence("export.files", "misread", file=result.robot.name, effects=effects)
+    part = "lacks_one" if len(result.beside) == 1 else "lacks"
+    return sentence("export.files", part, file=result.robot.name, effects=effects)
+
+
+class UnseenPresenter(Presenter):
+    """What robot files err by on logs that were not fitted."""
+
+    result: Unseen
+
+    def told(self) -> str:
+        """Return the errors, in a sentence."""
+        result, about = self.result, "export.unseen"
+        before, written, both = map(percent, (result.before, result.written, result.both))
+        part = "callback" if result.callback else "sidecar"
+        whole = sentence(about, part, callback=result.callback, both=both)
+        files = {"own": result.names[0], "file": result.names[1], "worst": result.worst}
+        more = whole if result.both != result.written else ""
+        errors = {"written": written, "before": before, "more": more}
+        return sentence(about, logs=listing(result.logs, 4), **files, **errors)
+
+
+class DrawsPresenter(Presenter):
+    """What drawn robots are."""
+
+    result: Draws
+
+    def statement(self) -> str:
+        """Return what they are, in words."""
+        result = self.result
+        return sentence("export.draws", count=len(result.values), share=percent(result.share))

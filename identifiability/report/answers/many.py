@@ -1,0 +1,89 @@
+"""What `analyze_many` answers: how many robots have an answer, and how good the models are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from operator import itemgetter
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from identifiability.foundation.answers import Answer, Cell, Column, Table
+from identifiability.foundation.presenter import Presenter
+from identifiability.foundation.quoting import for_link
+from identifiability.foundation.result import by_name
+from identifiability.foundation.rounding import NONE, error_text, format_count, percent
+from identifiability.workflows.answers import TONES, answer, grade_of, sentence, with_hints
+
+if TYPE_CHECKING:
+    from identifiability.workflows.many import Fleet
+
+
+class FleetPresenter(Presenter):
+    """What `analyze_many` answers."""
+
+    result: Fleet
+
+    def heading(self) -> tuple[str, str, str]:
+        """Return the title of the page, its kind, and its subject."""
+        result = self.result
+        count = format_count(len(result.rows), "robot")
+        return result.folder.resolve().name, sentence("fleet", "kind"), f"{result.verb} · {count}"
+
+    def answers(self) -> tuple[Answer, ...]:
+        """Return how many robots have an answer, and which model errs most."""
+        result = self.result
+        failed = result.failed
+        counts = {"count": len(result.rows) - len(failed), "size": len(result.rows)}
+        short = [sentence("fleet", "count", **counts)]
+        short += [
+            sentence("fleet", "none", name=name, why=why) for name, why in [*failed.items()][:3]
+        ]
+        tone = "amber" if failed else "green"
+        told = Answer(sentence("fleet", "question"), " ".join(short), tone=tone)
+        errors = {r["robot"]: r["error_unseen"] for r in result.rows}
+        known = {name: error for name, error in errors.items() if error is not None}
+        if not known:
+            return (told,)
+        worst = max(known, key=lambda name: known[name])
+        tone, error = TONES[grade_of(known[worst])], percent(known[worst], 2)
+        question = sentence("fleet", "models")
+        return told, answer("fleet", "worst", "", tone, question, name=worst, error=error)
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return one row a robot."""
+        return (Table.of(sentence("fleet", "table"), ROBOTS, self.result.rows),)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a robot; errors are fractions."""
+        rows = self.result.rows
+        frame = pd.DataFrame(rows)
+        for name in ("logs", "held", "missing", "warnings"):
+            frame[name] = frame[name].map("; ".join)
+        frame["identifiable"] = [row["verdicts"].get("identifiable") for row in rows]
+        whole = dict.fromkeys(("parameters", "identifiable"), "Int64")
+        return by_name(frame.drop(columns="verdicts").astype(whole))
+
+
+def _robot_cell(row: Mapping[str, Any]) -> Cell:
+    """Return the name of a robot, which leads to its page."""
+    return Cell(row["robot"], row["robot"], link=for_link(row["page"]))
+
+
+def _known(error: float | None) -> float:
+    return math.nan if error is None else error
+
+
+ROBOTS = with_hints(
+    "fleet",
+    Column("robot", "text", _robot_cell),
+    Column("held out", "text", lambda r: ", ".join(r["held"]) or NONE),
+    Column("model", "text", itemgetter("model")),
+    Column("size", "number", itemgetter("parameters")),
+    Column("identifiable", "number", lambda r: r["verdicts"].get("identifiable")),
+    Column("error", error_text, lambda r: _known(r["error"])),
+    Column("unseen", error_text, lambda r: _known(r["error_unseen"])),
+    Column("missing", "text", lambda r: "; ".join(r["missing"]) or NONE),
+    Column("warnings", "number", lambda r: len(r["warnings"])),
+)

@@ -1,0 +1,40 @@
+"""What `new` answers: the files of a study, and the first command to type."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from identifiability.foundation.findings import phrase
+from identifiability.foundation.presenter import Presenter
+from identifiability.foundation.quoting import path_for_shell
+from identifiability.workflows.answers import sentence
+from identifiability.workflows.study import RUNS
+
+if TYPE_CHECKING:
+    from identifiability.workflows.study import Study
+
+
+class StudyPresenter(Presenter):
+    """What `new` answers."""
+
+    result: Study
+
+    def next_line(self) -> str:
+        """Return the first command to type."""
+        result = self.result
+        if result.has_logs:
+            given = " ".join(map(path_for_shell, [result.robot, *result.fitted]))
+            held = result.held_back
+            judge = f" --validate {path_for_shell(held)}" if held else ""
+            verb = f"analyze {given}{judge} --report report.html"
+        else:
+            verb = f"inspect {path_for_shell(result.robot)}"
+        return f"cd {path_for_shell(result.folder)} && identifiability {verb}"
+
+    def statement(self) -> str:
+        """Return the files of the study, in one sentence."""
+        result = self.result
+        logs = [*result.fitted, *filter(None, [result.held_back])]
+        part = "logs" if result.has_logs else "alone"
+        files = phrase("study", part, logs=logs, runs=[*RUNS])
+        return sentence("study.files", folder=result.folder, robot=result.robot, files=files)
