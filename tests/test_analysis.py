@@ -82,8 +82,8 @@ def test_the_json_follows_the_documented_schema(result, tmp_path):
     assert len(content["full_parameters"]) == 37
 
 
-def test_without_validation_the_error_is_cross_validated(simulated):
-    out = analyze("3-rps", simulated("3-rps", "601", 0), replicates=50)
+def test_where_nothing_is_held_out_the_error_is_cross_validated(simulated):
+    out = analyze("3-rps", simulated("3-rps", "601", 0), "none", replicates=50)
     assert "cross-validation" in out.validation_kind
     full, small = out.models[0], out.models[3]
     assert full.error_ra_validation > full.error_ra
@@ -92,14 +92,14 @@ def test_without_validation_the_error_is_cross_validated(simulated):
 
 def test_errors_of_several_logs_are_of_what_was_left_out(simulated):
     logs = [simulated("3-rps", t, k) for k, t in enumerate(("571", "595", "601"))]
-    out = analyze("3-rps", logs, replicates=50)
+    out = analyze("3-rps", logs, "none", replicates=50)
     assert out.information.samples == 2250
     assert 0.04 < out.chosen.error_ra_validation < 0.055
 
 
 def test_the_same_inputs_give_the_same_result_and_a_data_frame_is_a_log(simulated):
     log = simulated("two-link", "a", 0)
-    a, b, c = (analyze("two-link", x, replicates=50) for x in (log, log, log.to_frame()))
+    a, b, c = (analyze("two-link", x, "none", replicates=50) for x in (log, log, log.to_frame()))
     assert a.to_dict() == b.to_dict()
     assert a.to_dict()["models"] == c.to_dict()["models"]
 
@@ -181,11 +181,11 @@ def test_numbers_of_a_file_are_believed_contradicted_or_left_open(simulated_sess
     robot = Robot.load("two-link")
     values = {n: x * robot.nominal[n] if n != "link2.mz" else x for n, x in wrong.items()}
     vendor = save_robot(robot, values, tmp_path / "fitted.xml")
-    found = analyze(vendor, log, replicates=0)
+    found = analyze(vendor, log, "none", replicates=0)
     frame = found.file_frame().set_index("name")
     assert set(frame.index[:2]) == {"elbow.Fv", "link2.mx"}
     assert "shoulder.Fc" not in frame.index  # zero states nothing
-    assert export_line(Robot.load(vendor))[1].endswith("--out refitted.xml")
+    assert export_line(Robot.load(vendor), "x.json").endswith("--out refitted.xml")
     assert set(frame.query("logs == 'contradicted'").index) <= set(wrong)
     assert set(frame["logs"]) == {"contradicted", "agrees", "not determined"}, frame
     assert abs(frame["value"]["elbow.Fv"] / robot.nominal["elbow.Fv"] - 1) < 0.1

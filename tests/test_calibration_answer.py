@@ -34,7 +34,7 @@ def test_yes_where_intervals_hold(log):
     assert second.startswith("None of what is called identifiable is off by more than half.")
     assert third.endswith("This is so if no effect is missing: diagnose looks for one.")
     told = found.to_dict()
-    assert (told["answer"], told["statement"], told["causes"]) == ("yes", found.statement, [])
+    assert (told["answer"], told["statement"]) == ("yes", found.statement)
 
 
 def test_no_where_noise_remembers_longer_than_the_log(log):

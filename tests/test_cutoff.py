@@ -34,7 +34,7 @@ def test_a_good_cut_off_gives_no_hint(positions, seed):
 def test_logs_have_one_cut_off_that_the_fitted_ones_decide(positions):
     slow = positions(2e-5)
     fast = replace(positions(2e-5, 1), t=slow.t / 3, name="fast")
-    both = analyze("two-link", [slow, fast], replicates=0)
+    both = analyze("two-link", [slow, fast], "none", replicates=0)
     # A fifth of the slower rate: ten times the band of the fast one would be 24 Hz.
     assert [s.band for s in both.samples] == pytest.approx([20, 20], rel=0.01)
     held = analyze("two-link", fast, slow, replicates=0)
@@ -47,7 +47,8 @@ def test_logs_have_one_cut_off_that_the_fitted_ones_decide(positions):
 
 def test_a_cut_off_in_the_band_of_the_motion_is_said(positions):
     slow = positions(2e-5)
-    found = analyze("two-link", slow, preparation=Preparation(cutoff=1.2), replicates=0)
+    how = Preparation(cutoff=1.2)
+    found = analyze("two-link", slow, "none", preparation=how, replicates=0)
     (hint,) = about_cutoff(found)
     assert hint.startswith("The cut-off of 1.2 Hz cuts into the motion of the logs, which reaches")
     assert "0.8 Hz: accelerations are missing" in hint
@@ -92,7 +93,7 @@ def test_a_slower_held_out_log_is_judged_in_its_own_band(verb, cutoff, positions
 
 
 def test_the_log_held_out_moves_no_fitted_value(positions, slow):
-    alone = analyze("two-link", positions(2e-5), replicates=0)
+    alone = analyze("two-link", positions(2e-5), "none", replicates=0)
     judged = analyze("two-link", positions(2e-5), slow, replicates=0)
     assert [s.cutoff for s in judged.samples] == [s.cutoff for s in alone.samples]
     pairs = zip(judged.models, alone.models, strict=True)
@@ -107,4 +108,4 @@ def test_a_result_predicts_a_slower_log_in_its_own_band(positions, slow):
 
 def test_a_fitted_log_that_cannot_have_the_cut_off_is_refused(positions, slow):
     with pytest.raises(LogError, match=r"cut-off 12 Hz does not lie between .* \(2 Hz\)"):
-        analyze("two-link", [positions(2e-5), slow], preparation=Preparation(cutoff=12.0))
+        analyze("two-link", [positions(2e-5), slow], "none", preparation=Preparation(cutoff=12))

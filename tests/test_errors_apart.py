@@ -51,6 +51,6 @@ def test_the_joint_and_the_log_that_are_off_stand_out(result):
 
 
 def test_without_held_out_logs_each_log_has_its_turn(logs):
-    frame = analyze("two-link", logs[:2], replicates=10).error_frame()
+    frame = analyze("two-link", logs[:2], "none", replicates=10).error_frame()
     assert list(frame.name[frame.of == "log"]) == ["good", "bad"]
     assert frame.error_validation.notna().all()

@@ -62,8 +62,8 @@ def test_a_sign_in_doubt_is_what_it_is_in_the_mean():
 
 
 def test_results_say_that_they_are_by_instruments_and_least_squares_can_be_asked_for(noisy_log):
-    found = analyze("3-rps", noisy_log, replicates=20)
-    plain = analyze("3-rps", noisy_log, replicates=20, estimator="ls")
+    found = analyze("3-rps", noisy_log, "none", replicates=20)
+    plain = analyze("3-rps", noisy_log, "none", replicates=20, estimator="ls")
     assert found.to_dict()["estimator"] == "iv"
     assert plain.to_dict()["estimator"] == "wls"
     assert plain.chosen.estimate.bias is None

@@ -34,7 +34,7 @@ def test_holes_take_lists_shares_and_go_by_numbers():
 
 
 def test_the_ledger_is_a_table_of_what_was_done(spoilt):
-    found = analyze("two-link", spoilt, replicates=0)
+    found = analyze("two-link", spoilt, "none", replicates=0)
     assert {x.key for x in found.findings} >= {"spikes"}
     (table,) = found.ledger()
     rows = [tuple(cell.text for cell in row) for row in table.rows]

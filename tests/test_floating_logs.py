@@ -110,7 +110,7 @@ def test_every_road_ends_in_what_an_ideal_sensor_reads(which, thrown, body):
 
 
 def test_a_body_that_is_moved_by_a_hand_tells_its_ten_parameters(thrown, body):
-    found = analyze(body, [table(thrown, **sensor(thrown))], replicates=50)
+    found = analyze(body, [table(thrown, **sensor(thrown))], "none", replicates=50)
     assert "body weighs 2.5" in found.statement
     told = found.to_frame()
     told = told[~told.index.str.startswith("base.imu")]
@@ -139,7 +139,7 @@ def test_a_mounting_that_is_known_roughly_is_corrected_in_the_fit(thrown, body):
     acc = thrown["acc"] + lever + bias
     frame = table(thrown, a=(axes("base.acc."), acc), g=(axes("base.gyro."), thrown["gyro"]))
     body.path.with_suffix(".toml").write_text(WRENCH + '[imu]\nfit = ["place", "acc_bias"]\n')
-    found = analyze(Robot.load(body.path), [frame], replicates=50)
+    found = analyze(Robot.load(body.path), [frame], "none", replicates=50)
     told = found.to_frame().set_index("name")
     mounting = [f"base.imu_{k}" for k in ("x", "y", "z", "ax", "ay", "az")]
     np.testing.assert_allclose(told["value"][mounting], [*place, *bias], rtol=0.05)

@@ -3,19 +3,19 @@
 import pytest
 
 from identifiability import Robot, analyze, new_study
-from identifiability.workflows import session
+from identifiability.workflows import case
 
 #: Whose friction the file states as it was planted.
 SLIDERS = [f"slider{k}.Fv" for k in (1, 2, 3)]
 
 
-@pytest.fixture(scope="module", params=[session.COMPLETED, ()], ids=["named", "missing"])
+@pytest.fixture(scope="module", params=[case.COMPLETED, ()], ids=["named", "missing"])
 def found(request, tmp_path_factory):
     """The shipped 3-RPS with friction in passive joints, which is named, or of no model."""
     made = new_study(tmp_path_factory.mktemp("3-rps") / "study", "3-rps")
     logs = [made.folder / f"run{k}.csv" for k in (1, 2)]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(session, "COMPLETED", request.param)
+        patch.setattr(case, "COMPLETED", request.param)
         return analyze(made.folder / "robot.xml", logs, made.folder / "run3.csv", replicates=20)
 
 

@@ -33,12 +33,13 @@ def rubbed(log, more):
 
 @pytest.fixture(scope="module")
 def equal(logs):
-    return analyze("two-link", logs, replicates=50)
+    return analyze("two-link", logs, "none", replicates=50)
 
 
 @pytest.fixture(scope="module")
 def mixed(logs):
-    return analyze("two-link", [logs[0], rubbed(logs[1], 0.3), logs[2]], replicates=50)
+    three = [logs[0], rubbed(logs[1], 0.3), logs[2]]
+    return analyze("two-link", three, "none", replicates=50)
 
 
 def test_the_odd_log_is_named_with_parameter_and_joint(mixed):

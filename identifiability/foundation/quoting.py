@@ -296,6 +296,7 @@ def for_patch(path: str) -> str:
     """
     content = path.encode("utf-8", "surrogateescape")
     odd = b'"\\'
+    # Control characters of ASCII end at the space.
     if not any(byte < 0x20 or byte in odd for byte in content):
         return path
     return f'"{"".join(_patch_byte(byte, odd) for byte in content)}"'
@@ -304,4 +305,5 @@ def for_patch(path: str) -> str:
 def _patch_byte(byte: int, odd: Iterable[int]) -> str:
     if byte in odd:
         return f"\\{chr(byte)}"
+    # Printable characters of ASCII.
     return chr(byte) if 0x20 <= byte < 0x7F else f"\\{byte:03o}"

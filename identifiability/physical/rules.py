@@ -14,7 +14,7 @@ class Rules(RuleTable):
 
     body_within: Annotated[float, "bodies of the file are within this share, by hand"] = 0.2
     densest: Annotated[
-        float, "density that no material exceeds, osmium's [kg/m³], CRC Handbook"
+        float, "density that no material exceeds, osmium's by the CRC Handbook [kg/m³], literature"
     ] = 22_600.0
     widest: Annotated[
         float, "radius of gyration of a body over the robot's reach that is reported, by hand"

@@ -337,6 +337,10 @@ class _Content(RootModel[dict[str, Any]]):
     """What stands in the JSON of a result."""
 
 
+#: What a result writes beside its own schema.
+KEPT_APART = ("findings", "answers", "warnings")
+
+
 @frozen
 class KeptResult(Result):
     """What the JSON of a result keeps of it, equal to the live one; it has neither robot nor logs.
@@ -401,7 +405,7 @@ class KeptResult(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in its documented JSON schema."""
-        return {k: x for k, x in self.content.items() if k not in ("answers", "findings")}
+        return {k: x for k, x in self.content.items() if k not in KEPT_APART}
 
     def __getattr__(self, name: str) -> Any:
         raise AttributeError(

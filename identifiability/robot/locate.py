@@ -14,7 +14,6 @@ from importlib import resources
 from pathlib import Path
 
 from identifiability.foundation.errors import RobotError, near_match
-from identifiability.foundation.linalg import TINY
 from identifiability.foundation.quoting import path_for_shell
 from identifiability.foundation.rules import Tolerance
 
@@ -101,7 +100,7 @@ LONGEST_NAME = 500
 LARGEST: Tolerance = 1e15
 
 #: No mass is smaller [kg], unless it is zero: centres of mass are quotients by it.
-SMALLEST = TINY
+SMALLEST: Tolerance = 1e-12
 
 
 # Parse the XML of a robot file as far as its size allows: what has no end is refused at once.

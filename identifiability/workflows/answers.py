@@ -284,6 +284,7 @@ def state_contradicted(
     size = np.maximum(np.abs(values), np.abs(stated))
     with np.errstate(divide="ignore", invalid="ignore"):
         sigmas = np.nan_to_num(off / sigma, posinf=0.0)
+    # From percent.
     matters = off > Thresholds().sigma_percent / 100 * size
     far = _of_bodies(base, submodel) & matters & (sigmas > RULES.contradicted)
     each = list[str]()

@@ -31,6 +31,9 @@ def test_an_error_quotes_odd_names_on_one_short_line(refuses, arm):
     odd = "wrist\x1b[2J\u200b"
     sentence = refuses("two-link", arm.rename(columns=lambda c: c.replace("elbow", odd)))
     assert "If one of wrist\\x1b[2J\\u200b is it, add --map" in sentence
-    sentence = refuses("two-link", arm.rename(columns=lambda c: c.replace("elbow", "e" * 5000)))
+    sentence = refuses("two-link", arm.rename(columns=lambda c: c.replace("elbow", "e" * 900)))
     assert "one of " + "e" * 100 + "…" + "e" * 60 + " is it" in sentence
     assert len(sentence) < 600
+    sentence = refuses("two-link", arm.rename(columns=lambda c: c.replace("elbow", "e" * 5000)))
+    assert "has a column whose name has 5004 letters" in sentence
+    assert len(sentence) < 300

@@ -14,6 +14,7 @@ from identifiability.regression.structure import Structure
 from identifiability.simulation import Campaign, PrescribedMotion, random_trajectory
 from identifiability.simulation.forward import ForwardRobot
 from identifiability.workflows.diagnose.forward import Physical, compare_forward
+from identifiability.workflows.diagnose.problem import fit_structure
 from identifiability.workflows.diagnose.result import fit_physical
 
 
@@ -53,7 +54,8 @@ def test_a_missing_effect_opens_a_gap_in_motion_that_adding_it_closes():
     *train, unseen = _samples(robot, 1, 3, ["load_dependent_friction=0.08"])
     effect = find_effect("load_dependent_friction")
     fuller = Model((*BASE.effects, Placed([Part(effect, j, ("Fl",)) for j in robot.joints])))
-    before, after = (fit_physical(Structure.of(robot, m), train) for m in (BASE, fuller))
+    each = (Structure.of(robot, model) for model in (BASE, fuller))
+    before, after = (fit_physical(x, fit_structure(x, x.regression(train))) for x in each)
     gap = compare_forward(before, after, [unseen], np.random.default_rng(0))
     low, high = gap.interval
     assert gap.error_after < 0.5 * gap.error_before

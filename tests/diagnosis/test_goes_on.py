@@ -18,7 +18,7 @@ FEW = ("stribeck_friction", "position_ripple")
 def test_the_model_file_of_a_diagnosis_is_analysed_and_exported(diagnosis_of, logs_of, tmp_path):
     d, logs = diagnosis_of("3-rps", *NAMED, effects=FEW), logs_of("3-rps", *NAMED)
     path = d.write_model(tmp_path / "model.toml")
-    assert set(d.plain.model.texts) < set(d.model.texts)
+    assert set(d.problem.plain.model.texts) < set(d.model.texts)
     result = analyze("3-rps", logs[:4], logs[4:], path, replicates=0)
     assert result.structure.model.texts == d.model.texts
     assert result.shapes == d.completed.shapes  # those of the named effects are in the file

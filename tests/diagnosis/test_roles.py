@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from identifiability.workflows import session
+from identifiability.quality import recordings
 from identifiability.workflows.diagnose import diagnose
 
 
@@ -10,7 +10,7 @@ def test_what_verifies_can_only_refute(logs_of, monkeypatch):
     """Law: the torque of a verifying log fits nothing and gives no name."""
     logs = logs_of("two-link", "joint_stiffness@elbow=0.05")
     spoiled = replace(logs[4], tau=-3.0 * logs[4].tau[::-1], sha256="")
-    monkeypatch.setattr(session, "check_held_out", lambda *_: None)
+    monkeypatch.setattr(recordings, "check_held_out", lambda *_: None)
     known = ("joint_stiffness", "torque_offset", "free_spring", "stribeck_friction")
     few = {"effects": known, "quick": True, "forward": False}
     a, b, c = (

@@ -154,7 +154,7 @@ def test_where_no_robot_within_its_bounds_predicts_the_first_that_is_said_is_tha
     heavy = tmp_path / "heavy.toml"
     for mass, tone in (("[0, 60]", "green"), ("[12, 60]", "amber")):
         heavy.write_text(f"[bounds.bodies.link2]\nmass = {mass}\n")
-        found = analyze(Robot.load("two-link", sidecar=heavy), log, replicates=0)
+        found = analyze(Robot.load("two-link", sidecar=heavy), log, "none", replicates=0)
         trust = found.answers()[2]
         assert trust.tone == tone
         assert ("[bounds] of link2" in trust.short) == (tone == "amber")

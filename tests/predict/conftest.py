@@ -46,4 +46,4 @@ def without_noise():
 
 @pytest.fixture(scope="session")
 def analysis():
-    return analyze("two-link", noisy("two-link", "a", 1), replicates=100)
+    return analyze("two-link", noisy("two-link", "a", 1), "none", replicates=100)

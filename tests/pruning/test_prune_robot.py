@@ -76,7 +76,7 @@ def test_what_the_chosen_model_weighs_among_all_is_said(pruned):
 
 def test_the_chosen_model_is_a_ladder_that_analyze_reads(pruned, simulated, tmp_path):
     path = pruned.write_model(tmp_path / "pruned.toml")
-    again = analyze("3-rps", simulated("3-rps", "601", 0), ladder=path, replicates=20)
+    again = analyze("3-rps", simulated("3-rps", "601", 0), "none", path, replicates=20)
     model = again.models[1]
     assert set(model.submodel.columns) == set(pruned.chosen.columns)
     np.testing.assert_allclose(

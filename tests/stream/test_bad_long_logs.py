@@ -78,7 +78,7 @@ def test_what_becomes_of_a_file_that_was_read_does_not_matter(form, frame, saved
     log = Log.read(path)
     path.unlink()
     with Processes(2) as processes:
-        assert analyze(robot, log, engine=processes).information.samples == len(frame)
+        assert analyze(robot, log, "none", engine=processes).information.samples == len(frame)
 
 
 def test_a_wrong_sample_of_a_long_file_is_named_and_weighs_nothing(frame, tmp_path, sizes):
@@ -88,9 +88,9 @@ def test_a_wrong_sample_of_a_long_file_is_named_and_weighs_nothing(frame, tmp_pa
     spoilt.loc[2000:2024, "shoulder.tau"] *= 10
     path = tmp_path / "log.parquet"
     spoilt.to_parquet(path, index=False, row_group_size=700)
-    whole = analyze("two-link", Log.read(path), replicates=20)
+    whole = analyze("two-link", Log.read(path), "none", replicates=20)
     sizes()
-    parts = analyze("two-link", Log.read(path), replicates=20)
+    parts = analyze("two-link", Log.read(path), "none", replicates=20)
     wrong, burst = parts.hints
     assert wrong == whole.hints[0]
     assert "log.parquet: 2 values lie far" in wrong

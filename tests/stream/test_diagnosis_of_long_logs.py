@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 
 from identifiability.logs import Log
+from identifiability.logs.prepare import excerpt
 from identifiability.logs.prepare.excerpt import prepare_excerpt
 from identifiability.robot import Robot
-from identifiability.workflows.diagnose import problem as motion_of
 
 MOST = 400
 
 
 @pytest.fixture
 def few(monkeypatch):
-    monkeypatch.setattr(motion_of, "MOST_SAMPLES", MOST)
-    monkeypatch.setattr(motion_of, "STRETCH", 40)
+    monkeypatch.setattr(excerpt, "MOST_SAMPLES", MOST)
+    monkeypatch.setattr(excerpt, "STRETCH", 40)
 
 
 @pytest.mark.parametrize("derivatives", [True, False])

@@ -124,7 +124,7 @@ def test_only_rows_of_long_logs_stay_on_the_disk(frame_of, saved, monkeypatch):
         assert log.long
         assert isinstance(log.q.base.base.obj, mmap.mmap)
         np.testing.assert_allclose(log.q[1500:], long[0].q[1500:], rtol=1e-12)
-    assert analyze("two-link", long[1], replicates=0).information.samples == len(frame)
+    assert analyze("two-link", long[1], "none", replicates=0).information.samples == len(frame)
 
 
 def test_a_full_disk_is_said(frame_of, saved, monkeypatch, tmp_path):

@@ -43,8 +43,9 @@ def prepare_excerpt(
     most : int
         Rows after decimation.
     """
-    factor = find_factor(log) if how is None else 1
-    how = how or Preparation(decimate=factor)
+    if how is None:
+        factor = find_factor(log)
+        how = Preparation(decimate=factor) if factor > 1 else Preparation()
     if log.long:
         long = len(log) > READ * most
         windows = spread(len(log), READ * STRETCH, most // STRETCH) if long else [(0, len(log))]

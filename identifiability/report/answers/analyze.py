@@ -336,9 +336,10 @@ def list_commands(result: Laddered[Any]) -> list[tuple[str, str]]:
     logs = commands.name_logs(result.robot, names, how=how)
     if result.nothing:
         return [(sentence("next", "inspect"), f"identifiability inspect {robot} {logs}")]
-    inputs = f"{robot} {logs}{commands.held_back(result.validation)}"
+    inputs = f"{robot} {logs}{commands.held_back(result.validation, result.samples)}"
     ladder = commands.ladder_option(result.robot, result.source)
-    again = f"identifiability {verb} {inputs}{ladder}"
+    all_fitted = "" if result.validation else " --validate none"
+    again = f"identifiability {verb} {inputs}{all_fitted}{ladder}"
     find, out = f"identifiability diagnose {inputs}", list[tuple[str, str]]()
     if verb == "prune":
         use = partial("{} --model {}".format, find)

@@ -128,7 +128,7 @@ def _list_commands(result: Calibration) -> list[tuple[str, str]]:
     }
     found = [usual[word]]
     if word == "yes" and analysis.missing.functions:
-        held = held_back(analysis.validation)
+        held = held_back(analysis.validation, analysis.samples)
         found.insert(0, ("missing", f"diagnose {name} {logs}{held} --report missing.html"))
     return [(sentence("next", part), f"identifiability {line}") for part, line in found]
 

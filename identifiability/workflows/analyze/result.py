@@ -493,8 +493,9 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
 def disagree(motions: Motions) -> bool:
     """Return whether logs give other values than each other, by more than chance.
 
-    Intervals are widened sooner; of a hundred fits of one robot chance says it of none.
+    Intervals are widened sooner.
     """
+    # Of a thousand fits of one robot chance says it of one.
     return bool(motions.p.min() < 0.001)
 
 

@@ -615,8 +615,10 @@ def keep_completed(d: Diagnosis) -> Fit:
     )
 
 
-def fit_physical(d: Diagnosis, structure: Structure, cad_weight: float | None = None) -> Physical:
-    """Return the physically consistent robot that explains the fitted logs best under a model.
+def fit_physical(
+    structure: Structure, weighed: WeighedFit, cad_weight: float | None = None
+) -> Physical:
+    """Return the physically consistent robot that explains weighted rows best under a model.
 
     The weight of the robot file is chosen by predictions of left-out stretches, unless it is given.
 
@@ -625,11 +627,6 @@ def fit_physical(d: Diagnosis, structure: Structure, cad_weight: float | None = 
     IdentifiabilityError
         If the solver finds none.
     """
-    weighed = (
-        d.refit
-        if structure is d.completed
-        else fit_structure(structure, d.problem.regression(structure))
-    )
     found = nearest_robot(structure, *weighed[:2], cad_weight)
     if found.nearest is None:
         raise IdentifiabilityError(found.sentence.strip())
@@ -649,7 +646,10 @@ def real_robot(d: Diagnosis, structure: Structure, weight: float | None = None) 
     """
     if len(d.known.precision):
         weight = share_weight(d.known.share) if d.known.share else weight
-        return fit_physical(d, structure, weight)
+        weighed = d.refit
+        if structure is not d.completed:
+            weighed = fit_structure(structure, d.problem.regression(structure))
+        return fit_physical(structure, weighed, weight)
     values = {name: d.robot.nominal.get(name, 0.0) for name in d.structure.columns}
     values = dict.fromkeys(structure.columns, 0.0) | values
     if structure is d.completed:
