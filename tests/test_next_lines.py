@@ -16,13 +16,13 @@ from typer.testing import CliRunner
 
 from identifiability import Robot, new_study, simulate
 from identifiability.cli import app, common
+from identifiability.report.answers.commands import reading_options
 from identifiability.simulation import (
     Noise,
     PrescribedMotion,
     random_trajectory,
     shipped_trajectory,
 )
-from identifiability.workflows.commands import reading_options
 
 COMMANDS = vars(typer.main.get_command(app))["commands"]
 

@@ -52,7 +52,7 @@ from identifiability.regression.information import Information
 
 @frozen
 class Levels:
-    """What evidence is called; `workflows/words.toml` says it in words.
+    """What evidence is called; `report/answers/words.toml` says it in words.
 
     Attributes
     ----------

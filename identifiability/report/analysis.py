@@ -33,6 +33,7 @@ from identifiability.report.answers.analyze import (
     model_title,
     parameter_table,
 )
+from identifiability.report.answers.common import note, sentence
 from identifiability.report.blocks import (
     GLOSSARY,
     Fold,
@@ -50,7 +51,6 @@ from identifiability.report.blocks import (
 from identifiability.report.skeleton import move_with_torque
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.answers import note, sentence
 from identifiability.workflows.predict import Fit
 
 

@@ -29,6 +29,7 @@ from identifiability.foundation.rounding import (
     rough_percent,
 )
 from identifiability.report import plot
+from identifiability.report.answers.common import hint_note, sentence, words
 from identifiability.report.blocks import (
     Block,
     Fold,
@@ -53,7 +54,6 @@ from identifiability.report.figures import draw_curve, draw_forward, draw_interv
 from identifiability.report.skeleton import LINE, move_skeletons, move_with_torque
 from identifiability.robot import complete_motion
 from identifiability.robot.kinematics import Point
-from identifiability.workflows.answers import hint_note, sentence, words
 
 if TYPE_CHECKING:
     from identifiability.workflows.calibrate.calibration import Calibration

@@ -31,6 +31,7 @@ from identifiability.foundation.quoting import for_html
 from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import superscript
 from identifiability.foundation.values import frozen
+from identifiability.report.answers.common import hint_note, note
 from identifiability.report.blocks import (
     Answers,
     Block,
@@ -41,7 +42,6 @@ from identifiability.report.blocks import (
     words_of,
 )
 from identifiability.report.figures import TEMPLATES, mark_of
-from identifiability.workflows.answers import hint_note, note
 
 if TYPE_CHECKING:
     from xarray import DataTree

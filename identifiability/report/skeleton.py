@@ -10,10 +10,10 @@ import pinocchio as pin
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.quoting import for_svg
+from identifiability.report.answers.common import sentence
 from identifiability.report.blocks import Moving, Trace
 from identifiability.robot import Motion, Robot
 from identifiability.robot.kinematics import Point, shortest_turn
-from identifiability.workflows.answers import sentence
 
 #: Size of the drawing and the margin around it [px].
 WIDTH, HEIGHT, MARGIN = 400, 280, 30

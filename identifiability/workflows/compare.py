@@ -46,13 +46,13 @@ from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.robot import tool_bodies
 from identifiability.workflows.case import read_sides
-from identifiability.workflows.commands import given_paths
 from identifiability.workflows.diagnose.changes import (
     Change,
     DifferentTorque,
     list_changes,
     list_log_changes,
 )
+from identifiability.workflows.provenance import given_paths
 
 # Logs of several sides as one question.
 

@@ -50,10 +50,10 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.robot import Point, body_of, ten_parameters, tool_bodies
 from identifiability.workflows.case import read_sides
-from identifiability.workflows.commands import given_paths
 from identifiability.workflows.compare import find_differences, look
 from identifiability.workflows.diagnose.changes import Change, DifferentTorque, list_log_changes
 from identifiability.workflows.predict import FitLike, Predicts, find_fit, state_missing
+from identifiability.workflows.provenance import given_paths
 
 # `LoadEstimate`: the ten parameters of a load, with everything that is not known of them.
 

@@ -53,7 +53,7 @@ from identifiability.robot.robot import new_place
 from identifiability.robot.servo import FOUND, Servo
 from identifiability.robot.sidecar import Value
 from identifiability.workflows.case import Case, Use
-from identifiability.workflows.commands import given_paths
+from identifiability.workflows.provenance import given_paths
 
 
 def state_missing(functions: Sequence[str]) -> tuple[str, ...]:

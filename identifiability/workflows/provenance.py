@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from hashlib import sha256
 
 from identifiability.foundation import __version__
 from identifiability.foundation.engines import NUMERICS, find_version
+from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset
 from identifiability.regression.reduction import LadderSource
 from identifiability.robot import Robot
@@ -45,3 +46,8 @@ def state_provenance(
         out["sha256 ladder"] = source.sha256
     out |= {f"sha256 {s.path or s.name}": s.sha256 for s in samples}
     return out
+
+
+def given_paths(logs: Iterable[Log | Dataset]) -> tuple[str, ...]:
+    """Return the paths of logs as they were given, and the names of logs in memory."""
+    return tuple(log.path or log.name for log in logs)

@@ -11,8 +11,8 @@ import pytest
 from identifiability.logs.contradictions import contradictions, looks_like_degrees
 from identifiability.logs.table_reader import unify_rates
 from identifiability.quality import hints as torque_scale
+from identifiability.report.answers.common import grade_of
 from identifiability.workflows.analyze import workflow
-from identifiability.workflows.answers import grade_of
 
 N = 4000
 RNG = np.random.default_rng(0)

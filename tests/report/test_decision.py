@@ -3,7 +3,7 @@
 import numpy as np
 
 from identifiability.foundation.answers import Note
-from identifiability.workflows.answers import answer_quality, answer_trust
+from identifiability.report.answers.common import answer_quality, answer_trust
 
 
 def test_quality_names_the_worst_joint():

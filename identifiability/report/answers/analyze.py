@@ -34,9 +34,8 @@ from identifiability.foundation.rounding import (
     stated_text,
 )
 from identifiability.foundation.rules import Tolerance
-from identifiability.workflows import commands
-from identifiability.workflows.analyze.result import NAMED, compare_logs, stated_values
-from identifiability.workflows.answers import (
+from identifiability.report.answers import commands
+from identifiability.report.answers.common import (
     SIGMA,
     UNIT,
     VALUE,
@@ -55,7 +54,9 @@ from identifiability.workflows.answers import (
     state_uneven,
     with_hints,
 )
+from identifiability.workflows.analyze.result import NAMED, compare_logs, stated_values
 from identifiability.workflows.case import COMPLETED
+from identifiability.workflows.provenance import given_paths
 
 if TYPE_CHECKING:
     from identifiability.workflows.analyze.result import Analysis, Laddered, ModelResult
@@ -332,7 +333,7 @@ def list_commands(result: Laddered[Any]) -> list[tuple[str, str]]:
     """Return at most three lines for the terminal, the most useful first."""
     verb = "prune" if "pruning" in result.schema else "analyze"
     robot = commands.source_name(result.robot)
-    names, how = commands.given_paths(result.samples), result.settings["preparation"]
+    names, how = given_paths(result.samples), result.settings["preparation"]
     logs = commands.name_logs(result.robot, names, how=how)
     if result.nothing:
         return [(sentence("next", "inspect"), f"identifiability inspect {robot} {logs}")]
@@ -377,7 +378,7 @@ def _order_commands(
         lines = [missing, *lines] if first else [*lines, missing]
     # Logs disagree under a model that misses something; what differs shows beside that.
     if not result.missing.functions and compare_logs(result.samples, result.chosen):
-        names, how = commands.given_paths(result.samples), result.settings["preparation"]
+        names, how = given_paths(result.samples), result.settings["preparation"]
         lines = [commands.compare_line(result.robot, names, how, ladder), *lines]
     return lines[:3]
 

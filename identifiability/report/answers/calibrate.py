@@ -10,15 +10,10 @@ from identifiability.foundation.answers import Answer, Column, Table
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import join, rough_percent
-from identifiability.workflows.answers import answer, answer_next, reserve, sentence
+from identifiability.report.answers.commands import held_back, ladder_option, name_logs, source_name
+from identifiability.report.answers.common import answer, answer_next, reserve, sentence
 from identifiability.workflows.calibrate.rules import RULES
-from identifiability.workflows.commands import (
-    given_paths,
-    held_back,
-    ladder_option,
-    name_logs,
-    source_name,
-)
+from identifiability.workflows.provenance import given_paths
 
 if TYPE_CHECKING:
     from identifiability.workflows.calibrate.calibration import Calibration

@@ -15,14 +15,14 @@ from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import REACH
-from identifiability.workflows.answers import answer, answer_next, reserve, sentence, with_hints
-from identifiability.workflows.commands import (
+from identifiability.report.answers.commands import (
     EXPORT,
     export_line,
     ladder_option,
     name_logs,
     source_name,
 )
+from identifiability.report.answers.common import answer, answer_next, reserve, sentence, with_hints
 from identifiability.workflows.diagnose.changes import NAMED
 
 if TYPE_CHECKING:

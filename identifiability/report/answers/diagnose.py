@@ -19,8 +19,16 @@ from identifiability.foundation.rounding import REACH, digits, error_text, join,
 from identifiability.foundation.rules import Tolerance
 from identifiability.reading.rules import RULES as READING_RULES
 from identifiability.regression.reduction import full_model
-from identifiability.report.answers.compare import table_changes
-from identifiability.workflows.answers import (
+from identifiability.report.answers.commands import (
+    EXPORT,
+    compare_line,
+    export_line,
+    held_back,
+    name_logs,
+    on_file,
+    source_name,
+)
+from identifiability.report.answers.common import (
     after_mass,
     answer,
     answer_next,
@@ -31,16 +39,7 @@ from identifiability.workflows.answers import (
     state_uneven,
     with_hints,
 )
-from identifiability.workflows.commands import (
-    EXPORT,
-    compare_line,
-    export_line,
-    given_paths,
-    held_back,
-    name_logs,
-    on_file,
-    source_name,
-)
+from identifiability.report.answers.compare import table_changes
 from identifiability.workflows.diagnose.result import (
     LIKELIEST,
     PLACES,
@@ -48,6 +47,7 @@ from identifiability.workflows.diagnose.result import (
     name_place,
     name_places,
 )
+from identifiability.workflows.provenance import given_paths
 
 if TYPE_CHECKING:
     from identifiability.workflows.diagnose.result import Diagnosis, NamedEffect, Odds

@@ -14,8 +14,8 @@ from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import digits, format_count, format_number, percent
-from identifiability.workflows.answers import answer, answer_next, sentence
-from identifiability.workflows.commands import name_logs, source_name
+from identifiability.report.answers.commands import name_logs, source_name
+from identifiability.report.answers.common import answer, answer_next, sentence
 from identifiability.workflows.excite.criteria import LogDet
 
 if TYPE_CHECKING:

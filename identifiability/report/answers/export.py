@@ -8,7 +8,7 @@ from identifiability.effects import FAMILIES
 from identifiability.foundation.errors import listing
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.rounding import percent
-from identifiability.workflows.answers import sentence
+from identifiability.report.answers.common import sentence
 from identifiability.workflows.export.workflow import MISREADS
 
 if TYPE_CHECKING:

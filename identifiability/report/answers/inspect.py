@@ -21,8 +21,14 @@ from identifiability.foundation.rounding import (
     percent,
     rough_percent,
 )
-from identifiability.workflows.answers import answer, answer_next, hint_note, sentence, with_hints
-from identifiability.workflows.commands import name_logs, robot_word, source_name
+from identifiability.report.answers.commands import name_logs, robot_word, source_name
+from identifiability.report.answers.common import (
+    answer,
+    answer_next,
+    hint_note,
+    sentence,
+    with_hints,
+)
 from identifiability.workflows.inspect import required_columns
 
 if TYPE_CHECKING:

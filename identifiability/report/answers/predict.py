@@ -17,7 +17,8 @@ from identifiability.foundation.quoting import path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import digits, error_text, format_count, join
 from identifiability.logs.commands import has_commands
-from identifiability.workflows.answers import (
+from identifiability.report.answers.commands import EXPORT, export_line, name_logs, source_name
+from identifiability.report.answers.common import (
     answer,
     answer_next,
     answer_quality,
@@ -26,14 +27,8 @@ from identifiability.workflows.answers import (
     state_uneven,
     with_hints,
 )
-from identifiability.workflows.commands import (
-    EXPORT,
-    export_line,
-    given_paths,
-    name_logs,
-    source_name,
-)
 from identifiability.workflows.predict import WINDOW
+from identifiability.workflows.provenance import given_paths
 
 if TYPE_CHECKING:
     from identifiability.workflows.predict import PositionPrediction, TorquePrediction

@@ -22,7 +22,7 @@ from identifiability.report.answers.analyze import (
     possible_cell,
     state_physics,
 )
-from identifiability.workflows.answers import answer, note, sentence, with_hints
+from identifiability.report.answers.common import answer, note, sentence, with_hints
 
 if TYPE_CHECKING:
     from identifiability.workflows.prune.result import Ladder, PrunedModel

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import path_for_shell
-from identifiability.workflows.answers import sentence
+from identifiability.report.answers.common import sentence
 from identifiability.workflows.study import RUNS
 
 if TYPE_CHECKING:

@@ -33,7 +33,6 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.analyze.result import disagree
-from identifiability.workflows.commands import given_paths
 from identifiability.workflows.diagnose.changes import Change
 from identifiability.workflows.diagnose.forward import ForwardGap, Physical, compare_forward
 from identifiability.workflows.diagnose.problem import (
@@ -52,6 +51,7 @@ from identifiability.workflows.predict import (
     move_fitted,
     with_cutoff,
 )
+from identifiability.workflows.provenance import given_paths
 
 if TYPE_CHECKING:
     from identifiability.quality.recordings import Recordings

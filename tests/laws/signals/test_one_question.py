@@ -15,8 +15,8 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Renames, find_named
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
+from identifiability.report.answers.commands import source_name
 from identifiability.robot import Robot
-from identifiability.workflows.commands import source_name
 
 ARM = ("shoulder", "elbow", "wrist")
 

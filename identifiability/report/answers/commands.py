@@ -9,14 +9,14 @@ from hashlib import sha256
 from identifiability.foundation.names import find_patterns
 from identifiability.foundation.quoting import for_shell, option_for_shell, path_for_shell
 from identifiability.foundation.result import Result
-from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.prepare.preparation import CommonPreparation
 from identifiability.regression.reduction import LadderSource, ladder_path
+from identifiability.report.answers.common import sentence
 from identifiability.robot import Robot
 from identifiability.robot.locate import find_sidecar, shipped_folder
-from identifiability.workflows.answers import sentence
+from identifiability.workflows.provenance import given_paths
 
 #: What of a preparation an option says; others are only said from Python.
 OPTIONS = ("derivatives", "cutoff", "decimate")
@@ -87,11 +87,6 @@ def preparing_options(how: object) -> str:
     asked = {name: getattr(how, name) for name in OPTIONS if getattr(how, name) != usual[name]}
     texts = {n: x if isinstance(x, str) else f"{x:g}" for n, x in asked.items()}
     return "".join(f" --set {name}={text}" for name, text in texts.items())
-
-
-def given_paths(logs: Iterable[Log | Dataset]) -> tuple[str, ...]:
-    """Return the paths of logs as they were given, and the names of logs in memory."""
-    return tuple(log.path or log.name for log in logs)
 
 
 def name_logs(robot: Robot, paths: Iterable[str], option: str = "", how: object = None) -> str:
