@@ -75,7 +75,7 @@ class Presenter:
 
 
 def present(result: Any, name: str, *about: Any) -> Any:
-    """Return what a method of the presenter of a result returns.
+    """Call a method of the presenter of a result.
 
     Parameters
     ----------

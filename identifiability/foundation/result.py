@@ -48,7 +48,7 @@ class Result(Keyed, ABC):
         return found
 
     def _present(self, name: str, *about: Any) -> Any:
-        """Return what a method of the presenter returns that only this kind of result has."""
+        """Call a method that only the presenter of this kind of result has."""
         return present(self, name, *about)
 
     @property

@@ -248,6 +248,9 @@ def write_result(result: Any, path: str | Path) -> Path:
     return write_text(path, render_page(build_page(result)))
 
 
+#: Names of the page of an `Analysis`.
+build_analysis_page, write_analysis_report = build_page, write_result
+
 # What a notebook shows of a result: what its page answers first, and its tables.
 
 

@@ -1,4 +1,4 @@
-"""What `analyze` answers, and what `prune` answers alike about the model to use."""
+"""Answers of `analyze`, and those about the model to use that `prune` shares."""
 
 from __future__ import annotations
 
@@ -66,13 +66,13 @@ DIFFERS: Tolerance = 0.05
 
 
 class LadderedPresenter(Presenter, ABC):
-    """What analyze and prune answer alike about the model to use of a ladder."""
+    """Answers about the model to use, for analyze and prune."""
 
     result: Laddered[Any]
 
     @abstractmethod
     def answer_use(self) -> Answer:
-        """Return which model to use, and what the logs determine of it."""
+        """Return the model to use, and the number of its identifiable parameters."""
 
     def answers(self) -> tuple[Answer, ...]:
         """Return what to use, how good it is, whether to trust it, what to do next."""
@@ -97,7 +97,7 @@ class LadderedPresenter(Presenter, ABC):
         return (*usual, *uneven, *state_contradicted(result.base, result.full.submodel, *known))
 
     def statement(self) -> str:
-        """Return the answers in plain words, behind a wrong mass, with what is odd."""
+        """Return the answers in plain words, with warnings and remarks."""
         result = self.result
         tilt = result.robot.tilt
         parts = [sentence("laddered.trust", "nothing", why=result.nothing)]
@@ -119,7 +119,7 @@ class LadderedPresenter(Presenter, ABC):
         yield from _list_notes(self.result)
 
     def validation_kind(self) -> str:
-        """Return what the error on unseen motion was measured on."""
+        """Return the motion on which the unseen error was measured."""
         validation = self.result.validation
         if validation:
             names = ", ".join(s.name for s in validation)
@@ -127,7 +127,7 @@ class LadderedPresenter(Presenter, ABC):
         return sentence("laddered.measured", "crossed")
 
     def weight(self) -> str:
-        """Return what a floating robot weighs by its logs; nothing of other robots."""
+        """Return the weight of a floating robot by its logs; nothing for other robots."""
         return state_weight(self.result)
 
     def commands_next(self) -> list[tuple[str, str]]:
@@ -161,12 +161,12 @@ class LadderedPresenter(Presenter, ABC):
 
 
 class AnalysisPresenter(LadderedPresenter):
-    """What `analyze` answers."""
+    """Answers of `analyze`."""
 
     result: Analysis
 
     def answer_use(self) -> Answer:
-        """Return which model to use, and what the logs determine of it."""
+        """Return the model to use, and the number of its identifiable parameters."""
         result, about = self.result, "analysis.use"
         chosen, base = result.chosen, result.base
         size = sentence(about, "size", parameters=len(base.parameters), rank=base.rank)
@@ -210,7 +210,7 @@ class AnalysisPresenter(LadderedPresenter):
 
 
 def answer_error(result: Laddered[Any]) -> Answer:
-    """Return how well the values to use predict, and what that error leaves out."""
+    """Return the error of the values to use, and the rows that it leaves out."""
     each = result.held_out.joint_error()[:, 0]
     more = [sentence("laddered.measured", kind=result.validation_kind)]
     if not result.nothing:
@@ -230,7 +230,7 @@ def _state_left_out(result: Laddered[Any]) -> str:
 
 
 def _state_file_error(result: Laddered[Any]) -> str:
-    """Return what a plain robot file errs by in a simulator, and what it lacks."""
+    """Return the error of a plain robot file in a simulator, and the effects that it lacks."""
     robot, real, error = result.robot, result.real_robot, result.chosen.error_ra_validation
     alone, given = real["error_ra_validation_files"], real["parameters"]
     kind = file_kinds(robot)[0]
@@ -266,7 +266,7 @@ def _state_measurement(result: Laddered[Any]) -> str:
 
 
 def _state_impossible(result: Laddered[Any]) -> Iterator[str]:
-    """Yield the error of the nearest real robot where it is no model of these logs."""
+    """Yield the error of the nearest physically consistent robot if it misses these logs."""
     used, real = result.chosen, result.chosen.physical
     free, near = used.fitted.relative_error()[:2].tolist()
     if result.nothing or used.physical_used or real is None or near <= (1 + DIFFERS) * free:
@@ -278,7 +278,7 @@ def _state_impossible(result: Laddered[Any]) -> Iterator[str]:
 
 
 def _list_notes(result: Laddered[Any]) -> Iterator[Note]:
-    """Yield what physics, the motion, its samples and the fit speak against."""
+    """Yield the caveats of physics, motion, samples and fit."""
     chosen, base, kept = result.chosen, result.base, result.full.estimate.kept
     yield from map(hint_note, result.remarks)
     for found in of_key(result.findings, "unclosed", "singular"):
@@ -306,7 +306,7 @@ def state_physics(result: Laddered[Any]) -> str:
 
 
 def state_weight(result: Laddered[Any]) -> str:
-    """Return what a robot that floats weighs by its logs and by its file; nothing of others.
+    """Return the weight of a floating robot by its logs and by its file; else nothing.
 
     The mass of all its bodies is one of its base parameters: gravity acts on the whole of it.
     """

@@ -1,4 +1,4 @@
-"""What `calibrate` answers: whether intervals and verdicts can be trusted on a motion."""
+"""Answers of `calibrate`: can intervals and verdicts be trusted on a motion?"""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TONES = {"yes": "green", "no": "vermilion", "not enough trials": "amber"}
 
 
 class CalibrationPresenter(Presenter):
-    """What `calibrate` answers."""
+    """Answers of `calibrate`."""
 
     result: Calibration
 
@@ -39,7 +39,7 @@ class CalibrationPresenter(Presenter):
         return (Table.of(sentence("calibration.table"), EACH, rows),)
 
     def statement(self) -> str:
-        """Return the answer in plain words, and what is odd about the logs."""
+        """Return the answer in plain words, with warnings and remarks on the logs."""
         result = self.result
         texts = [f"{a.short} {a.text}".strip() for a in result.answers()[:3]]
         return "\n".join([*texts, *result.warnings, *result.remarks])
@@ -97,7 +97,7 @@ def _answer_weakest(result: Calibration) -> Answer:
 
 
 def _state_reason(result: Calibration) -> str:
-    """Return why the answer is no, and what to do about it; else what it rests on."""
+    """Return the reason for the answer and the remedy, or the assumption behind a yes."""
     about, analysis, word = "calibration.reason", result.analysis, result.word
     if analysis.nothing:
         return sentence(about, "nothing", why=analysis.nothing)

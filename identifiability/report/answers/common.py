@@ -1,4 +1,4 @@
-"""What every result answers first: how good is it, may it be trusted, what next? And its words.
+"""Answers that results share: how good is it, may it be trusted? And the words of reports.
 
 Questions, notes and hints of columns stand in `words.toml`; whoever shows a result reads them here.
 """
@@ -28,7 +28,7 @@ WORDS: dict[str, Any] = tomllib.loads(
 
 
 def words(name: str, /, **holes: Any) -> dict[str, Any]:
-    """Return the words of some name, each by what it is, with their holes filled."""
+    """Return all sentences of a name by their keys, with holes filled."""
     return {what: text.format(**holes) for what, text in WORDS[name].items()}
 
 
@@ -101,7 +101,7 @@ VERDICT = Column("verdict", "badge", lambda v: Cell(v.word, v.word, v.reason, v.
 
 
 def after_mass(answer: Answer, warning: str) -> Answer:
-    """Return the first answer of a page behind what is wrong with the total mass, if anything is.
+    """Return the first answer of a page, behind the warning on the total mass if there is one.
 
     Parameters
     ----------
@@ -222,7 +222,7 @@ def answer_trust(
     missing: str = "",
     warnings: Sequence[str] = (),
 ) -> Answer:
-    """Return whether the result may be trusted: what speaks against it, by its titles.
+    """Return whether the result may be trusted, with the titles of its caveats.
 
     Parameters
     ----------

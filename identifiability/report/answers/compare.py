@@ -1,4 +1,4 @@
-"""What `compare` answers: what changed between logs."""
+"""Answers of `compare`: what changed between logs."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ if TYPE_CHECKING:
 
 
 class ComparisonPresenter(Presenter):
-    """What `compare` answers."""
+    """Answers of `compare`."""
 
     result: Comparison
 
     def answer(self) -> str:
-        """Return what changed, in one sentence."""
+        """Return the changes, in one sentence."""
         changes = self.result.changes
         if not changes:
             return sentence("comparison.how", "nothing")
@@ -61,12 +61,12 @@ class ComparisonPresenter(Presenter):
         return (replace(table, columns=with_hints("changes", *table.columns)),)
 
     def to_frame(self) -> pd.DataFrame:
-        """Return one row a number that changed: what, by how much, interval, log odds."""
+        """Return one row a number that changed: its name, change, interval and log odds."""
         return by_name(frame_changes(self.result.changes))
 
 
 def frame_changes(changes: Sequence[Change]) -> pd.DataFrame:
-    """Return one row a number that changed: what, by how much, interval, log odds."""
+    """Return one row a number that changed: its name, change, interval and log odds."""
     rows = [
         [c.what, c.kind, name, size, size - REACH * sd, size + REACH * sd, unit, *rest]
         for c in changes

@@ -1,4 +1,4 @@
-"""What `diagnose` answers: what is missing, what it explains, what is left, what to do next."""
+"""Answers of `diagnose`: the missing effects, their share of the error, the residual."""
 
 from __future__ import annotations
 
@@ -57,12 +57,12 @@ VISIBLE: Tolerance = 0.05
 
 
 class DiagnosisPresenter(Presenter):
-    """What `diagnose` answers."""
+    """Answers of `diagnose`."""
 
     result: Diagnosis
 
     def answers(self) -> tuple[Answer, ...]:
-        """Return what is missing, what it explains, what is left, what to do next."""
+        """Return the missing effects, their share of the error, the residual, and next commands."""
         result = self.result
         missing = after_mass(_answer_missing(result), result.mass_warning)
         asked = missing, _answer_gap(result), _answer_error(result)
@@ -95,7 +95,7 @@ class DiagnosisPresenter(Presenter):
         return (*tables, Table.of(sentence(about, "joints"), ERRORS, rows))
 
     def cautions(self) -> tuple[Note, ...]:
-        """Return what else should be known of the named effects, and what was refuted."""
+        """Return the caveats of the named effects, and the refuted effects."""
         result = self.result
         notes = [*_list_motion(result), *_list_doubts(result)]
         notes += [_write_note("refuted", _state_refuted(x, result)) for x in result.refuted]
@@ -108,7 +108,7 @@ class DiagnosisPresenter(Presenter):
         return "\n- ".join([super().statement(), *notes])
 
     def unexplained(self) -> str:
-        """Return what is left, in words."""
+        """Return the residual in words."""
         result, about = self.result, "diagnosis.residual"
         if max(result.held_after, result.error_after) < ROUNDOFF:
             return sentence(about, "rounding")
@@ -152,7 +152,7 @@ class DiagnosisPresenter(Presenter):
 
 
 def _answer_missing(d: Diagnosis) -> Answer:
-    """Return what is missing, and what was logged while something changed."""
+    """Return the missing effects and the changes in the middle of a log."""
     about = "diagnosis.missing"
     named = [f"{' or '.join([c.what, *c.others])} in a part of {c.log}" for c in d.changes]
     named += map(_state_effect, d.effects)
@@ -167,7 +167,7 @@ def _answer_missing(d: Diagnosis) -> Answer:
 
 
 def _state_search(d: Diagnosis) -> str:
-    """Return the model that was searched, what was left out, and why nothing was named."""
+    """Return the searched model, the rows left out, and why no effect was named."""
     about, model = "diagnosis.missing", d.alternative.partition(":")[0]
     parts = [f"{model}."] if model else []
     parts += [sentence(about, "changed", name=_capital(c.called)) for c in d.changes]
@@ -199,7 +199,7 @@ def _capital(text: str) -> str:
 
 
 def _state_mass(e: NamedEffect) -> str:
-    """Return the mass of what was named, where it has one, with its 95 % interval."""
+    """Return the mass of a named load with its 95 % interval; nothing for other effects."""
     masses = []
     for p in e.placements:
         for name, value, error, unit in p.rows:
@@ -212,7 +212,7 @@ def _state_mass(e: NamedEffect) -> str:
 
 
 def _answer_gap(d: Diagnosis) -> Answer:
-    """Return the error on unseen motion without and with what was named."""
+    """Return the error on unseen motion without and with the named effects."""
     about = "diagnosis.explained"
     if not (d.included or d.changes):
         text = sentence(about, "measured", verified=d.verified_on)
@@ -240,7 +240,7 @@ def _answer_error(d: Diagnosis) -> Answer:
 
 
 def _state_looks(d: Diagnosis) -> str:
-    """Return what the residual depends on most, in words."""
+    """Return the variable that explains most of the residual, in words."""
     most = max(d.discrepancies, key=lambda x: max(x.explained.values(), default=0.0))
     where, best = max(most.explained.items(), key=lambda x: x[1])
     if best < VISIBLE:
@@ -258,7 +258,7 @@ def _write_note(name: str, text: str, level: Any = "note") -> Note:
 
 
 def _list_motion(d: Diagnosis) -> Iterator[Note]:
-    """Yield what simulated motion says of the named effects, where it was simulated."""
+    """Yield the errors of simulated motion without and with the named effects."""
     if d.forward is not None and d.forward.measured:
         better = d.forward.interval[1] < 0
         yield _write_note("motion", d.forward.statement, "good" if better else "note")

@@ -1,4 +1,4 @@
-"""What `excite` answers: what a motion tells, and whether the robot may play it."""
+"""Answers of `excite`: the worth of a motion, and whether the robot may play it."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 
 
 class ExcitationPresenter(Presenter):
-    """What `excite` answers."""
+    """Answers of `excite`."""
 
     result: Excitation
 
     def answers(self) -> tuple[Answer, ...]:
-        """Return what the motion tells, whether the robot may play it, what next."""
+        """Return the worth of the motion, whether the robot may play it, and next commands."""
         result = self.result
         following = answer_next(_list_commands(result))
         return _answer_worth(result), _answer_safe(result), following
@@ -44,7 +44,7 @@ class ExcitationPresenter(Presenter):
         return f"{self.result.worth} {self.result.limits_statement}"
 
     def worth(self) -> str:
-        """Return what the motion tells; nothing of what only `diagnose --next` asks."""
+        """Return how much standard errors shrink; nothing for motions of `diagnose --next`."""
         result, about = self.result, "excitation.worth"
         if not isinstance(result.criterion, LogDet):
             return ""
@@ -56,7 +56,7 @@ class ExcitationPresenter(Presenter):
         return sentence(about, names=names, share=share, period=period, other=other)
 
     def limits_statement(self) -> str:
-        """Return what the motion keeps, in words."""
+        """Return the limits that the motion keeps, in words."""
         result, about = self.result, "excitation.limits"
         limits, parts = result.limits, [sentence(about, "joints")]
         if result.robot.closed:
@@ -69,7 +69,7 @@ class ExcitationPresenter(Presenter):
         return " ".join(parts)
 
     def to_frame(self) -> pd.DataFrame:
-        """Return one row a joint: what it does, and the limits that it keeps."""
+        """Return one row a joint: its range, speed, acceleration, and their limits."""
         _, q, v, a = self.result.motion
         limits = self.result.limits
         columns = {
@@ -93,7 +93,7 @@ class ExcitationPresenter(Presenter):
 
 
 def _answer_worth(result: Excitation) -> Answer:
-    """Return what the motion tells."""
+    """Return how many parameters the motion makes identifiable."""
     about, text = "excitation.worth", result.worth
     old, new = result.before.identifiable, result.after.identifiable
     if not new:  # of values that nobody states

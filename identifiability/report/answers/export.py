@@ -1,4 +1,4 @@
-"""What `export` answers: what the files hold, and how much they err."""
+"""Answers of `export`: the content of the files, and their errors."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 
 class ExportedPresenter(Presenter):
-    """What `export` answers."""
+    """Answers of `export`."""
 
     result: Exported
 
     def statement(self) -> str:
-        """Return what the files hold, in words."""
+        """Return the content of the files, in words."""
         result, about = self.result, "export.files"
         parts, alone, name = list[str](), result.error_ra_file, result.robot.name
         if result.beside:
@@ -41,7 +41,7 @@ class ExportedPresenter(Presenter):
 
 
 def _state_beside(result: Exported, *, misread: bool) -> str:
-    """Return what the robot file cannot hold; what only concerns the sensor it leaves out."""
+    """Return the effects that the robot file cannot hold, or leaves to the sensor."""
     effects = listing([f"{effect} ({listing(n, 4)})" for effect, n in result.beside.items()])
     if misread:
         return sentence("export.files", "misread", file=result.robot.name, effects=effects)
@@ -50,7 +50,7 @@ def _state_beside(result: Exported, *, misread: bool) -> str:
 
 
 class UnseenPresenter(Presenter):
-    """What robot files err by on logs that were not fitted."""
+    """Errors of robot files on logs that were not fitted."""
 
     result: Unseen
 
@@ -67,11 +67,11 @@ class UnseenPresenter(Presenter):
 
 
 class DrawsPresenter(Presenter):
-    """What drawn robots are."""
+    """Words about drawn robots."""
 
     result: Draws
 
     def statement(self) -> str:
-        """Return what they are, in words."""
+        """Return their number and their prior, in words."""
         result = self.result
         return sentence("export.draws", count=len(result.values), share=percent(result.share))

@@ -1,4 +1,4 @@
-"""What `inspect` answers: whether logs can be used, or what a robot file leaves open."""
+"""Answers of `inspect`: can logs be used, or is a robot file incomplete?"""
 
 from __future__ import annotations
 
@@ -36,17 +36,15 @@ if TYPE_CHECKING:
 
 #: Things of which the first screen says what they are.
 SHOWN = 3
-#: Columns that a sentence names.
-NAMED = 9
 
 
 class InspectionPresenter(Presenter):
-    """What `inspect` answers."""
+    """Answers of `inspect`."""
 
     result: Inspection
 
     def answers(self) -> tuple[Answer, ...]:
-        """Return whether logs can be used and what they show, or what the robot needs."""
+        """Return whether logs can be used and their content, or the needs of the robot."""
         result = self.result
         if result.records:
             asked = _answer_usable(result), _answer_content(result)
@@ -81,7 +79,7 @@ class InspectionPresenter(Presenter):
         return by_name(frame[["log", *frame.columns[:-1]]], 1)
 
     def parameters_frame(self) -> pd.DataFrame:
-        """Return one row a base parameter: name, unit and what is grouped in it."""
+        """Return one row a base parameter: name, unit and grouping."""
         return by_name(self.result.base.to_frame())
 
 
@@ -116,17 +114,17 @@ def _answer_columns(result: Inspection) -> Answer:
     text = sentence(about, "most", rank=rank, parameters=len(base.parameters))
     if result.robot.servo:
         text += sentence(about, "torque")
-    count, columns = len(result.columns), join(result.columns, NAMED)
+    count, columns = len(result.columns), join(result.columns, 9)
     if not result.motors:
         short = sentence(about, "columns", count=count, columns=columns)
     else:
-        motors = join(required_columns(result.motors)[1:], NAMED)
+        motors = join(required_columns(result.motors)[1:], 9)
         short = sentence(about, "motors", count=count, columns=columns, motors=motors)
     return Answer(sentence(about, "question"), short, text, "blue")
 
 
 def _answer_open(result: Inspection) -> Answer:
-    """Return what the robot file leaves open."""
+    """Return the gaps of the robot file."""
     about, needs = "inspection.open", result.needs
     if not needs:
         return answer(about, "nothing", "", "green")

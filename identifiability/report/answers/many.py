@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class FleetPresenter(Presenter):
-    """What `analyze_many` answers."""
+    """Answers of `analyze_many`."""
 
     result: Fleet
 

@@ -20,12 +20,9 @@ from identifiability.report.answers.common import answer, answer_next, reserve, 
 if TYPE_CHECKING:
     from identifiability.workflows.payload import Load
 
-#: Joints that a sentence names.
-NAMED = 12
-
 
 class LoadPresenter(Presenter):
-    """What `payload` answers."""
+    """Answers of `payload`."""
 
     result: Load
 
@@ -43,7 +40,7 @@ class LoadPresenter(Presenter):
         return _state_load(self.result) if self.result.known is None else _state_gains(self.result)
 
     def caveats(self) -> tuple[str, ...]:
-        """Return what makes the answer doubtful, and what to do."""
+        """Return the reasons to doubt the answer, and the remedy."""
         lacks = self.result.estimate.lacks
         return (sentence("payload.how", "changed", lacks=listing(lacks, 4)),) if lacks else ()
 
@@ -84,7 +81,7 @@ def _state_gains(result: Load) -> str:
     if not sure:
         return sentence("payload.unit", "none")
     each = [f"{g.value:.4g} ({g.low:.4g} … {g.high:.4g}) {g.unit} at {g.name}" for g in sure]
-    return sentence("payload.unit", "some", mass=result.known, gains=listing(each, NAMED))
+    return sentence("payload.unit", "some", mass=result.known, gains=listing(each, 12))
 
 
 def _answer_load(result: Load) -> Answer:
@@ -124,7 +121,7 @@ def _answer_trust(result: Load) -> Answer:
 def _answer_gains(result: Load) -> Answer:
     """Return the gain of each torque column."""
     unknown = [g.name for g in result.gains if not g.told]
-    text = sentence("payload.how", "untold", joints=listing(unknown, NAMED)) if unknown else ""
+    text = sentence("payload.how", "untold", joints=listing(unknown, 12)) if unknown else ""
     tone = "amber" if unknown else "green"
     return Answer(sentence("payload.unit", "question"), result.answer, text, tone)
 

@@ -1,4 +1,4 @@
-"""What `predict` answers: torque along logs, or how far positions are off."""
+"""Answers of `predict`: torque along logs, or errors of positions."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ if TYPE_CHECKING:
 
 
 class TorquePredictionPresenter(Presenter):
-    """What `predict` answers of torque."""
+    """Answers of `predict` on torque."""
 
     result: TorquePrediction
 
     def answers(self) -> tuple[Answer, ...]:
-        """Return what was predicted, how well, whether to trust it, what to do next."""
+        """Return the predicted logs, the error, whether to trust it, and next commands."""
         result = self.result
         known = [name for name, has in zip(result.logs, result.measured, strict=True) if has]
         each = result.error_frame()["error"].to_numpy(float)
@@ -74,7 +74,7 @@ class TorquePredictionPresenter(Presenter):
         return pd.DataFrame(columns)
 
     def error_frame(self) -> pd.DataFrame:
-        """Return one row a joint: its error over its own scale, in N or N·m, and inside what."""
+        """Return one row a joint: relative and absolute error, and shares inside the intervals."""
         result, robot = self.result, self.result.robot
         columns: dict[str, Any] = {"joint": robot.joints, "unit": robot.torque_units}
         columns |= result.errors.by_joint()
@@ -115,7 +115,7 @@ JOINTS = with_hints(
 
 
 def _answer_what(result: TorquePrediction) -> Answer:
-    """Return what was predicted, and by which model."""
+    """Return the predicted logs and the model."""
     about, logs = "prediction.what", shorten_paths(result.logs)
     names = {"model": result.fit.submodel.name, "origin": result.fit.origin}
     text = sentence(about, "model", samples=format_count(len(result.t), "sample"), **names)
@@ -163,12 +163,12 @@ def _list_commands(result: TorquePrediction) -> list[tuple[str, str]]:
 
 
 class PositionPredictionPresenter(Presenter):
-    """What `predict` answers of positions."""
+    """Answers of `predict --forward` on positions."""
 
     result: PositionPrediction
 
     def answers(self) -> tuple[Answer, ...]:
-        """Return by how much positions err, and what is next."""
+        """Return the error of positions, and next commands."""
         result = self.result
         logs = name_logs(result.robot, given_paths(result.logs))
         robot = source_name(result.robot)
@@ -203,7 +203,7 @@ class PositionPredictionPresenter(Presenter):
         return sentence(about, part, logs=logs, runs=", ".join(each[::-1]))
 
     def warn(self, usual: Answer) -> Answer:
-        """Return how good a model is, behind that it moves worse than without what was named."""
+        """Return an answer behind the warning that the named effects make motion worse."""
         result = self.result
         if not result.totals[-1] < result.totals[1]:
             return usual

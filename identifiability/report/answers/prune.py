@@ -29,12 +29,12 @@ if TYPE_CHECKING:
 
 
 class LadderPresenter(LadderedPresenter):
-    """What `prune` answers."""
+    """Answers of `prune`."""
 
     result: Ladder
 
     def validation_kind(self) -> str:
-        """Return what the error on unseen motion was measured on, and the unpruned model's."""
+        """Return the motion on which the error was measured, and the unpruned model's error."""
         error = error_text(self.result.full.error_ra_validation)
         kind = super().validation_kind()
         return sentence("laddered.measured", "unpruned", kind=kind, error=error)

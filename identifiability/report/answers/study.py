@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class StudyPresenter(Presenter):
-    """What `new` answers."""
+    """Answers of `new`."""
 
     result: Study
 
