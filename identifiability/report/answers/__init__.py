@@ -12,6 +12,7 @@ FILES = {
     "Analysis": "analyze",
     "Ladder": "prune",
     "Diagnosis": "diagnose",
+    "ForwardGap": "diagnose",
     "TorquePrediction": "predict",
     "PositionPrediction": "predict",
     "Load": "payload",

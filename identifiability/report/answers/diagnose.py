@@ -50,6 +50,7 @@ from identifiability.workflows.diagnose.result import (
 from identifiability.workflows.provenance import given_paths
 
 if TYPE_CHECKING:
+    from identifiability.workflows.diagnose.forward import ForwardGap
     from identifiability.workflows.diagnose.result import Diagnosis, NamedEffect, Odds
 
 #: Share of its variance from which on what a residual depends on is said.
@@ -323,6 +324,22 @@ def list_commands(d: Diagnosis) -> list[tuple[str, str]]:
         out.append((sentence("next", "judge"), line))
     export = partial(export_line, d.robot)
     return [*out, (EXPORT, on_file(d, "json", "diagnose.json", f"{again} --json", export))]
+
+
+class ForwardGapPresenter(Presenter):
+    """Words on simulated motion before and after the named effects."""
+
+    result: ForwardGap
+
+    def statement(self) -> str:
+        """Return the errors of positions, in words; nothing where none was simulated."""
+        gap = self.result
+        if not gap.measured:
+            return ""
+        low, high = (f"{100 * x:+.1f}".replace("-", "−") for x in gap.interval)
+        errors = {"before": percent(gap.error_before, 2), "after": percent(gap.error_after, 2)}
+        seconds = f"{gap.horizon:.2g}"
+        return sentence("diagnosis.forward", seconds=seconds, low=low, high=high, **errors)
 
 
 # What is missing and how large errors are, as tables.

@@ -15,7 +15,7 @@ import numpy as np
 from identifiability.effects import find_family
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter
-from identifiability.foundation.rounding import percent
+from identifiability.foundation.presenter import present
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
@@ -82,14 +82,7 @@ class ForwardGap:
     @property
     def statement(self) -> str:
         """The gap in words."""
-        if not self.measured:
-            return ""
-        low, high = (f"{100 * x:+.1f}".replace("-", "−") for x in self.interval)
-        return (
-            f"Simulated forward for {self.horizon:.2g} s from measured states, positions are wrong "
-            f"by {percent(self.error_before, 2)} of the distance moved before and "
-            f"{percent(self.error_after, 2)} after (95 %: {low} … {high} points)."
-        )
+        return str(present(self, "statement"))
 
 
 @frozen
