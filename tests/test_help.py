@@ -42,7 +42,6 @@ def test_every_help_shows_a_line_to_type_and_explains_each_option(verb):
 #: Numbers in the prose of the help that no constant holds, with what they are.
 OTHERS = {
     r"3-rps|3-RPS|fitted-001|joint_2": "names",
-    r"Models 1 to 4": "the models of the paper",
     r"95 %": "the level of every interval",
     r"0 for none|is 0 where|exit code is 1": "what a value means",
     r"1 / \(variance": "a formula",
