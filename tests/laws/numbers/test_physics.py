@@ -158,9 +158,9 @@ def test_friction_that_drives_is_impossible_even_with_perfect_bodies():
         assert certify(G, np.append(body(), friction), region()).feasible == feasible
 
 
-def test_the_residual_that_counts_as_one_is_the_noise_but_no_less_than_a_millionth():
+def test_the_residual_that_counts_as_one_is_the_noise_but_no_less_than_rounding():
     data = LeastSquares(R=np.eye(2), z=np.array([3.0, 4.0]), rss_min=4.0, dof=16.0)
     assert data.variance == 0.25
     assert data.unit == 0.5
-    assert LeastSquares(R=np.eye(2), z=data.z, rss_min=0.0, dof=1.0).unit == pytest.approx(5e-6)
+    assert LeastSquares(R=np.eye(2), z=data.z, rss_min=0.0, dof=1.0).unit == pytest.approx(5e-9)
     assert data.rss(np.array([3.0, 2.0])) == pytest.approx(4.0 + 4.0)
