@@ -31,7 +31,7 @@ from identifiability.effects.vocabulary import (
 from identifiability.estimation import prediction
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing, near_match
-from identifiability.foundation.findings import Finding
+from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS
 from identifiability.foundation.options import ExportFormat, FilePath, checked
@@ -401,27 +401,18 @@ def _as_stated(robot: Robot, given: Mapping[str, float]) -> dict[str, float]:
 def _notes(
     robot: Robot, content: ResultEntry, kind: Kind | None, name: str, *, said: bool
 ) -> tuple[str, ...]:
-    """Return what else a user has to know of a file that was written, its error be it said."""
-    told = [] if content.rollout is None or said else [content.rollout.statement]
+    """Return the notes on a file that was written, with its error unless that is stated."""
+    notes = [] if content.rollout is None or said else [content.rollout.statement]
     if content.rollout is None and robot.servo is not None and robot.servo.delay is None:
-        told.append(
-            "Measured torque does not say when commands act, but predict --forward of a log with "
-            "both does: state it in the sidecar, [servo] delay = …."
-        )
+        notes.append(phrase("exported", "delay"))
     if robot.tilt is not None:
-        told.append(f"{name} holds a tilted base: gravity {robot.tilt.text}.")
+        notes.append(phrase("exported", "tilt", file=name, tilt=robot.tilt.text))
     if kind is not None and robot.known_torque:
         known = "; ".join(k.text for k in robot.known_torque)
-        told.append(
-            f"Torque that is known beforehand ({known}) is beside what was fitted: it stands in "
-            f"the sidecar alone, and {name} moves without it."
-        )
+        notes.append(phrase("exported", "known", file=name, known=known))
     if kind not in (None, file_kinds(robot)[0]):
-        told.append(
-            f"{name} is of another format than the robot's own file: it has no geometry, so "
-            "nothing is seen and nothing collides."
-        )
-    return (*told, *state_missing(content.missing))
+        notes.append(phrase("exported", "format", file=name))
+    return (*notes, *state_missing(content.missing))
 
 
 # How much files err on logs that were not fitted, as this package reads them.
