@@ -19,9 +19,10 @@ def examine(name, folder, number=SCARA):
     return study.examine(study.draw(folder, "0", number, name, which), which)
 
 
-def test_logs_as_they_should_be_are_trusted_and_their_labels_hold(tmp_path):
+def test_of_logs_as_they_should_be_nothing_false_is_said_and_labels_hold(tmp_path):
     row = examine(study.SOUND, tmp_path)
-    assert row["trust"] == "green"
+    assert row["false"] == []
+    assert row["trust"] == "amber"  # the file's bodies are off by a third, which the logs show
     assert row["judged"] >= 15
     assert row["held"] >= row["judged"] - 2
 

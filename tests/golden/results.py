@@ -121,7 +121,7 @@ def make(verb: str) -> dict[str, Any]:
     if verb == "compare":
         return json_of(compare(robot, fitted, unseen))
     if verb == "payload":
-        return json_of(payload(robot, analyze(robot, fitted, replicates=20), unseen))
+        return json_of(payload(robot, analyze(robot, fitted, "none", replicates=20), unseen))
     with patch.dict(EFFORT, draws=DRAWS):
         result = analyze(robot, fitted, unseen, replicates=200, posterior=verb == "analyze")
     return json_of(result if verb == "analyze" else calibrate(result, replicates=16, refits=50))
