@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 from identifiability import analyze, diagnose, new_study
 from identifiability.cli import app
+from identifiability.report.answers.common import state_uneven
 
 RUNS = ("run1.csv", "run2.csv", "run3.csv")
 GIVEN = "robot.urdf run1.csv run2.csv --validate run3.csv"
@@ -129,3 +130,11 @@ def test_sound_logs_have_no_warning(study):
     printed = call(f"analyze {GIVEN} --quick")
     assert "Warning" not in printed
     assert "Very good" in printed
+
+
+def test_a_joint_that_errs_little_is_not_warned_of_however_little_the_others_err():
+    joints = ("a", "b")
+    assert not state_uneven(0.003, joints, np.array([0.001, 0.029]))
+    (found,) = state_uneven(0.009, joints, np.array([0.004, 0.031]))
+    assert "b errs by 3.1 %" in found
+    assert not state_uneven(0.02, joints, np.array([0.01, 0.05]))

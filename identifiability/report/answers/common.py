@@ -198,7 +198,12 @@ def state_uneven(error: float, joints: Sequence[str], each: Array) -> list[Findi
 
 
 def errs_unevenly(error: float, own: float) -> bool:
-    """Return whether a joint errs so much that the error of all joints misleads."""
+    """Return whether a joint errs so much that the error of all joints misleads.
+
+    A joint whose own error is very good decides nothing, however small the error of the others is.
+    """
+    if grade_of(own) == "very-good":
+        return False
     poor = TONES[grade_of(error)] == "green" and TONES[grade_of(own)] == "vermilion"
     return poor or own > RULES.uneven * error
 
