@@ -292,7 +292,7 @@ class Case:
         recordings = self.stages.once(read_case, *inputs)
         return self.stages.once(assign_roles, recordings) if self.use.divides else recordings
 
-    def settled(self, robot: Robot, recordings: Recordings) -> Preparation:
+    def common_preparation(self, robot: Robot, recordings: Recordings) -> Preparation:
         """Return how logs are prepared, with one cut-off for all fitted ones."""
         return self.stages.once(choose_cutoff, robot, recordings.fitted, self.preparation)
 
@@ -321,7 +321,7 @@ class Case:
         if not recordings.commanded:
             return recordings, structure
         run.say("rolling out commands", 0.1)
-        how = self.settled(structure.robot, recordings)
+        how = self.common_preparation(structure.robot, recordings)
         return self.stages.once(follow, recordings, structure, how, run.seed)
 
     def data(
@@ -358,7 +358,7 @@ class Case:
             recordings, structure = self.torque(structure, run)
         # Rollouts were calibrated with the cut-off of the logs as they were read.
         source = self.recordings(run) if recordings.commanded else recordings
-        how = self.settled(self.known_robot(run), source)
+        how = self.common_preparation(self.known_robot(run), source)
         prepared = self.prepared(structure.robot, recordings, how, run, most)
         if done:
             require_signal(prepared.fitted, done)
@@ -375,7 +375,7 @@ class Case:
         structure = self.stages.once(apply_to_structure, reading, structure)
         reread = self.stages.once(apply_to_logs, reading, recordings, structure)
         if reread is not recordings:
-            how = self.settled(self.known_robot(run), reread)
+            how = self.common_preparation(self.known_robot(run), reread)
             prepared = self.prepared(structure.robot, reread, how, run, most)
         columns = self.regression(structure, prepared.fitted)
         inputs = structure, reread, how, prepared, columns
@@ -405,7 +405,7 @@ class Case:
             where they will do.
         """
         recordings = self.recordings(run)
-        how = self.settled(robot, recordings)
+        how = self.common_preparation(robot, recordings)
         samples = self.unfitted(robot, recordings, how, run)
         if done:
             require_signal(samples, done)

@@ -472,7 +472,7 @@ def payload(
         unloaded, how = [*empty, *list_logs(without)], fit.preparation if fit else None
         run = Run(engine=engine or Serial())
         case, both, loaded = read_sides(structure.robot, logs, unloaded, how, run)
-        every, how = both.fitted, case.settled(structure.robot, both)
+        every, how = both.fitted, case.common_preparation(structure.robot, both)
         # The load contradicts the robot's file, so no check is asked.
         samples = case.unfitted(structure.robot, both, how, run)
         require_signal(samples, "weighed")

@@ -21,6 +21,7 @@ from identifiability.effects.measurement import CommandDelay
 from identifiability.estimation.estimate import Outliers
 from identifiability.estimation.groups import NO_MISSING_EFFECTS, place_of
 from identifiability.estimation.mixed_model import EVERYWHERE
+from identifiability.estimation.prediction import Prediction
 from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.linalg import NEARLY
@@ -594,6 +595,70 @@ def usual_effects(robot: Robot, *, commanded: bool = False) -> tuple[str, ...]:
     return default_effects(robot, (*USUAL_EFFECTS, *offsets))
 
 
+@frozen
+class Verified:
+    """The named effects that are in the model, after unseen motion had its say.
+
+    Attributes
+    ----------
+    included : int
+        How many families, the first ones.
+    used : Naming
+        Of their parts alone.
+    values : (b,)
+        Base parameters of the completed model that predict.
+    gap : Prediction
+        Of unseen motion: by the plain model, after each family, and by these values.
+    error_before, error_after : float
+        ε_RA on the fitted logs.
+    """
+
+    included: int
+    used: Naming
+    values: Array
+    gap: Prediction
+    error_before: float
+    error_after: float
+
+
+def verify_effects(
+    naming: Naming, ends: Sequence[int], fits: Sequence[Array], plain: Array
+) -> Verified:
+    """Return the effects that predict better on folds and that unseen motion does not refute.
+
+    Folds of the fitted logs choose what predicts, and unseen motion may refute that. What came last
+    is left out first.
+
+    Parameters
+    ----------
+    naming : Naming
+    ends : sequence of int
+        Where the parts of each family end, the first being 0.
+    fits : sequence of (b,)
+        Base parameters without any family, and with each one more.
+    plain : (b,)
+        Base parameters of the plain model.
+    """
+    problem, families = naming.problem, len(ends) - 1
+    for n in range(families, -1, -1):
+        used = naming if n == families else with_parts(naming, naming.parts[: ends[n]])
+        values = used.best if n or problem.changes else plain
+        last = naming.of(used.completed) @ values
+        # The best values stand for the fit of all families.
+        each = [*fits[: len(fits) - (0 < n == families)], last]
+        gap = naming.predict_unseen(each)
+        if not n or ((problem.fixed or used.predicts) and not gap.surely_better(0, -1)):
+            break
+    errors = naming.predict_fitted([fits[0], last]).relative_error()
+    return Verified(n, used, values, gap, float(errors[0]), float(errors[-1]))
+
+
+def _plain_values(naming: Naming) -> Array:
+    """Return base parameters of the plain model, without any named effect."""
+    recommended = naming.problem.recommended
+    return recommended if len(recommended) else with_parts(naming, ()).fit(())
+
+
 def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     """Return the diagnosis.
 
@@ -605,64 +670,76 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
         For intervals.
     """
     problem, parts = naming.problem, naming.parts
-    robot = problem.structure.robot
     counts = Counter(p.candidate.family.name for p in parts)  # families stand together
     ends = np.cumsum([0, *counts.values()]).tolist()
-    plain = problem.recommended if len(problem.recommended) else with_parts(naming, ()).fit(())
+    plain = _plain_values(naming)
     fits = [naming.of(problem.plain) @ plain, *(naming.fit(range(n)) for n in ends[1:])]
-    left = naming.predict_excerpt(fits[-1]).residual[:, :, 0]
-    # Folds of the fitted logs choose what predicts, and unseen motion may refute that: what came
-    # last is left out first.
-    for n in range(len(counts), -1, -1):
-        used = naming if n == len(counts) else with_parts(naming, parts[: ends[n]])
-        values = used.best if n or problem.changes else plain  # without what changed
-        last = naming.of(used.completed) @ values
-        each = [*fits[: len(fits) - (0 < n == len(counts))], last]
-        gap = naming.predict_unseen(each)
-        if not n or ((problem.fixed or used.predicts) and not gap.surely_better(0, -1)):
-            break
-    errors = gap.relative_error()
-    before = naming.predict_fitted([fits[0], last]).relative_error()
+    residual = naming.predict_excerpt(fits[-1]).residual[:, :, 0]
+    found = verify_effects(naming, ends, fits, plain)
     placed = [_place(naming, k) for k in range(len(parts))]
+    effects = _list_effects(naming, ends, placed, found.gap, rng)
+    errors = found.gap.relative_error()
+    return Diagnosis(
+        problem=problem,
+        effects=effects,
+        curves=tuple(_curve(naming, residual, k, p) for k, p in enumerate(placed)),
+        gap=found.gap,
+        error_before=found.error_before,
+        error_after=found.error_after,
+        held_before=float(errors[0]),
+        held_after=float(errors[-1]),
+        refuted=_list_refuted(naming),
+        interval=change_of(found.gap, 0, -1, rng),
+        discrepancies=find_discrepancies(naming.fitted, residual, problem.robot.joints),
+        refusals=naming.refusals,
+        evidence=_list_evidence(naming),
+        values=found.values,
+        completed=found.used.completed,
+        information=found.used.information,
+        included=found.included,
+    )
+
+
+def _list_effects(
+    naming: Naming,
+    ends: Sequence[int],
+    placed: Sequence[Placement],
+    gap: Prediction,
+    rng: np.random.Generator,
+) -> tuple[NamedEffect, ...]:
+    """Return the named effects, family by family, with the errors before and after each."""
+    robot, errors = naming.problem.robot, gap.relative_error()
     effects = list[NamedEffect]()
-    for at, (a, b) in enumerate(pairwise(ends)):
-        family = parts[a].candidate.family
-        near = [title_of(t.group.family) for p in parts[a:b] for t in p.nearest]
+    for at, (first, last) in enumerate(pairwise(ends)):
+        own = naming.parts[first:last]
+        family = own[0].candidate.family
+        near = [title_of(t.group.family) for p in own for t in p.nearest]
         effects.append(
             NamedEffect(
                 name=family.name,
-                placements=tuple(placed[a:b]),
+                placements=tuple(placed[first:last]),
                 before=float(errors[at]),
                 after=float(errors[at + 1]),
                 interval=change_of(gap, at, at + 1, rng),
-                everywhere=1 < len(family.places(robot)) == b - a,
+                everywhere=1 < len(family.places(robot)) == len(own),
                 nearest=tuple(dict.fromkeys(near)),
             )
         )
+    return tuple(effects)
+
+
+def _list_refuted(naming: Naming) -> tuple[Odds, ...]:
+    """Return what fitted rows named and unseen rows did not confirm."""
+    pairs = naming.refuted
+    return tuple(Odds(t.group.family, place_of(t), t.odds, unseen=x) for t, x in pairs)
+
+
+def _list_evidence(naming: Naming) -> tuple[Odds, ...]:
+    """Return the log odds of all groups, without and with the named effects."""
     after = {t.key: t.odds for t in naming.after}
-    return Diagnosis(
-        problem=problem,
-        effects=tuple(effects),
-        curves=tuple(_curve(naming, left, k, p) for k, p in enumerate(placed)),
-        gap=gap,
-        error_before=float(before[0]),
-        error_after=float(before[-1]),
-        held_before=float(errors[0]),
-        held_after=float(errors[-1]),
-        refuted=tuple(
-            Odds(t.group.family, place_of(t), t.odds, unseen=x) for t, x in naming.refuted
-        ),
-        interval=change_of(gap, 0, -1, rng),
-        discrepancies=find_discrepancies(naming.fitted, left, robot.joints),
-        refusals=naming.refusals,
-        evidence=tuple(
-            Odds(t.group.family, place_of(t), t.odds, after.get(t.key, float("nan")))
-            for t in naming.before
-        ),
-        values=values,
-        completed=used.completed,
-        information=used.information,
-        included=n,
+    unknown = float("nan")
+    return tuple(
+        Odds(t.group.family, place_of(t), t.odds, after.get(t.key, unknown)) for t in naming.before
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -17,7 +18,7 @@ from identifiability.estimation.estimate import (
 )
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.evidence import Evidence, HeldOut, near_best
-from identifiability.estimation.prediction import Task, predict_all
+from identifiability.estimation.prediction import Prediction, Task, predict_all
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
@@ -36,12 +37,13 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import find_signal
 from identifiability.physical.cad_prior import resolve_prior
-from identifiability.physical.feasibility import certify_model
+from identifiability.physical.feasibility import PhysicalResult, certify_model
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.quality.recordings import Logs
 from identifiability.regression.reduction import (
     LadderEntry,
     LadderLike,
+    LadderSource,
     Submodel,
     build_ladder,
     full_model,
@@ -148,32 +150,18 @@ def prune(
             source = case.ladder(ladder, beside=False)
             commanded = case.recordings(run).commanded
             share_, cad_prior = resolve_prior(prior, cad_prior, commanded)
-            given = case.structure(case.known_robot(run), ladder_model(source.entry))
-            data = case.data(given, run, "pruned")
+            # A model that was given is taken as it is.
             complete = ladder is None and case.model is None
-            rows = case.weigh(data, method, estimator, run, complete=complete)
-            data = rows.data
-            start = build_ladder(LadderEntry(models=source.entry.models[:1]), data.structure)[0]
-            _check_wishes(start, forbid, force)
-            part = start.reduce(rows.information)
-            noise_known = estimate_noise(rows.estimator, part)
-            shared = case.stages.once(measure_shared_errors, rows)
-            question = Question(rows, start, noise_known, shared)
+            rows = weigh_unpruned(case, source, run, method, estimator, complete)
+            question = pose_question(case, source, rows)
+            _check_wishes(question.start, forbid, force)
             say("walking down the ladder", 0.4)
-            variation = rows.unweighted.variation * find_signal([s.survey for s in data.samples])
-            search = find_path(
-                part,
-                variation=variation,
-                suggested=propose_moves(data.structure, start.columns),
-                forbid=forbid,
-                force=force,
-                method=noise_known,
-            )
+            search = walk_down(question, forbid, force)
             selected, fit = _choose(question, search, cad_prior)
             search, selected, thinned = thin_path(search, selected)
             say("measuring errors", 0.5)
             measured = measure_models(question, search, selected, fit, replicates=draws, rng=rng)
-        hints = _hint(rows, measured["models"], selected)
+        data, hints = rows.data, _hint(rows, measured["models"], selected)
         found = Ladder(
             structure=data.structure,
             samples=data.samples,
@@ -181,11 +169,11 @@ def prune(
             hints=tuple(filter(None, (*hints, thinned))),
             recordings=data.recordings,
             information=rows.information,
-            start=start,
+            start=question.start,
             selected=selected,
             least=best_step(search.steps),
             refused=search.refused,
-            late=shared.together(full_model(data.structure.base)),
+            late=question.shared.together(full_model(data.structure.base)),
             source=source,
             settings={
                 "method": method_name,
@@ -201,6 +189,39 @@ def prune(
             **measured,
         )
         return tell_with_file(found, share_)
+
+
+def weigh_unpruned(
+    case: Case, source: LadderSource, run: Run, method: Method, kind: Kind, complete: bool
+) -> WeightedRows:
+    """Return the weighted rows of a case under the first model of a ladder."""
+    given = case.structure(case.known_robot(run), ladder_model(source.entry))
+    data = case.data(given, run, "pruned")
+    return case.weigh(data, method, kind, run, complete=complete)
+
+
+def pose_question(case: Case, source: LadderSource, rows: WeightedRows) -> Question:
+    """Return what is pruned: the first model of a ladder, on weighted rows."""
+    entry = LadderEntry(models=source.entry.models[:1])
+    start = build_ladder(entry, rows.data.structure)[0]
+    noise_known = estimate_noise(rows.estimator, start.reduce(rows.information))
+    shared = case.stages.once(measure_shared_errors, rows)
+    return Question(rows, start, noise_known, shared)
+
+
+def walk_down(question: Question, forbid: Sequence[str], force: Sequence[str]) -> Search:
+    """Return the path of ever smaller models from the model that pruning starts from."""
+    rows, start = question.rows, question.start
+    data = rows.data
+    signal = find_signal([s.survey for s in data.samples])
+    return find_path(
+        start.reduce(rows.information),
+        variation=rows.unweighted.variation * signal,
+        suggested=propose_moves(data.structure, start.columns),
+        forbid=forbid,
+        force=force,
+        method=question.estimator,
+    )
 
 
 def _hint(rows: WeightedRows, models: Sequence[PrunedModel], selected: int) -> tuple[str, ...]:
@@ -328,83 +349,140 @@ class Question:
         return FittedModel(structure, submodel, whole, submodel.reduce(whole), estimate)
 
 
+@frozen
+class PathPredictions:
+    """What the models of a path predict, going through the logs once.
+
+    Attributes
+    ----------
+    fits : tuple of (Submodel, Estimate)
+        Of each step.
+    fitted, unseen : Prediction
+        Along fitted and unseen motion: by each step, then by the four accounts of the model to use.
+    crossed : Prediction
+        Along stretches (or logs) by models fitted to the others.
+    """
+
+    fits: tuple[tuple[Submodel, Estimate], ...]
+    fitted: Prediction
+    unseen: Prediction
+    crossed: Prediction
+
+
+def predict_path(question: Question, search: Search, chosen: LadderFit) -> PathPredictions:
+    """Return what the models of a path predict.
+
+    Parameters
+    ----------
+    question, search
+    chosen : LadderFit
+        The fit of the step to use, and its nearest robot.
+    """
+    data, steps, start = question.rows.data, search.steps, question.start
+    fits = tuple((m.submodel, m.estimate) for m in map(question.fit, steps))
+    values = np.stack([submodel.expand(fit.value) for submodel, fit in fits], 1)
+    folds_of_steps = np.stack([s.values[1:] for s in steps], 2)
+    rests = start.fixed[:, None] + start.M @ folds_of_steps
+    along = [Task(np.column_stack([values, chosen.values])[None], kept=False)]
+    both = np.concatenate([rests, chosen.turned], axis=2)
+    tasks = [*along, Task(both, search.whitened.folds, kept=False)]
+    fitted, crossed = predict_all(data.regression, tasks)
+    unseen = crossed
+    if data.unseen is not None:
+        (unseen,) = predict_all(data.unseen, along)
+    return PathPredictions(fits, fitted, unseen, crossed)
+
+
 def measure_models(
     question: Question,
     search: Search,
-    chosen: int,
-    settled: LadderFit,
+    selected: int,
+    chosen: LadderFit,
     *,
     replicates: int,
     rng: np.random.Generator,
 ) -> dict[str, Any]:
-    """Fit every model of a path and say how it predicts, going through the logs once.
-
-    Returned are fields of a `Ladder`.
+    """Fit every model of a path and say how it predicts. Fields of a `Ladder` are returned.
 
     Parameters
     ----------
     question : Question
     search : Search
-    chosen : int
+    selected : int
         The step to use.
-    settled : LadderFit
-        Its fit, and its nearest real robot.
+    chosen : LadderFit
+        Its fit, and its nearest robot.
     replicates : int
         Of the bootstrap.
     rng : numpy.random.Generator
     """
     data, steps = question.rows.data, search.steps
-    fits = [(model.submodel, model.estimate) for model in map(question.fit, steps)]
-    values = np.stack([submodel.expand(fit.value) for submodel, fit in fits], 1)
-    # Stretches (or logs) are predicted by models fitted to the others.
-    start, turns = question.start, search.whitened.folds
-    rests = start.fixed[:, None] + start.M @ np.stack([s.values[1:] for s in steps], 2)
-    along = [Task(np.column_stack([values, settled.values])[None], kept=False)]
-    both = np.concatenate([rests, settled.turned], axis=2)
-    tasks = [*along, Task(both, turns, kept=False)]
-    fitted, crossed = predict_all(data.regression, tasks)
-    unseen = crossed
-    if data.unseen is not None:
-        (unseen,) = predict_all(data.unseen, along)
-    missing = data.missing
-    weights = np.zeros(len(steps))
-    first = first_allowed(steps)
+    found = predict_path(question, search, chosen)
+    weights, first = np.zeros(len(steps)), first_allowed(steps)
     weights[first:] = weigh_models([step.score.density for step in steps[first:]], rng)
-    best, models = steps[best_step(steps)].score, list[PrunedModel]()
-    torque = float(np.sqrt(np.mean(fitted.rms**2)))
-    for k, (step, known) in enumerate(zip(steps, fits, strict=True)):
-        model, real = question.recall(*known), settled.robot if k == chosen else None
-        draws = replicates if k in (0, chosen) else 0  # models of the way are told by σ alone
-        own = rng, draws, question.full, missing, question.shared
-        fit, verdicts, infeasible = decide_model(model, torque, *own, real=real)
-        judged = Evidence.of(step.score, best)
-        at = range(len(steps), len(steps) + 4) if k == chosen else [k]
-        models.append(
-            PrunedModel(
-                step=step,
-                submodel=known[0],
-                estimate=known[1],
-                fit=fit,
-                verdicts=verdicts,
-                infeasible=infeasible,
-                physical=real,
-                fitted=fitted.select(at),
-                unseen=unseen.select(at),
-                crossed=crossed.select(at),
-                spread=judged.error.se,
-                density=judged.density.value,
-                density_se=judged.density.se,
-                weight=float(weights[k]),
-            )
-        )
-    result = models[chosen]
-    better = len(result) and result.error_ra_unseen < crossed.constant_error()
+    models = []
+    for k in range(len(steps)):
+        robot = chosen.robot if k == selected else None
+        # Models on the way are judged by σ alone.
+        draws = replicates if k in (0, selected) else 0
+        model = judge_step(question, search, found, k, robot, draws, rng)
+        models.append(replace(model, weight=float(weights[k])))
+    result = models[selected]
+    better = len(result) and result.error_ra_unseen < found.crossed.constant_error()
     nothing = data.misread or (result.contradicted if better else WORSE)
     models = [pruned.withdraw(nothing) for pruned in models] if nothing else models
-    used = int(result.physical_used)
+    account, folds = int(result.physical_used), search.whitened.folds
     return {
         "models": tuple(models),
-        "everywhere": predict_everywhere(data, settled, used, turns),
+        "everywhere": predict_everywhere(data, chosen, account, folds),
         "nothing": nothing,
-        "missing": missing,
+        "missing": data.missing,
     }
+
+
+def judge_step(
+    question: Question,
+    search: Search,
+    found: PathPredictions,
+    k: int,
+    robot: PhysicalResult | None,
+    draws: int,
+    rng: np.random.Generator,
+) -> PrunedModel:
+    """Return a model of a path with its verdicts and errors.
+
+    Parameters
+    ----------
+    question, search, found
+    k : int
+        Its step.
+    robot : PhysicalResult or None
+        Its nearest robot, where it is the model to use.
+    draws : int
+        Of the bootstrap.
+    rng : numpy.random.Generator
+    """
+    steps = search.steps
+    submodel, estimate = found.fits[k]
+    model = question.recall(submodel, estimate)
+    torque = float(np.sqrt(np.mean(found.fitted.rms**2)))
+    how = rng, draws, question.full, question.rows.data.missing, question.shared
+    fit, verdicts, infeasible = decide_model(model, torque, *how, real=robot)
+    judged = Evidence.of(steps[k].score, steps[best_step(steps)].score)
+    accounts = [k] if robot is None else range(len(steps), len(steps) + 4)
+    return PrunedModel(
+        step=steps[k],
+        submodel=submodel,
+        estimate=estimate,
+        fit=fit,
+        verdicts=verdicts,
+        infeasible=infeasible,
+        physical=robot,
+        fitted=found.fitted.select(accounts),
+        unseen=found.unseen.select(accounts),
+        crossed=found.crossed.select(accounts),
+        spread=judged.error.se,
+        density=judged.density.value,
+        density_se=judged.density.se,
+        weight=0.0,
+    )
