@@ -356,31 +356,53 @@ class Case:
         """
         if recordings is None:
             recordings, structure = self.torque(structure, run)
+        literal = self.literal(structure, recordings, run, done, seek=seek, most=most)
+        reading = literal.reading
+        if reading is None or not apply or (recordings.long and not reading.keeps_columns):
+            return self.at_fit(literal, run)
+        return self.at_fit(self.read_as(literal, reading, run, most), run)
+
+    def literal(
+        self,
+        structure: Structure,
+        recordings: Recordings,
+        run: Run,
+        done: str = "",
+        *,
+        seek: bool = True,
+        most: int | None = None,
+    ) -> Data:
+        """Return the prepared logs as they were read, checked; parameters as of `data`."""
         # Rollouts were calibrated with the cut-off of the logs as they were read.
         source = self.recordings(run) if recordings.commanded else recordings
         how = self.common_preparation(self.known_robot(run), source)
         prepared = self.prepared(structure.robot, recordings, how, run, most)
         if done:
             require_signal(prepared.fitted, done)
+        unchecked = self.gathered(structure, recordings, how, prepared)
+        reading = self.stages.once(seek_reading, unchecked) if seek else None
+        return self.stages.once(check_logs, unchecked, reading)
+
+    def read_as(self, data: Data, reading: Reading, run: Run, most: int | None = None) -> Data:
+        """Return data under another reading of their logs."""
+        structure = self.stages.once(apply_to_structure, reading, data.structure)
+        recordings = self.stages.once(apply_to_logs, reading, data.recordings, structure)
+        how = data.preparation
+        if recordings is not data.recordings:
+            how = self.common_preparation(self.known_robot(run), recordings)
+        prepared = self.prepared(structure.robot, recordings, how, run, most)
+        unchecked = self.gathered(structure, recordings, how, prepared)
+        return self.stages.once(
+            read_otherwise, self.stages.once(check_logs, unchecked, None), reading
+        )
+
+    def gathered(
+        self, structure: Structure, recordings: Recordings, how: Preparation, prepared: Prepared
+    ) -> Data:
+        """Return prepared logs as data of a model, before any check."""
         prepared = self.stages.once(drop_silent_part, recordings, prepared)
         columns = self.regression(structure, prepared.fitted)
-        inputs = structure, recordings, how, prepared, columns
-        unchecked = self.stages.once(gather_data, *inputs)
-        found = self.stages.once(seek_reading, unchecked) if seek else None
-        literal = self.stages.once(check_logs, unchecked, found)
-        reading = literal.reading
-        in_memory = not recordings.long
-        if not apply or reading is None or not (in_memory or reading.keeps_columns):
-            return self.at_fit(literal, run)
-        structure = self.stages.once(apply_to_structure, reading, structure)
-        reread = self.stages.once(apply_to_logs, reading, recordings, structure)
-        if reread is not recordings:
-            how = self.common_preparation(self.known_robot(run), reread)
-            prepared = self.prepared(structure.robot, reread, how, run, most)
-        columns = self.regression(structure, prepared.fitted)
-        inputs = structure, reread, how, prepared, columns
-        checked = self.stages.once(check_logs, self.stages.once(gather_data, *inputs), None)
-        return self.at_fit(self.stages.once(read_otherwise, checked, reading), run)
+        return self.stages.once(gather_data, structure, recordings, how, prepared, columns)
 
     def prepared(
         self,

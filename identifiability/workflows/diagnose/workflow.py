@@ -325,6 +325,28 @@ def pose_problem(
     if not (request.keeps or commanded or request.model is not None):
         pilot = case.structure(robot, ladder_model(ladder.entry))
     data, reference = _read_logs(case, request, structure, pilot, run, recordings)
+    problem, data = _problem_of(case, request, known, data, run)
+    if request.keeps or problem.known.precision.any():
+        return problem, data
+    entry = None
+    if request.model is None:
+        entry = case.stages.once(comparable_entry, ladder, commanded)
+    return recommend(case, problem, data, reference, entry, run), data
+
+
+def _problem_of(
+    case: Case, request: Request, known: KnownValues, data: Data, run: Run
+) -> tuple[Problem, Data]:
+    """Return what is diagnosed of prepared logs, and the samples of which errors are stated.
+
+    Parameters
+    ----------
+    case, request
+    known : KnownValues
+        What is known of values that are kept.
+    data : Data
+    run : Run
+    """
     data, excerpts = _look_at(case, data, run)
     if not data.validation:  # the part that was set aside has nothing to explain
         _refuse_silent_part(case, data, run)
@@ -344,16 +366,11 @@ def pose_problem(
         fixed=request.keeps,
         verified_on=data.recordings.verified_on,
         preparation=how or Preparation(),
-        commanded=commanded,
+        commanded=data.recordings.commanded,
         seed=run.seed,
         columns=((data.structure, data.regression),),
     )
-    if request.keeps or known.precision.any():
-        return problem, data
-    entry = None
-    if request.model is None:
-        entry = case.stages.once(comparable_entry, ladder, commanded)
-    return recommend(case, problem, data, reference, entry, run), data
+    return problem, data
 
 
 def _read_logs(
