@@ -115,7 +115,7 @@ def find_differences(
     )
 
 
-# `Comparison`: what changed, in numbers and words.
+# `Comparison`: the changes as numbers.
 
 
 @frozen(kw_only=True)

@@ -294,7 +294,7 @@ def find_gains(found: Differences, theta: Array) -> tuple[Quantity, ...]:
     return tuple(out)
 
 
-# `Load`: mass, centre and inertia of what hangs on a body, in numbers and words.
+# `Load`: mass, centre and inertia of a load as numbers.
 
 
 @frozen(kw_only=True)

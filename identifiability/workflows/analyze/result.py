@@ -1,7 +1,6 @@
-"""`Analysis`: which parameters do the logs determine? In words, tables, JSON and next lines.
+"""`Analysis`: the fitted models of a ladder, and which one to use.
 
-`Laddered` is what analyze and prune answer alike about the model to use: each answer once, and
-page, terminal and JSON render it.
+`Laddered` holds the fields that results of analyze and prune share.
 """
 
 from __future__ import annotations
@@ -211,7 +210,7 @@ class ModelResult:
         )
 
 
-# What analyze and prune answer alike about the model to use of a ladder.
+# Fields that results of analyze and prune share.
 
 
 Model = TypeVar("Model", bound=ModelResult)
@@ -524,7 +523,7 @@ def compare_logs(
     return f"{told} {phrase('disagree', after, missing=listing(missing, NAMED))}"
 
 
-# `Analysis`: the answer to which parameters the logs determine; a table, JSON or a report.
+# `Analysis`: the result of `analyze`.
 
 
 @frozen(kw_only=True)

@@ -17,7 +17,7 @@ from identifiability.regression.reduction import (
 from identifiability.workflows.analyze.result import Laddered, ModelResult
 from identifiability.workflows.prune.elimination import Refusal, Step
 
-# The models of the ladder: models on the way down, with what is said of each.
+# The models of the reduction path.
 
 
 @frozen(kw_only=True)
