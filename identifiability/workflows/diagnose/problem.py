@@ -130,6 +130,11 @@ class KnownValues(Known):
         return np.diag(np.sqrt(self.precision))[self.precision > 0]
 
     @property
+    def tells_nothing(self) -> bool:
+        """Whether values are those of the logs alone."""
+        return not (self.precision.any() or self.base.any())
+
+    @property
     def hint(self) -> str:
         """What is kept near the file, in one sentence."""
         return (

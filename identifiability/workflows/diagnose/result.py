@@ -26,6 +26,7 @@ from identifiability.foundation.rounding import join
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.physical.cad_prior import real_robot_dict, share_weight, state_mass
+from identifiability.physical.feasibility import PhysicalResult
 from identifiability.regression.columns import Refusal
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import LadderEntry, ModelEntry, full_model, ladder_text
@@ -271,6 +272,10 @@ class Diagnosis(Result, Predicts):
         it.
     information : Information
         About its base parameters, with equal rows.
+    weighed : WeighedFit or None
+        Its fit to weighted rows, where no value was known before the logs.
+    nearest : PhysicalResult or None
+        The robot nearest to that fit, where it was looked for.
     included : int
         How many of the effects are in the model, the first ones.
     moved : PositionPrediction or None
@@ -303,6 +308,8 @@ class Diagnosis(Result, Predicts):
     values: Array
     completed: Structure
     information: Information
+    weighed: WeighedFit | None = None
+    nearest: PhysicalResult | None = None
     included: int = 0
     forward: ForwardGap | None = None
     hints: tuple[str, ...] = ()
@@ -379,6 +386,8 @@ class Diagnosis(Result, Predicts):
     @cached_property
     def refit(self) -> WeighedFit:
         """The completed model, refitted to weighted rows."""
+        if self.weighed is not None:
+            return self.weighed
         known = with_known(self.information, self.completed.known)
         return weigh_fit(self.robot, self.samples, known)
 
@@ -576,7 +585,8 @@ def simulate_forward(d: Diagnosis, rng: np.random.Generator) -> ForwardGap:
 
 def logs_disagree(d: Diagnosis) -> bool:
     """Return whether the fitted logs disagree although the named effects are in the model."""
-    motions = d.refitted[1].motions
+    # With kept values nothing was refitted, and a refit takes longer than the diagnosis.
+    motions = None if d.fixed else d.refitted[1].motions
     apart = motions is not None and disagree(motions)
     shares = [x.explained.get("log", 0.0) for x in d.discrepancies]
     # A quarter of the residual.
@@ -627,7 +637,17 @@ def fit_physical(
     IdentifiabilityError
         If the solver finds none.
     """
-    found = nearest_robot(structure, *weighed[:2], cad_weight)
+    return _as_physical(structure, nearest_robot(structure, *weighed[:2], cad_weight))
+
+
+def _as_physical(structure: Structure, found: PhysicalResult) -> Physical:
+    """Return the physically consistent robot that a solver found.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If it found none.
+    """
     if found.nearest is None:
         raise IdentifiabilityError(found.sentence.strip())
     return Physical(structure, found.parameters(), found.cad_weight)
@@ -646,10 +666,12 @@ def real_robot(d: Diagnosis, structure: Structure, weight: float | None = None) 
     """
     if len(d.known.precision):
         weight = share_weight(d.known.share) if d.known.share else weight
-        weighed = d.refit
         if structure is not d.completed:
-            weighed = fit_structure(structure, d.problem.regression(structure))
-        return fit_physical(structure, weighed, weight)
+            fitted = fit_structure(structure, d.problem.regression(structure))
+            return fit_physical(structure, fitted, weight)
+        if weight is None and d.weighed is not None and d.nearest is not None:
+            return _as_physical(structure, d.nearest)
+        return fit_physical(structure, d.refit, weight)
     values = {name: d.robot.nominal.get(name, 0.0) for name in d.structure.columns}
     values = dict.fromkeys(structure.columns, 0.0) | values
     if structure is d.completed:

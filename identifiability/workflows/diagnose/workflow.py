@@ -34,6 +34,7 @@ from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.logs.prepare.dataset import require_signal
 from identifiability.logs.prepare.excerpt import MOST_IN_ALL, MOST_SAMPLES, thin_all
 from identifiability.physical.cad_prior import resolve_prior
+from identifiability.physical.feasibility import PhysicalResult
 from identifiability.quality.hints import where_outlying
 from identifiability.quality.recordings import Logs, Recordings
 from identifiability.regression.information import gather_information
@@ -624,6 +625,8 @@ class Verified:
         Of their parts alone.
     values : (b,)
         Base parameters of the completed model that predict.
+    real : PhysicalResult or None
+        The robot nearest to these parts, where it was looked for.
     gap : Prediction
         Of unseen motion: by the plain model, after each family, and by these values.
     error_before, error_after : float
@@ -633,6 +636,7 @@ class Verified:
     included: int
     used: Naming
     values: Array
+    real: PhysicalResult | None
     gap: Prediction
     error_before: float
     error_after: float
@@ -659,7 +663,8 @@ def verify_effects(
     problem, families = naming.problem, len(ends) - 1
     for n in range(families, -1, -1):
         used = naming if n == families else with_parts(naming, naming.parts[: ends[n]])
-        values = used.best if n or problem.changes else plain
+        adds = bool(n or problem.changes)
+        values, real = (used.best, used.real) if adds else (plain, None)
         last = naming.of(used.completed) @ values
         # The best values stand for the fit of all families.
         each = [*fits[: len(fits) - (0 < n == families)], last]
@@ -667,7 +672,7 @@ def verify_effects(
         if not n or ((problem.fixed or used.predicts) and not gap.surely_better(0, -1)):
             break
     errors = naming.predict_fitted([fits[0], last]).relative_error()
-    return Verified(n, used, values, gap, float(errors[0]), float(errors[-1]))
+    return Verified(n, used, values, real, gap, float(errors[0]), float(errors[-1]))
 
 
 def _plain_values(naming: Naming) -> Array:
@@ -713,6 +718,8 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
         values=found.values,
         completed=found.used.completed,
         information=found.used.information,
+        weighed=found.used.weighed if problem.known.tells_nothing else None,
+        nearest=found.real,
         included=found.included,
     )
 
