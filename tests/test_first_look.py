@@ -126,6 +126,19 @@ def test_a_name_of_another_format_is_refused_before_anything_is_read(verb, tmp_p
         assert not list(tmp_path.iterdir())
 
 
+def test_no_verb_writes_over_the_result_of_another(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    other = tmp_path / "other.json"
+    for name in ("r.json", "run.csv", "m.json"):
+        (tmp_path / name).touch()
+    other.write_text('{"schema": "identifiability/other/1"}')
+    writes_json = [verb for verb, (_, options) in WRITTEN.items() if "--json" in options]
+    for verb in writes_json:
+        done = CliRunner().invoke(app, [verb, *WRITTEN[verb][0], "--json", "other.json"])
+        assert done.exit_code != 0
+        assert "holds the result of another verb" in done.stderr, verb
+
+
 def test_a_setting_that_is_typed_as_an_option_is_refused_with_what_to_type():
     for verb, option, setting in [
         ("analyze", "--cutoff", "cutoff=3"),

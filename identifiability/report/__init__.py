@@ -18,7 +18,35 @@ True
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from identifiability.foundation.answers import Answer, Cell, Column, Note, Table, frame_table
+    from identifiability.foundation.quoting import for_svg
+    from identifiability.report import plot
+    from identifiability.report.blocks import (
+        Answers,
+        Block,
+        Fold,
+        Gallery,
+        Notes,
+        Picture,
+        Prose,
+        Section,
+        Term,
+        Terms,
+        check_cell,
+    )
+    from identifiability.report.figures import COLOURS, canvas, drawn, svg
+    from identifiability.report.results import (
+        Page,
+        build_page,
+        render_page,
+        write_page,
+        write_result,
+    )
+
+    build_analysis_page, write_analysis_report = build_page, write_result
 
 #: Where the names of `__all__` stand. Answers, in this room too, need neither Matplotlib nor Jinja.
 _HOMES = (
@@ -70,4 +98,10 @@ def __getattr__(name: str) -> Any:
     found = next((home for home in homes if name in __all__ and hasattr(home, name)), None)
     if found is None:
         raise AttributeError(f"module 'identifiability.report' has no attribute '{name}'")
-    return getattr(found, name)
+    value = getattr(found, name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
