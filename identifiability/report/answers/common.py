@@ -64,10 +64,11 @@ def answer(
 
 
 def hint_note(hint: str) -> Note:
-    """Return a hint as a caveat; how logs were read, and torque was made, is none."""
+    """Return a hint as a note, which is a caveat unless it only informs."""
     if not isinstance(hint, Finding) or hint.level is not Level.INFO:
         return note("hint", hint=hint)
-    return note("commands" if hint.key == "commands" else "read", hint=hint)
+    own = {"commands": "commands", "thinned": "shown"}
+    return note(own.get(hint.key, "read"), hint=hint)
 
 
 def with_hints(table: str, *own: Column) -> tuple[Column, ...]:

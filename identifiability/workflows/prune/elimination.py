@@ -23,6 +23,7 @@ from identifiability.estimation.estimate import Method, estimate
 from identifiability.estimation.estimator import Estimate, combine
 from identifiability.estimation.evidence import LEVELS, Folds, Gain, Score, least_noise, may_stand
 from identifiability.estimation.gaussian import Normal
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import ROUNDOFF, unit_coordinates
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
@@ -665,5 +666,5 @@ def thin_path(search: Search, chosen: int) -> tuple[Search, int, str]:
         return search, chosen, ""
     best = first + np.argsort([-s.density for s in steps[first:]], kind="stable")[:MEASURED]
     kept = sorted({*range(first + 1), chosen, *best.tolist()})
-    said = f"Of the {len(steps)} models of the path the {len(kept)} that predict best are shown."
+    said = Finding("thinned", count=len(steps), shown=len(kept))
     return replace(search, steps=tuple(steps[k] for k in kept)), kept.index(chosen), said

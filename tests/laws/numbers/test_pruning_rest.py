@@ -5,6 +5,7 @@ import pytest
 
 from identifiability.estimation.estimate import estimate
 from identifiability.regression.reduction import Submodel
+from identifiability.report.answers.common import hint_note
 from identifiability.workflows.prune import elimination
 from identifiability.workflows.prune.elimination import find_path, thin_path
 
@@ -63,3 +64,4 @@ def test_of_a_long_path_the_best_and_some_others_are_measured(rows, monkeypatch)
     assert [steps.index(s) for s in thinned.steps] == kept
     assert kept[chosen] == 3
     assert said.startswith(f"Of the 5 models of the path the {len(kept)} that predict best")
+    assert hint_note(said).level == "note"  # no caveat
