@@ -415,7 +415,9 @@ def plain_environment() -> dict[str, str]:
     from numpy._core import _multiarray_umath as built
 
     there = [name for name in built.__cpu_dispatch__ if built.__cpu_features__.get(name)]
-    return {"OPENBLAS_CORETYPE": "Prescott", "NPY_DISABLE_CPU_FEATURES": " ".join(there)}
+    already = os.environ.get("NPY_DISABLE_CPU_FEATURES", "").split()
+    disabled = " ".join([*already, *there])
+    return {"OPENBLAS_CORETYPE": "Prescott", "NPY_DISABLE_CPU_FEATURES": disabled}
 
 
 def main() -> int:
