@@ -533,8 +533,8 @@ class Estimator:
 def measure_noise(information: Information, plain: Estimate) -> Noise:
     """Return the noise in what a fit of equal weights leaves.
 
-    What is large or slow at one actuator leaks into what a fit leaves of the others, so it is
-    measured beside weights by variance, and once more beside those by both.
+    Large or slow noise at one actuator leaks into the residuals of the others. So the noise is
+    measured twice more, each time after a fit with weights by the noise that was measured before.
     """
     noise = plain.noise
     enough = len(information.counts) >= RULES.blocks_fewest

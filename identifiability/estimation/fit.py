@@ -181,8 +181,9 @@ def rounding_error(information: Information, fit: Estimate) -> Array:
 def count_freedom(information: Information, fit: Estimate) -> Array:
     """Return the degrees of freedom of each parameter's scatter over blocks, (k,).
 
-    By the mean and the variance of the sum of squares of what blocks do to the value, if what the
-    fit leaves is that of white noise [Bell & McCaffrey 2002; Satterthwaite 1946]; one at least.
+    Each block moves the value by some amount. The mean and the variance of the sum of squares of
+    these amounts, for white residuals, give the degrees of freedom [Bell & McCaffrey 2002;
+    Satterthwaite 1946]. They are one at least.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """Band of a motion, the noise under it, and the low-pass that suits both.
 
-Derivatives multiply noise by the frequency. Their low-pass must leave the motion alone, which takes
-5 to 10 times its bandwidth [Gautier 1997], and must stay below where what noise becomes in the
-acceleration is no longer small beside the acceleration itself.
+Derivatives multiply noise by the frequency. The cut-off of their low-pass has two limits. It must
+leave the motion alone, which takes 5 to 10 times the bandwidth of the motion [Gautier 1997]. And
+the noise that it lets into the acceleration must stay small against the acceleration itself.
 
 What to use when: `Spectrum.of` for a log; `choose_band` for all logs that are judged together;
 `bandwidth_of_windows` where the band alone is wanted.

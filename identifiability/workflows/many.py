@@ -1,7 +1,7 @@
 """One verb over many robots: one table, and a page each; a robot that fails is a sentence.
 
-A robot is one item of an engine, so its answer does not depend on where it was found, and what an
-engine that is resumed has finished is not done again.
+Each robot is one item of an engine. Its answer does not depend on where it was computed. An engine
+that is resumed does not repeat the robots that it finished.
 """
 
 from __future__ import annotations

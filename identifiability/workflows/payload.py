@@ -1,9 +1,9 @@
 """What hangs on a body: mass, centre and inertia, from logs of a robot that was fitted without.
 
-The load's ten parameters are always in the mixed model of the loaded logs (`Differences`), beside
-whatever the robot may differ by from the result, as far as its covariance allows, beside gains and
-friction that differ between logs, and beside what else is told to have changed. A load that is
-known tells the torque gains instead, joint by joint.
+The mixed model of the loaded logs (`Differences`) always has the ten parameters of the load. It
+also lets the robot differ from the result, as far as its covariance allows. Torque gains
+and friction may differ between logs. Other changes that the logs show are in the model, too. A load
+that is known tells the torque gains instead, joint by joint.
 """
 
 from __future__ import annotations

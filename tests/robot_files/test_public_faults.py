@@ -206,8 +206,12 @@ def in_millimetres(text):
 
 
 def test_a_file_in_millimetres_is_reported(load):
-    (found,) = of_key((n.text for n in inspect(load(in_millimetres(ARM))).needs), "millimetres")
+    result = inspect(load(in_millimetres(ARM)))
+    (found,) = of_key((n.text for n in result.needs), "millimetres")
     assert "its lengths seem to be millimetres" in found
+    shorts = [a.short for a in result.answers()]
+    assert any("check the first before you begin" in short for short in shorts)
+    assert not any("none is needed" in short for short in shorts)
     assert not of_key(n.text for n in inspect("six-dof-arm").needs)
 
 

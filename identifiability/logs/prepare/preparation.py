@@ -106,12 +106,11 @@ SEVERAL = 3
 class DwellRule:
     """When a joint stands or sticks: it stays about zero speed for longer than any reversal.
 
-    Dry friction holds a joint that does not move with whatever is left of its level, so what its
-    motor supplies meanwhile says nothing of the robot. A reversal is passed through in the time
-    that its acceleration takes; its torque is data where no joint ever stands. Where one does,
-    friction sticks: it turns when the low-pass of the motion cannot tell, a joint that sticks for
-    that long cannot be told from one that does not, and a few such rows are off by tens of standard
-    errors.
+    Dry friction holds a joint that does not move, with any torque up to its level. What the motor
+    supplies meanwhile says nothing of the robot. A reversal takes as long as its acceleration
+    needs; its torque is data where no joint ever stands. Where a joint stands, friction sticks.
+    The low-passed motion does not show when friction changes its sign, nor whether a joint sticks
+    for so short a time. A few such rows are off by tens of standard errors.
 
     Attributes
     ----------

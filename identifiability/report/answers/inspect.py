@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.foundation.answers import Answer, Cell, Column, Table
-from identifiability.foundation.findings import ledger
+from identifiability.foundation.findings import ledger, of_key
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import (
@@ -129,7 +129,9 @@ def _answer_open(result: Inspection) -> Answer:
     if not needs:
         return answer(about, "nothing", "", "green")
     text = " ".join(need.text for need in needs[:SHOWN])
-    return answer(about, "some", text, "amber", count=format_count(len(needs), "thing"))
+    faults = of_key(need.text for need in needs)  # what the file states and can hardly be
+    part = "faults" if faults else "some"
+    return answer(about, part, text, "amber", count=format_count(len(needs), "thing"))
 
 
 def _list_commands(result: Inspection) -> list[tuple[str, str]]:

@@ -6,9 +6,9 @@ What to use when:
 - `elimination.find_path` walks the path of any linear regression from its `Information`;
 - `moves.propose_moves` says what the robot's joints suggest about the shape of its bodies.
 
-The method, in the order of the files: what a move is and which ones symmetries suggest (`moves`),
-what models predict of folds, the path, which model of it to use, and how stable that is
-(`elimination`), the answer (`result`), from robot to answer (`workflow`).
+The files, in the order of the method: `moves` defines the moves and finds those that symmetries
+suggest. `elimination` predicts folds, walks the path, chooses a model of it, and measures how
+stable the choice is. `result` holds the answer. `workflow` goes from robot and logs to the answer.
 """
 
 from identifiability.workflows.prune.result import Ladder, PrunedModel
