@@ -328,7 +328,7 @@ class LogPart:
             return
         if not self.kept:
             self.kept[:] = self._computed()
-        yield from self.kept
+        yield from (replace(chunk, log=self.log) for chunk in self.kept)
 
     def shown(self) -> Iterator[Chunk]:
         """Yield the chunks of its windows alone."""
@@ -448,6 +448,12 @@ class Regression:
                 out.append(LogPart(own, k, start, self.windows[k], self._kept[k]))
                 start += one.outputs
         return out
+
+    def followed_by(self, other: Regression) -> Regression:
+        """Return the same columns of these logs, then of others, with the chunks of both."""
+        joined = replace(self, samples=(*self.samples, *other.samples), instruments=None)
+        vars(joined)["_kept"] = [*self._kept, *other._kept]
+        return joined
 
     @cached_property
     def _kept(self) -> list[list[Chunk] | None]:

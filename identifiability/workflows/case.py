@@ -47,7 +47,13 @@ from identifiability.quality.recordings import LogLike, Logs, Recordings, list_l
 from identifiability.reading import Reading, choose_reading
 from identifiability.reading.rules import RULES
 from identifiability.regression.information import Information, gather_information
-from identifiability.regression.reduction import LadderEntry, LadderLike, LadderSource, find_ladder
+from identifiability.regression.reduction import (
+    LadderEntry,
+    LadderLike,
+    LadderSource,
+    find_ladder,
+    ladder_model,
+)
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import (
     BaseParameters,
@@ -310,6 +316,11 @@ class Case:
 
     # Stages of a model.
 
+    def first_structure(self, run: Run, ladder: LadderLike | None = None) -> Structure:
+        """Return the robot under the model that `analyze` reduces, of a ladder as in `ladder`."""
+        source = self.ladder(ladder, beside=True)
+        return self.structure(self.known_robot(run), ladder_model(source.entry))
+
     def structure(self, robot: Robot, model: Model) -> Structure:
         """Return a robot under a model; its groupings count torque offsets that nothing tells."""
         structure = self.stages.once(Structure.of, robot, model)
@@ -525,6 +536,7 @@ def take_case(
     logs: Logs,
     validate: Logs,
     preparation: Preparation | None,
+    use: Use | None = None,
 ) -> Case:
     """Return the case that a verb was given, or make one of robot and logs.
 
@@ -534,35 +546,13 @@ def take_case(
         If a case is given and logs or a preparation beside it.
     """
     if not isinstance(robot, Case):
-        return Case(robot, logs, validate, preparation=preparation)
+        return Case(robot, logs, validate, preparation=preparation, use=use)
     if list_logs(logs) or list_logs(validate) or preparation is not None:
         raise OptionError(
             "A Case was given, and logs or a preparation beside it. A case has its own: make "
             "another one, Case(robot, logs, validate=…), or case.with_(preparation=…)."
         )
     return robot
-
-
-def read_sides(
-    robot: Robot, first: Logs, second: Logs, preparation: Preparation | None, run: Run
-) -> tuple[Case, Recordings, int]:
-    """Return the case of the logs of two sides, all of them as fitted, and how many the first has.
-
-    Raises
-    ------
-    LogError
-        If a log stands on both.
-    """
-    use = Use(divides=False, commands=False)
-    case = Case(robot, first, second, preparation=preparation, use=use)
-    try:
-        both = case.recordings(run)
-    except LogError as error:
-        if error.key in ("twice.held", "twice.rows"):
-            raise LogError(Finding("twice.sides")) from None
-        raise
-    together = replace(both, fitted=(*both.fitted, *both.held_out), held_out=())
-    return case, together, len(both.fitted)
 
 
 # The stages: plain functions of what earlier stages returned.

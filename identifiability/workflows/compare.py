@@ -30,22 +30,17 @@ from identifiability.foundation.options import checked
 from identifiability.foundation.result import Result
 from identifiability.foundation.runs import Run
 from identifiability.foundation.values import frozen
+from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.logs.rules import RULES as LOG_RULES
-from identifiability.quality.recordings import Logs, list_logs
+from identifiability.quality.recordings import Logs, Recordings
 from identifiability.regression.columns import list_candidates
-from identifiability.regression.reduction import (
-    LadderLike,
-    LadderSource,
-    Submodel,
-    build_ladder,
-    find_ladder,
-    ladder_model,
-)
+from identifiability.regression.reduction import LadderLike, LadderSource, Submodel, build_ladder
+from identifiability.regression.regression import Regression
 from identifiability.regression.structure import OfStructure, Structure
-from identifiability.robot import Motion, Robot, RobotLike
+from identifiability.robot import Motion, RobotLike
 from identifiability.robot.robot import tool_bodies
-from identifiability.workflows.case import read_sides
+from identifiability.workflows.case import Case, Data, Use, take_case
 from identifiability.workflows.diagnose.changes import (
     Change,
     DifferentTorque,
@@ -56,22 +51,73 @@ from identifiability.workflows.provenance import given_paths
 
 # Logs of several sides as one question.
 
+#: No log is set aside, and all of them have torque.
+SIDES = Use(divides=False, commands=False)
 
-def look(structure: Structure, samples: Sequence[Dataset], values: int) -> Excerpt:
-    """Return the rows of logs, if there are enough for so many values.
+
+@frozen
+class Sides:
+    """Logs of two sides, prepared under one model; those of the first side come first.
+
+    Attributes
+    ----------
+    logs : tuple of Log
+    count : int
+        How many logs the first side has.
+    regression : Regression
+        Of all logs.
+    """
+
+    logs: tuple[Log, ...]
+    count: int
+    regression: Regression
+
+    @property
+    def samples(self) -> tuple[Dataset, ...]:
+        """The prepared logs."""
+        return self.regression.samples
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the logs."""
+        return [s.name for s in self.samples]
+
+    @property
+    def paths(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Paths of the logs of each side."""
+        paths = given_paths(self.logs)
+        return paths[: self.count], paths[self.count :]
+
+    def look(self, values: int) -> Excerpt:
+        """Return the rows of the logs, if there are enough for so many values.
+
+        Raises
+        ------
+        LogError
+        """
+        seen = Excerpt.of(self.regression, EXCERPT)
+        fewest = int(np.bincount(seen.log, minlength=len(self.logs)).min())
+        if fewest < LOG_RULES.fewest or fewest * len(seen.robot.joints) <= values:
+            raise LogError(Finding("sides.few", samples=fewest, values=values))
+        return seen
+
+
+def read_sides(case: Case, run: Run) -> tuple[Recordings, int]:
+    """Return fitted and held-out logs of a case as one side after the other, and the first's count.
 
     Raises
     ------
     LogError
+        If a log stands on both.
     """
-    seen = Excerpt.of(structure.regression(samples), EXCERPT)
-    fewest = int(np.bincount(seen.log, minlength=len(samples)).min())
-    if fewest < LOG_RULES.fewest or fewest * len(structure.robot.joints) <= values:
-        raise LogError(
-            f"{fewest} samples are too few to say how {values} values scatter; give longer or "
-            "more logs, or a smaller model (--ladder)."
-        )
-    return seen
+    try:
+        both = case.recordings(run)
+    except LogError as error:
+        if error.key in ("twice.held", "twice.rows"):
+            raise LogError(Finding("twice.sides")) from None
+        raise
+    together = replace(both, fitted=(*both.fitted, *both.held_out), held_out=())
+    return together, len(both.fitted)
 
 
 def find_differences(
@@ -191,9 +237,9 @@ class Comparison(OfStructure, Result):
 
 @checked
 def compare(
-    robot: RobotLike,
-    before: Logs,
-    after: Logs,
+    robot: RobotLike | Case,
+    before: Logs = (),
+    after: Logs = (),
     *,
     ladder: LadderLike | None = None,
     preparation: Preparation | None = None,
@@ -205,12 +251,13 @@ def compare(
 
     Parameters
     ----------
-    robot : Robot, path or shipped name
+    robot : Robot, path, shipped name, or Case
+        Of a case, the fitted logs are those before, and the held-out logs those after.
     before, after : log, path, DataFrame, or several
         With columns as for `analyze`.
     ladder : path, LadderEntry or result of `prune`, optional
-        Its first model is the one that logs are compared under; by default the one beside the robot
-        file, else every base parameter, with torque offsets.
+        Its first model is the one that logs are compared under; by default that of the case, or
+        the one beside the robot file, else every base parameter, with torque offsets.
     preparation : Preparation, optional
         How derivatives are made.
     engine : Engine, optional
@@ -219,36 +266,65 @@ def compare(
     Raises
     ------
     LogError
-        If a log does not fit the robot, or is on both sides.
+        If a log does not fit the robot, or is on both sides, or a side has no log.
     """
-    if not list_logs(before):
-        raise LogError(Finding("logs.none"))
+    run = Run(engine=engine or Serial())
     with one_thread("blas"):
-        robot = Robot.of(robot)
-        source = find_ladder(robot, ladder, beside=True)
-        structure = Structure.of(robot, ladder_model(source.entry))
-        run = Run(engine=engine or Serial())
-        case, both, count = read_sides(robot, after, before, preparation, run)
-        data = case.data(structure, run, "compared", recordings=both)
-        logs = data.recordings.fitted
-        unchanged = case.completed(case.with_samples(data, data.samples[count:]), run)
-        structure = case.at_fit(unchanged, run).structure
+        case = take_case(robot, after, before, preparation, SIDES)
+        source = case.ladder(ladder, beside=True)
+        structure = case.first_structure(run, ladder)
+        separate = _separate_case if isinstance(robot, Case) else _separate_logs
+        unchanged, sides = separate(case, structure, run)
+        structure, count = unchanged.structure, sides.count
         submodel = build_ladder(source.entry, structure)[0]
-        seen = look(structure, data.samples, len(submodel))
+        seen = sides.look(len(submodel))
         rows = seen.X[seen.log >= count], seen.y[seen.log >= count]
         known = Known.nothing(submodel.M, pooled_values(*rows, submodel.M, submodel.fixed))
-        bodies = tool_bodies(robot)
-        found = find_differences(structure, seen, bodies, known, count, len(logs))
-        terms, paths = found.model.search(), given_paths(logs)
-        return Comparison(
-            structure=structure,
-            submodel=submodel,
-            before=paths[count:],
-            after=paths[:count],
-            changes=list_log_changes(found, terms, [s.name for s in data.samples]),
-            hints=unchanged.hints,
-            preparation=preparation or Preparation(),
-            motion=data.samples[0].motion,
-            torque=DifferentTorque.of(found, terms),
-            source=source,
-        )
+        bodies = tool_bodies(case.robot)
+        found = find_differences(structure, seen, bodies, known, count, len(sides.logs))
+    terms = found.model.search()
+    later, earlier = sides.paths
+    return Comparison(
+        structure=structure,
+        submodel=submodel,
+        before=earlier,
+        after=later,
+        changes=list_log_changes(found, terms, sides.names),
+        hints=unchanged.hints,
+        preparation=case.preparation or Preparation(),
+        motion=sides.samples[0].motion,
+        torque=DifferentTorque.of(found, terms),
+        source=source,
+    )
+
+
+def _separate_logs(case: Case, structure: Structure, run: Run) -> tuple[Data, Sides]:
+    """Return the logs before with their completed model, and both sides; all are read alike."""
+    if not case.validate:
+        raise LogError(Finding("logs.none"))
+    both, count = read_sides(case, run)
+    data = case.data(structure, run, "compared", recordings=both)
+    earlier = case.with_samples(data, data.samples[count:])
+    unchanged = case.at_fit(case.completed(earlier, run), run)
+    regression = case.regression(unchanged.structure, data.samples)
+    return unchanged, Sides(data.recordings.fitted, count, regression)
+
+
+def _separate_case(case: Case, structure: Structure, run: Run) -> tuple[Data, Sides]:
+    """Return the fitted logs of a case with their completed model, and both sides.
+
+    Raises
+    ------
+    LogError
+        If nothing is held out, or torque comes from commands.
+    """
+    recordings = case.recordings(run)
+    if recordings.commanded:
+        raise LogError(Finding("sides.commands"))
+    unchanged = case.completed(case.data(structure, run, "compared"), run)
+    if unchanged.unseen is None:
+        raise LogError(Finding("sides.one"))
+    regression = unchanged.unseen.followed_by(unchanged.regression)
+    recordings = unchanged.recordings
+    logs = (*recordings.held_out, *recordings.fitted)
+    return unchanged, Sides(logs, len(recordings.held_out), regression)

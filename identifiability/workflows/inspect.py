@@ -34,11 +34,11 @@ from identifiability.logs.spectrum import Spectrum, noise_level
 from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.physical.plausibility import check_plausible
 from identifiability.quality.recordings import Logs
-from identifiability.regression.reduction import ModelLike, choose_model, find_ladder, ladder_model
+from identifiability.regression.reduction import ModelLike, choose_model, ladder_model
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.sidecar import read_sidecar
-from identifiability.workflows.case import Case, Use
+from identifiability.workflows.case import Case, Use, take_case
 from identifiability.workflows.provenance import state_provenance
 
 # What a robot file and logs hold, before anything is fitted.
@@ -104,24 +104,8 @@ class Need:
 
 def describe_joints(robot: Robot) -> tuple[JointFact, ...]:
     """Return every joint: those of the tree in its order, then the locked ones."""
-    followed = {c.joint: listing(c.terms, 4) for c in robot.couplings}
-    actuated = {int(dof): k for k, dof in enumerate(robot.actuated)}
     kinds: dict[str, str] = {d: j.kind for j in robot.tree.joints for d in j.dofs}
     kinds |= dict.fromkeys((t.name for t in robot.cables), "tendon")
-    facts = []
-    limits = np.column_stack([robot.limits, robot.speed_limits, robot.acceleration_limits])
-    limits = np.where(np.isfinite(limits), limits, np.nan)
-    for dof, name in enumerate(robot.dofs):
-        unit = "m" if robot.is_prismatic(dof) else "rad"
-        remarks = [f"follows {followed[name]}"] if name in followed else []
-        remarks += [f"known torque {k.text}" for k in robot.known_torque if k.along == name]
-        role: Role = "coupled" if name in followed else "passive"
-        known = [np.nan] * 4
-        if dof in actuated:
-            role = "actuated" if name in robot.motor_joints else "floats"
-            known = limits[actuated[dof]].tolist()
-        told = "; ".join(remarks)
-        facts.append(JointFact(name, kinds[name], role, unit, told, *known))
     locked = [
         JointFact(name, "", "locked", "", f"held at {at:.4g}") for name, at in robot.locked.items()
     ]
@@ -129,7 +113,29 @@ def describe_joints(robot: Robot) -> tuple[JointFact, ...]:
         JointFact(body, "body", "left out", "", "no actuated joint reaches it")
         for body in robot.outside
     ]
-    return (*facts, *locked, *outside)
+    moving = (_describe_joint(robot, dof, kinds[name]) for dof, name in enumerate(robot.dofs))
+    return (*moving, *locked, *outside)
+
+
+def _describe_joint(robot: Robot, dof: int, kind: str) -> JointFact:
+    """Return what is known of a joint of the tree; an actuated one has limits."""
+    name = robot.dofs[dof]
+    unit = "m" if robot.is_prismatic(dof) else "rad"
+    followed = [listing(c.terms, 4) for c in robot.couplings if c.joint == name]
+    remarks = [f"follows {terms}" for terms in followed]
+    remarks += [f"known torque {k.text}" for k in robot.known_torque if k.along == name]
+    remark = "; ".join(remarks)
+    if dof not in robot.actuated:
+        return JointFact(name, kind, "coupled" if followed else "passive", unit, remark)
+    role: Role = "actuated" if name in robot.motor_joints else "floats"
+    k = robot.joints.index(name)
+    limits = [*robot.limits[k], robot.speed_limits[k], robot.acceleration_limits[k]]
+    return JointFact(name, kind, role, unit, remark, *(_known(x) for x in limits))
+
+
+def _known(limit: float) -> float:
+    """Return a limit; NaN where none is known."""
+    return float(limit) if np.isfinite(limit) else np.nan
 
 
 def required_columns(names: Sequence[str], torque: str = "tau") -> tuple[str, ...]:
@@ -236,33 +242,11 @@ class Record:
 def describe_log(robot: Robot, log: Log, prepared: Dataset) -> Record:
     """Return what is in a log."""
     windows = [joint_log(robot, window) for _, window in log.windows()]
-    survey, clock = prepared.survey, log.clock
-    gaps = Gaps.of(log.name, clock, [w.t for w in windows])
-    told = {
-        "samples": len(log),
-        "start": float(clock.first),
-        "duration": float(clock.last - clock.first),
-        "rate": 1.0 / gaps.step,
-        "jitter": gaps.usual,
-        "gaps": len(gaps),
-        "lost": int(gaps.lost.sum()),
-        "longest": float(clock.longest),
-        "cutoff": prepared.cutoff,
-        "kept": survey.kept,
-        "outputs": survey.outputs,
-        "parts": len(windows),
-    }
+    gaps = Gaps.of(log.name, log.clock, [w.t for w in windows])
     t, q, tau = (np.concatenate([getattr(w, c) for w in windows]) for c in ("t", "q", "tau"))
-    reach = np.maximum(np.abs(survey.low), np.abs(survey.high))
-    room = np.ptp(q, axis=0) / np.diff(robot.limits, axis=1)[:, 0]
-    slides = [robot.is_prismatic(int(dof)) for dof in robot.actuated]
+    reach = np.maximum(np.abs(prepared.survey.low), np.abs(prepared.survey.high))
     joints = {
-        "joint": robot.joints,
-        "unit": np.where(slides, "m", "rad"),
-        "torque_unit": robot.torque_units,
-        "low": q.min(0),
-        "high": q.max(0),
-        "room": np.where(np.isfinite(robot.limits).all(1), room, np.nan),
+        **_describe_range(robot, q),
         "torque_low": tau.min(0),
         "torque_high": tau.max(0),
         "noise": np.median([noise_level(w.q) for w in windows], axis=0),
@@ -278,13 +262,45 @@ def describe_log(robot: Robot, log: Log, prepared: Dataset) -> Record:
         path=log.path,
         sha256=log.sha256,
         channels=log.channels,
-        clock=told,
+        clock={**_describe_clock(log, gaps, prepared), "parts": len(windows)},
         joints=pd.DataFrame(joints),
         notes=prepared.notes,
         t=t,
         q=q,
         tau=tau,
     )
+
+
+def _describe_clock(log: Log, gaps: Gaps, prepared: Dataset) -> dict[str, Any]:
+    """Return samples and steps of a log, and how many samples are used."""
+    clock, survey = log.clock, prepared.survey
+    return {
+        "samples": len(log),
+        "start": float(clock.first),
+        "duration": float(clock.last - clock.first),
+        "rate": 1.0 / gaps.step,
+        "jitter": gaps.usual,
+        "gaps": len(gaps),
+        "lost": int(gaps.lost.sum()),
+        "longest": float(clock.longest),
+        "cutoff": prepared.cutoff,
+        "kept": survey.kept,
+        "outputs": survey.outputs,
+    }
+
+
+def _describe_range(robot: Robot, q: Array) -> dict[str, Any]:
+    """Return the range of each joint, the share of its limits, and the units of its columns."""
+    slides = [robot.is_prismatic(int(dof)) for dof in robot.actuated]
+    room = np.ptp(q, axis=0) / np.diff(robot.limits, axis=1)[:, 0]
+    return {
+        "joint": robot.joints,
+        "unit": np.where(slides, "m", "rad"),
+        "torque_unit": robot.torque_units,
+        "low": q.min(0),
+        "high": q.max(0),
+        "room": np.where(np.isfinite(robot.limits).all(1), room, np.nan),
+    }
 
 
 # `inspect`: a robot file, and logs before anything is fitted to them, as an `Inspection`.
@@ -375,7 +391,7 @@ class Inspection(OfStructure, Result):
 
 @checked
 def inspect(
-    robot: RobotLike,
+    robot: RobotLike | Case,
     logs: Logs = (),
     *,
     model: ModelLike | None = None,
@@ -387,7 +403,8 @@ def inspect(
 
     Parameters
     ----------
-    robot : Robot, path or shipped name
+    robot : Robot, path, shipped name, or Case
+        `inspect` describes all logs of a case, fitted and held-out, each part by itself.
     logs : log, path, DataFrame, or several, optional
         Logs to look at, in any form that `analyze` reads.
     model : Model, names of effects, model file or result of `prune`, optional
@@ -410,41 +427,39 @@ def inspect(
     ('t', 'shoulder.q', 'shoulder.tau', 'elbow.q', 'elbow.tau')
     """
     say = progress or quiet
-    with threadpool_limits(1, "blas"):
-        robot = Robot.of(robot)
+    with threadpool_limits(1, "blas"), running(engine) as runner:
+        case = take_case(robot, logs, (), preparation, Use(divides=False))
         say("reading the robot", 0.0)
-        whole = ladder_model(find_ladder(robot, None, beside=True).entry)
-        structure = Structure.of(robot, whole if model is None else choose_model(model, ()))
-        found = Inspection(
-            structure=structure,
-            joints=describe_joints(robot),
-            needs=find_needs(robot),
-            provenance=state_provenance(robot, (), 0),
-        )
-        if isinstance(logs, (list, tuple)) and not logs:
-            return found
-        with running(engine) as runner:
-            return _with_logs(found, logs, preparation, say, runner)
+        found = _describe_robot(case, model)
+        return _with_logs(found, case, Run(say, runner)) if case.logs else found
 
 
-def _with_logs(
-    found: Inspection, logs: Logs, how: Preparation | None, say: Progress, engine: Engine
-) -> Inspection:
-    """Return the inspection with what is in logs."""
-    case = Case(found.robot, logs, preparation=how, use=Use(divides=False))
-    run = Run(say, engine)
-    robot = case.known_robot(run)
-    structure = replace(found.structure, robot=robot)
-    recordings = case.recordings(run)
-    data = case.data(structure, run, recordings=recordings, apply=False)
-    logged = recordings.fitted
-    say("looking at every column", 0.8)
-    pairs = zip(logged, data.samples, strict=True)
+def _describe_robot(case: Case, model: ModelLike | None) -> Inspection:
+    """Return the inspection of a robot file alone."""
+    robot = case.robot
+    default = ladder_model(case.ladder(beside=True).entry)
+    chosen = default if model is None else choose_model(model, ())
+    return Inspection(
+        structure=case.stages.once(Structure.of, robot, chosen),
+        joints=describe_joints(robot),
+        needs=find_needs(robot),
+        provenance=state_provenance(robot, (), 0),
+        preparation=case.preparation or Preparation(),
+    )
+
+
+def _with_logs(found: Inspection, case: Case, run: Run) -> Inspection:
+    """Return the inspection with the content of the logs of a case."""
+    robot, recordings = case.known_robot(run), case.recordings(run)
+    data = case.literal(case.structure(robot, found.structure.model), recordings, run)
+    prepared = case.prepared(robot, recordings, data.preparation, run)
+    logged = (*recordings.fitted, *recordings.held_out)
+    run.say("looking at every column", 0.8)
+    pairs = zip(logged, (*prepared.fitted, *prepared.held_out), strict=True)
     hashes = {f"sha256 {log.path or log.name}": log.sha256 for log in logged}
     return replace(
         found,
         records=tuple(describe_log(robot, *pair) for pair in pairs),
         hints=tuple(dict.fromkeys(data.hints)),
         provenance={**found.provenance, **hashes},
-        preparation=how or Preparation(),
     )

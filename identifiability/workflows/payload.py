@@ -22,8 +22,8 @@ from identifiability.estimation.mixed_model import Terms
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import percent_of
 from identifiability.foundation.engines import Engine, Serial, one_thread
-from identifiability.foundation.errors import listing
-from identifiability.foundation.findings import phrase
+from identifiability.foundation.errors import LogError, listing
+from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.keyed import Row
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array
@@ -43,17 +43,16 @@ from identifiability.physical.cad_prior import draw_bodies
 from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
 from identifiability.physical.project import project
 from identifiability.physical.pseudo_inertia import entry_scale, natural_scale, to_matrix
-from identifiability.quality.recordings import Logs, list_logs
-from identifiability.regression.reduction import DEFAULT_EFFECTS, full_model
+from identifiability.quality.recordings import LogLike, Logs, list_logs
+from identifiability.regression.reduction import DEFAULT_EFFECTS, Submodel, full_model
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.robot import Point, body_of, ten_parameters, tool_bodies
-from identifiability.workflows.case import read_sides
-from identifiability.workflows.compare import find_differences, look
+from identifiability.workflows.case import Case, take_case
+from identifiability.workflows.compare import SIDES, Sides, find_differences, read_sides
 from identifiability.workflows.diagnose.changes import Change, DifferentTorque, list_log_changes
-from identifiability.workflows.predict import FitLike, Predicts, find_fit, state_missing
-from identifiability.workflows.provenance import given_paths
+from identifiability.workflows.predict import Fit, FitLike, Predicts, find_fit, state_missing
 
 # `LoadEstimate`: the ten parameters of a load, with everything that is not known of them.
 
@@ -152,6 +151,9 @@ QUANTITIES = {
     **dict.fromkeys(("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"), "kg·m²"),
 }
 
+#: Which of them no body has below zero: its mass and moments about axes.
+POSITIVE = np.isin(np.arange(len(QUANTITIES)), (0, 4, 5, 6))
+
 #: Rows and columns of these moments in a tensor.
 _ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
@@ -226,32 +228,36 @@ def state_quantities(found: LoadEstimate, body: Array, length: float) -> tuple[Q
         Size of the robot's bodies: where a centre is less certain, it is not told.
     """
     values = describe_body(body)
-    # Steps by which derivatives are taken, as a share of a body's own numbers.
-    slopes = approx_fprime(body, describe_body, 1e-6 * TYPICAL * max(body[9], LIGHTEST))
-    half = REACH * np.sqrt(np.einsum("qi,ij,qj->q", slopes, found.covariance, slopes))
-    along = np.abs(slopes * TYPICAL @ found.unknown).max(1, initial=0.0)
-    open_ = along > NEARLY * np.linalg.norm(slopes * TYPICAL, axis=1)
-    half = np.where(open_, np.inf, half)
+    half = _half_widths(found, body)
     low, high = values - half, values + half
-    positive = np.isin(np.arange(len(values)), (0, 4, 5, 6))
     # What follows from its inertia is stated with any interval.
-    unsure = np.where(positive, low <= 0, half > length) & (np.arange(len(values)) < 7)
-    low = np.where(positive, np.maximum(low, 0.0), low)
+    unsure = np.where(POSITIVE, low <= 0, half > length) & (np.arange(len(values)) < 7)
+    low = np.where(POSITIVE, np.maximum(low, 0.0), low)
     out = []
     for k, (name, unit) in enumerate(QUANTITIES.items()):
         why = ""
-        if open_[k]:
-            why = "not identifiable from this motion"
+        if np.isinf(half[k]):
+            why = phrase("untold", "motion")
         elif k and unsure[0]:
-            why = "no mass is identifiable"
+            why = phrase("untold", "mass")
         elif unsure[k]:
-            why = (
-                f"at most {high[k]:.3g} {unit}"
-                if positive[k]
-                else f"less certain than ± {length:.2g} m"
-            )
+            part = "most" if POSITIVE[k] else "vague"
+            why = phrase("untold", part, most=high[k], unit=unit, length=length)
         out.append(Quantity(name, unit, float(values[k]), float(low[k]), float(high[k]), why))
     return tuple(out)
+
+
+def _half_widths(found: LoadEstimate, body: Array) -> Array:
+    """Return half the 95 % interval of each quantity, (10,); infinite where motion tells nothing.
+
+    Quantities are taken to first order about a body.
+    """
+    # Steps by which derivatives are taken, as a share of a body's own numbers.
+    slopes = approx_fprime(body, describe_body, 1e-6 * TYPICAL * max(body[9], LIGHTEST))
+    half = REACH * np.sqrt(np.einsum("qi,ij,qj->q", slopes, found.covariance, slopes))
+    sizes = slopes * TYPICAL
+    along = np.abs(sizes @ found.unknown).max(1, initial=0.0)
+    return np.where(along > NEARLY * np.linalg.norm(sizes, axis=1), np.inf, half)
 
 
 # Gains: what one unit of a torque column is, by a load that is known.
@@ -263,35 +269,51 @@ def state_quantities(found: LoadEstimate, body: Array, length: float) -> tuple[Q
 
 def find_gains(found: Differences, theta: Array) -> tuple[Quantity, ...]:
     """Return the gain of each joint's torque from a known load, (10,) in `INERTIAL_KINDS`."""
-    out = []
-    seen, known = found.missing.seen, found.known
-    robot, M = seen.robot, known.directions
-    size = M.shape[1]
     sums = _load(found) @ theta[:, None]
-    at = len(known.precision)
-    for j, joint in enumerate(robot.joints):
-        # As much friction as this joint's rows say, in its own unit.
-        X, y = seen.X[:, [j]], seen.y[:, [j]]
-        values = pooled_values(X, y, np.eye(size), np.zeros(size))
-        fitted = replace(known, base=known.base + M @ values)
-        one = replace(found, known=fitted).having(sums, joint=j)
-        may = {c.group[0] for c, *_ in one.columns if c.pattern and c.kind == "friction"}
-        groups = tuple(g for g in one.groups if g.family in may)
-        terms = replace(one.model, groups=groups).search()
-        value, covariance = one.solve(terms)
-        # Torque that was read by a gain is that of the load by this over the right one.
-        read = robot.torque.at("gain", joint) or 1.0
-        inverse = float(value[at]) / read or np.nan
-        sd = float(np.sqrt(covariance[at, at])) / abs(read)
-        half = REACH * sd
-        low, high = -np.inf, np.inf
-        if abs(inverse) > half:
-            low, high = sorted((1.0 / (inverse - half), 1.0 / (inverse + half)))
-        told = percent_of(sd, inverse) <= Thresholds().sigma_percent
-        why = "" if told else "not identifiable from this load"
-        unit = robot.torque_units[j]
-        out.append(Quantity(joint, unit, 1.0 / inverse, low, high, why))
-    return tuple(out)
+    robot = found.missing.seen.robot
+    return tuple(
+        _state_gain(robot, joint, *_invert_gain(found, sums, j))
+        for j, joint in enumerate(robot.joints)
+    )
+
+
+def _invert_gain(found: Differences, sums: Array, j: int) -> tuple[float, float]:
+    """Return one over the gain of a joint's torque, in units as it was read, and its error.
+
+    Parameters
+    ----------
+    found : Differences
+    sums : (C, 1)
+        The known load as a sum of candidates.
+    j : int
+        The joint.
+    """
+    seen, known = found.missing.seen, found.known
+    size, at = known.directions.shape[1], len(known.precision)
+    # As much friction as this joint's rows say, in its own unit.
+    X, y = seen.X[:, [j]], seen.y[:, [j]]
+    values = pooled_values(X, y, np.eye(size), np.zeros(size))
+    fitted = replace(known, base=known.base + known.directions @ values)
+    one = replace(found, known=fitted).having(sums, joint=j)
+    may = {c.group[0] for c, *_ in one.columns if c.pattern and c.kind == "friction"}
+    groups = tuple(g for g in one.groups if g.family in may)
+    value, covariance = one.solve(replace(one.model, groups=groups).search())
+    return float(value[at]), float(np.sqrt(covariance[at, at]))
+
+
+def _state_gain(robot: Robot, joint: str, inverse: float, sd: float) -> Quantity:
+    """Return the gain of a joint's torque from one over it, and its error."""
+    # Torque that was read by a gain is that of the load by this over the right one.
+    read = robot.torque.at("gain", joint) or 1.0
+    inverse, sd = inverse / read or np.nan, sd / abs(read)
+    half = REACH * sd
+    low, high = -np.inf, np.inf
+    if abs(inverse) > half:
+        low, high = sorted((1.0 / (inverse - half), 1.0 / (inverse + half)))
+    sure = percent_of(sd, inverse) <= Thresholds().sigma_percent
+    why = "" if sure else phrase("untold", "load")
+    unit = robot.torque_units[robot.joints.index(joint)]
+    return Quantity(joint, unit, 1.0 / inverse, low, high, why)
 
 
 # `Load`: mass, centre and inertia of a load as numbers.
@@ -405,7 +427,7 @@ class Load(Result):
 
 @checked
 def payload(
-    robot: RobotLike,
+    robot: RobotLike | Case,
     result: FitLike | Logs,
     logs: Logs,
     without: Logs = (),
@@ -420,8 +442,8 @@ def payload(
 
     Parameters
     ----------
-    robot : Robot, path or shipped name
-        The robot that the result is about.
+    robot : Robot, path, shipped name, or Case
+        The robot that the result is about. The fitted logs of a case are the logs without the load.
     result : Fit, Analysis, Ladder, Diagnosis or path
         Fitted to logs without the load. What it does not know of the robot enters every interval.
         Where the load is known it may be logs without it instead: then gains may be anything.
@@ -450,70 +472,138 @@ def payload(
     IdentifiabilityError
         If the result is about another robot, or a log does not fit it.
     """
+    run = Run(engine=engine or Serial())
     with one_thread("blas"):
-        robot = Robot.of(robot)
-        if (mass is None and centre is not None) or (centre is None and inertia is not None):
-            raise OptionError("Moments of a load need its centre, and this its mass (--mass).")
-        of_result = isinstance(result, Predicts) or str(result).lower().endswith(".json")
-        empty = [] if of_result else list_logs(cast("Logs", result))
-        if empty and mass is None:
-            raise OptionError(
-                "Logs without the load stand for a result only where its mass is known: give the "
-                "mass (--mass), or first a result of analyze and these logs as `without`."
-            )
-        if empty and centre is None:  # by one gain of all joints it would be found elsewhere
-            raise OptionError(
-                "Each torque column may have its own gain: give the centre, too (--centre)."
-            )
-        fit = None if empty else find_fit(cast("FitLike", result), robot)
-        structure = _without_gains(robot) if fit is None else fit.structure
-        submodel = full_model(structure.base) if fit is None else fit.submodel
+        case = take_case(robot, (), without, None)
+        fit, empty = _find_unloaded(result, case.robot)
+        _check_stated(mass, centre, inertia, empty)
+        structure = _without_gains(case.robot) if fit is None else fit.structure
         place = choose_body(structure, body)
-        unloaded, how = [*empty, *list_logs(without)], fit.preparation if fit else None
-        run = Run(engine=engine or Serial())
-        case, both, loaded = read_sides(structure.robot, logs, unloaded, how, run)
-        every, how = both.fitted, case.common_preparation(structure.robot, both)
-        # The load contradicts the robot's file, so no check is asked.
-        samples = case.unfitted(structure.robot, both, how, run)
-        require_signal(samples, "weighed")
-        hints = [*both.hints, *_tell_noise(every[:loaded], how)]
-        hints += [text for s in samples for text in s.hints]
-        seen = look(structure, samples, 0)
-        if fit is None or (mass is not None and loaded < len(every)):
-            # Logs without the load tell more than values by other gains.
-            known = Known.nothing(submodel.M, submodel.fixed)
+        how = fit.preparation if fit else None
+        if isinstance(robot, Case):
+            sides, hints = _join_case(case, fit, structure, logs, run)
         else:
-            known = Known.of(fit.base, submodel.M, fit.covariance, fit.spread.unknown)
-        found = find_differences(structure, seen, (place,), known, loaded, loaded)
-        estimate = estimate_load(found, [s.name for s in samples])
+            unloaded = [*empty, *case.validate]
+            both = Case(structure.robot, logs, unloaded, preparation=how, use=SIDES)
+            sides, hints = _prepare_sides(both, structure, run)
+        require_signal(sides.samples, "weighed")
+        found, submodel = _find_load(sides, fit, structure, place, mass)
+        estimate = estimate_load(found, sides.names)
         nearest = nearest_body(estimate)
         gains: tuple[Quantity, ...] = ()
         if mass is not None:
-            theta = (nearest * mass / nearest[9])[[GROUPED_KINDS.index(k) for k in INERTIAL_KINDS]]
-            if centre is not None:
-                moments = np.zeros(3) if inertia is None else inertia
-                theta = ten_parameters(mass, centre, moments)
-            gains = find_gains(found, theta)
+            gains = find_gains(found, _state_load(nearest, mass, centre, inertia))
         bodies = draw_bodies(structure)[0][structure.inertial]
         length = float(np.median(natural_scale(bodies)[1]))
-    paths = given_paths(every)
+    loaded, unloaded = sides.paths
+    missing = state_missing(fit.missing if fit else ())
     return Load(
-        robot=robot,
+        robot=case.robot,
         body=place,
         model=submodel.name,
-        logs=paths[:loaded],
-        without=paths[loaded:],
+        logs=loaded,
+        without=unloaded,
         estimate=estimate,
-        motion=samples[0].motion,
+        motion=sides.samples[0].motion,
         parameters=nearest,
         quantities=state_quantities(estimate, nearest, length),
         gains=gains,
         known=mass,
-        hints=tuple(
-            dict.fromkeys(filter(None, (*state_missing(fit.missing if fit else ()), *hints)))
-        ),
+        hints=tuple(dict.fromkeys((*missing, *hints))),
         origin=fit.origin if fit else "EMPTY.csv",
     )
+
+
+def _find_unloaded(result: FitLike | Logs, robot: Robot) -> tuple[Fit | None, list[LogLike]]:
+    """Return the fit of the robot without the load, or logs that stand for it."""
+    if isinstance(result, Predicts) or str(result).lower().endswith(".json"):
+        return find_fit(cast("FitLike", result), robot), []
+    empty = list_logs(cast("Logs", result))
+    return (None, empty) if empty else (find_fit(cast("FitLike", result), robot), [])
+
+
+def _check_stated(
+    mass: float | None, centre: Point | None, inertia: Point | None, empty: Sequence[LogLike]
+) -> None:
+    """Refuse what does not suffice of a known load, also where logs stand for a result.
+
+    Raises
+    ------
+    OptionError
+    """
+    if (mass is None and centre is not None) or (centre is None and inertia is not None):
+        raise OptionError(Finding("load.moments"))
+    if empty and mass is None:
+        raise OptionError(Finding("load.mass"))
+    if empty and centre is None:  # by one gain of all joints it would be found elsewhere
+        raise OptionError(Finding("load.centre"))
+
+
+def _prepare_sides(case: Case, structure: Structure, run: Run) -> tuple[Sides, list[str]]:
+    """Return the logs of a case, fitted ones first, with one cut-off, and remarks on them.
+
+    The load contradicts the robot's file, so no check is asked.
+    """
+    both, loaded = read_sides(case, run)
+    how = case.common_preparation(structure.robot, both)
+    samples = case.unfitted(structure.robot, both, how, run)
+    hints = [*both.hints, *_tell_noise(both.fitted[:loaded], how)]
+    hints += [text for s in samples for text in s.hints]
+    return Sides(both.fitted, loaded, structure.regression(samples)), hints
+
+
+def _join_case(
+    case: Case, fit: Fit | None, structure: Structure, logs: Logs, run: Run
+) -> tuple[Sides, list[str]]:
+    """Return logs with a load, then the fitted ones of a case without it, and remarks on them.
+
+    Raises
+    ------
+    OptionError, LogError
+        If the result is none, a log stands on both sides, or torque comes from commands.
+    """
+    if fit is None:
+        raise OptionError(Finding("sides.result"))
+    recordings = case.recordings(run)
+    if recordings.commanded:
+        raise LogError(Finding("sides.commands"))
+    both = Case(structure.robot, logs, preparation=fit.preparation, use=SIDES)
+    loaded, hints = _prepare_sides(both, structure, run)
+    seen = {log.sha256 for log in (*recordings.fitted, *recordings.held_out)}
+    if any(log.sha256 in seen for log in loaded.logs):
+        raise LogError(Finding("twice.sides"))
+    robot = case.known_robot(run)
+    how = case.common_preparation(robot, recordings)
+    samples = case.prepared(robot, recordings, how, run).fitted
+    regression = loaded.regression.followed_by(case.regression(structure, samples))
+    joined = Sides((*loaded.logs, *recordings.fitted), loaded.count, regression)
+    return joined, [*hints, *recordings.hints]
+
+
+def _find_load(
+    sides: Sides, fit: Fit | None, structure: Structure, place: str, mass: float | None
+) -> tuple[Differences, Submodel]:
+    """Return what may differ between loaded logs and the robot without, and its fitted model."""
+    count = sides.count
+    submodel = full_model(structure.base) if fit is None else fit.submodel
+    if fit is None or (mass is not None and count < len(sides.logs)):
+        # Logs without the load tell more than values by other gains.
+        known = Known.nothing(submodel.M, submodel.fixed)
+    else:
+        known = Known.of(fit.base, submodel.M, fit.covariance, fit.spread.unknown)
+    seen = sides.look(0)
+    return find_differences(structure, seen, (place,), known, count, count), submodel
+
+
+def _state_load(nearest: Array, mass: float, centre: Point | None, inertia: Point | None) -> Array:
+    """Return the parameters of a load of known mass, (10,) in `INERTIAL_KINDS`.
+
+    Its centre and moments are those that were stated, or those of the nearest real body.
+    """
+    if centre is not None:
+        return ten_parameters(mass, centre, np.zeros(3) if inertia is None else inertia)
+    by_kind = dict(zip(GROUPED_KINDS, nearest * mass / nearest[9], strict=True))
+    return np.array([by_kind[kind] for kind in INERTIAL_KINDS])
 
 
 def _without_gains(robot: Robot) -> Structure:
@@ -524,7 +614,7 @@ def _without_gains(robot: Robot) -> Structure:
     OptionError
     """
     if robot.known_torque:  # in N·m, and what the columns are in is what is asked
-        raise OptionError("[[known_torque]] of the sidecar is in N·m: take it out to find gains.")
+        raise OptionError(Finding("load.torque"))
     free = replace(robot, torque=robot.torque.with_gains())
     return Structure.of(free, Model.of(*DEFAULT_EFFECTS))
 
@@ -551,5 +641,5 @@ def choose_body(structure: Structure, body: str | None) -> str:
     best = tool_bodies(structure.robot)
     place = body_of(structure.robot, best[0] if body is None and len(best) == 1 else body)
     if f"{place}." not in structure.bodies:
-        raise OptionError("The result's model has no bodies (rigid_body); fit one that has.")
+        raise OptionError(Finding("load.bodies"))
     return place
