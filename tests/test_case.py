@@ -9,7 +9,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import Case, Noise, Robot, analyze, diagnose, prune, simulate
+from identifiability import (
+    Case,
+    Noise,
+    Robot,
+    analyze,
+    compare,
+    diagnose,
+    excite,
+    inspect,
+    payload,
+    predict,
+    prune,
+    simulate,
+)
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.options import OptionError
 from identifiability.regression import structure
@@ -35,6 +48,20 @@ def two_logs():
         for name in ("a", "b")
     ]
     return robot, [replace(log, name=name) for log, name in zip(logs, "ab", strict=True)]
+
+
+@pytest.fixture(scope="module")
+def loaded(two_logs):
+    """A log of the same robot with a load of half a kilogram."""
+    robot, _ = two_logs
+    motion = PrescribedMotion.of(shipped_trajectory(robot, "b"), 500)
+    noise, rng = Noise(torque=0.03), np.random.default_rng(1)
+    return replace(
+        simulate(
+            robot.with_payload(mass=0.5), motion, noise=noise, rng=rng, hide=["joint_stiffness=0.1"]
+        ),
+        name="loaded",
+    )
 
 
 @pytest.fixture
@@ -86,6 +113,86 @@ def test_verbs_of_one_case_prepare_gather_and_group_once(two_logs, counted, firs
     assert set(counted["gathered"].values()) == {1}
     assert set(counted["base"].values()) == {1}
     assert set(counted["regressors"].values()) == {1}
+
+
+#: Verbs that look at a case which was analyzed; `payload` has one more log, with a load.
+LATER = {
+    "inspect": lambda case, result, loaded: inspect(case),
+    "excite": lambda case, result, loaded: excite(case, evaluations=1),
+    "compare": lambda case, result, loaded: compare(case),
+    "payload": payload,
+    "predict": lambda case, result, loaded: predict(case, result),
+}
+
+
+@pytest.mark.parametrize("verb", LATER)
+def test_other_verbs_of_an_analyzed_case_prepare_and_evaluate_nothing_again(
+    two_logs, loaded, counted, verb
+):
+    robot, logs = two_logs
+    case = Case(robot, logs[:1], logs[1])
+    result = analyze(case)
+    LATER[verb](case, result, loaded)
+    prepared = counted["prepared"]
+    assert set(prepared.values()) == {1}
+    assert set(prepared) == {"a", "b"} | ({"loaded"} if verb == "payload" else set())
+    assert set(counted["regressors"].values()) == {1}
+
+
+def test_an_inspection_of_a_case_describes_every_log(two_logs):
+    robot, logs = two_logs
+    found = inspect(Case(robot, logs[:1], logs[1]))
+    assert [r.name for r in found.records] == ["a", "b"]
+    assert [r.name for r in inspect(Case(robot, logs[0])).records] == ["a, part 1", "a, part 2"]
+    assert found.hints == inspect(robot, logs[0]).hints
+
+
+def test_a_motion_after_a_case_is_about_its_fitted_logs_and_its_model(two_logs):
+    robot, logs = two_logs
+    case = Case(robot, logs[:1], logs[1])
+    found = excite(case, evaluations=1)
+    assert found.logs == ("a",)
+    assert found.names == analyze(case).structure.base.names
+    model = "rigid_body", "viscous_friction", "coulomb_friction"
+    alone = excite(robot, start_from=logs[0], model=model, evaluations=1)
+    assert excite(case, model=model, evaluations=1).to_dict() == alone.to_dict()
+
+
+def test_a_comparison_of_a_case_is_of_fitted_with_held_out_logs(two_logs, loaded):
+    robot, logs = two_logs
+    found = compare(Case(robot, logs, loaded))
+    alone = compare(robot, logs, loaded)
+    assert (found.before, found.after) == (alone.before, alone.after) == (("a", "b"), ("loaded",))
+    (change,) = found.changes
+    assert change.kind == "load"
+    assert abs(change.sizes[0] - 0.5) <= 3 * change.sd[0]
+    with pytest.raises(LogError, match="no logs after a change"):
+        compare(Case(robot, logs, "none"))
+
+
+def test_a_load_is_weighed_against_the_fitted_logs_of_a_case(two_logs, loaded):
+    robot, logs = two_logs
+    case = Case(robot, logs[:1], logs[1])
+    result = analyze(case)
+    found = payload(case, result, loaded)
+    alone = payload(robot, result, loaded, logs[:1])
+    assert (found.logs, found.without) == (alone.logs, alone.without) == (("loaded",), ("a",))
+    assert found.mass.value == pytest.approx(alone.mass.value, rel=1e-6)
+    with pytest.raises(LogError, match="on both sides"):
+        payload(case, result, replace(logs[1], name="again"))
+    with pytest.raises(OptionError, match="stands for the logs without the load"):
+        payload(case, logs[1], loaded, mass=1.0, centre=(0, 0, 0))
+
+
+def test_a_prediction_of_a_case_is_of_all_its_logs(two_logs):
+    robot, logs = two_logs
+    case = Case(robot, logs[:1], logs[1])
+    result = analyze(case)
+    found, alone = predict(case, result), predict(robot, result, logs)
+    assert found.logs == alone.logs == ("a", "b")
+    np.testing.assert_allclose(found.predicted, alone.predicted)
+    forward = predict(case, result, forward=True)
+    assert [log.name for log in forward.logs] == ["a", "b"]
 
 
 def test_verbs_of_a_case_answer_as_verbs_of_robot_and_logs(two_logs):
@@ -151,5 +258,25 @@ def test_a_case_is_sent_without_its_results(two_logs):
 
 def test_a_case_has_its_own_logs(two_logs):
     robot, logs = two_logs
-    with pytest.raises(OptionError, match="A case has its own"):
-        analyze(Case(robot, logs), logs)
+    case = Case(robot, logs)
+    result = analyze(case)
+    calls = (
+        lambda: analyze(case, logs),
+        lambda: inspect(case, logs),
+        lambda: excite(case, start_from=logs),
+        lambda: compare(case, logs),
+        lambda: payload(case, result, logs, logs),
+        lambda: predict(case, result, logs),
+    )
+    for call in calls:
+        with pytest.raises(OptionError, match="A case has its own"):
+            call()
+
+
+def test_a_case_is_no_log(two_logs):
+    robot, logs = two_logs
+    case = Case(robot, logs)
+    with pytest.raises(OptionError, match="not a Case"):
+        compare(robot, logs[0], case)
+    with pytest.raises(OptionError, match="not a Case"):
+        predict(robot, analyze(case), case)

@@ -52,7 +52,7 @@ from identifiability.robot.robot import Point, body_of, ten_parameters, tool_bod
 from identifiability.workflows.case import Case, take_case
 from identifiability.workflows.compare import SIDES, Sides, find_differences, read_sides
 from identifiability.workflows.diagnose.changes import Change, DifferentTorque, list_log_changes
-from identifiability.workflows.predict import Fit, FitLike, Predicts, find_fit, state_missing
+from identifiability.workflows.predict import Fit, FitLike, find_fit, is_result, state_missing
 
 # `LoadEstimate`: the ten parameters of a load, with everything that is not known of them.
 
@@ -516,10 +516,8 @@ def payload(
 
 def _find_unloaded(result: FitLike | Logs, robot: Robot) -> tuple[Fit | None, list[LogLike]]:
     """Return the fit of the robot without the load, or logs that stand for it."""
-    if isinstance(result, Predicts) or str(result).lower().endswith(".json"):
-        return find_fit(cast("FitLike", result), robot), []
-    empty = list_logs(cast("Logs", result))
-    return (None, empty) if empty else (find_fit(cast("FitLike", result), robot), [])
+    empty = [] if is_result(result) else list_logs(cast("Logs", result))
+    return None if empty else find_fit(cast("FitLike", result), robot), empty
 
 
 def _check_stated(

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, cast
+from typing import Annotated, Any, ClassVar, TypeAlias, cast
 
 import numpy as np
 import pandas as pd
@@ -38,7 +38,7 @@ from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.tables import write_table
 from identifiability.physical.fitted_model import LeastSquares
-from identifiability.quality.recordings import Logs, Recordings, in_memory, read_recordings
+from identifiability.quality.recordings import LogLike, Logs, Recordings, in_memory, read_recordings
 from identifiability.regression.reduction import (
     LadderEntry,
     ModelEntry,
@@ -46,14 +46,17 @@ from identifiability.regression.reduction import (
     build_ladder,
     model_entry,
 )
-from identifiability.regression.regression import Model, Regression
+from identifiability.regression.regression import Chunk, Model, Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.robot import new_place
 from identifiability.robot.servo import FOUND, Servo
 from identifiability.robot.sidecar import Value
-from identifiability.workflows.case import Case, Use
+from identifiability.workflows.case import Case, Use, take_case
 from identifiability.workflows.provenance import given_paths
+
+#: No log is set aside, and none needs torque.
+MOTION = Use(divides=False, commands=False, motion_alone=True)
 
 
 def state_missing(functions: Sequence[str]) -> tuple[str, ...]:
@@ -278,8 +281,11 @@ class Predicts(ABC):
         IdentifiabilityError
             If the fitted logs had nothing to explain, or a log does not fit the robot.
         """
+        run, fit = Run(engine=engine or Serial()), self.fit
         with one_thread("blas"):
-            return _along(self.fit, logs, engine)
+            case = Case(fit.robot, logs, preparation=fit.preparation, use=MOTION)
+            recordings, samples = case.recordings(run), case.samples(fit.robot, run)
+            return _predict_along(fit, samples, recordings)
 
     @staticmethod
     def from_json(path: str | Path, robot: RobotLike | None = None) -> Any:
@@ -409,37 +415,46 @@ class Fit(Keyed, Predicts):
         return {k: x.tolist() if isinstance(x, np.ndarray) else x for k, x in told.items()}
 
 
-def _along(fit: Fit, logs: Logs, engine: Engine | None) -> TorquePrediction:
-    """Return the torque of a fitted model along logs."""
-    structure, how = fit.structure, fit.preparation
-    use = Use(divides=False, commands=False, motion_alone=True)
-    case = Case(structure.robot, logs, preparation=how, use=use)
-    run = Run(engine=engine or Serial())
-    known, samples = case.recordings(run), case.samples(structure.robot, run)
-    measured = tuple(not r.motion_alone for r in known.fitted)
+def _predict_along(
+    fit: Fit, samples: tuple[Dataset, ...], recordings: Recordings
+) -> TorquePrediction:
+    """Return the torque of a fitted model along prepared logs, fitted ones first."""
+    logs = (*recordings.fitted, *recordings.held_out)[: len(samples)]
+    measured = tuple(not log.motion_alone for log in logs)
+    structure = fit.structure
     rows = structure.robot, structure.model, samples, structure.base.kept
-    found: list[tuple[Array, ...]] = []
-    for part in Regression(*rows, dwelling=True).parts(whole=True):
-        for chunk in part.chunks():
-            predicted = chunk.W @ fit.base
-            reach = fit.spread.reach(chunk.W @ fit.submodel.M)
-            log = np.full(len(chunk.t), chunk.log)
-            there = measured[chunk.log]
-            sensed = 1.0 if there else np.nan
-            given = (chunk.t.copy(), sensed * chunk.tau, sensed * chunk.raw)
-            known_rows = chunk.data & there
-            found.append((log, *given, predicted, *reach, known_rows))
-    names = ("log", "t", "tau", "raw", "predicted", "mean", "low", "new", "known")
-    joined = map(np.concatenate, zip(*found, strict=True))
+    found = [
+        _predict_rows(fit, chunk, measured[chunk.log])
+        for part in Regression(*rows, dwelling=True).parts(whole=True)
+        for chunk in part.chunks()
+    ]
+    hints = (text for s in samples for text in s.hints)
     return TorquePrediction(
         fit=fit,
         logs=given_paths(samples),
         measured=measured,
         motion=samples[0].motion,
         notes={s.path or s.name: s.notes for s in samples},
-        hints=(*state_missing(fit.missing), *known.hints, *(x for s in samples for x in s.hints)),
-        **dict(zip(names, joined, strict=True)),
+        hints=(*state_missing(fit.missing), *recordings.hints, *hints),
+        **{name: np.concatenate([one[name] for one in found]) for name in found[0]},
     )
+
+
+def _predict_rows(fit: Fit, chunk: Chunk, measured: bool) -> dict[str, np.ndarray]:
+    """Return predicted and measured torque of some rows, as a `TorquePrediction` names them."""
+    sensed = 1.0 if measured else np.nan
+    mean, low, new = fit.spread.reach(chunk.W @ fit.submodel.M)
+    return {
+        "log": np.full(len(chunk.t), chunk.log),
+        "t": chunk.t.copy(),
+        "tau": sensed * chunk.tau,
+        "raw": sensed * chunk.raw,
+        "predicted": chunk.W @ fit.base,
+        "mean": mean,
+        "low": low,
+        "new": new,
+        "known": chunk.data & measured,
+    }
 
 
 class FitEntry(Entry):
@@ -536,7 +551,17 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
     content, robot = _read_result(path, robot, "predicted")
     if content.fit is None:
         raise IdentifiabilityError(Finding("result.unfitted", path))
-    entry, where = content.fit, f"{path} is about '{content.robot.name}'"
+    where = f"{path} is about '{content.robot.name}'"
+    structure, submodel = _rebuild_model(content.fit, robot, where)
+    try:
+        fit = _rebuild_fit(content.fit, structure, submodel)
+    except ValueError:
+        raise IdentifiabilityError(Finding("result.tables", where)) from None
+    return replace(fit, origin=str(path), missing=content.missing)
+
+
+def _rebuild_model(entry: FitEntry, robot: Robot, where: str) -> tuple[Structure, Submodel]:
+    """Return the model that a result was fitted under, for its robot."""
     structure = Structure.of(robot, Model.of(*(entry.model.effects or ())))
     try:
         (submodel,) = build_ladder(LadderEntry(models=[entry.model]), structure)
@@ -544,28 +569,31 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
         raise _other_robot(where, robot, str(error)) from None
     if sorted(submodel.columns) != sorted(entry.names) or len(entry.low) != len(robot.joints):
         raise _other_robot(where, robot, "its parameters are not those of this robot.")
-    submodel = submodel.ordered(entry.names)  # what is tied stands where its first member stood
-    k, n, b = len(submodel), len(robot.joints), len(structure.base)
-    try:
-        return Fit(
-            structure=structure,
-            submodel=submodel,
-            values=np.reshape(entry.values, (k,)),
-            spread=TorqueUncertainty(
-                covariance=np.reshape(entry.covariance, (k, k)),
-                unknown=np.array(entry.unknown, float).reshape(k, -1 if k else 0),
-                **{x: np.reshape(getattr(entry, x), (n,)) for x in ("low", "raw", "dof")},
-            ),
-            preparation=entry.preparation,
-            base_covariance=np.reshape(entry.base_covariance, (b, b)),
-            base_unknown=np.array(entry.base_unknown, float).reshape(b, -1 if b else 0),
-            origin=str(path),
-            missing=content.missing,
-            alternatives=np.array(entry.alternatives),
-            servo=entry.servo,
-        )
-    except ValueError:
-        raise IdentifiabilityError(Finding("result.tables", where)) from None
+    # What is tied stands where its first member stood.
+    return structure, submodel.ordered(entry.names)
+
+
+def _rebuild_fit(entry: FitEntry, structure: Structure, submodel: Submodel) -> Fit:
+    """Return a fit with the arrays of its entry; a ValueError says that their shapes are wrong."""
+    k, n, b = len(submodel), len(structure.robot.joints), len(structure.base)
+    noise = {name: np.reshape(getattr(entry, name), (n,)) for name in ("low", "raw", "dof")}
+    covariance = np.reshape(entry.covariance, (k, k))
+    return Fit(
+        structure=structure,
+        submodel=submodel,
+        values=np.reshape(entry.values, (k,)),
+        spread=TorqueUncertainty(covariance=covariance, unknown=_tall(entry.unknown, k), **noise),
+        preparation=entry.preparation,
+        base_covariance=np.reshape(entry.base_covariance, (b, b)),
+        base_unknown=_tall(entry.base_unknown, b),
+        alternatives=np.array(entry.alternatives),
+        servo=entry.servo,
+    )
+
+
+def _tall(rows: Sequence[Sequence[float]], count: int) -> Array:
+    """Return so many rows of any width as an array."""
+    return np.array(rows, float).reshape(count, -1 if count else 0)
 
 
 def _read_result(path: str | Path, robot: Robot, done: str) -> tuple[ResultEntry, Robot]:
@@ -629,6 +657,11 @@ FitLike = Annotated[
 ]
 
 
+def is_result(given: object) -> bool:
+    """Return whether something is a result with a fitted model, or the path of its JSON."""
+    return isinstance(given, Predicts) or str(given).lower().endswith(".json")
+
+
 def find_fit(result: FitLike, robot: Robot) -> Fit:
     """Return the fitted model of a result of a robot.
 
@@ -652,6 +685,8 @@ def find_fit(result: FitLike, robot: Robot) -> Fit:
 # that begin with what was measured, as all that is wrong with it adds up.
 
 
+#: A robot, its name, and standard parameters that replace its own.
+Machine: TypeAlias = tuple[Robot, str, Mapping[str, float]]
 #: After how long a motion begins anew with what was measured, in windows [s].
 WINDOW: Tolerance = 1.0
 
@@ -821,12 +856,12 @@ def move_fitted(
 
 @checked
 def predict(
-    robot: RobotLike,
+    robot: RobotLike | Case,
     result: Annotated[
         Predicts | Robot | str | Path,
         Expected("a result of analyze, prune or diagnose, or the path of its JSON"),
     ],
-    logs: Logs,
+    logs: Logs = (),
     *,
     forward: bool = False,
     engine: Engine | None = None,
@@ -835,8 +870,8 @@ def predict(
 
     Parameters
     ----------
-    robot : Robot, path or shipped name
-        The robot that the result is about.
+    robot : Robot, path, shipped name, or Case
+        The robot that the result is about. Of a case, all logs are predicted, fitted and held-out.
     result : result of `analyze`, `prune` or `diagnose`, or the path of its JSON
         With `forward` also another robot, or the path of its file.
     logs : log, path, DataFrame, or several
@@ -852,36 +887,56 @@ def predict(
     IdentifiabilityError
         With one sentence on what to do.
     """
-    robot = Robot.of(robot)
-    if not forward:
-        return find_fit(cast("FitLike", result), robot).predict(logs, engine=engine)
+    case = take_case(robot, logs, (), None)
     with one_thread("blas"):
-        robot.check_stands("predict --forward")
-        from identifiability.servos import select_commanded  # noqa: PLC0415 - MuJoCo
+        if forward:
+            return _predict_positions(case, result)
+        fit = find_fit(cast("FitLike", result), case.robot)
+        if not isinstance(robot, Case):
+            return fit.predict(logs, engine=engine)
+        run = Run(engine=engine or Serial())
+        data = case.data(case.first_structure(run), run)
+        return _predict_along(fit, (*data.samples, *data.validation), data.recordings)
 
-        # Torque beside commands is not looked at; motions that come again all count.
-        known = replace(Conventions.of(robot), commands=robot.servo is not None)
-        given = read_recordings(logs, known=known, commands=True, learns=False)
-        read = select_commanded(robot, in_memory(given.fitted))
-        runs = [(robot, _file_name(robot), dict[str, float]())]
-        other = result if isinstance(result, Robot) else None
-        if other is None and not (isinstance(result, Predicts) or str(result).endswith(".json")):
-            other = Robot.load(cast("str", result))
-        if other is None:
-            fitted: Any = result
-            if not isinstance(result, (str, Path)):
-                fitted = fitted.to_json(new_place("fitted", ".json"))
-            _, own, values = read_real(fitted, robot, "moved")
-            runs.append((own, Path(fitted).name, complete_values(own, values, keep=False)))
-        elif other.joints != robot.joints:
-            told = {"own": [*other.joints], "path": robot.path, "joints": [*robot.joints]}
-            raise RobotError(Finding("robots.joints", other.path, **told))
-        elif other.sha256 != robot.sha256:
-            runs.append((other, _file_name(other), {}))
-        if robot.servo is not None and robot.servo.unknown.any():
-            runs[0] = (replace(robot, servo=runs[-1][0].servo), *runs[0][1:])
-        moved = [_move(*run, read) for run in runs]
-    return PositionPrediction(robot=robot, logs=tuple(read), runs=tuple(moved), hints=given.hints)
+
+def _predict_positions(case: Case, result: Predicts | Robot | str | Path) -> PositionPrediction:
+    """Return how the robot of the file and that of a result move along the logs of a case."""
+    from identifiability.servos import select_commanded  # noqa: PLC0415 - MuJoCo
+
+    robot = case.robot
+    robot.check_stands("predict --forward")
+    recordings = case.stages.once(read_driven, robot, (*case.logs, *case.validate))
+    logs = select_commanded(robot, in_memory(recordings.fitted))
+    other = _find_machine(robot, result)
+    file: Machine = robot, _file_name(robot), {}
+    if robot.servo is not None and robot.servo.unknown.any() and other is not None:
+        file = replace(robot, servo=other[0].servo), *file[1:]
+    runs = tuple(_move(*machine, logs) for machine in (file, other) if machine is not None)
+    return PositionPrediction(robot=robot, logs=tuple(logs), runs=runs, hints=recordings.hints)
+
+
+def read_driven(robot: Robot, logs: Sequence[LogLike]) -> Recordings:
+    """Return logs whose commands, or torque where a robot has no servos, move its joints.
+
+    Torque beside commands is not looked at; motions that come again all count.
+    """
+    known = replace(Conventions.of(robot), commands=robot.servo is not None)
+    return read_recordings(logs, known=known, commands=True, learns=False)
+
+
+def _find_machine(robot: Robot, result: Predicts | Robot | str | Path) -> Machine | None:
+    """Return the robot of a result, or another one; None for the robot of the file itself."""
+    if is_result(result):
+        live: Any = result
+        given = isinstance(result, (str, Path))
+        path = Path(live if given else live.to_json(new_place("fitted", ".json")))
+        _, fitted, values = read_real(path, robot, "moved")
+        return fitted, path.name, complete_values(fitted, values, keep=False)
+    other = Robot.of(cast("RobotLike", result))
+    if other.joints != robot.joints:
+        joints = {"own": [*other.joints], "path": robot.path, "joints": [*robot.joints]}
+        raise RobotError(Finding("robots.joints", other.path, **joints))
+    return None if other.sha256 == robot.sha256 else (other, _file_name(other), {})
 
 
 def _file_name(robot: Robot) -> str:

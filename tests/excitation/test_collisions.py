@@ -96,13 +96,16 @@ def test_nothing_touches_along_what_is_played(curling, world, monkeypatch):
 
 
 def test_the_cost_of_coming_near_has_the_slope_that_it_says(curling):
-    from identifiability.workflows.excite.criteria import gather_known, pose_question
+    from identifiability.regression.reduction import USUAL_EFFECTS
+    from identifiability.regression.regression import Model
+    from identifiability.regression.structure import Structure
+    from identifiability.workflows.excite.criteria import know_nothing, pose_question
     from identifiability.workflows.excite.limits import find_limits
     from identifiability.workflows.excite.search import Objective, Series
 
-    question = pose_question(curling, None, None, None)
+    question = pose_question(Structure.of(curling, Model.of(*USUAL_EFFECTS)), None, None)
     series = Series(find_limits(curling), 5.0, 2)
-    objective = Objective(question, gather_known(question, [], 60), series, 60)
+    objective = Objective(question, know_nothing(question, 60), series, 60)
     draws = series.draw(400, np.random.default_rng(2))
     least = objective.gaps(draws, 60).min(1)
     chosen = draws[np.flatnonzero(np.abs(least) < 2 * CLEARANCE)[0]]

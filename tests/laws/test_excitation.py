@@ -8,11 +8,15 @@ import pytest
 
 from identifiability.foundation.linalg import TINY
 from identifiability.logs.prepare import Dataset
+from identifiability.regression.reduction import USUAL_EFFECTS
+from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
 from identifiability.workflows.excite.criteria import (
     Known,
     LogDet,
     gather_known,
+    know_nothing,
     pose_question,
     scaled,
 )
@@ -101,6 +105,10 @@ def test_a_series_has_the_velocity_amplitudes_of_its_candidate_where_there_is_ro
 # --- the cost of a candidate ------------------------------------------------------------------
 
 
+def usual(robot, effects=None):
+    return Structure.of(robot, Model.of(*USUAL_EFFECTS[:effects]))
+
+
 def samples(robot, n=200, seed=0):
     t = np.linspace(0, 2, n)
     w = 2 * np.pi * np.array([0.8, 1.3])
@@ -111,12 +119,12 @@ def samples(robot, n=200, seed=0):
 
 
 def test_logs_are_known_by_their_gram_matrix_in_units_of_each_joints_noise(two):
-    question = pose_question(two, None, None, None)
+    question = pose_question(usual(two), None, None)
     assert question.model.names == (
         "rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia",
     )  # fmt: skip
     logs = [samples(two, 200), samples(two, 100, 1)]
-    known = gather_known(question, logs, 50)
+    known = gather_known(question.along(logs))
     W = np.concatenate(
         [question.model.regressor(two, s.motion)[:, :, question.columns] for s in logs]
     )
@@ -126,14 +134,14 @@ def test_logs_are_known_by_their_gram_matrix_in_units_of_each_joints_noise(two):
     assert known.logs == ("log 0", "log 1")
     assert known.weights[0] / known.weights[1] == pytest.approx(25, rel=0.3)
     np.testing.assert_allclose(known.repeated, 1.5 * known.G)
-    nothing = gather_known(question, [], 50)
+    nothing = know_nothing(question, 50)
     assert not nothing.G.any()
     assert (nothing.weights.tolist(), nothing.samples) == ([1.0, 1.0], 50.0)
 
 
 def test_a_candidate_counts_as_many_samples_as_a_log_on_top_of_what_is_known(two):
-    question = pose_question(two, None, ["elbow.Fv"], None)
-    known = gather_known(question, [samples(two)], 50)
+    question = pose_question(usual(two), ["elbow.Fv"], None)
+    known = gather_known(question.along([samples(two)]))
     objective = Objective(question, known, Series(find_limits(two), 2.0, 2), 40)
     x = objective.series.draw(3, np.random.default_rng(0))
     expected = []
@@ -158,8 +166,8 @@ def test_a_candidate_counts_as_many_samples_as_a_log_on_top_of_what_is_known(two
 
 
 def test_a_candidate_that_asks_too_much_of_a_drive_pays_for_it(five_bar):
-    question = pose_question(five_bar, ["rigid_body"], None, None)
-    known = gather_known(question, [], 50)
+    question = pose_question(usual(five_bar, 1), None, None)
+    known = know_nothing(question, 50)
     inside = find_limits(five_bar)
     x = np.zeros((1, Series(inside, 2.0, 1).size))
     x[0, :4] = [0.3, 0.5, -0.2, 0.4]
@@ -173,11 +181,11 @@ def test_a_candidate_that_asks_too_much_of_a_drive_pays_for_it(five_bar):
 
 
 def test_a_candidate_that_does_not_close_everywhere_pays_most(rps):
-    question = pose_question(rps, ["rigid_body"], None, None)
+    question = pose_question(usual(rps, 1), None, None)
     inside = find_limits(rps)
     shift = np.array([3.0, 0.0, 0.0])  # one leg grows longer than the platform allows
     far = replace(inside, low=inside.low, high=inside.high + shift)
-    objective = Objective(question, gather_known(question, [], 50), Series(far, 2.0, 1), 30)
+    objective = Objective(question, know_nothing(question, 50), Series(far, 2.0, 1), 30)
     x = np.zeros((1, objective.series.size))
     x[0, 0] = 50.0  # to its limits
     far_slow = replace(far, speed=far.speed * 100, acceleration=far.acceleration * 1000)
@@ -237,7 +245,7 @@ def test_a_search_looks_at_no_more_candidates_than_it_may():
 
 def test_a_question_about_two_effects_has_the_model_then_each_of_them(two):
     pair = ["stribeck_friction", "quadratic_friction@elb*"]
-    question = pose_question(two, None, None, pair)
+    question = pose_question(usual(two), None, pair)
     assert question.chosen == tuple(pair)
     names = np.array(question.names)
     assert names[question.criterion.chosen].tolist() == ["shoulder.Fs", "elbow.Fs", "elbow.Fq"]

@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from identifiability.effects import Effect, Part, Placed, default_effects, find_effect
+from identifiability.effects import Effect, Part, Placed, find_effect
 from identifiability.estimation.estimate import estimate
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
 from identifiability.foundation.linalg import TINY
@@ -19,10 +19,10 @@ from identifiability.foundation.names import Array, find_named
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.regression.information import gather_information
-from identifiability.regression.reduction import USUAL_EFFECTS, ModelLike, choose_model
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import BaseParameters, Structure
 from identifiability.robot import Robot
+from identifiability.workflows.provenance import given_paths
 
 # What an exciting motion is good for: the criteria, on Gram matrices ``WᵀW``.
 #
@@ -181,6 +181,10 @@ class Question:
     chosen: tuple[str, ...]
     criterion: Criterion
 
+    def along(self, samples: Sequence[Dataset]) -> Regression:
+        """Return the columns along prepared logs."""
+        return Regression(self.structure.robot, self.model, tuple(samples), self.columns)
+
 
 @frozen
 class Known:
@@ -214,12 +218,9 @@ class Known:
 
 
 def pose_question(
-    robot: Robot,
-    model: ModelLike | None,
-    parameters: Sequence[str] | None,
-    separate: Sequence[str] | None,
+    structure: Structure, parameters: Sequence[str] | None, separate: Sequence[str] | None
 ) -> Question:
-    """Return the question that the arguments of `excite` ask.
+    """Return the question that the arguments of `excite` ask of a robot under a model.
 
     Raises
     ------
@@ -230,49 +231,48 @@ def pose_question(
             f"To separate takes exactly two effects and no parameters, {len(separate)} were given; "
             "name two, such as stribeck_friction and quadratic_friction@slider1."
         )
-    pair = [_place_effect(robot, text) for text in separate or ()]
-    model = choose_model(model, default_effects(robot, USUAL_EFFECTS))
-    question = add_beside(robot, model, pair)
+    robot = structure.robot
+    question = add_beside(structure, [_place_effect(robot, text) for text in separate or ()])
     if separate is not None:
         k, both = len(question.columns), sum(question.model.widths(robot)[-2:])
         rule = LogDet(np.arange(k - both, k), "separate")
         return replace(question, chosen=tuple(separate), criterion=rule)
-    at = _find_parameters(question.structure.base, parameters)
+    at = _find_parameters(structure.base, parameters)
     chosen = tuple(question.names[k] for k in at) if parameters else ()
     return replace(question, chosen=chosen, criterion=LogDet(at))
 
 
-def add_beside(robot: Robot, model: Model, effects: Sequence[Effect]) -> Question:
+def add_beside(structure: Structure, effects: Sequence[Effect]) -> Question:
     """Return the question of all parameters of a model, with the columns of effects at its end."""
-    structure = Structure.of(robot, model)
-    whole = Model((*model.effects, *effects))
-    every = whole.parameters(robot)
-    added = range(len(structure.base.parameters), len(every))
+    base = structure.base
+    whole = Model((*structure.model.effects, *effects))
+    every = whole.parameters(structure.robot)
+    added = range(len(base.parameters), len(every))
     taken = {every[k].name for k in added}  # what is to be separated is no part of the model
-    columns = np.array([*(k for k in structure.base.kept if every[k].name not in taken), *added])
+    columns = np.array([*(k for k in base.kept if every[k].name not in taken), *added], int)
     names, units = (tuple(getattr(every[k], what) for k in columns) for what in ("name", "unit"))
-    every_one = LogDet(np.arange(len(columns)))
-    return Question(structure, whole, columns.astype(int), names, units, (), every_one)
+    return Question(structure, whole, columns, names, units, (), LogDet(np.arange(len(columns))))
 
 
-def gather_known(question: Question, samples: Sequence[Dataset], planned: int) -> Known:
-    """Return what logs say; without logs nothing, and the next log has the `planned` samples."""
+def know_nothing(question: Question, planned: int) -> Known:
+    """Return what is known without logs; the next log has the planned samples."""
     k, n = len(question.columns), len(question.structure.robot.actuated)
-    if not samples:
-        base = question.structure.base
-        filed = dict(zip(base.names, question.structure.nominal_base, strict=True))
-        values = np.array([filed.get(name, 0.0) for name in question.names])
-        return Known(np.zeros((k, k)), np.ones(n), float(planned), values)
-    regression = Regression(
-        question.structure.robot, question.model, tuple(samples), question.columns
-    )
+    nominal = zip(question.structure.base.names, question.structure.nominal_base, strict=True)
+    filed = dict(nominal)
+    values = np.array([filed.get(name, 0.0) for name in question.names])
+    return Known(np.zeros((k, k)), np.ones(n), float(planned), values)
+
+
+def gather_known(regression: Regression) -> Known:
+    """Return what logs say of the columns of a question."""
+    k, samples = len(regression.parameters), regression.samples
     information = gather_information(regression)
     fit = estimate(information)
     noise = fit.variance * fit.times  # that an average over many samples has
     weights = 1.0 / np.maximum(noise, TINY * float(noise.max()) or 1.0)
     R = information.factor(weights)[:k, :k]
-    paths = tuple(s.path or s.name for s in samples)
-    return Known(R.T @ R, weights, information.samples / len(samples), fit.value, paths)
+    planned = information.samples / len(samples)
+    return Known(R.T @ R, weights, planned, fit.value, given_paths(samples))
 
 
 def _place_effect(robot: Robot, text: str) -> Effect:

@@ -111,46 +111,35 @@ def find_limits(robot: Robot, given: LimitsLike | None = None) -> Limits:
                 f"{source}: '{name}' is no actuated joint of the robot{near_match(name, known)} "
                 f"Known are {listing(known)}."
             )
-    motors = slice(len(robot.joints) - len(robot.motor_joints), None)
+    motors = slice(len(robot.joints) - len(known), None)
     usual = usual_limits(robot)
-    own = {
+    unlimited = np.full(len(robot.joints), np.inf)
+    filed = {
         "q": robot.limits,
         "v": robot.speed_limits,
         "a": robot.acceleration_limits,
-        "tau": np.full(len(robot.joints), np.inf),
-        "power": np.full(len(robot.joints), np.inf),
+        "tau": unlimited,
+        "power": unlimited,
     }
     found, assumed = {}, []
-    for kind, values in own.items():
+    for kind, values in filed.items():
         found[kind] = values[motors].copy()
-        for k, name in enumerate(robot.motor_joints):
-            stated = getattr(entry.root.get(name), kind, None)
+        likely = usual[kind][motors] if kind in usual else found[kind]
+        for k, name in enumerate(known):
+            limit, stated = found[kind][k], getattr(entry.root.get(name), kind, None)
             if stated is not None:
                 found[kind][k] = stated
-            elif kind in usual and not np.isfinite(found[kind][k]).all():
-                likely = usual[kind][motors][k]
-                found[kind][k] = np.where(
-                    np.isfinite(found[kind][k]),
-                    found[kind][k],
-                    likely,
-                )
+            elif kind in usual and not np.isfinite(limit).all():
+                found[kind][k] = np.where(np.isfinite(limit), limit, likely[k])
                 assumed.append(f"{name}.{kind}")
     low, high = found["q"].T
-    for name, least, most in zip(robot.motor_joints, low, high, strict=True):
+    for name, least, most in zip(known, low, high, strict=True):
         if not least < most:
             raise RobotError(
                 f"The limits of {name} leave it no room: [{least:g}, {most:g}]; state both ends."
             )
-    return Limits(
-        joints=robot.motor_joints,
-        low=low,
-        high=high,
-        speed=found["v"],
-        acceleration=found["a"],
-        torque=found["tau"],
-        power=found["power"],
-        assumed=tuple(assumed),
-    )
+    v, a, tau, power = (found[kind] for kind in ("v", "a", "tau", "power"))
+    return Limits(known, low, high, v, a, tau, power, assumed=tuple(assumed))
 
 
 def _read(given: Mapping[str, Any] | str | Path | None) -> tuple[str, LimitsFile]:

@@ -8,6 +8,7 @@ variance.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -34,9 +35,10 @@ from identifiability.logs.prepare.excerpt import prepare_excerpt
 from identifiability.logs.signals import sampling_step
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.information import gather_information
-from identifiability.regression.regression import Model, Regression
+from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
 from identifiability.simulation import Trajectory
-from identifiability.workflows.diagnose.result import Diagnosis
+from identifiability.workflows.diagnose.result import Diagnosis, Placement
 from identifiability.workflows.excite.criteria import (
     Ask,
     Discrimination,
@@ -193,36 +195,19 @@ class Bench:
         IdentifiabilityError
             If nothing is undecided.
         """
-        found = [(p.rms, e.name, p) for e in d.effects for p in e.placements if p.rivals]
-        if not found:
-            raise IdentifiabilityError(
-                "Nothing that was named is undecided, so no motion is asked for; excite --separate "
-                "tells any two effects apart."
-            )
-        _, name, p = max(found, key=lambda one: one[:2])
+        name, p = _find_undecided(d)
         text = f"{name}@{p.place}" if np.isnan(p.shape) else f"{name}@{p.place}:{float(p.shape)!r}"
-        effect = find_family(name).at(p.shape, p.place)
-        kinds = (one.kind for one in effect.parameters(d.robot) if one.name in p.parameters)
-        named, rivals = Part(effect, p.place, tuple(kinds)), list(dict.fromkeys(p.rivals))
+        rivals = list(dict.fromkeys(p.rivals))
+        named = _name_part(d, name, p)
         effects = [[named], *(list_shapes(d, r.family, r.place) for r in rivals)]
         model = Model.of(*(x for x in d.model.texts if x != text))
-        question = add_beside(d.robot, model, [Placed(parts) for parts in effects])
-        widths = [len(Placed([part]).parameters(d.robot)) for own in effects for part in own]
-        first = len(question.columns) - sum(widths)
-        each = iter(np.split(np.arange(first, len(question.columns)), np.cumsum(widths)[:-1]))
-        (own,), *others = (tuple(next(each) for _ in parts) for parts in effects)
-        known = gather_known(question, d.samples, 0)
+        question = add_beside(Structure.of(d.robot, model), [Placed(parts) for parts in effects])
+        first, ((own,), *others) = _find_columns(d, question, effects)
+        known = gather_known(question.along(d.samples))
         by_name = dict(zip(p.parameters, p.values, strict=True))
         values = np.array([by_name[one.name] for one in Placed([named]).parameters(d.robot)])
-        size = float(values @ known.G[np.ix_(own, own)] @ values)
-        length = np.sqrt(np.diag(known.G))
-        length = np.where(length > TINY * length.max(), length, np.inf)
-        asks = []
-        for shapes in others:
-            middle = shapes[len(shapes) // 2]
-            alike = np.sqrt(size / len(middle)) / length[middle]
-            asks += [Ask(own, values, shapes), Ask(middle, alike, (own,))]
-        aim = Discrimination(first, tuple(asks))
+        asks = _ask_rivals(known.G, own, values, others)
+        aim = Discrimination(first, asks)
         names = (text, *(f"{r.family}@{r.place}" for r in rivals))
         return Bench(replace(question, criterion=aim, chosen=names), aim, known)
 
@@ -253,13 +238,62 @@ class Bench:
         q, some = path.motion(t)[0], np.ones((len(t), len(d.robot.joints)))
         log = Log("next", d.robot.joints, t, q, some, None, None, "")
         how = None if d.preparation == Preparation() else d.preparation
-        samples, columns = prepare_excerpt(d.robot, log, how), self.question.columns
-        regression = Regression(d.robot, self.question.model, (samples,), columns)
-        R = gather_information(regression).factor(self.known.weights)[:, : len(columns)]
+        samples, k = prepare_excerpt(d.robot, log, how), len(self.question.columns)
+        regression = self.question.along((samples,))
+        R = gather_information(regression).factor(self.known.weights)[:, :k]
         # What a sample says is known of those of the logs.
         own, theirs = (sampling_step(s.output_times()) for s in (samples, d.samples[0]))
         said: Array = R.T @ R / PREPARED * own / theirs
         return said
+
+
+def _find_undecided(d: Diagnosis) -> tuple[str, Placement]:
+    """Return the undecided name with the largest torque, and its place.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If nothing is undecided.
+    """
+    found = [(p.rms, e.name, p) for e in d.effects for p in e.placements if p.rivals]
+    if not found:
+        raise IdentifiabilityError(
+            "Nothing that was named is undecided, so no motion is asked for; excite --separate "
+            "tells any two effects apart."
+        )
+    return max(found, key=lambda one: one[:2])[1:]
+
+
+def _name_part(d: Diagnosis, name: str, p: Placement) -> Part:
+    """Return the named effect at its place, with the kinds that were found."""
+    effect = find_family(name).at(p.shape, p.place)
+    kinds = (one.kind for one in effect.parameters(d.robot) if one.name in p.parameters)
+    return Part(effect, p.place, tuple(kinds))
+
+
+def _find_columns(
+    d: Diagnosis, question: Question, effects: Sequence[Sequence[Part]]
+) -> tuple[int, list[tuple[np.ndarray, ...]]]:
+    """Return where the columns of effects begin, and the columns of each part of each effect."""
+    widths = [len(Placed([part]).parameters(d.robot)) for parts in effects for part in parts]
+    first = len(question.columns) - sum(widths)
+    each = iter(np.split(np.arange(first, len(question.columns)), np.cumsum(widths)[:-1]))
+    return first, [tuple(next(each) for _ in parts) for parts in effects]
+
+
+def _ask_rivals(
+    G: Array, own: np.ndarray, values: Array, rivals: Sequence[tuple[np.ndarray, ...]]
+) -> tuple[Ask, ...]:
+    """Return two asks a rival: the named effect is true, and a rival of as much torque is."""
+    size = float(values @ G[np.ix_(own, own)] @ values)
+    length = np.sqrt(np.diag(G))
+    length = np.where(length > TINY * length.max(), length, np.inf)
+    asks = []
+    for shapes in rivals:
+        middle = shapes[len(shapes) // 2]
+        alike = np.sqrt(size / len(middle)) / length[middle]
+        asks += [Ask(own, values, shapes), Ask(middle, alike, (own,))]
+    return tuple(asks)
 
 
 def list_shapes(d: Diagnosis, name: str, place: str) -> list[Part]:

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
+from identifiability.effects import default_effects
 from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, Serial, one_thread
@@ -26,16 +27,17 @@ from identifiability.foundation.options import (
 )
 from identifiability.foundation.runs import Progress, Run, quiet
 from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.dataset import Dataset
 from identifiability.quality.recordings import Logs
-from identifiability.regression.reduction import ModelLike, free_again
-from identifiability.robot import Robot, RobotLike
-from identifiability.workflows.case import Case, Use
+from identifiability.regression.reduction import USUAL_EFFECTS, ModelLike, choose_model, free_again
+from identifiability.regression.structure import Structure
+from identifiability.robot import RobotLike
+from identifiability.workflows.case import Case, Use, take_case
 from identifiability.workflows.excite.criteria import (
     Known,
     LogDet,
     Question,
     gather_known,
+    know_nothing,
     pose_question,
     scaled,
 )
@@ -44,10 +46,13 @@ from identifiability.workflows.excite.result import Excitation, Merit
 from identifiability.workflows.excite.search import OPEN, Objective, Search, Series, search
 from identifiability.workflows.provenance import state_provenance
 
+#: Of logs that were measured already: none is set aside, and all have torque.
+MEASURED = Use(divides=False, commands=False)
+
 
 @checked
 def excite(
-    robot: RobotLike,
+    robot: RobotLike | Case,
     *,
     harmonics: Harmonics = DEFAULTS.harmonics,
     duration: Duration | None = None,
@@ -67,7 +72,8 @@ def excite(
 
     Parameters
     ----------
-    robot : Robot, path or shipped name
+    robot : Robot, path, shipped name, or Case
+        The motion is the best one to measure after the fitted logs of a case, about its model.
     harmonics : int
         Harmonics of the finite Fourier series [Swevers 1997].
     duration : float [s], optional
@@ -83,7 +89,8 @@ def excite(
         default all.
     model : Model, sequence of str, path of a model file or result of `prune`, optional
         Effects of the model; what a model file leaves out, holds or ties is free. By default rigid
-        bodies, viscous and Coulomb friction and actuator inertia.
+        bodies, viscous and Coulomb friction and actuator inertia; of a case, the model that
+        `analyze` reduces.
     start_from : log, path, DataFrame, or several
         Log that was measured already: the motion is the best one to measure next.
     separate : two of str
@@ -113,41 +120,44 @@ def excite(
     say = progress or quiet
     check_option("samples", samples, Annotated[int, counted(4 * harmonics + 1, MOST_SAMPLES)])
     with one_thread("blas"):
-        robot = Robot.of(robot)
-        robot.check_stands("designing a motion")
+        case = take_case(robot, start_from or (), (), preparation, MEASURED)
+        case.robot.check_stands("designing a motion")
         say("reading logs", 0.0)
-        question = pose_question(robot, model, parameters, separate)
-        logs, wrong, robot = _start(question, start_from, preparation, engine)
-        question = pose_question(robot, model, parameters, separate)
+        run = Run(engine=engine or Serial())
+        structure = _choose_structure(case, robot, model, run)
+        question = pose_question(structure, parameters, separate)
+        if start_from is None and not case.logs:
+            known, logs, hints = know_nothing(question, samples), (), ()
+        else:
+            data = case.data(structure, run)
+            question = pose_question(data.structure, parameters, separate)
+            along = question.along(data.samples) if separate else data.regression
+            known, logs, hints = gather_known(along), data.samples, data.hints
+        robot = question.structure.robot
         bounds = find_limits(robot, limits)
-        hints = (*wrong, *free_again(model))
-        series = Series(bounds, duration or DEFAULTS.period, harmonics)
-        options = {"evaluations": evaluations, "preparation": preparation or Preparation()}
+        options = {"evaluations": evaluations, "preparation": case.preparation or Preparation()}
         return find_motion(
             question,
-            gather_known(question, logs, samples),
-            series,
+            known,
+            Series(bounds, duration or DEFAULTS.period, harmonics),
             samples=samples,
             evaluations=evaluations,
             seed=seed,
             name="excite",
             say=say,
-            hints=hints,
+            hints=(*hints, *free_again(model)),
             provenance=state_provenance(robot, logs, seed, None, options),
         )
 
 
-def _start(
-    question: Question, logs: Logs | None, preparation: Preparation | None, engine: Engine | None
-) -> tuple[Sequence[Dataset], tuple[str, ...], Robot]:
-    """Return what was measured, what is said of it, and the robot as these logs show it."""
-    structure = question.structure
-    if logs is None:
-        return (), (), structure.robot
-    use = Use(divides=False, commands=False)
-    case = Case(structure.robot, logs, preparation=preparation, use=use)
-    data = case.data(structure, Run(engine=engine or Serial()))
-    return data.samples, data.hints, data.robot
+def _choose_structure(
+    case: Case, given: RobotLike | Case, model: ModelLike | None, run: Run
+) -> Structure:
+    """Return the robot under the model that was asked for, or that of a given case."""
+    if model is None and isinstance(given, Case):
+        return case.first_structure(run)
+    usual = default_effects(case.robot, USUAL_EFFECTS)
+    return Structure.of(case.robot, choose_model(model, usual))
 
 
 def find_motion(
@@ -183,36 +193,23 @@ def find_motion(
     IdentifiabilityError
         If no candidate keeps the workspace.
     """
-    robot = question.structure.robot
     objective = Objective(question, known, series, min(samples, series.looks))
     aim = question.criterion
 
     def show(cost: float, share: float) -> None:
         say(f"{aim.title}: {aim.figure(cost):.4g}", min(share, 0.99))
 
-    found = search(
-        objective,
-        np.random.default_rng(seed),
-        evaluations=evaluations,
-        say=show,
-    )
+    rng = np.random.default_rng(seed)
+    found = search(objective, rng, evaluations=evaluations, say=show)
     x, space, gap = _best(objective, found, samples)
     middle = _middle(found)
     noisy = objective if known.logs else _with_noise(objective, middle, samples)
-    asked = aim.chosen if isinstance(aim, LogDet) else np.arange(len(question.names))
-
-    def merit(x: Array | None) -> Merit:
-        """Return what a motion tells, or the logs' motion measured again."""
-        plain, own = (
-            known.repeated if x is None else each.look(x, samples)[0][0]
-            for each in (objective, noisy)
-        )
-        spread, limit = _sigma(own), Thresholds().sigma_percent / 100 * np.abs(known.values)
-        told = ((spread > 0) & (spread <= limit))[asked]
-        return Merit(aim.figure(float(aim.cost(plain[None])[0])), _sigma(plain), told)
-
+    if known.logs:
+        before = _judge(question, known, known.repeated, known.repeated)
+    else:
+        before = _judge_motion(objective, noisy, middle, samples)
     return Excitation(
-        robot=robot,
+        robot=question.structure.robot,
         trajectory=series.trajectory(x, samples, name),
         criterion=aim,
         effects=tuple(e.name for e in question.model.effects),
@@ -220,8 +217,8 @@ def find_motion(
         units=question.units,
         chosen=question.chosen,
         logs=known.logs,
-        before=merit(None if known.logs else middle),
-        after=merit(x),
+        before=before,
+        after=_judge_motion(objective, noisy, x, samples),
         limits=series.limits,
         closure=float(space.condition[0]),
         gap=gap,
@@ -230,6 +227,22 @@ def find_motion(
         hints=(*hints, *filter(None, (objective.watched[1],))),
         provenance=provenance or {},
     )
+
+
+def _judge_motion(objective: Objective, noisy: Objective, x: Array, samples: int) -> Merit:
+    """Return what a motion tells, by white noise and by noise of its actual size."""
+    plain, sized = (each.look(x, samples)[0][0] for each in (objective, noisy))
+    return _judge(objective.question, objective.known, plain, sized)
+
+
+def _judge(question: Question, known: Known, plain: Array, sized: Array) -> Merit:
+    """Return what Gram matrices tell, by white noise and by noise of its actual size."""
+    aim = question.criterion
+    asked = aim.chosen if isinstance(aim, LogDet) else np.arange(len(question.names))
+    spread = _sigma(sized)
+    limit = Thresholds().sigma_percent / 100 * np.abs(known.values)
+    told = ((spread > 0) & (spread <= limit))[asked]
+    return Merit(aim.figure(float(aim.cost(plain[None])[0])), _sigma(plain), told)
 
 
 def _best(objective: Objective, found: Search, samples: int) -> tuple[Array, Workspace, float]:
