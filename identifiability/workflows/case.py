@@ -97,6 +97,10 @@ class Use:
     motion_alone: bool = False
 
 
+#: Of logs with torque, of which none is set aside.
+MEASURED = Use(divides=False, commands=False)
+
+
 @frozen
 class Prepared:
     """Prepared logs.

@@ -40,7 +40,7 @@ from identifiability.regression.regression import Regression
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Motion, RobotLike
 from identifiability.robot.robot import tool_bodies
-from identifiability.workflows.case import Case, Data, Use, take_case
+from identifiability.workflows.case import MEASURED, Case, Data, take_case
 from identifiability.workflows.diagnose.changes import (
     Change,
     DifferentTorque,
@@ -50,9 +50,6 @@ from identifiability.workflows.diagnose.changes import (
 from identifiability.workflows.provenance import given_paths
 
 # Logs of several sides as one question.
-
-#: No log is set aside, and all of them have torque.
-SIDES = Use(divides=False, commands=False)
 
 
 @frozen
@@ -118,6 +115,20 @@ def read_sides(case: Case, run: Run) -> tuple[Recordings, int]:
         raise
     together = replace(both, fitted=(*both.fitted, *both.held_out), held_out=())
     return together, len(both.fitted)
+
+
+def measured_recordings(case: Case, run: Run) -> Recordings:
+    """Return the logs of a case, with measured torque.
+
+    Raises
+    ------
+    LogError
+        If torque comes from commands.
+    """
+    recordings = case.recordings(run)
+    if recordings.commanded:
+        raise LogError(Finding("sides.commands"))
+    return recordings
 
 
 def find_differences(
@@ -270,22 +281,17 @@ def compare(
     """
     run = Run(engine=engine or Serial())
     with one_thread("blas"):
-        case = take_case(robot, after, before, preparation, SIDES)
+        case = take_case(robot, after, before, preparation, MEASURED)
         source = case.ladder(ladder, beside=True)
         structure = case.first_structure(run, ladder)
         separate = _separate_case if isinstance(robot, Case) else _separate_logs
         unchanged, sides = separate(case, structure, run)
-        structure, count = unchanged.structure, sides.count
-        submodel = build_ladder(source.entry, structure)[0]
-        seen = sides.look(len(submodel))
-        rows = seen.X[seen.log >= count], seen.y[seen.log >= count]
-        known = Known.nothing(submodel.M, pooled_values(*rows, submodel.M, submodel.fixed))
-        bodies = tool_bodies(case.robot)
-        found = find_differences(structure, seen, bodies, known, count, len(sides.logs))
-    terms = found.model.search()
+        submodel = build_ladder(source.entry, unchanged.structure)[0]
+        found = _find_changes(sides, unchanged.structure, submodel)
+        terms = found.model.search()
     later, earlier = sides.paths
     return Comparison(
-        structure=structure,
+        structure=unchanged.structure,
         submodel=submodel,
         before=earlier,
         after=later,
@@ -296,6 +302,16 @@ def compare(
         torque=DifferentTorque.of(found, terms),
         source=source,
     )
+
+
+def _find_changes(sides: Sides, structure: Structure, submodel: Submodel) -> Differences:
+    """Return what may have changed in the first side, or in single logs, under a model."""
+    seen, count = sides.look(len(submodel)), sides.count
+    unchanged = seen.log >= count
+    values = pooled_values(seen.X[unchanged], seen.y[unchanged], submodel.M, submodel.fixed)
+    known = Known.nothing(submodel.M, values)
+    bodies = tool_bodies(structure.robot)
+    return find_differences(structure, seen, bodies, known, count, len(sides.logs))
 
 
 def _separate_logs(case: Case, structure: Structure, run: Run) -> tuple[Data, Sides]:
@@ -318,9 +334,7 @@ def _separate_case(case: Case, structure: Structure, run: Run) -> tuple[Data, Si
     LogError
         If nothing is held out, or torque comes from commands.
     """
-    recordings = case.recordings(run)
-    if recordings.commanded:
-        raise LogError(Finding("sides.commands"))
+    measured_recordings(case, run)
     unchanged = case.completed(case.data(structure, run, "compared"), run)
     if unchanged.unseen is None:
         raise LogError(Finding("sides.one"))

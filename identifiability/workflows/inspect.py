@@ -244,7 +244,6 @@ def describe_log(robot: Robot, log: Log, prepared: Dataset) -> Record:
     windows = [joint_log(robot, window) for _, window in log.windows()]
     gaps = Gaps.of(log.name, log.clock, [w.t for w in windows])
     t, q, tau = (np.concatenate([getattr(w, c) for w in windows]) for c in ("t", "q", "tau"))
-    reach = np.maximum(np.abs(prepared.survey.low), np.abs(prepared.survey.high))
     joints = {
         **_describe_range(robot, q),
         "torque_low": tau.min(0),
@@ -252,23 +251,21 @@ def describe_log(robot: Robot, log: Log, prepared: Dataset) -> Record:
         "noise": np.median([noise_level(w.q) for w in windows], axis=0),
         "torque_noise": np.median([noise_level(w.tau) for w in windows], axis=0),
         "bandwidth": Spectrum.of([w.q for w in windows], gaps.step).bandwidths(),
-        "speed": reach[1],
-        "acceleration": reach[2],
+        **_describe_use(robot, log, prepared),
     }
+    clock = {**_describe_clock(log, gaps, prepared), "parts": len(windows)}
+    said = log.name, log.path, log.sha256, log.channels
+    return Record(*said, clock, pd.DataFrame(joints), prepared.notes, t, q, tau)
+
+
+def _describe_use(robot: Robot, log: Log, prepared: Dataset) -> dict[str, Array]:
+    """Return how fast each joint moves as prepared, and the servos of a log of commands."""
+    low, high = prepared.survey.low, prepared.survey.high
+    _, speed, acceleration = np.maximum(np.abs(low), np.abs(high))
+    found = {"speed": speed, "acceleration": acceleration}
     if of_commands(log) and (servo := robot.servo) is not None:
-        joints |= {"kp": servo.kp, "kv": servo.kv, "limit": servo.high}
-    return Record(
-        name=log.name,
-        path=log.path,
-        sha256=log.sha256,
-        channels=log.channels,
-        clock={**_describe_clock(log, gaps, prepared), "parts": len(windows)},
-        joints=pd.DataFrame(joints),
-        notes=prepared.notes,
-        t=t,
-        q=q,
-        tau=tau,
-    )
+        found |= {"kp": servo.kp, "kv": servo.kv, "limit": servo.high}
+    return found
 
 
 def _describe_clock(log: Log, gaps: Gaps, prepared: Dataset) -> dict[str, Any]:
@@ -292,14 +289,14 @@ def _describe_clock(log: Log, gaps: Gaps, prepared: Dataset) -> dict[str, Any]:
 def _describe_range(robot: Robot, q: Array) -> dict[str, Any]:
     """Return the range of each joint, the share of its limits, and the units of its columns."""
     slides = [robot.is_prismatic(int(dof)) for dof in robot.actuated]
-    room = np.ptp(q, axis=0) / np.diff(robot.limits, axis=1)[:, 0]
+    share = np.ptp(q, axis=0) / np.diff(robot.limits, axis=1)[:, 0]
     return {
         "joint": robot.joints,
         "unit": np.where(slides, "m", "rad"),
         "torque_unit": robot.torque_units,
         "low": q.min(0),
         "high": q.max(0),
-        "room": np.where(np.isfinite(robot.limits).all(1), room, np.nan),
+        "room": np.where(np.isfinite(robot.limits).all(1), share, np.nan),
     }
 
 
@@ -309,6 +306,8 @@ def _describe_range(robot: Robot, q: Array) -> dict[str, Any]:
 @frozen(kw_only=True)
 class Inspection(OfStructure, Result):
     """What there is to know before anything is fitted.
+
+    `to_frame` has one row a joint; with logs, one row a joint of each log.
 
     Attributes
     ----------
@@ -347,10 +346,6 @@ class Inspection(OfStructure, Result):
         """Motors whose columns a log may have instead of those of the joints."""
         transmission = self.robot.transmission
         return () if transmission is None else transmission.motors
-
-    def to_frame(self) -> pd.DataFrame:
-        """Return one row a joint; with logs, one row a joint of each log."""
-        return super().to_frame()
 
     def parameters_frame(self) -> pd.DataFrame:
         """Return one row a base parameter: name, unit and what is grouped in it."""

@@ -13,7 +13,6 @@ from dataclasses import asdict, replace
 from typing import Any, ClassVar, cast
 
 import numpy as np
-import pandas as pd
 from scipy.optimize import approx_fprime
 
 from identifiability.estimation.differences import UNTOLD, Differences, Known, pooled_values
@@ -44,13 +43,18 @@ from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
 from identifiability.physical.project import project
 from identifiability.physical.pseudo_inertia import entry_scale, natural_scale, to_matrix
 from identifiability.quality.recordings import LogLike, Logs, list_logs
-from identifiability.regression.reduction import DEFAULT_EFFECTS, Submodel, full_model
+from identifiability.regression.reduction import DEFAULT_EFFECTS, full_model
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.robot import Point, body_of, ten_parameters, tool_bodies
-from identifiability.workflows.case import Case, take_case
-from identifiability.workflows.compare import SIDES, Sides, find_differences, read_sides
+from identifiability.workflows.case import MEASURED, Case, take_case
+from identifiability.workflows.compare import (
+    Sides,
+    find_differences,
+    measured_recordings,
+    read_sides,
+)
 from identifiability.workflows.diagnose.changes import Change, DifferentTorque, list_log_changes
 from identifiability.workflows.predict import Fit, FitLike, find_fit, is_result, state_missing
 
@@ -59,6 +63,8 @@ from identifiability.workflows.predict import Fit, FitLike, find_fit, is_result,
 
 #: Where each of `GROUPED_KINDS` stands among `INERTIAL_KINDS`.
 ORDER = [INERTIAL_KINDS.index(kind) for kind in GROUPED_KINDS]
+#: And the other way round.
+FROM_GROUPED = np.argsort(ORDER)
 #: Sizes of the ten parameters of a body of 1 kg, by which their columns are compared.
 TYPICAL: Array = entry_scale(np.ones(1), np.full(1, 0.1))[0]
 
@@ -323,6 +329,9 @@ def _state_gain(robot: Robot, joint: str, inverse: float, sd: float) -> Quantity
 class Load(Result):
     """What hangs on a body. Make it with `payload`.
 
+    `to_frame` has one row a quantity: ``name``, value, interval, unit, whether it is told, why. Of
+    a load that is known it has one row a joint: its gain.
+
     Attributes
     ----------
     robot : Robot
@@ -401,13 +410,6 @@ class Load(Result):
                 details={},
             )
 
-    def to_frame(self) -> pd.DataFrame:
-        """Return one row a quantity: ``name``, value, interval, unit, whether it is told, why.
-
-        Of a load that is known one row a joint: its gain.
-        """
-        return super().to_frame()
-
     def to_dict(self) -> dict[str, Any]:
         """Return the load in the documented JSON schema."""
         own = ["model", "body", "statement", "logs", "without", "caveats"]
@@ -473,45 +475,88 @@ def payload(
         If the result is about another robot, or a log does not fit it.
     """
     run = Run(engine=engine or Serial())
+    load = KnownLoad(mass, centre, inertia)
     with one_thread("blas"):
         case = take_case(robot, (), without, None)
         fit, empty = _find_unloaded(result, case.robot)
-        _check_stated(mass, centre, inertia, empty)
+        load.check(empty)
         structure = _without_gains(case.robot) if fit is None else fit.structure
         place = choose_body(structure, body)
-        how = fit.preparation if fit else None
-        if isinstance(robot, Case):
-            sides, hints = _join_case(case, fit, structure, logs, run)
-        else:
-            unloaded = [*empty, *case.validate]
-            both = Case(structure.robot, logs, unloaded, preparation=how, use=SIDES)
-            sides, hints = _prepare_sides(both, structure, run)
-        require_signal(sides.samples, "weighed")
-        found, submodel = _find_load(sides, fit, structure, place, mass)
-        estimate = estimate_load(found, sides.names)
-        nearest = nearest_body(estimate)
-        gains: tuple[Quantity, ...] = ()
-        if mass is not None:
-            gains = find_gains(found, _state_load(nearest, mass, centre, inertia))
-        bodies = draw_bodies(structure)[0][structure.inertial]
-        length = float(np.median(natural_scale(bodies)[1]))
-    loaded, unloaded = sides.paths
-    missing = state_missing(fit.missing if fit else ())
+        unloaded = case if isinstance(robot, Case) else [*empty, *case.validate]
+        sides, hints = _gather_sides(fit, structure, logs, unloaded, run)
+        found = _find_load(sides, fit, structure, place, load)
+        numbers = _state_load(found, sides, structure, load)
     return Load(
         robot=case.robot,
         body=place,
-        model=submodel.name,
-        logs=loaded,
-        without=unloaded,
-        estimate=estimate,
-        motion=sides.samples[0].motion,
-        parameters=nearest,
-        quantities=state_quantities(estimate, nearest, length),
-        gains=gains,
+        model=fit.submodel.name if fit else full_model(structure.base).name,
         known=mass,
-        hints=tuple(dict.fromkeys((*missing, *hints))),
+        hints=tuple(dict.fromkeys(hints)),
         origin=fit.origin if fit else "EMPTY.csv",
+        **numbers,
     )
+
+
+def _state_load(
+    found: Differences, sides: Sides, structure: Structure, load: KnownLoad
+) -> dict[str, Any]:
+    """Return logs, the estimate of a load, its quantities and gains, as a `Load` names them."""
+    loaded, unloaded = sides.paths
+    estimate = estimate_load(found, sides.names)
+    nearest = nearest_body(estimate)
+    bodies = draw_bodies(structure)[0][structure.inertial]
+    length = float(np.median(natural_scale(bodies)[1]))
+    return {
+        "logs": loaded,
+        "without": unloaded,
+        "motion": sides.samples[0].motion,
+        "estimate": estimate,
+        "parameters": nearest,
+        "quantities": state_quantities(estimate, nearest, length),
+        "gains": () if load.mass is None else find_gains(found, load.parameters(nearest)),
+    }
+
+
+@frozen
+class KnownLoad:
+    """What is stated of a load.
+
+    Attributes
+    ----------
+    mass : float or None [kg]
+    centre : (3,) or None [m]
+    inertia : (3,) or None [kg·m²]
+        About its centre.
+    """
+
+    mass: float | None
+    centre: Point | None
+    inertia: Point | None
+
+    def check(self, empty: Sequence[LogLike]) -> None:
+        """Refuse a load that is known in part, and more so where logs stand for a result.
+
+        Raises
+        ------
+        OptionError
+        """
+        mass, centre = self.mass is not None, self.centre is not None
+        if centre > mass or (self.inertia is not None) > centre:
+            raise OptionError(Finding("load.moments"))
+        if empty and not mass:
+            raise OptionError(Finding("load.mass"))
+        if empty and not centre:  # by one gain of all joints it would be found elsewhere
+            raise OptionError(Finding("load.centre"))
+
+    def parameters(self, nearest: Array) -> Array:
+        """Return its ten parameters in the order of `INERTIAL_KINDS`.
+
+        A centre that is not stated, and then the moments, are those of the nearest real body.
+        """
+        if self.mass is None or self.centre is None:
+            return np.asarray((nearest * (self.mass or 0.0) / nearest[9])[FROM_GROUPED])
+        inertia = np.zeros(3) if self.inertia is None else self.inertia
+        return ten_parameters(self.mass, self.centre, inertia)
 
 
 def _find_unloaded(result: FitLike | Logs, robot: Robot) -> tuple[Fit | None, list[LogLike]]:
@@ -520,32 +565,32 @@ def _find_unloaded(result: FitLike | Logs, robot: Robot) -> tuple[Fit | None, li
     return None if empty else find_fit(cast("FitLike", result), robot), empty
 
 
-def _check_stated(
-    mass: float | None, centre: Point | None, inertia: Point | None, empty: Sequence[LogLike]
-) -> None:
-    """Refuse what does not suffice of a known load, also where logs stand for a result.
-
-    Raises
-    ------
-    OptionError
-    """
-    if (mass is None and centre is not None) or (centre is None and inertia is not None):
-        raise OptionError(Finding("load.moments"))
-    if empty and mass is None:
-        raise OptionError(Finding("load.mass"))
-    if empty and centre is None:  # by one gain of all joints it would be found elsewhere
-        raise OptionError(Finding("load.centre"))
+def _gather_sides(
+    fit: Fit | None, structure: Structure, logs: Logs, unloaded: Case | list[LogLike], run: Run
+) -> tuple[Sides, list[str]]:
+    """Return logs with a load, then those without, and remarks on all."""
+    if isinstance(unloaded, Case):
+        sides, hints = _join_case(unloaded, fit, structure, logs, run)
+    else:
+        sides, hints = _prepare_sides(fit, structure, logs, unloaded, run)
+    require_signal(sides.samples, "weighed")
+    return sides, hints
 
 
-def _prepare_sides(case: Case, structure: Structure, run: Run) -> tuple[Sides, list[str]]:
-    """Return the logs of a case, fitted ones first, with one cut-off, and remarks on them.
+def _prepare_sides(
+    fit: Fit | None, structure: Structure, logs: Logs, unloaded: Logs, run: Run
+) -> tuple[Sides, list[str]]:
+    """Return logs with a load, then those without, with one cut-off, and remarks on all.
 
     The load contradicts the robot's file, so no check is asked.
     """
+    robot, how = structure.robot, fit.preparation if fit else None
+    case = Case(robot, logs, unloaded, preparation=how, use=MEASURED)
     both, loaded = read_sides(case, run)
-    how = case.common_preparation(structure.robot, both)
-    samples = case.unfitted(structure.robot, both, how, run)
-    hints = [*both.hints, *_tell_noise(both.fitted[:loaded], how)]
+    common = case.common_preparation(robot, both)
+    samples = case.unfitted(robot, both, common, run)
+    hints = [*state_missing(fit.missing if fit else ()), *both.hints]
+    hints += _tell_noise(both.fitted[:loaded], common)
     hints += [text for s in samples for text in s.hints]
     return Sides(both.fitted, loaded, structure.regression(samples)), hints
 
@@ -553,7 +598,7 @@ def _prepare_sides(case: Case, structure: Structure, run: Run) -> tuple[Sides, l
 def _join_case(
     case: Case, fit: Fit | None, structure: Structure, logs: Logs, run: Run
 ) -> tuple[Sides, list[str]]:
-    """Return logs with a load, then the fitted ones of a case without it, and remarks on them.
+    """Return logs with a load, then the fitted ones of a case without it, and remarks on all.
 
     Raises
     ------
@@ -562,11 +607,8 @@ def _join_case(
     """
     if fit is None:
         raise OptionError(Finding("sides.result"))
-    recordings = case.recordings(run)
-    if recordings.commanded:
-        raise LogError(Finding("sides.commands"))
-    both = Case(structure.robot, logs, preparation=fit.preparation, use=SIDES)
-    loaded, hints = _prepare_sides(both, structure, run)
+    recordings = measured_recordings(case, run)
+    loaded, hints = _prepare_sides(fit, structure, logs, (), run)
     seen = {log.sha256 for log in (*recordings.fitted, *recordings.held_out)}
     if any(log.sha256 in seen for log in loaded.logs):
         raise LogError(Finding("twice.sides"))
@@ -579,29 +621,17 @@ def _join_case(
 
 
 def _find_load(
-    sides: Sides, fit: Fit | None, structure: Structure, place: str, mass: float | None
-) -> tuple[Differences, Submodel]:
-    """Return what may differ between loaded logs and the robot without, and its fitted model."""
+    sides: Sides, fit: Fit | None, structure: Structure, place: str, load: KnownLoad
+) -> Differences:
+    """Return what may differ between logs with a load and the robot without it."""
     count = sides.count
-    submodel = full_model(structure.base) if fit is None else fit.submodel
-    if fit is None or (mass is not None and count < len(sides.logs)):
+    if fit is None or (load.mass is not None and count < len(sides.logs)):
         # Logs without the load tell more than values by other gains.
+        submodel = full_model(structure.base) if fit is None else fit.submodel
         known = Known.nothing(submodel.M, submodel.fixed)
     else:
-        known = Known.of(fit.base, submodel.M, fit.covariance, fit.spread.unknown)
-    seen = sides.look(0)
-    return find_differences(structure, seen, (place,), known, count, count), submodel
-
-
-def _state_load(nearest: Array, mass: float, centre: Point | None, inertia: Point | None) -> Array:
-    """Return the parameters of a load of known mass, (10,) in `INERTIAL_KINDS`.
-
-    Its centre and moments are those that were stated, or those of the nearest real body.
-    """
-    if centre is not None:
-        return ten_parameters(mass, centre, np.zeros(3) if inertia is None else inertia)
-    by_kind = dict(zip(GROUPED_KINDS, nearest * mass / nearest[9], strict=True))
-    return np.array([by_kind[kind] for kind in INERTIAL_KINDS])
+        known = Known.of(fit.base, fit.submodel.M, fit.covariance, fit.spread.unknown)
+    return find_differences(structure, sides.look(0), (place,), known, count, count)
 
 
 def _without_gains(robot: Robot) -> Structure:

@@ -718,6 +718,8 @@ class Simulated:
 class PositionPrediction(Result):
     """How robots move where logged commands or torques drive them; `write` gives positions away.
 
+    `to_frame` has one row a joint: the error of each robot [rad or m].
+
     Attributes
     ----------
     robot : Robot
@@ -753,10 +755,6 @@ class PositionPrediction(Result):
         """Error of each run over these joints (rms), (runs,)."""
         errors = np.array([run.errors for run in self.runs])
         return np.asarray(np.sqrt(np.mean(errors[:, self.alike] ** 2, axis=1)))
-
-    def to_frame(self) -> pd.DataFrame:
-        """Return one row a joint: the error of each robot [rad or m]."""
-        return super().to_frame()
 
     def write(self, path: str | Path) -> Path:
         """Write positions sample by sample, measured and simulated, as CSV or Parquet.

@@ -245,7 +245,7 @@ def pose_question(
 def add_beside(structure: Structure, effects: Sequence[Effect]) -> Question:
     """Return the question of all parameters of a model, with the columns of effects at its end."""
     base = structure.base
-    whole = Model((*structure.model.effects, *effects))
+    whole = Model((*structure.model.effects, *effects)) if effects else structure.model
     every = whole.parameters(structure.robot)
     added = range(len(base.parameters), len(every))
     taken = {every[k].name for k in added}  # what is to be separated is no part of the model

@@ -7,7 +7,7 @@ each other.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -103,16 +103,9 @@ def find_limits(robot: Robot, given: LimitsLike | None = None) -> Limits:
     RobotError
         If the file cannot be read, or names a joint that the robot does not have.
     """
-    source, entry = _read(given)
     known = robot.motor_joints
-    for name in entry.root:
-        if name not in known:
-            raise RobotError(
-                f"{source}: '{name}' is no actuated joint of the robot{near_match(name, known)} "
-                f"Known are {listing(known)}."
-            )
+    entry = _read(given, known)
     motors = slice(len(robot.joints) - len(known), None)
-    usual = usual_limits(robot)
     unlimited = np.full(len(robot.joints), np.inf)
     filed = {
         "q": robot.limits,
@@ -121,35 +114,50 @@ def find_limits(robot: Robot, given: LimitsLike | None = None) -> Limits:
         "tau": unlimited,
         "power": unlimited,
     }
-    found, assumed = {}, []
-    for kind, values in filed.items():
-        found[kind] = values[motors].copy()
-        likely = usual[kind][motors] if kind in usual else found[kind]
+    usual, assumed = usual_limits(robot), list[str]()
+    found = {kind: values[motors].copy() for kind, values in filed.items()}
+    for kind, values in found.items():
+        likely = usual.get(kind, filed[kind])[motors]
         for k, name in enumerate(known):
-            limit, stated = found[kind][k], getattr(entry.root.get(name), kind, None)
-            if stated is not None:
-                found[kind][k] = stated
-            elif kind in usual and not np.isfinite(limit).all():
-                found[kind][k] = np.where(np.isfinite(limit), limit, likely[k])
-                assumed.append(f"{name}.{kind}")
+            stated = getattr(entry.root.get(name), kind, None)
+            values[k], guessed = _choose_limit(stated, values[k], likely[k])
+            assumed += [f"{name}.{kind}"] * guessed
     low, high = found["q"].T
     for name, least, most in zip(known, low, high, strict=True):
         if not least < most:
             raise RobotError(
                 f"The limits of {name} leave it no room: [{least:g}, {most:g}]; state both ends."
             )
-    v, a, tau, power = (found[kind] for kind in ("v", "a", "tau", "power"))
-    return Limits(known, low, high, v, a, tau, power, assumed=tuple(assumed))
+    drives = found["tau"], found["power"]
+    return Limits(known, low, high, found["v"], found["a"], *drives, assumed=tuple(assumed))
 
 
-def _read(given: Mapping[str, Any] | str | Path | None) -> tuple[str, LimitsFile]:
-    """Return where limits come from and what they are."""
+def _choose_limit(stated: Any, filed: Array, likely: Array) -> tuple[Any, bool]:
+    """Return a limit: as stated, else as the file has it, and whether a likely one is assumed."""
+    if stated is not None:
+        return stated, False
+    unknown = ~np.isfinite(filed)
+    return np.where(unknown, likely, filed), bool((unknown & np.isfinite(likely)).any())
+
+
+def _read(given: LimitsLike | None, known: Sequence[str]) -> LimitsFile:
+    """Return limits of joints, all of which are known."""
+    source = "The limits"
     if isinstance(given, (str, Path)):
-        return str(given), read_document(given, LimitsFile, "TOML", "limits", RobotError)
-    try:
-        return "The limits", LimitsFile.model_validate(given or {})
-    except ValidationError as problem:
-        raise RobotError(f"The limits: {first_problem(problem, LimitsFile)}") from None
+        source = str(given)
+        entry = read_document(given, LimitsFile, "TOML", "limits", RobotError)
+    else:
+        try:
+            entry = LimitsFile.model_validate(given or {})
+        except ValidationError as problem:
+            raise RobotError(f"{source}: {first_problem(problem, LimitsFile)}") from None
+    for name in entry.root:
+        if name not in known:
+            raise RobotError(
+                f"{source}: '{name}' is no actuated joint of the robot{near_match(name, known)} "
+                f"Known are {listing(known)}."
+            )
+    return entry
 
 
 # How near bodies of a robot that are not joined come to each other along a motion.

@@ -27,7 +27,7 @@ from identifiability.foundation.options import Positive, Seed, at_least, checked
 from identifiability.foundation.output import write_json
 from identifiability.foundation.presenter import present
 from identifiability.foundation.rules import Tolerance
-from identifiability.foundation.runs import Progress
+from identifiability.foundation.runs import Progress, Run, quiet
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation
@@ -142,11 +142,10 @@ def find_next(
             bench.question,
             replace(known, samples=duration / sampling_step(d.samples[0].output_times())),
             Series(find_limits(d.robot, limits), duration, harmonics, at_rest=True),
-            samples=FINAL,
-            evaluations=evaluations,
-            seed=seed,
-            name="next",
-            say=progress or (lambda what, share: None),
+            Run(progress or quiet, seed=seed),
+            FINAL,
+            evaluations,
+            "next",
         )
         new = bench.along(d, motion.trajectory)
         told = bench.told(known.G + new)

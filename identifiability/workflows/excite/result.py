@@ -113,6 +113,8 @@ class Merit:
 class Excitation(Result):
     """A motion within limits that makes a criterion as good as was found.
 
+    `to_frame` has one row a joint: its motion, and the limits that it keeps.
+
     Attributes
     ----------
     robot : Robot
@@ -179,10 +181,6 @@ class Excitation(Result):
         """Standard deviations relative to those of `before`, (k,)."""
         ratio: Array = self.after.sigma / self.before.sigma
         return ratio
-
-    def to_frame(self) -> pd.DataFrame:
-        """Return one row a joint: what it does, and the limits that it keeps."""
-        return super().to_frame()
 
     def parameters_frame(self) -> pd.DataFrame:
         """Return one row a column: how its standard deviation changes."""

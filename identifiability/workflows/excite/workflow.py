@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Annotated
 
 import numpy as np
@@ -31,7 +32,7 @@ from identifiability.quality.recordings import Logs
 from identifiability.regression.reduction import USUAL_EFFECTS, ModelLike, choose_model, free_again
 from identifiability.regression.structure import Structure
 from identifiability.robot import RobotLike
-from identifiability.workflows.case import Case, Use, take_case
+from identifiability.workflows.case import MEASURED, Case, Data, take_case
 from identifiability.workflows.excite.criteria import (
     Known,
     LogDet,
@@ -45,9 +46,6 @@ from identifiability.workflows.excite.limits import CLEARANCE, LimitsLike, Works
 from identifiability.workflows.excite.result import Excitation, Merit
 from identifiability.workflows.excite.search import OPEN, Objective, Search, Series, search
 from identifiability.workflows.provenance import state_provenance
-
-#: Of logs that were measured already: none is set aside, and all have torque.
-MEASURED = Use(divides=False, commands=False)
 
 
 @checked
@@ -117,61 +115,73 @@ def excite(
     >>> motion.after.figure > motion.before.figure
     True
     """
-    say = progress or quiet
     check_option("samples", samples, Annotated[int, counted(4 * harmonics + 1, MOST_SAMPLES)])
+    run = Run(progress or quiet, engine or Serial(), seed)
     with one_thread("blas"):
         case = take_case(robot, start_from or (), (), preparation, MEASURED)
         case.robot.check_stands("designing a motion")
-        say("reading logs", 0.0)
-        run = Run(engine=engine or Serial())
-        structure = _choose_structure(case, robot, model, run)
-        question = pose_question(structure, parameters, separate)
-        if start_from is None and not case.logs:
-            known, logs, hints = know_nothing(question, samples), (), ()
-        else:
-            data = case.data(structure, run)
-            question = pose_question(data.structure, parameters, separate)
-            along = question.along(data.samples) if separate else data.regression
-            known, logs, hints = gather_known(along), data.samples, data.hints
-        robot = question.structure.robot
-        bounds = find_limits(robot, limits)
-        options = {"evaluations": evaluations, "preparation": case.preparation or Preparation()}
-        return find_motion(
-            question,
-            known,
-            Series(bounds, duration or DEFAULTS.period, harmonics),
-            samples=samples,
-            evaluations=evaluations,
-            seed=seed,
-            name="excite",
-            say=say,
-            hints=(*hints, *free_again(model)),
-            provenance=state_provenance(robot, logs, seed, None, options),
-        )
+        run.say("reading logs", 0.0)
+        ask = partial(pose_question, parameters=parameters, separate=separate)
+        planned = samples if start_from is None and not case.logs else None
+        question, known, data = _pose(ask, case, robot, model, run, planned)
+        bounds = find_limits(question.structure.robot, limits)
+        series = Series(bounds, duration or DEFAULTS.period, harmonics)
+        found = find_motion(question, known, series, run, samples, evaluations)
+    return _complete(found, case, data, model, evaluations)
 
 
-def _choose_structure(
-    case: Case, given: RobotLike | Case, model: ModelLike | None, run: Run
-) -> Structure:
-    """Return the robot under the model that was asked for, or that of a given case."""
+def _pose(
+    ask: Callable[[Structure], Question],
+    case: Case,
+    given: RobotLike | Case,
+    model: ModelLike | None,
+    run: Run,
+    planned: int | None,
+) -> tuple[Question, Known, Data | None]:
+    """Return the question about a robot as logs show it, what they say, and the logs.
+
+    Parameters
+    ----------
+    ask : callable
+    case, given, model, run
+        Without a model, that of a case that was given.
+    planned : int or None
+        Samples of the first log; None where there are logs.
+    """
     if model is None and isinstance(given, Case):
-        return case.first_structure(run)
-    usual = default_effects(case.robot, USUAL_EFFECTS)
-    return Structure.of(case.robot, choose_model(model, usual))
+        structure = case.first_structure(run)
+    else:
+        usual = default_effects(case.robot, USUAL_EFFECTS)
+        structure = Structure.of(case.robot, choose_model(model, usual))
+    question = ask(structure)  # what is asked amiss is refused before logs are read
+    if planned is not None:
+        return question, know_nothing(question, planned), None
+    data = case.data(structure, run)
+    question = ask(data.structure)
+    alone = question.model is data.structure.model  # then the case has the same columns
+    along = data.regression if alone else question.along(data.samples)
+    return question, gather_known(along), data
+
+
+def _complete(
+    found: Excitation, case: Case, data: Data | None, model: ModelLike | None, evaluations: int
+) -> Excitation:
+    """Return a motion with remarks on its logs and model, and its provenance."""
+    logs, hints = (data.samples, data.hints) if data else ((), ())
+    options = {"evaluations": evaluations, "preparation": case.preparation or Preparation()}
+    provenance = state_provenance(found.robot, logs, found.seed, None, options)
+    hints = (*hints, *free_again(model), *found.hints)
+    return replace(found, hints=hints, provenance=provenance)
 
 
 def find_motion(
     question: Question,
     known: Known,
     series: Series,
-    *,
+    run: Run,
     samples: int,
     evaluations: int,
-    seed: int,
-    name: str,
-    say: Progress,
-    hints: Sequence[str] = (),
-    provenance: Mapping[str, str] | None = None,
+    name: str = "excite",
 ) -> Excitation:
     """Find the motion that answers a question best beside what is known.
 
@@ -182,11 +192,11 @@ def find_motion(
         What was measured already.
     series : Series
         All motions that may be found.
-    samples, evaluations, seed, name
+    run : Run
+    samples, evaluations : int
         As for `excite`.
-    say : callable(str, float)
-    hints : sequence of str
-    provenance : mapping, optional
+    name : str
+        Of the motion.
 
     Raises
     ------
@@ -197,50 +207,52 @@ def find_motion(
     aim = question.criterion
 
     def show(cost: float, share: float) -> None:
-        say(f"{aim.title}: {aim.figure(cost):.4g}", min(share, 0.99))
+        run.say(f"{aim.title}: {aim.figure(cost):.4g}", min(share, 0.99))
 
-    rng = np.random.default_rng(seed)
-    found = search(objective, rng, evaluations=evaluations, say=show)
+    found = search(objective, np.random.default_rng(run.seed), evaluations=evaluations, say=show)
     x, space, gap = _best(objective, found, samples)
     middle = _middle(found)
     noisy = objective if known.logs else _with_noise(objective, middle, samples)
-    if known.logs:
-        before = _judge(question, known, known.repeated, known.repeated)
-    else:
-        before = _judge_motion(objective, noisy, middle, samples)
+    before, after = (
+        _judge(objective, noisy, motion, samples) for motion in (None if known.logs else middle, x)
+    )
     return Excitation(
         robot=question.structure.robot,
         trajectory=series.trajectory(x, samples, name),
         criterion=aim,
-        effects=tuple(e.name for e in question.model.effects),
+        effects=question.model.names,
         names=question.names,
         units=question.units,
         chosen=question.chosen,
         logs=known.logs,
         before=before,
-        after=_judge_motion(objective, noisy, x, samples),
+        after=after,
         limits=series.limits,
         closure=float(space.condition[0]),
         gap=gap,
         evaluations=found.evaluations,
-        seed=seed,
-        hints=(*hints, *filter(None, (objective.watched[1],))),
-        provenance=provenance or {},
+        seed=run.seed,
+        hints=tuple(filter(None, objective.watched[1:])),
     )
 
 
-def _judge_motion(objective: Objective, noisy: Objective, x: Array, samples: int) -> Merit:
-    """Return what a motion tells, by white noise and by noise of its actual size."""
-    plain, sized = (each.look(x, samples)[0][0] for each in (objective, noisy))
-    return _judge(objective.question, objective.known, plain, sized)
+def _judge(objective: Objective, noisy: Objective, x: Array | None, samples: int) -> Merit:
+    """Return what a motion tells, or the logs' motion measured again for None.
 
-
-def _judge(question: Question, known: Known, plain: Array, sized: Array) -> Merit:
-    """Return what Gram matrices tell, by white noise and by noise of its actual size."""
+    Parameters
+    ----------
+    objective, noisy : Objective
+        With noise that is white, and of its actual size.
+    x : (size,) or None
+    samples : int
+    """
+    known, question = objective.known, objective.question
+    plain, sized = (
+        known.repeated if x is None else each.look(x, samples)[0][0] for each in (objective, noisy)
+    )
     aim = question.criterion
     asked = aim.chosen if isinstance(aim, LogDet) else np.arange(len(question.names))
-    spread = _sigma(sized)
-    limit = Thresholds().sigma_percent / 100 * np.abs(known.values)
+    spread, limit = _sigma(sized), Thresholds().sigma_percent / 100 * np.abs(known.values)
     told = ((spread > 0) & (spread <= limit))[asked]
     return Merit(aim.figure(float(aim.cost(plain[None])[0])), _sigma(plain), told)
 
