@@ -30,7 +30,6 @@ from identifiability.foundation.options import checked
 from identifiability.foundation.result import Result
 from identifiability.foundation.runs import Run
 from identifiability.foundation.values import frozen
-from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.quality.recordings import Logs, Recordings
@@ -58,14 +57,12 @@ class Sides:
 
     Attributes
     ----------
-    logs : tuple of Log
     count : int
         How many logs the first side has.
     regression : Regression
         Of all logs.
     """
 
-    logs: tuple[Log, ...]
     count: int
     regression: Regression
 
@@ -82,7 +79,7 @@ class Sides:
     @property
     def paths(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Paths of the logs of each side."""
-        paths = given_paths(self.logs)
+        paths = given_paths(self.samples)
         return paths[: self.count], paths[self.count :]
 
     def look(self, values: int) -> Excerpt:
@@ -93,7 +90,7 @@ class Sides:
         LogError
         """
         seen = Excerpt.of(self.regression, EXCERPT)
-        fewest = int(np.bincount(seen.log, minlength=len(self.logs)).min())
+        fewest = int(np.bincount(seen.log, minlength=len(self.samples)).min())
         if fewest < LOG_RULES.fewest or fewest * len(seen.robot.joints) <= values:
             raise LogError(Finding("sides.few", samples=fewest, values=values))
         return seen
@@ -311,7 +308,7 @@ def _find_changes(sides: Sides, structure: Structure, submodel: Submodel) -> Dif
     values = pooled_values(seen.X[unchanged], seen.y[unchanged], submodel.M, submodel.fixed)
     known = Known.nothing(submodel.M, values)
     bodies = tool_bodies(structure.robot)
-    return find_differences(structure, seen, bodies, known, count, len(sides.logs))
+    return find_differences(structure, seen, bodies, known, count, len(sides.samples))
 
 
 def _separate_logs(case: Case, structure: Structure, run: Run) -> tuple[Data, Sides]:
@@ -323,7 +320,7 @@ def _separate_logs(case: Case, structure: Structure, run: Run) -> tuple[Data, Si
     earlier = case.with_samples(data, data.samples[count:])
     unchanged = case.at_fit(case.completed(earlier, run), run)
     regression = case.regression(unchanged.structure, data.samples)
-    return unchanged, Sides(data.recordings.fitted, count, regression)
+    return unchanged, Sides(count, regression)
 
 
 def _separate_case(case: Case, structure: Structure, run: Run) -> tuple[Data, Sides]:
@@ -339,6 +336,4 @@ def _separate_case(case: Case, structure: Structure, run: Run) -> tuple[Data, Si
     if unchanged.unseen is None:
         raise LogError(Finding("sides.one"))
     regression = unchanged.unseen.followed_by(unchanged.regression)
-    recordings = unchanged.recordings
-    logs = (*recordings.held_out, *recordings.fitted)
-    return unchanged, Sides(logs, len(recordings.held_out), regression)
+    return unchanged, Sides(len(unchanged.validation), regression)

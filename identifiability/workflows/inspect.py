@@ -107,10 +107,11 @@ def describe_joints(robot: Robot) -> tuple[JointFact, ...]:
     kinds: dict[str, str] = {d: j.kind for j in robot.tree.joints for d in j.dofs}
     kinds |= dict.fromkeys((t.name for t in robot.cables), "tendon")
     locked = [
-        JointFact(name, "", "locked", "", f"held at {at:.4g}") for name, at in robot.locked.items()
+        JointFact(name, "", "locked", "", phrase("joint", "locked", at=at))
+        for name, at in robot.locked.items()
     ]
     outside = [
-        JointFact(body, "body", "left out", "", "no actuated joint reaches it")
+        JointFact(body, "body", "left out", "", phrase("joint", "outside"))
         for body in robot.outside
     ]
     moving = (_describe_joint(robot, dof, kinds[name]) for dof, name in enumerate(robot.dofs))
@@ -122,20 +123,18 @@ def _describe_joint(robot: Robot, dof: int, kind: str) -> JointFact:
     name = robot.dofs[dof]
     unit = "m" if robot.is_prismatic(dof) else "rad"
     followed = [listing(c.terms, 4) for c in robot.couplings if c.joint == name]
-    remarks = [f"follows {terms}" for terms in followed]
-    remarks += [f"known torque {k.text}" for k in robot.known_torque if k.along == name]
+    remarks = [phrase("joint", "follows", terms=terms) for terms in followed]
+    remarks += [
+        phrase("joint", "torque", text=k.text) for k in robot.known_torque if k.along == name
+    ]
     remark = "; ".join(remarks)
     if dof not in robot.actuated:
         return JointFact(name, kind, "coupled" if followed else "passive", unit, remark)
     role: Role = "actuated" if name in robot.motor_joints else "floats"
     k = robot.joints.index(name)
-    limits = [*robot.limits[k], robot.speed_limits[k], robot.acceleration_limits[k]]
-    return JointFact(name, kind, role, unit, remark, *(_known(x) for x in limits))
-
-
-def _known(limit: float) -> float:
-    """Return a limit; NaN where none is known."""
-    return float(limit) if np.isfinite(limit) else np.nan
+    limits = np.array([*robot.limits[k], robot.speed_limits[k], robot.acceleration_limits[k]])
+    known = np.where(np.isfinite(limits), limits, np.nan).tolist()
+    return JointFact(name, kind, role, unit, remark, *known)
 
 
 def required_columns(names: Sequence[str], torque: str = "tau") -> tuple[str, ...]:

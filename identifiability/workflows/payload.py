@@ -592,7 +592,7 @@ def _prepare_sides(
     hints = [*state_missing(fit.missing if fit else ()), *both.hints]
     hints += _tell_noise(both.fitted[:loaded], common)
     hints += [text for s in samples for text in s.hints]
-    return Sides(both.fitted, loaded, structure.regression(samples)), hints
+    return Sides(loaded, structure.regression(samples)), hints
 
 
 def _join_case(
@@ -610,14 +610,13 @@ def _join_case(
     recordings = measured_recordings(case, run)
     loaded, hints = _prepare_sides(fit, structure, logs, (), run)
     seen = {log.sha256 for log in (*recordings.fitted, *recordings.held_out)}
-    if any(log.sha256 in seen for log in loaded.logs):
+    if any(log.sha256 in seen for log in loaded.samples):
         raise LogError(Finding("twice.sides"))
     robot = case.known_robot(run)
     how = case.common_preparation(robot, recordings)
     samples = case.prepared(robot, recordings, how, run).fitted
     regression = loaded.regression.followed_by(case.regression(structure, samples))
-    joined = Sides((*loaded.logs, *recordings.fitted), loaded.count, regression)
-    return joined, [*hints, *recordings.hints]
+    return Sides(loaded.count, regression), [*hints, *recordings.hints]
 
 
 def _find_load(
@@ -625,7 +624,7 @@ def _find_load(
 ) -> Differences:
     """Return what may differ between logs with a load and the robot without it."""
     count = sides.count
-    if fit is None or (load.mass is not None and count < len(sides.logs)):
+    if fit is None or (load.mass is not None and count < len(sides.samples)):
         # Logs without the load tell more than values by other gains.
         submodel = full_model(structure.base) if fit is None else fit.submodel
         known = Known.nothing(submodel.M, submodel.fixed)

@@ -55,6 +55,10 @@ class ExcitationPresenter(Presenter):
         period, other = result.trajectory.period, result.beside
         return sentence(about, names=names, share=share, period=period, other=other)
 
+    def beside(self) -> str:
+        """Return what the motion is compared with."""
+        return sentence("excitation.worth", "again" if self.result.logs else "random")
+
     def limits_statement(self) -> str:
         """Return the limits that the motion keeps, in words."""
         result, about = self.result, "excitation.limits"

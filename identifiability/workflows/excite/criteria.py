@@ -14,6 +14,7 @@ import numpy as np
 from identifiability.effects import Effect, Part, Placed, find_effect
 from identifiability.estimation.estimate import estimate
 from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array, find_named
 from identifiability.foundation.values import frozen
@@ -227,10 +228,7 @@ def pose_question(
     ModelError, IdentifiabilityError
     """
     if separate is not None and (len(separate) != 2 or parameters):
-        raise IdentifiabilityError(
-            f"To separate takes exactly two effects and no parameters, {len(separate)} were given; "
-            "name two, such as stribeck_friction and quadratic_friction@slider1."
-        )
+        raise IdentifiabilityError(Finding("excite.pair", count=len(separate)))
     robot = structure.robot
     question = add_beside(structure, [_place_effect(robot, text) for text in separate or ()])
     if separate is not None:

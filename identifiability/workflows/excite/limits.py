@@ -18,6 +18,7 @@ from pydantic import RootModel, ValidationError
 from identifiability.effects import default_effects
 from identifiability.foundation.documents import first_problem, read_document
 from identifiability.foundation.errors import RobotError, listing, near_match
+from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import format_count
 from identifiability.foundation.rules import Tolerance
@@ -106,18 +107,10 @@ def find_limits(robot: Robot, given: LimitsLike | None = None) -> Limits:
     known = robot.motor_joints
     entry = _read(given, known)
     motors = slice(len(robot.joints) - len(known), None)
-    unlimited = np.full(len(robot.joints), np.inf)
-    filed = {
-        "q": robot.limits,
-        "v": robot.speed_limits,
-        "a": robot.acceleration_limits,
-        "tau": unlimited,
-        "power": unlimited,
-    }
     usual, assumed = usual_limits(robot), list[str]()
-    found = {kind: values[motors].copy() for kind, values in filed.items()}
+    found = {kind: values[motors].copy() for kind, values in _filed_limits(robot).items()}
     for kind, values in found.items():
-        likely = usual.get(kind, filed[kind])[motors]
+        likely = usual[kind][motors] if kind in usual else values
         for k, name in enumerate(known):
             stated = getattr(entry.root.get(name), kind, None)
             values[k], guessed = _choose_limit(stated, values[k], likely[k])
@@ -125,11 +118,21 @@ def find_limits(robot: Robot, given: LimitsLike | None = None) -> Limits:
     low, high = found["q"].T
     for name, least, most in zip(known, low, high, strict=True):
         if not least < most:
-            raise RobotError(
-                f"The limits of {name} leave it no room: [{least:g}, {most:g}]; state both ends."
-            )
+            raise RobotError(Finding("excite.room", joint=name, least=least, most=most))
     drives = found["tau"], found["power"]
     return Limits(known, low, high, found["v"], found["a"], *drives, assumed=tuple(assumed))
+
+
+def _filed_limits(robot: Robot) -> dict[str, Array]:
+    """Return the limits of a robot file by the keys of a limits file."""
+    unlimited = np.full(len(robot.joints), np.inf)
+    return {
+        "q": robot.limits,
+        "v": robot.speed_limits,
+        "a": robot.acceleration_limits,
+        "tau": unlimited,
+        "power": unlimited,
+    }
 
 
 def _choose_limit(stated: Any, filed: Array, likely: Array) -> tuple[Any, bool]:
@@ -187,29 +190,21 @@ class Clearance:
     @staticmethod
     def of(robot: Robot) -> tuple[Clearance | None, str]:
         """Return what to watch, and a sentence on what is not watched, and why."""
-        end = "collisions were not looked for: look at the motion before the robot goes through it."
         if robot.cables:
-            return None, f"{robot.path.name} has tendons that push, and {end}"
+            return None, phrase("collisions", "tendons", file=robot.path.name)
         try:
             shapes = MujocoRobot(robot, compile_shapes(robot, REACH))
         except RobotError as error:
-            return None, f"{str(error).rstrip('.')}, so {end}"
-        m = shapes.model
-        m.opt.disableflags = 0
-        if m.ngeom < 2:
-            return None, f"{robot.path.name} has no shapes that can collide, so {end}"
-        body = m.body_weldid[m.geom_bodyid]
-        joined = m.body_weldid[m.body_parentid[body]][:, None] == body
-        meets = (m.geom_contype[:, None] & m.geom_conaffinity) > 0
-        pairs = (meets | meets.T) & ~(joined | joined.T) & (body[:, None] != body)
+            return None, phrase("collisions", "unread", error=str(error).rstrip("."))
+        if shapes.model.ngeom < 2:
+            return None, phrase("collisions", "shapeless", file=robot.path.name)
+        pairs = _find_pairs(shapes)
         every, gaps = Clearance(shapes, pairs).near(shapes.home())
         near = every[gaps < 2 * CLEARANCE]
         pairs[near[:, 0], near[:, 1]] = pairs[near[:, 1], near[:, 0]] = False
-        said = (
-            f"{format_count(len(near), 'pair')} of bodies are nearer than {2000 * CLEARANCE:g} mm "
-            "at home already (as drawn), so their collisions are not watched."
-        )
         watched = Clearance(shapes, pairs) if pairs.any() else None
+        count = format_count(len(near), "pair")
+        said = phrase("collisions", "near", count=count, gap=2000 * CLEARANCE)
         return watched, said if len(near) else ""
 
     def near(self, place: Array) -> tuple[Array, Array]:
@@ -225,6 +220,17 @@ class Clearance:
         """
         each = [self.near(place)[1].min(initial=REACH) for place in self.shapes.placed(q)]
         return np.array(each)
+
+
+def _find_pairs(shapes: MujocoRobot) -> np.ndarray:
+    """Return which shapes can collide by the file, and are not of bodies joined, (g, g) bool."""
+    m = shapes.model
+    m.opt.disableflags = 0
+    body = m.body_weldid[m.geom_bodyid]
+    joined = m.body_weldid[m.body_parentid[body]][:, None] == body
+    meets = (m.geom_contype[:, None] & m.geom_conaffinity) > 0
+    pairs: np.ndarray = (meets | meets.T) & ~(joined | joined.T) & (body[:, None] != body)
+    return pairs
 
 
 def nearness(gaps: Array) -> Array:

@@ -21,6 +21,7 @@ from identifiability.estimation.rules import RULES
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Positive, Seed, at_least, checked, counted
@@ -256,10 +257,7 @@ def _find_undecided(d: Diagnosis) -> tuple[str, Placement]:
     """
     found = [(p.rms, e.name, p) for e in d.effects for p in e.placements if p.rivals]
     if not found:
-        raise IdentifiabilityError(
-            "Nothing that was named is undecided, so no motion is asked for; excite --separate "
-            "tells any two effects apart."
-        )
+        raise IdentifiabilityError(Finding("excite.decided"))
     return max(found, key=lambda one: one[:2])[1:]
 
 

@@ -17,6 +17,7 @@ import pandas as pd
 
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.errors import ClosureError, LogError
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import MOST_SAMPLES
@@ -168,7 +169,7 @@ class Excitation(Result):
     @property
     def beside(self) -> str:
         """What `before` is about."""
-        return "the logs' motion measured again" if self.logs else "a typical random motion"
+        return str(self._present("beside"))
 
     @cached_property
     def motion(self) -> tuple[Array, Array, Array, Array]:
@@ -205,20 +206,13 @@ class Excitation(Result):
         path, limits = self.trajectory, self.limits
         longest = path.period * (periods + 2 * 4)
         if longest * rate > MOST_SAMPLES:
-            raise LogError(
-                f"{longest:g} s at {rate:g} Hz are more than {MOST_SAMPLES:,} samples; give a "
-                "lower rate or fewer periods."
-            )
+            raise LogError(Finding("excite.long", seconds=longest, rate=rate, most=MOST_SAMPLES))
         drive, (watched, _) = Drive.of(self.robot, limits), Clearance.of(self.robot)
         for rise in path.period * 2.0 ** np.arange(-2, 3):  # up to four periods
             motion = _windowed(path, rise, rate, periods)
             if _keeps(self.robot, motion, limits, drive, watched):
                 return motion
-        raise LogError(
-            f"No way from rest into {path.name} was found that keeps the limits of "
-            f"{self.robot.name} and its bodies apart; search with slightly narrower limits of "
-            "position, speed or acceleration."
-        )
+        raise LogError(Finding("excite.rest", motion=path.name, robot=self.robot.name))
 
     def to_dict(self) -> dict[str, Any]:
         """Return a trajectory file with what is known of the trajectory beside it."""

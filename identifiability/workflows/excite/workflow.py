@@ -14,6 +14,7 @@ from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import ClosureError
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import (
     MOST_SAMPLES,
@@ -269,12 +270,9 @@ def _best(objective: Objective, found: Search, samples: int) -> tuple[Array, Wor
         if space.kept(objective.limits.closure_bound)[0] and gap >= CLEARANCE:
             return x, space, gap
     robot, limits = objective.question.structure.robot, objective.limits
-    raise ClosureError(
-        f"No motion of {robot.name} was found whose loops close everywhere with a condition number "
-        f"below {limits.closure_bound:g}, whose drives can do it and whose bodies keep "
-        f"{1000 * CLEARANCE:g} mm from each other; give narrower limits of the joints about "
-        f"its home position {robot.describe_home()}, or a longer motion."
-    )
+    place = {"robot": robot.name, "home": robot.describe_home()}
+    bounds = {"bound": limits.closure_bound, "gap": 1000 * CLEARANCE}
+    raise ClosureError(Finding("excite.none", **place, **bounds))
 
 
 def _middle(found: Search) -> Array:
