@@ -161,12 +161,12 @@ def test_a_motion_after_a_case_is_about_its_fitted_logs_and_its_model(two_logs):
 def test_a_comparison_of_a_case_is_of_fitted_with_held_out_logs(two_logs, loaded):
     robot, logs = two_logs
     found = compare(Case(robot, logs, loaded))
-    alone = compare(robot, logs, loaded)
-    assert (found.before, found.after) == (alone.before, alone.after) == (("a", "b"), ("loaded",))
-    (change,) = found.changes
+    assert str(found.to_dict()) == str(compare(robot, logs, loaded).to_dict())
+    assert (found.before, found.after) == (("a", "b"), ("loaded",))
+    (change,) = found.changes  # a reading of both sides would call part of the load an offset
     assert change.kind == "load"
     assert abs(change.sizes[0] - 0.5) <= 3 * change.sd[0]
-    with pytest.raises(LogError, match="no logs after a change"):
+    with pytest.raises(LogError, match="no log after a change"):
         compare(Case(robot, logs, "none"))
 
 

@@ -39,7 +39,7 @@ from identifiability.regression.regression import Regression
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Motion, RobotLike
 from identifiability.robot.robot import tool_bodies
-from identifiability.workflows.case import MEASURED, Case, Data, take_case
+from identifiability.workflows.case import MEASURED, Case, take_case
 from identifiability.workflows.diagnose.changes import (
     Change,
     DifferentTorque,
@@ -96,36 +96,23 @@ class Sides:
         return seen
 
 
-def read_sides(case: Case, run: Run) -> tuple[Recordings, int]:
-    """Return fitted and held-out logs of a case as one side after the other, and the first's count.
+def read_sides(case: Case, run: Run) -> Recordings:
+    """Return the logs of a case, of which fitted and held-out ones are two sides.
 
     Raises
     ------
     LogError
-        If a log stands on both.
+        If a log stands on both, or torque comes from commands.
     """
     try:
-        both = case.recordings(run)
+        sides = case.recordings(run)
     except LogError as error:
         if error.key in ("twice.held", "twice.rows"):
             raise LogError(Finding("twice.sides")) from None
         raise
-    together = replace(both, fitted=(*both.fitted, *both.held_out), held_out=())
-    return together, len(both.fitted)
-
-
-def measured_recordings(case: Case, run: Run) -> Recordings:
-    """Return the logs of a case, with measured torque.
-
-    Raises
-    ------
-    LogError
-        If torque comes from commands.
-    """
-    recordings = case.recordings(run)
-    if recordings.commanded:
+    if sides.commanded:
         raise LogError(Finding("sides.commands"))
-    return recordings
+    return sides
 
 
 def find_differences(
@@ -255,7 +242,8 @@ def compare(
 ) -> Comparison:
     """Find what changed: loads, friction, offsets, torque gains; of three logs also in which.
 
-    They are compared beside what the model may lack in all of them.
+    They are compared beside what the model may lack in all of them. How columns are read, and the
+    cut-off, follow from the logs before alone.
 
     Parameters
     ----------
@@ -278,11 +266,15 @@ def compare(
     """
     run = Run(engine=engine or Serial())
     with one_thread("blas"):
-        case = take_case(robot, after, before, preparation, MEASURED)
+        case = take_case(robot, before, after, preparation, MEASURED)
         source = case.ladder(ladder, beside=True)
-        structure = case.first_structure(run, ladder)
-        separate = _separate_case if isinstance(robot, Case) else _separate_logs
-        unchanged, sides = separate(case, structure, run)
+        read_sides(case, run)
+        data = case.data(case.first_structure(run, ladder), run, "compared")
+        unchanged = case.completed(data, run)
+        if unchanged.unseen is None:
+            raise LogError(Finding("sides.one"))
+        every = unchanged.unseen.followed_by(unchanged.regression)
+        sides = Sides(len(unchanged.validation), every)
         submodel = build_ladder(source.entry, unchanged.structure)[0]
         found = _find_changes(sides, unchanged.structure, submodel)
         terms = found.model.search()
@@ -309,31 +301,3 @@ def _find_changes(sides: Sides, structure: Structure, submodel: Submodel) -> Dif
     known = Known.nothing(submodel.M, values)
     bodies = tool_bodies(structure.robot)
     return find_differences(structure, seen, bodies, known, count, len(sides.samples))
-
-
-def _separate_logs(case: Case, structure: Structure, run: Run) -> tuple[Data, Sides]:
-    """Return the logs before with their completed model, and both sides; all are read alike."""
-    if not case.validate:
-        raise LogError(Finding("logs.none"))
-    both, count = read_sides(case, run)
-    data = case.data(structure, run, "compared", recordings=both)
-    earlier = case.with_samples(data, data.samples[count:])
-    unchanged = case.at_fit(case.completed(earlier, run), run)
-    regression = case.regression(unchanged.structure, data.samples)
-    return unchanged, Sides(count, regression)
-
-
-def _separate_case(case: Case, structure: Structure, run: Run) -> tuple[Data, Sides]:
-    """Return the fitted logs of a case with their completed model, and both sides.
-
-    Raises
-    ------
-    LogError
-        If nothing is held out, or torque comes from commands.
-    """
-    measured_recordings(case, run)
-    unchanged = case.completed(case.data(structure, run, "compared"), run)
-    if unchanged.unseen is None:
-        raise LogError(Finding("sides.one"))
-    regression = unchanged.unseen.followed_by(unchanged.regression)
-    return unchanged, Sides(len(unchanged.validation), regression)

@@ -49,12 +49,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.robot import Point, body_of, ten_parameters, tool_bodies
 from identifiability.workflows.case import MEASURED, Case, take_case
-from identifiability.workflows.compare import (
-    Sides,
-    find_differences,
-    measured_recordings,
-    read_sides,
-)
+from identifiability.workflows.compare import Sides, find_differences, read_sides
 from identifiability.workflows.diagnose.changes import Change, DifferentTorque, list_log_changes
 from identifiability.workflows.predict import Fit, FitLike, find_fit, is_result, state_missing
 
@@ -586,7 +581,9 @@ def _prepare_sides(
     """
     robot, how = structure.robot, fit.preparation if fit else None
     case = Case(robot, logs, unloaded, preparation=how, use=MEASURED)
-    both, loaded = read_sides(case, run)
+    sides = read_sides(case, run)
+    loaded = len(sides.fitted)
+    both = replace(sides, fitted=(*sides.fitted, *sides.held_out), held_out=())
     common = case.common_preparation(robot, both)
     samples = case.unfitted(robot, both, common, run)
     hints = [*state_missing(fit.missing if fit else ()), *both.hints]
@@ -607,7 +604,7 @@ def _join_case(
     """
     if fit is None:
         raise OptionError(Finding("sides.result"))
-    recordings = measured_recordings(case, run)
+    recordings = read_sides(case, run)
     loaded, hints = _prepare_sides(fit, structure, logs, (), run)
     seen = {log.sha256 for log in (*recordings.fitted, *recordings.held_out)}
     if any(log.sha256 in seen for log in loaded.samples):
