@@ -180,7 +180,8 @@ def toml_text(document: Mapping[str, Any]) -> str:
     "a.1" = 0.5
     <BLANKLINE>
     """
-    lines, sections = [], []
+    lines = []
+    sections = []
     for key, value in document.items():
         if isinstance(value, Mapping):
             sections.append((f"[{toml_key(key)}]", value))

@@ -125,7 +125,9 @@ class Finding(str):
 def _again(text: str, key: str, subject: str, numbers: Mapping[str, Any]) -> Finding:
     """Return a finding with its text."""
     self = str.__new__(Finding, text)
-    self.key, self.subject, self.numbers = key, subject, numbers
+    self.key = key
+    self.subject = subject
+    self.numbers = numbers
     return self
 
 

@@ -158,7 +158,8 @@ def _patterns_of(name: str) -> Iterator[str]:
         yield "".join([*parts[:k], "*"])
         yield "".join(["*", *parts[k:]])
     for digits in re.finditer(r"\d+", name) if parts else ():
-        before, after = name[: digits.start()], name[digits.end() :]
+        before = name[: digits.start()]
+        after = name[digits.end() :]
         yield f"{before}*{after}"
         yield f"{before}{'?' * len(digits[0])}{after}"
 
@@ -276,7 +277,8 @@ def shorten_paths(paths: Sequence[str]) -> list[str]:
     >>> shorten_paths(["x/run.csv", "y/run.csv", "y/bag:/joint_states"])
     ['x/run.csv', 'y/run.csv', 'bag:/joint_states']
     """
-    every, out = {f"/{path}" for path in paths}, []
+    every = {f"/{path}" for path in paths}
+    out = []
     for path in paths:
         place, colon, topic = path.rpartition(":/")
         folders = (place if colon else topic).split("/")

@@ -176,7 +176,8 @@ def check_choice(name: str, value: Any, known: Sequence[str]) -> None:
 
 def allows(kind: Any, value: Any) -> bool:
     """Return whether an annotation allows a value."""
-    origin, inner = get_origin(kind), get_args(kind)
+    origin = get_origin(kind)
+    inner = get_args(kind)
     if kind is Any or isinstance(kind, TypeVar):
         return True
     if origin is Annotated:
@@ -218,7 +219,8 @@ def expected(kind: Any) -> str:
 
 
 def _words(kind: Any) -> list[str]:
-    origin, inner = get_origin(kind), get_args(kind)
+    origin = get_origin(kind)
+    inner = get_args(kind)
     if origin is Annotated:
         told = [note.words for note in inner[1:] if isinstance(note, Expected)]
         return told[:1] or _words(inner[0])

@@ -41,7 +41,8 @@ def check_writable(path: FilePath) -> Path:
     """
     path = Path(path)
     try:
-        folder, there = real(path).parent, path.exists()
+        folder = real(path).parent
+        there = path.exists()
         wrong = {
             "folder": path.is_dir(),
             "special": there and not path.is_file(),

@@ -93,7 +93,9 @@ def format_number(value: float | None, digits: int = 4, *, pad: bool = False) ->
     power = _exponent(float(f"{abs(value):.{digits - 1}e}"))
     tail = ""
     if not -5 < power < 6:
-        value, tail, power = value / 10.0**power, f"·10{superscript(power)}", 0
+        value = value / 10.0**power
+        tail = f"·10{superscript(power)}"
+        power = 0
     text = f"{round(value, digits - 1 - power):.{max(0, digits - 1 - power)}f}"
     if not pad and "." in text:
         text = text.rstrip("0").rstrip(".")

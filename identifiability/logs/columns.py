@@ -462,7 +462,8 @@ def _labels(names: Mapping[str, str], first: Mapping[str, str]) -> dict[int, str
 def _in_order(loose: Sequence[Column], source: str, known: Conventions) -> list[Column]:
     """Return guesses of one channel with the joints of the robot's order, if all are there."""
     numbers = {g.number for g in loose}
-    count, kind = len(known.joints), loose[0].kind
+    count = len(known.joints)
+    kind = loose[0].kind
     if count == 1 and numbers == {-1}:
         return [replace(g, joint=known.joints[0]) for g in loose]
     if -1 in numbers:
@@ -695,7 +696,8 @@ def resolve_time(naming: Naming, first: pd.DataFrame, source: str, known: Conven
     t = to_floats(given)[:SHOWN] if given.dtype.kind not in "cb" else np.empty(0)
     if len(t) < 3 or not np.isfinite(t).all() or not np.median(np.diff(t)) > 0:
         return naming  # what is wrong with them is said by others
-    unit, why = known.time_unit, "as was said"
+    unit = known.time_unit
+    why = "as was said"
     if not unit and time.unit is None:  # what the log states is taken
         unit, why = _find_unit(t, source)
     factor = TIME_UNITS[unit] if unit else time.factor

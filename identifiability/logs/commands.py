@@ -64,7 +64,8 @@ def acting(log: Log, servo: Servo, at: Array, width: float, delay: float) -> Arr
     def held(x: Array) -> Array:
         return held_mean(log.commands_since, x, at - delay, width)
 
-    position, gain = servo.kp > 0, servo.gain
+    position = servo.kp > 0
+    gain = servo.gain
     out = np.zeros((len(at), len(log.joints)))
     if log.q_ref is not None:
         out += np.where(position, held(log.q_ref), 0.0)

@@ -69,7 +69,8 @@ class Form:
 
     def rows(self, lines: Sequence[str]) -> Iterator[tuple[int, list[str]]]:
         """Yield the line that each row begins at, and its fields; cells may hold ends of lines."""
-        blank, at = self.separator == " ", 0
+        blank = self.separator == " "
+        at = 0
         plain = ["" if self.is_comment(x) else " ".join(x.split()) if blank else x for x in lines]
         given = csv.reader(
             (f"{x}\n" for x in plain), delimiter=self.separator, skipinitialspace=not blank

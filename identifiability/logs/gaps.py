@@ -51,7 +51,8 @@ class StaleRule:
     @staticmethod
     def of(windows: Sequence[Log]) -> StaleRule:
         """Return the rule for a log, from windows of it."""
-        steps, share = {}, {}
+        steps = {}
+        share = {}
         for channel in (c for c in windows[0].channels if c in NAMES):
             values = [np.asarray(getattr(w, channel)) for w in windows]
             steps[channel] = np.min([smallest_change(x) for x in values], axis=0)
@@ -99,12 +100,14 @@ def find_stale(x: Array, steps: Array) -> np.ndarray:
     stale = np.zeros(len(x), bool)
     same = np.concatenate([[False], (np.diff(x, axis=0) == 0).all(1), [False]])
     edges = np.diff(same.astype(int))
-    first, last = np.flatnonzero(edges == 1) + 1, np.flatnonzero(edges == -1)
+    first = np.flatnonzero(edges == 1) + 1
+    last = np.flatnonzero(edges == -1)
     for a, b in zip(first.tolist(), last.tolist(), strict=True):
         # Rows a … b hold what row a - 1 holds.
         if b - a >= RULES.lost or a < 2 or b + 1 >= len(x):
             continue
-        after, before = x[b + 1] - x[b], x[a - 1] - x[a - 2]
+        after = x[b + 1] - x[b]
+        before = x[a - 1] - x[a - 2]
         # Across a run of repeated values a joint moves by at least so many steps of its
         # encoder, else rounding explains that nothing changed.
         moved = (after * before > 0) & (np.abs(after) >= 4.0 * steps)
@@ -114,7 +117,8 @@ def find_stale(x: Array, steps: Array) -> np.ndarray:
 
 def interpolate(x: Array, stale: np.ndarray) -> Array:
     """Return x (N, …) with stale samples (N,) bool on the cubic through their four neighbours."""
-    good, out = np.flatnonzero(~stale), x.copy()
+    good = np.flatnonzero(~stale)
+    out = x.copy()
     at = np.flatnonzero(stale)
     if not len(at) or len(good) < 4:
         return out
@@ -302,8 +306,10 @@ def fill(x: Array, at: np.ndarray) -> Array:
     """Return x (N, …), sampled at the steps `at` (N,) int, at every step, by cubics."""
     if at[-1] + 1 == len(at):
         return x
-    wide, missing = np.zeros((at[-1] + 1, *x.shape[1:])), np.ones(at[-1] + 1, bool)
-    wide[at], missing[at] = x, False
+    wide = np.zeros((at[-1] + 1, *x.shape[1:]))
+    missing = np.ones(at[-1] + 1, bool)
+    wide[at] = x
+    missing[at] = False
     return interpolate(wide, missing)
 
 

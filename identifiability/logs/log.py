@@ -362,9 +362,12 @@ def join_logs(logs: Sequence[Log]) -> Log:
 
 def _read_log(reader: TableReader, pieces: Iterable[Whole]) -> Log:
     """Return the log in the pieces of a table."""
-    values, naming = reader.read(pieces), reader.naming
+    values = reader.read(pieces)
+    naming = reader.naming
     fields: dict[str, Any] = dict.fromkeys(("q", "dq", "ddq", "tau")) | values
-    notes, t, tau = naming.notes, values["t"], values["tau"]
+    notes = naming.notes
+    t = values["t"]
+    tau = values["tau"]
     if np.isnan(find_range(tau)[0]).any():
         gone = fields["unmeasured"] = np.isnan(tau)
         pairs = zip(tau.T, gone.T, strict=True)
@@ -470,7 +473,8 @@ def refuse_silent(logs: Sequence[Log]) -> None:
     gone = [log.unmeasured for log in logs if log.unmeasured is not None]
     if len(gone) < len(logs) or len({log.joints for log in logs}) > 1:
         return
-    q, lost = np.concatenate([log.q for log in logs]), np.concatenate(gone).all(0)
+    q = np.concatenate([log.q for log in logs])
+    lost = np.concatenate(gone).all(0)
     stays = lost & (np.ptp(q, axis=0) <= RULES.small)
     if 0 < stays.sum() < len(stays):
         at = zip(
@@ -479,5 +483,11 @@ def refuse_silent(logs: Sequence[Log]) -> None:
             strict=True,
         )
         silent = {str(j): option_for_shell("--lock", f"{j}={x:.4g}") for j, x in at}
-        told = {"names": [log.name for log in logs], "joints": [*silent]}
-        raise LogError(Finding("logs.unmeasured", **told, locks=" ".join(silent.values())))
+        raise LogError(
+            Finding(
+                "logs.unmeasured",
+                names=[log.name for log in logs],
+                joints=[*silent],
+                locks=" ".join(silent.values()),
+            )
+        )

@@ -298,8 +298,9 @@ def _check_once(
     _, first = np.unique(cells, return_index=True)
     if len(first) < len(cells):
         again = np.setdiff1d(np.arange(len(cells)), first)[0]
-        said = {"joint": joints[joint[again]], "time": str(times.iloc[again])}
-        raise LogError(Finding("long.twice", source, **said))
+        raise LogError(
+            Finding("long.twice", source, joint=joints[joint[again]], time=str(times.iloc[again]))
+        )
 
 
 def _spread_values(

@@ -221,8 +221,11 @@ def check_names(source: str, names: Sequence[str]) -> None:
         raise LogError(Finding("columns.many", source, count=len(names), most=MOST_COLUMNS))
     longest = max(names, key=len, default="")
     if len(longest) > LONGEST_NAME:
-        holes = {"start": longest[:40], "letters": len(longest), "most": LONGEST_NAME}
-        raise LogError(Finding("columns.long", source, **holes))
+        raise LogError(
+            Finding(
+                "columns.long", source, start=longest[:40], letters=len(longest), most=LONGEST_NAME
+            )
+        )
 
 
 def are_units(row: Sequence[str]) -> bool:
@@ -366,13 +369,15 @@ def guess_column(source: str, name: str, joints: Sequence[str]) -> Column | None
     if unit is None and unread_unit(name, joints):  # what it is of can be told all the same
         plain = name[: name.rindex(bracketed(name)) - 1]
     parts = [p for p in plain.split("/") if p]
-    words, above = words_of(" ".join(parts[-2:])), words_of(" ".join(parts[:-2]))
+    words = words_of(" ".join(parts[-2:]))
+    above = words_of(" ".join(parts[:-2]))
     time = _guess_time(source, words, unit)
     if time is not None:
         return time
     joint, rest = take_joint(words, joints)
     if unit is None and rest and rest[-1] in ("rad", "deg", "nm", "mm"):
-        unit, rest = find_unit("Nm" if rest[-1] == "nm" else rest[-1]), rest[:-1]
+        unit = find_unit("Nm" if rest[-1] == "nm" else rest[-1])
+        rest = rest[:-1]
     kinds = {KINDS[w] for w in rest if w in KINDS}
     numbers = [w for w in rest if w.isdecimal()]
     wanted = (COMMANDED | _AHEAD).intersection([*rest, *above])
@@ -411,7 +416,8 @@ def _guess_time(source: str, words: list[str], unit: Unit | None) -> Column | No
     if source == INDEX:
         return Column(source, "t")
     if unit is None and len(words) > 1 and words[-1] in _TIME_UNITS:
-        unit, words = find_unit(words[-1]), words[:-1]
+        unit = find_unit(words[-1])
+        words = words[:-1]
     left = [w for w in words if w not in SILENT and w != "header"]
     if unit is not None and unit.dimension != "time":
         return None

@@ -38,8 +38,13 @@ def ask_which(source: str, candidates: Mapping[str, Sequence[Column]]) -> Findin
     questions = [_question(kind, joints) for kind, joints in channels.items()]
     rules = [rule for kind, joints in channels.items() for rule in propose_rules(kind, joints)]
     options = [option_for_shell("--map", "=".join(rule), always=True) for rule in rules]
-    several = {"channels": "; ".join(questions), "count": len(candidates)}
-    return Finding("columns.several", source, options=" ".join(options), **several)
+    return Finding(
+        "columns.several",
+        source,
+        options=" ".join(options),
+        channels="; ".join(questions),
+        count=len(candidates),
+    )
 
 
 def _question(kind: str, joints: Mapping[str, Sequence[Column]]) -> str:

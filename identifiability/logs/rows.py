@@ -79,7 +79,8 @@ def gather(pieces: Iterable[Mapping[str, Array]]) -> dict[str, Any]:
     """
     kept: list[Mapping[str, Array]] = []
     files: dict[str, Any] = {}
-    rows, folder = 0, os.environ.get("TMPDIR") or (DISK if DISK.is_dir() else None)
+    rows = 0
+    folder = os.environ.get("TMPDIR") or (DISK if DISK.is_dir() else None)
     with ExitStack() as stack:
         for piece in pieces:
             kept.append(piece)

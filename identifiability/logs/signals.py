@@ -45,7 +45,8 @@ def held_since(t: Array, changes: np.ndarray) -> Array:
     (rows,) = np.nonzero(changes)
     if len(rows) < RULES.fewest:
         return t
-    dt, apart = sampling_step(t), np.diff(t[rows])
+    dt = sampling_step(t)
+    apart = np.diff(t[rows])
     uneven = 2 * float(np.quantile(np.abs(np.diff(t) - dt), 0.99)) + ROUNDOFF
     usual = apart[apart <= 2 * np.median(apart)].mean()  # others are of several values
     for _ in range(3):  # lost values make what is usual too long to count those of a long pause
@@ -138,7 +139,8 @@ def differentiate(x: Array, dt: float) -> Array:
     7e-5 at a fifth; that of second order is 1.6, 13 and 24 %, and twice as much after two of them.
     The first and last `REACH` samples are those of a spline of fifth degree.
     """
-    x, end = np.asarray(x, float), 4 * REACH
+    x = np.asarray(x, float)
+    end = 4 * REACH
     if len(x) < 2 * end:
         return _spline_slope(x) / dt
     slope: Array = scipy.ndimage.correlate1d(
@@ -195,8 +197,10 @@ class Decimation:
 
     def apply(self, x: Array) -> Array:
         """Return x (N, …) low-passed and decimated, (outputs, …)."""
-        count, flat = self.outputs(len(x)), x.reshape(len(x), -1)
-        out, length = np.empty((count, flat.shape[1])), len(self.taps)
+        count = self.outputs(len(x))
+        flat = x.reshape(len(x), -1)
+        out = np.empty((count, flat.shape[1]))
+        length = len(self.taps)
         for at in range(0, count, TOGETHER):
             few = min(TOGETHER, count - at)
             end = (few - 1) * self.factor + length
@@ -248,7 +252,8 @@ class FourierFit:
 def _fourier_basis(t: Array, period: float, harmonics: int, order: int = 0) -> Array:
     """Return the functions of the series, or their first or second derivatives, (N, 2 H + 1)."""
     w = 2 * np.pi / period * np.arange(1, harmonics + 1)
-    S, C = np.sin(np.outer(t, w)), np.cos(np.outer(t, w))
+    S = np.sin(np.outer(t, w))
+    C = np.cos(np.outer(t, w))
     one = np.full((len(t), 1), 1.0 if order == 0 else 0.0)
     return np.hstack([one, *((S, C), (C * w, -S * w), (-S * w**2, -C * w**2))[order]])
 
@@ -305,7 +310,8 @@ def find_period(t: Array, q: Array, harmonics: int, most: int = 40) -> float:
     N = len(t)
     step = sampling_step(t)
     duration = t[-1] - t[0] + step
-    best, chosen = np.inf, duration
+    best = np.inf
+    chosen = duration
     power = (np.abs(np.fft.rfft(q - q.mean(0), axis=0)) ** 2).sum(1)
     for k in range(1, most + 1):
         # Its shortest period has four samples.
@@ -315,5 +321,6 @@ def find_period(t: Array, q: Array, harmonics: int, most: int = 40) -> float:
         left[: harmonics * k + 1 : k] = False
         error = power[left].sum()
         if error < 0.5 * best:  # a longer period with k× the harmonics always fits a little better
-            best, chosen = error, duration / k
+            best = error
+            chosen = duration / k
     return float(chosen)

@@ -80,7 +80,8 @@ class Spectrum:
     def smooth(self) -> Array:
         """The power averaged over a third of an octave, (K, n): repeated motion makes lines."""
         k = np.arange(len(self.f))
-        low, high = (k / 2 ** (1 / 6)).astype(int), np.ceil(k * 2 ** (1 / 6)).astype(int) + 1
+        low = (k / 2 ** (1 / 6)).astype(int)
+        high = np.ceil(k * 2 ** (1 / 6)).astype(int) + 1
         high = np.minimum(high, len(k))
         total = np.concatenate([np.zeros((1, self.power.shape[1])), np.cumsum(self.power, 0)])
         mean: Array = (total[high] - total[low]) / (high - low)[:, None]
@@ -250,21 +251,21 @@ def choose_band(
     limit = float(tried[max(loud[0] - 1, 0)] if len(loud) else tried[-1])
     if cutoff is not None:
         return Band(cutoff, cutoff, band, limit, noise(cutoff), "", rate)
-    chosen, reason = most, f"{RULES.cutoff_wide:g} × the motion's band of {band:.3g} Hz"
+    chosen = most
+    reason = f"{RULES.cutoff_wide:g} × the motion's band of {band:.3g} Hz"
     if most == RULES.cutoff_lowest:
         reason = f"the least there is, the motion's band is {band:.2g} Hz"
     if limit < chosen:
-        chosen, own = limit, noise(limit)
+        chosen = limit
+        own = noise(limit)
         which = "above, noise has more than" if own <= RULES.small else "although noise has"
         reason = (
             f"{chosen / max(band, 1e-3):.2g} × the motion's band of {band:.3g} Hz, {which} "
             f"{percent(max(own, RULES.small), 2)} of the acceleration's power"
         )
     if highest < chosen:
-        chosen, reason = (
-            highest,
-            f"{RULES.cutoff_highest:g} × the sampling rate, the motion reaches {band:.3g} Hz",
-        )
+        chosen = highest
+        reason = f"{RULES.cutoff_highest:g} × the sampling rate, the motion reaches {band:.3g} Hz"
     wide = max(chosen, min(limit, highest))
     return Band(wide, chosen, band, limit, noise(wide), reason, rate)
 

@@ -87,11 +87,14 @@ def _find(x: Array, *, first: bool, last: bool) -> list[Spike]:
     inner = slice(before, before + len(x))
     wide = _extend(_extend(x, before)[::-1], after)[::-1]
     with np.errstate(invalid="ignore", over="ignore"):  # what is no number is refused later
-        low, high = grey_opening(wide, 1 + WIDEST), grey_closing(wide, 1 + WIDEST)
-        above, below = (wide - low)[inner], (high - wide)[inner]
+        low = grey_opening(wide, 1 + WIDEST)
+        high = grey_closing(wide, 1 + WIDEST)
+        above = (wide - low)[inner]
+        below = (high - wide)[inner]
         smooth = grey_closing(low, 1 + WIDEST)[inner]
         rough = np.abs(np.diff(x))
-        step, span = np.abs(np.diff(smooth)).max(), float(np.ptp(smooth))
+        step = np.abs(np.diff(smooth)).max()
+        span = float(np.ptp(smooth))
     height = np.maximum(above, below)
     size = int(np.clip(len(x) // TAIL_SHARE, TAIL_LEAST, TAIL_MOST))
     least = max(
@@ -185,7 +188,8 @@ class Wraps:
 
 def find_wraps(x: Array) -> Wraps | None:
     """Return the jumps of a column (N,) [rad], if they are turns."""
-    rows, usual = [], 0.0
+    rows = []
+    usual = 0.0
     for a, b in divide_rows(len(x) - 1):
         steps = np.abs(np.diff(x[a : b + 1]))
         rows.append(a + 1 + np.flatnonzero(steps > np.pi))

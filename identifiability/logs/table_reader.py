@@ -61,7 +61,8 @@ def unify_rates(values: Mapping[str, Array]) -> tuple[dict[str, Array], str]:
         ``t`` and columns of channels; NaN where a cell is empty.
     """
     known = {name: np.isfinite(x) for name, x in values.items() if name != "t"}
-    t, same = values["t"], (dict(values), "")
+    t = values["t"]
+    same = (dict(values), "")
     if len(t) < RULES.fewest or (np.diff(t) < 0).any():
         return same
     why = "cells are empty between"
@@ -184,8 +185,11 @@ class TableReader:
     """
 
     def __init__(self, source: str, known: Conventions) -> None:
-        self.source, self.known, self.sha256 = source, known, ""
-        self.naming, self._form = Naming((), ()), PLAIN
+        self.source = source
+        self.known = known
+        self.sha256 = ""
+        self.naming = Naming((), ())
+        self._form = PLAIN
         self.start: float | None = None
         self._numbers: dict[str, Numbers] = {}
         self._lacks: dict[str, float] = {}
@@ -227,7 +231,8 @@ class TableReader:
         """Return the next rows of what a log is made of, with checks of each value."""
         start = frame.attrs.get("start")
         frame.attrs = {}  # pandas would copy them, deeply, with each column
-        self._form, self.sha256 = form, digest
+        self._form = form
+        self.sha256 = digest
         if self.known.joints == BASE_JOINTS[:1]:  # of a body alone no column is about a joint
             frame = frame.assign(**{f"{BASE_JOINTS[0]}.{kind}": 0.0 for kind in ("q", "tau")})
         if not self.naming.columns:
@@ -241,7 +246,8 @@ class TableReader:
         }
         columns = {c: np.full(len(frame), x) for c, x in self._lacks.items()}
         for c in self.naming.columns:
-            given, numbers = frame[c.source], self._numbers[c.name]
+            given = frame[c.source]
+            numbers = self._numbers[c.name]
             columns[c.name] = (
                 numbers.add(as_times(given, c)) if c.name == "t" else c.scale(numbers.add(given))
             )
@@ -288,7 +294,8 @@ class TableReader:
             if not len(known):
                 continue
             low, high = np.quantile(known, [0.01, 0.99])  # single wrong values do not count
-            at, held = 0.5 * (low + high), self.known.locked[joint]
+            at = 0.5 * (low + high)
+            held = self.known.locked[joint]
             if high - low > RULES.small:
                 raise LogError(
                     f"{self.source}: the joint '{joint}' is locked, but '{joint}.q' moves by "
@@ -322,7 +329,8 @@ class TableReader:
         """Bring columns at rates of their own to the same times, if all that is wrong is that."""
         if self._numbers["t"].bad or not all(x.clean for x in self._numbers.values()):
             return values, ""
-        joints, t = self.naming.joints, values["t"]
+        joints = self.naming.joints
+        t = values["t"]
         every = {
             f"{j}.{c}": x[:, k]
             for c, x in values.items()

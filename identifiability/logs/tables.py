@@ -157,8 +157,7 @@ def _read_parquet(path: Path) -> Iterator[tuple[pd.DataFrame, Form]]:
 
     texts = check_parquet(path)
     # Without a buffer of a bounded size whole columns of a group of rows are read ahead.
-    how = {"pre_buffer": False, "buffer_size": 1 << 18, "read_dictionary": texts}
-    with ParquetFile(path, **how) as file:
+    with ParquetFile(path, pre_buffer=False, buffer_size=1 << 18, read_dictionary=texts) as file:
         if not file.metadata.num_rows:
             yield file.read().to_pandas(), PLAIN
         rows = max(1, PIECE_CELLS // max(file.metadata.num_columns, 1))
@@ -176,7 +175,8 @@ def _read_csv(path: Path) -> Iterator[tuple[pd.DataFrame, Form]]:
     encoding = find_encoding(start)
     text = start.decode(encoding, "replace")
     check_text(path, text[:4096])
-    form, row = find_form(text, encoding), 0
+    form = find_form(text, encoding)
+    row = 0
     check_names(str(path), form.columns)
     wrong = "strict" if encoding.startswith("utf-8") else "replace"
     with path.open(encoding=encoding, errors=wrong, newline="") as file:

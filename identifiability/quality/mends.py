@@ -48,14 +48,14 @@ def _find_silent(log: Log) -> list[Finding]:
         )
         for j, n in lost.items()
     ]
-    told = {"rows": max(lost.values(), default=0), "columns": [f"{j}.tau" for j in lost]}
     return (
         [
             Finding(
                 "silent",
                 log.name,
                 where=where,
-                **told,
+                rows=max(lost.values(), default=0),
+                columns=[f"{j}.tau" for j in lost],
             )
         ]
         if lost
@@ -91,12 +91,23 @@ def drop_stuck(log: Log) -> tuple[Log, list[Finding]]:
         runs += [(int(k), 0, len(log)) for k in np.flatnonzero(never)]
         columns = [f"{log.joints[k]}.tau" for k, *_ in runs]
         where = [f"'{c}' = {low[k] + 0.0:.4g}" for c, (k, *_) in zip(columns, runs, strict=True)]
-        told = {"where": where, "columns": columns, "rows": len(log)}
-        found = [*found, Finding("unmeasured", log.name, **told)]
+        found = [
+            *found,
+            Finding("unmeasured", log.name, where=where, columns=columns, rows=len(log)),
+        ]
     for k, a, b in () if log.long else _find_stuck(log, low, high):
         runs.append((k, a, b))
-        stands = {"joint": log.joints[k], "value": float(log.tau[a, k]), "first": a + 1, "last": b}
-        where, columns = [phrase("stuck", "stands", **stands)], [f"{log.joints[k]}.tau"]
+        where = [
+            phrase(
+                "stuck",
+                "stands",
+                joint=log.joints[k],
+                value=float(log.tau[a, k]),
+                first=a + 1,
+                last=b,
+            )
+        ]
+        columns = [f"{log.joints[k]}.tau"]
         found.append(
             Finding(
                 "stuck",
@@ -118,7 +129,8 @@ def _find_stuck(log: Log, low: Array, high: Array) -> Iterator[tuple[int, int, i
         change = np.abs(np.diff(log.tau[:, k], append=np.inf))
         step = 1.5 * change[change > 0].min()
         for a, b in find_runs(log.tau[:, [k]]):
-            path, little = log.q[a:b, k], RULES.moving * np.ptp(log.q[:, k])
+            path = log.q[a:b, k]
+            little = RULES.moving * np.ptp(log.q[:, k])
             # No motor at its limit moves a joint there and back again, beyond both its ends.
             ends = path[[0, -1]]
             back = min(path.max() - ends.max(), ends.min() - path.min()) > little
@@ -231,8 +243,17 @@ def _state_wrong(log: Log, wrong: Mapping[str, list[Spike]]) -> Finding:
     found = sorted((s.row, name, s) for name, spikes in wrong.items() for s in spikes)
     where = []
     for row, name, s in found[:LISTED]:
-        told = {"t": float(log.t[row]), "value": s.value, "instead": s.instead}
-        where.append(phrase("spikes", "value", row=row + 1, column=name, **told))
+        where.append(
+            phrase(
+                "spikes",
+                "value",
+                row=row + 1,
+                column=name,
+                t=float(log.t[row]),
+                value=s.value,
+                instead=s.instead,
+            )
+        )
     more = f"; and {len(found) - LISTED} more" if len(found) > LISTED else ""
     where_all = "; ".join(where)
     columns = tuple(wrong)
@@ -269,7 +290,8 @@ def _drop_contradictions(log: Log, *, asked: bool) -> tuple[Log, list[Finding]]:
     wrong = [c for c in contradictions(log.shown) if not c.in_unit]
     if not wrong:
         return log, []
-    where, columns = [c.text for c in wrong], [f"{c.joint}.{c.kind}" for c in wrong]
+    where = [c.text for c in wrong]
+    columns = [f"{c.joint}.{c.kind}" for c in wrong]
     if asked:
         return log, [
             Finding(
@@ -283,12 +305,13 @@ def _drop_contradictions(log: Log, *, asked: bool) -> tuple[Log, list[Finding]]:
     gone = ("dq", "ddq") if any(c.kind == "dq" for c in wrong) else ("ddq",)
     names = {"dq": "velocities", "ddq": "accelerations"}
     words = " and ".join(names[c] for c in gone if c in log.channels)
-    told = {"channels": words, "columns": columns, "rows": len(log)}
     return log.without(gone), [
         Finding(
             "contradictions",
             log.name,
             where=where,
-            **told,
+            channels=words,
+            columns=columns,
+            rows=len(log),
         )
     ]

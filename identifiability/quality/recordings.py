@@ -146,7 +146,8 @@ def read_recordings(
         raise LogError(Finding("logs.none"))
     named = _with_short_names([*train, *held_out])
     n = len(train)
-    train, held_out = named[:n], named[n:]
+    train = named[:n]
+    held_out = named[n:]
     check_held_out(train, held_out)
     clocked = share_clock([*train, *held_out])
     raw = RawLogs(tuple(clocked[:n]), tuple(clocked[n:]), how, torque if learns else None)

@@ -130,7 +130,8 @@ class RawLogs:
 
     def having(self, every: Iterable[Log], hints: Iterable[str] = ()) -> RawLogs:
         """Return the same of as many other logs, with what is said of them."""
-        logs, n = tuple(every), len(self.fitted)
+        logs = tuple(every)
+        n = len(self.fitted)
         return replace(
             self,
             fitted=logs[:n],
@@ -235,7 +236,8 @@ class MeasuredLogs:
 
     def ordinary(self, joint: int) -> Array:
         """Return what any drive adds at a joint: friction, rotor inertia, offset, (N, 4)."""
-        v, a = self.motion.actuated_v[:, joint], self.motion.actuated_a[:, joint]
+        v = self.motion.actuated_v[:, joint]
+        a = self.motion.actuated_a[:, joint]
         return np.column_stack([np.ones(len(v)), v, np.sign(v), a])
 
 

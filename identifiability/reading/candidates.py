@@ -188,7 +188,8 @@ class ReadingCandidates:
         if len(self.names) > MOST:
             return
         for i, j in combinations(range(len(self.names)), 2):
-            order, pair = self._exchange(i, j), f"{self.names[i]} and {self.names[j]}"
+            order = self._exchange(i, j)
+            pair = f"{self.names[i]} and {self.names[j]}"
             motion = self.literal.motion[order]
             positions = replace(self.literal, remedy=CORRECT_POSITIONS, motion=motion)
             what = f"The positions of {pair} seem to be exchanged"
@@ -198,7 +199,8 @@ class ReadingCandidates:
 
     def reversed_positions(self, joint: int) -> Iterator[Reading]:
         """Yield positions of a joint with the other sign, without and with its torque."""
-        name, sign = self.names[joint], np.where(self.is_joint(joint), -1.0, 1.0)
+        name = self.names[joint]
+        sign = np.where(self.is_joint(joint), -1.0, 1.0)
         motion = self.literal.motion * sign[:, None]
         positions = replace(self.literal, remedy=CORRECT_POSITIONS, motion=motion)
         what = f"The positions of {name} seem to have the wrong sign"
@@ -221,7 +223,8 @@ class ReadingCandidates:
 
     def zeroed(self, joint: int, zero: float) -> Reading:
         """Return the reading under which a joint's positions are too large by a zero [rad or m]."""
-        robot, name = self.logs.robot, self.names[joint]
+        robot = self.logs.robot
+        name = self.names[joint]
         unit = "m" if robot.is_prismatic(int(robot.actuated[joint])) else "rad"
         correction = f"{name} = {{offset = {-zero:.3g}}}"
         A = self.literal.motion[:, :-1]

@@ -157,7 +157,8 @@ class Reading:
         torque = np.zeros(log.tau.shape)
         if not self.compensated.any():
             return torque
-        robot, still = literal.robot, np.zeros(log.q.shape)
+        robot = literal.robot
+        still = np.zeros(log.q.shape)
         motion = complete_motion(robot, log.t, log.q, still, still)
         down, up = (
             literal.model.regressor(robot.turned(sign * robot.gravity), motion) @ self.parameters
@@ -169,7 +170,8 @@ class Reading:
 
     def _moved(self, log: Log) -> dict[str, Any]:
         """Return the corrected motion columns that the log has, (N, n) by name."""
-        A, zero = self.motion[:, :-1], self.motion[:, -1]
+        A = self.motion[:, :-1]
+        zero = self.motion[:, -1]
         measured = {name: getattr(log, name) for name in MOTION_COLUMNS}
         moved = {name: x @ A.T for name, x in measured.items() if x is not None}
         for name in POSITION_COLUMNS:

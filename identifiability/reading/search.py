@@ -74,7 +74,9 @@ class ReadingSearch:
     """
 
     def __init__(self, logs: MeasuredLogs) -> None:
-        self.logs, self.robot, self.structure = logs, logs.robot, logs.structure
+        self.logs = logs
+        self.robot = logs.robot
+        self.structure = logs.structure
         self.literal = Reading.literal(logs.robot)
         #: Rows along the literal motion.
         columns = logs.regression
@@ -178,7 +180,8 @@ class ReadingSearch:
         """Yield zeros, and readings of positions, where the literal error is large enough."""
         worst = float(np.exp(self.fit(self.literal)).max())
         # Loops are closed anew for each motion, which takes long.
-        grades, closed = ESTIMATION_RULES.grades, self.robot.closed
+        grades = ESTIMATION_RULES.grades
+        closed = self.robot.closed
         # All samples would be moved in memory.
         long = any(s.long for s in self.logs.samples)
         if long or worst <= grades[closed]:
@@ -264,7 +267,8 @@ class ReadingSearch:
             whitened.append(columns / np.sqrt(variance[j]))
         R = np.linalg.qr(np.concatenate(whitened), mode="r")
         parameters = np.eye(len(self.structure.columns))
-        root, share_of_body = R @ self.structure.G, PHYSICAL_RULES.body_within
+        root = R @ self.structure.G
+        share_of_body = PHYSICAL_RULES.body_within
         both = combine_with_file(self.structure, root, R @ value, parameters, share_of_body)
         return np.asarray(both.mean)
 
@@ -287,7 +291,8 @@ class ReadingSearch:
 
         Rows are whitened: noise of derivatives says little of levels.
         """
-        excerpt, constant = self.rows.excerpt, self.rows.constant
+        excerpt = self.rows.excerpt
+        constant = self.rows.constant
         joints, samples, logs = constant.shape
         columns = excerpt.X.shape[2]
         each = np.einsum("jk,jNl->Njkl", np.eye(joints), constant)
@@ -349,7 +354,8 @@ class PositionScreen:
 
     def restart(self) -> None:
         """Forget the rows of earlier readings."""
-        self._last, self._best = None, []
+        self._last = None
+        self._best = []
 
     def find_rows(self, motion: Array) -> TorqueRows | None:
         """Return the rows of a motion, of the last reading or the best ones."""
@@ -375,7 +381,8 @@ class PositionScreen:
 
 def thin_samples(logs: MeasuredLogs) -> tuple[Dataset, ...]:
     """Return every so many samples of each log, in all as many as an excerpt has rows."""
-    most, count = excerpt_size(logs.structure)[0], len(logs.samples)
+    most = excerpt_size(logs.structure)[0]
+    count = len(logs.samples)
     steps = [max(1, len(s.tau) * count // most) for s in logs.samples]
     if max(steps) == 1 and all(s.decimation is None for s in logs.samples):
         return logs.samples

@@ -167,7 +167,8 @@ def check_magnitudes(path: Path, stated: Stated) -> None:
     ------
     RobotError
     """
-    model, points = stated.model, [p for c in stated.cables for p in c.points]
+    model = stated.model
+    points = [p for c in stated.cables for p in c.points]
     if model.njoints < 2:
         raise RobotError(f"{path} has no joint that moves; there is nothing to identify.")
     if model.nv > MOST_JOINTS:
@@ -238,7 +239,8 @@ def combine_joints(path: Path, extra: Sidecar, stated: Stated, taken: Collection
     # An export writes what a motor that mixes joints has of its own as a tendon of its name.
     motors = extra.transmission.motors if extra.transmission else ()
     found = {name: c for name, c in stated.combinations.items() if name not in motors}
-    rests, numbers = {**stated.rests}, {**stated.numbers}
+    rests = {**stated.rests}
+    numbers = {**stated.numbers}
     for entry in extra.axes:
         check_known(path, f"axes.{entry.name}.joints", entry.joints, known)
         moving = {joint: c for joint, c in entry.joints.items() if joint not in stated.locked}
@@ -284,7 +286,8 @@ def read_bounds(
     frames = {f.name: f.placement for f in stated.model.frames if f.type == pin.FrameType.BODY}
     bounds = []
     for body, entry in known.items():
-        R, p = np.array(frames[body].rotation), np.array(frames[body].translation)
+        R = np.array(frames[body].rotation)
+        p = np.array(frames[body].translation)
         bounds.append(Bound((body,), entry.mass, entry.box, R, p))
     total = extra.bounds.total_mass
     if total is None:
@@ -366,7 +369,9 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
 
 def _state_home(robot: Description, extra: Sidecar) -> Array:
     """Return the home of the files, with coupled passive joints where others put them, (nq,)."""
-    home, single, passive = np.array(robot.home), robot.tree.single, {*robot.passive}
+    home = np.array(robot.home)
+    single = robot.tree.single
+    passive = {*robot.passive}
     check_known(robot.path, "home", extra.home, single)
     for name, value in extra.home.items():
         home[single[name].iq] = value
@@ -412,7 +417,10 @@ def _close_home(robot: Description, gap: float, closed: Closed, *, stated: bool)
 
     A home that is stated may be rounded; one that is far from closing them is refused.
     """
-    q, single, sites, such_as = closed.q[0], robot.tree.single, "", ""
+    q = closed.q[0]
+    single = robot.tree.single
+    sites = ""
+    such_as = ""
     closes = closed.error[0] < ROUNDOFF
     if closes and not stated and np.abs(q - robot.home).max() <= RULES.leap:
         return replace(robot, home=q, assembled=True)
@@ -458,7 +466,8 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     ------
     RobotError
     """
-    model, names = stated.model, body_names(stated.model)
+    model = stated.model
+    names = body_names(stated.model)
     bodies = tuple(names[joint - 1] for joint in stated.carriers)
     motors = tuple(extra.transmission.motors) if extra.transmission else ()
     dofs = tuple(d for j in stated.tree.joints for d in j.dofs)
@@ -470,7 +479,8 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     if extra.loops is not None:
         loops = tuple(_sidecar_loop(path, entry, stated) for entry in extra.loops)
     name = path.resolve().parent.name if path.stem == "robot" else path.stem
-    spans, speeds = stated.spans.items(), stated.speeds.items()
+    spans = stated.spans.items()
+    speeds = stated.speeds.items()
     own: dict[str, Any] = {
         "name": name,
         "title": extra.name or model.name or name,
@@ -585,7 +595,8 @@ def _nominal(robot: Description, extra: Sidecar) -> dict[str, float]:
     for body, carrier in zip(robot.bodies, robot.carriers, strict=True):
         theta = robot.model.inertias[carrier].toDynamicParameters().tolist()
         values |= {f"{body}.{kind}": v for kind, v in zip(INERTIAL_KINDS, theta, strict=True)}
-    words, parts = ("damping", "frictionloss", "armature"), robot.inertia_parts
+    words = ("damping", "frictionloss", "armature")
+    parts = robot.inertia_parts
     for name in dict.fromkeys((*robot.dofs, *robot.numbers)):
         more = () if name in robot.dofs else ("stiffness",)
         own = dict.fromkeys((*words, *more), 0.0) | dict(robot.numbers.get(name, {}))
@@ -619,13 +630,15 @@ def _scales(path: Path, extra: Sidecar, lines: Sequence[str]) -> dict[str, tuple
 
 
 def _transmission(robot: Description, extra: Sidecar) -> Transmission | None:
-    entry, n = extra.transmission, len(robot.motor_joints)
+    entry = extra.transmission
+    n = len(robot.motor_joints)
     if entry is None:
         return None
     m = len(entry.motors)
     whole = len(entry.coupling) == m and all(len(row) == n for row in entry.coupling)
     coupling = np.array(entry.coupling, float) if whole else np.zeros((m, n))
-    ratio, offset = np.array(entry.ratio or [1.0] * m), np.array(entry.offset or [0.0] * n)
+    ratio = np.array(entry.ratio or [1.0] * m)
+    offset = np.array(entry.offset or [0.0] * n)
     fits = ratio.shape == (m,) and offset.shape == (n,) and bool(np.all(ratio))
     regular = m >= n and coupling.any(axis=1).all() and np.linalg.cond(coupling) * ROUNDOFF < 1
     if not (fits and regular):

@@ -50,7 +50,8 @@ def cable_equation(
     """Return slide less length (N,), and its Jacobian (nv, N)."""
     tree = robot.tree
     slide = tree.single[cable.name]
-    error, row = np.array(q[:, slide.iq]), np.zeros((robot.nv, len(q)))
+    error = np.array(q[:, slide.iq])
+    row = np.zeros((robot.nv, len(q)))
     row[slide.iv] = 1.0
     for first, second in pairwise(cable.points):
         along, length = _distance(tree, frames, first, second)
@@ -161,11 +162,14 @@ def loop_equations(robot: Description, q: Array) -> tuple[Array, Array]:
     errors : (m, N) [m or rad]
     jacobian : (m, nv, N)
     """
-    tree, n = robot.tree, len(q)
+    tree = robot.tree
+    n = len(q)
     ends = [*((x.first, x.second) for x in robot.loops), *(c.points for c in robot.cables)]
     frames = tree.frames(q, [p.joint for points in ends for p in points])
-    errors, J = np.empty((robot.equations, n)), np.zeros((robot.equations, robot.nv, n))
-    at, redundant = 3 * len(robot.loops), robot.equations != len(robot.dependent)
+    errors = np.empty((robot.equations, n))
+    J = np.zeros((robot.equations, robot.nv, n))
+    at = 3 * len(robot.loops)
+    redundant = robot.equations != len(robot.dependent)
     for k, loop in enumerate(robot.loops):
         rows = slice(3 * k, 3 * k + 3)
         apart = tree.world_point(frames, loop.first) - tree.world_point(frames, loop.second)
@@ -178,7 +182,8 @@ def loop_equations(robot: Description, q: Array) -> tuple[Array, Array]:
         errors[rows] = apart
     for k, coupling in enumerate(robot.couplings, at):
         error, row = _coupling_error(coupling, q, robot)
-        errors[k], J[k] = error, row.T
+        errors[k] = error
+        J[k] = row.T
     for k, cable in enumerate(robot.cables, robot.equations - len(robot.cables)):
         errors[k], J[k] = cable_equation(robot, cable, frames, q)
     return errors, J
@@ -212,7 +217,8 @@ def _coupling_error(coupling: Coupling, q: Array, robot: Description) -> tuple[A
     error = robot.dof_position(q, coupling.joint)
     error = error - coupling.constant
     for of, coefficients in coupling.terms.items():
-        x, poly = robot.dof_position(q, of), np.polynomial.Polynomial(coefficients)
+        x = robot.dof_position(q, of)
+        poly = np.polynomial.Polynomial(coefficients)
         error -= poly(x)
         J[:, robot.dof_index(of)] -= poly.deriv()(x)
     return error, J
@@ -461,8 +467,10 @@ def complete_motion(
     """
     n = len(t)
     if not robot.closed:
-        v, a = np.zeros((n, robot.nv)), np.zeros((n, robot.nv))
-        v[:, robot.actuated], a[:, robot.actuated] = dq, ddq
+        v = np.zeros((n, robot.nv))
+        a = np.zeros((n, robot.nv))
+        v[:, robot.actuated] = dq
+        a[:, robot.actuated] = ddq
         full = robot.configuration(q)
         none = np.empty(0, int)
         return _free(robot, Motion(t, full, v, a, q, dq, ddq, None, np.arange(n), none), touch)
@@ -483,12 +491,19 @@ def complete_motion(
             f"All samples at which the loops of {robot.name} close are singular configurations: "
             "the passive joints are not determined there; move away from them."
         )
-    rows, inverse, condition = good[regular], inverse[regular], condition[regular]
-    q, dq, ddq = q[rows], dq[rows], ddq[rows]
-    full, A = closed.q[rows], closed.A[rows]
+    rows = good[regular]
+    inverse = inverse[regular]
+    condition = condition[regular]
+    q = q[rows]
+    dq = dq[rows]
+    ddq = ddq[rows]
+    full = closed.q[rows]
+    A = closed.A[rows]
     X = inverse @ A[:, :, robot.actuated]
-    v, a = np.zeros((len(rows), robot.nv)), np.zeros((len(rows), robot.nv))
-    v[:, robot.actuated], a[:, robot.actuated] = dq, ddq
+    v = np.zeros((len(rows), robot.nv))
+    a = np.zeros((len(rows), robot.nv))
+    v[:, robot.actuated] = dq
+    a[:, robot.actuated] = ddq
     v[:, robot.dependent] = -np.einsum("nij,nj->ni", X, dq)
     b = -loop_bias(robot, full, v)
     a[:, robot.dependent] = np.einsum("nij,nj->ni", inverse, b) - np.einsum("nij,nj->ni", X, ddq)
@@ -518,9 +533,11 @@ def _free(robot: Description, motion: Motion, touch: Array | None) -> Motion:
         return motion
     contacts = robot.base.contacts
     if touch is None:
-        closed, up = np.tile([not c.flag for c in contacts], (len(motion), 1)), None
+        closed = np.tile([not c.flag for c in contacts], (len(motion), 1))
+        up = None
     else:
-        closed, up = touch[:, 3:] > 0.5, touch[:, :3]
+        closed = touch[:, 3:] > 0.5
+        up = touch[:, :3]
     if not closed.any():
         return replace(motion, touch=touch)
     driven = robot.actuated, robot.dependent, motion.X
@@ -549,7 +566,8 @@ def project(robot: Description, motion: Motion, tree: Array) -> Array:
 
 def tree_motion(robot: Description, motion: Motion) -> tuple[Array, Array, Array]:
     """Return the motion of the joints that Pinocchio has, all but tendons."""
-    nq, nv = robot.model.nq, robot.model.nv
+    nq = robot.model.nq
+    nv = robot.model.nv
     return motion.q[:, :nq], motion.v[:, :nv], motion.a[:, :nv]
 
 
@@ -564,7 +582,8 @@ def hold_weight(robot: Description, motion: Motion, model: Any = None) -> Array:
         With other masses or another gravity.
     """
     model = robot.model if model is None else model
-    data, tree = model.createData(), np.empty((len(motion), model.nv))
+    data = model.createData()
+    tree = np.empty((len(motion), model.nv))
     for k, q in enumerate(tree_motion(robot, motion)[0]):
         tree[k] = pin.computeGeneralizedGravity(model, data, q)
     return project(robot, motion, tree)

@@ -518,7 +518,8 @@ class Description(Stated):
         ----------
         direction : (3,)
         """
-        size, direction = float(np.linalg.norm(self.gravity)), np.asarray(direction, float)
+        size = float(np.linalg.norm(self.gravity))
+        direction = np.asarray(direction, float)
         if not (size and direction.any()):
             return self
         model = self.model.copy()

@@ -50,7 +50,8 @@ def _find_massless(path: Path, model: Any, massless: Collection[str]) -> set[int
     check_known(path, "massless", massless, bodies)
     gone = {bodies.index(link) + 1 for link in massless}
     for k in gone:
-        mass, carried = float(model.inertias[k].mass), list(model.parents).count(k)
+        mass = float(model.inertias[k].mass)
+        carried = list(model.parents).count(k)
         if mass > TINY or carried != 1 or model.joints[k].nv != 1:
             raise RobotError(
                 f"The sidecar of {path}: 'massless' names '{bodies[k - 1]}', which has a mass of "
@@ -116,9 +117,11 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     instead = {*extra.locked, *(c.joint for c in extra.couplings)}
     mimics = []
     for name, mimic in ((n, m) for n, m in follow.items() if m is not None):
-        of, others = mimic.get("joint", ""), [n for n in joints if n != name]
+        of = mimic.get("joint", "")
+        others = [n for n in joints if n != name]
         if of in others:
-            slope, offset = float(mimic.get("multiplier", 1.0)), float(mimic.get("offset", 0.0))
+            slope = float(mimic.get("multiplier", 1.0))
+            offset = float(mimic.get("offset", 0.0))
             mimics.append(Coupling(name, name, offset, {of: (0.0, slope)}))
         elif name not in instead:
             raise RobotError(
@@ -201,7 +204,9 @@ _BETWEEN = tuple(f"{joint} link" for joint in BASE_JOINTS[:-1])
 
 def _add_base(root: ET.Element) -> ET.Element:
     """Return a URDF whose root link hangs on three slides and three hinges."""
-    made, above, first = copy.deepcopy(root), "world of the base", root_link(root)
+    made = copy.deepcopy(root)
+    above = "world of the base"
+    first = root_link(root)
     ET.SubElement(made, "link", name=above)
     for k, (joint, below) in enumerate(zip(BASE_JOINTS, (*_BETWEEN, first), strict=True)):
         if below != first:
@@ -264,7 +269,8 @@ def plain_urdf(root: ET.Element, name: str) -> str:
     plain = _keep_needed(root)
     plain.set("name", root.get("name") or name)
     for joint in plain.findall("joint"):
-        kind, limit = joint.get("type"), joint.find("limit")
+        kind = joint.get("type")
+        limit = joint.find("limit")
         if kind not in ("continuous", "revolute", "prismatic"):
             continue
         endless = kind == "continuous" or limit is None

@@ -243,7 +243,8 @@ def eliminate(
 def _null_space(J: Array) -> tuple[Array, np.ndarray]:
     """Return N of Jacobians (N, m, n), and the rows of which nothing is left."""
     n = J.shape[2]
-    Jb, Jj = J[:, :, :SIX], J[:, :, SIX:]
+    Jb = J[:, :, :SIX]
+    Jj = J[:, :, SIX:]
     inverse, weak = _pinv(Jj, RULES.leg_stretched)
     stiff = Jb - Jj @ (inverse @ Jb)  # motions of the base to which the legs cannot yield
     large = np.abs(stiff).max(initial=0.0) > NEARLY

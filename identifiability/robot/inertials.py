@@ -108,7 +108,8 @@ def read_inertials(root: ET.Element) -> list[StatedInertial]:
 
 def _read_urdf(inertial: ET.Element) -> tuple[float, dict[str, float]]:
     """Return mass and moments of an ``<inertial>`` of a URDF."""
-    mass, inertia = inertial.find("mass"), inertial.find("inertia")
+    mass = inertial.find("mass")
+    inertia = inertial.find("inertia")
     weight = 0.0 if mass is None else float(mass.get("value", "0"))
     if inertia is None:
         return weight, {}

@@ -218,9 +218,11 @@ class Tree:
         origin: dict[int, Array] = {}
         q = np.ascontiguousarray(q.T)
         for k in self.ancestors(joints):
-            j, fixed = self.joints[k], self._aligned[k]
+            j = self.joints[k]
+            fixed = self._aligned[k]
             if j.parent == WORLD:
-                R, p = fixed.turn[:, :, None], fixed.shift[:, None]
+                R = fixed.turn[:, :, None]
+                p = fixed.shift[:, None]
             else:
                 above = axes[j.parent].reshape(3, -1)
                 R = (fixed.turn @ above).reshape(3, 3, -1)
@@ -267,7 +269,8 @@ class Tree:
     ) -> None:
         """Add the same of what is behind a joint and just at a place of the world, (3, N) [m]."""
         for k in self.chain(joint):
-            j, R = self.joints[k], frames.axes[k]
+            j = self.joints[k]
+            R = frames.axes[k]
             if j.kind == "prismatic":
                 out[:, j.iv] += sign * R[2]
                 continue
@@ -284,7 +287,8 @@ class Tree:
     def add_turn_jacobian(self, frames: Frames, joint: int, out: Array) -> None:
         """Add how joints turn what is behind one to `out` (3, nv, N), world axes."""
         for k in self.chain(joint):
-            j, R = self.joints[k], frames.axes[k]
+            j = self.joints[k]
+            R = frames.axes[k]
             if j.kind == "revolute":
                 out[:, j.iv] += R[2]
             elif j.kind in ("ball", "free"):
@@ -298,7 +302,8 @@ def _move(j: Joint, q: Array, R: Array, p: Array) -> tuple[Array, Array]:
     if j.kind == "prismatic":
         return R, p + R[2] * q[j.iq]
     if j.kind == "revolute":
-        c, s = np.cos(q[j.iq]), np.sin(q[j.iq])
+        c = np.cos(q[j.iq])
+        s = np.sin(q[j.iq])
         out = np.empty((3, 3, q.shape[1]))
         out[0] = c * R[0] + s * R[1]
         out[1] = c * R[1] - s * R[0]
@@ -321,7 +326,9 @@ def read_tree(path: Path, model: Any) -> Tree:
 
 
 def _read_joint(path: Path, model: Any, index: int, still: Array) -> Joint:
-    part, place, name = model.joints[index], model.jointPlacements[index], model.names[index]
+    part = model.joints[index]
+    place = model.jointPlacements[index]
+    name = model.names[index]
     kind = part.shortname().removeprefix("JointModel")
     type_ = {"Spherical": "ball", "FreeFlyer": "free"}.get(kind, "")
     axis = np.zeros(3)
@@ -381,10 +388,13 @@ def weld(model: Any, locked: Mapping[str, float]) -> tuple[Any, dict[str, Array]
     """
     if not locked:
         return model, {}
-    q, still = pin.neutral(model), {model.getJointId(name) for name in locked}
+    q = pin.neutral(model)
+    still = {model.getJointId(name) for name in locked}
     for name, value in locked.items():
         q[model.joints[model.getJointId(name)].idx_q] = value
-    data, bodies, welded = model.createData(), body_names(model), {}
+    data = model.createData()
+    bodies = body_names(model)
+    welded = {}
     pin.forwardKinematics(model, data, q)
     for index in sorted(still):
         place = data.oMi[_host(model, still, index)].actInv(data.oMi[index])

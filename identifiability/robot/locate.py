@@ -47,7 +47,8 @@ def place_sidecar(path: Path, taken: Path | None = None) -> Path:
     taken : Path, optional
         A sidecar that must not be replaced.
     """
-    own, shared = own_sidecar(path), path.with_suffix(".toml")
+    own = own_sidecar(path)
+    shared = path.with_suffix(".toml")
     others = (path.with_suffix(ending) for ending in ENDINGS if ending != path.suffix.lower())
     read = any(p.is_file() and not own_sidecar(p).is_file() for p in others)
     mine = taken is None or taken.resolve() != shared.resolve()
@@ -194,7 +195,9 @@ class _Builder:
     """
 
     def __init__(self, path: Path, room: int) -> None:
-        self.path, self.room, self.level = path, room, 0
+        self.path = path
+        self.room = room
+        self.level = 0
         self.tree = ET.TreeBuilder()
 
     def doctype(self, *_declared: str | None) -> None:
@@ -333,7 +336,9 @@ def _check_size(path: Path, root: ET.Element) -> None:
     """
     movable = {"joint", "freejoint"}
     attached = _count_attached(path, root)
-    level, bodies, elements = [(root, 1)], 0, 0
+    level = [(root, 1)]
+    bodies = 0
+    elements = 0
     for _ in range(DEEPEST):
         below = []
         for element, times in level:

@@ -94,7 +94,8 @@ def replace_free_joints(spec: Any, floating: str | None = None) -> None:
         body = joint.parent
         spec.delete(joint)
         if floating is not None:
-            body.pos, body.quat = np.zeros(3), np.eye(4)[0]
+            body.pos = np.zeros(3)
+            body.quat = np.eye(4)[0]
             body.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
             add_base(body)
 
@@ -128,7 +129,8 @@ def refused(path: Path) -> Iterator[None]:
     except (ValueError, RuntimeError, MemoryError, OSError, mujoco.FatalError) as error:
         text = " ".join(str(error).split())
         text = re.sub(r"(XML )?Error: |(?<=Element) name '',| id -?\d+,", "", text)
-        quoted, text = re.search(r"'([^']+)'", text), text.rstrip(".")[:300]
+        quoted = re.search(r"'([^']+)'", text)
+        text = text.rstrip(".")[:300]
         known = {e.get(key) or "" for e in read_markup(path).iter() for key in ("name", "class")}
         lost = quoted and quoted[1] not in {*known, "hinge", "slide"} and text[:6] != "Schema"
         end = near_match(quoted[1], known) if quoted and lost else "."
@@ -154,7 +156,8 @@ def _is_idle(compiler: Any, geom: Any) -> bool:
     """Whether a geom is read from another file and has no share in the inertia of what moves."""
     if geom.hfieldname or not (geom.meshname or geom.type == mujoco.mjtGeom.mjGEOM_SDF):
         return bool(geom.hfieldname)
-    body, how = geom.parent, int(compiler.inertiafromgeom)
+    body = geom.parent
+    how = int(compiler.inertiafromgeom)
     stated = body.explicitinertial and how != int(_FROM.mjINERTIAFROMGEOM_TRUE)
     if stated or how == int(_FROM.mjINERTIAFROMGEOM_FALSE):
         return True
@@ -173,7 +176,8 @@ def _forget_room(spec: Any) -> None:
 
 def _forget_looks(spec: Any, more: str) -> None:
     """Remove what would be read from other files and has no share in the motion, and `more`."""
-    geoms, sites = list(spec.geoms), list(spec.sites)  # each look at them takes a while
+    geoms = list(spec.geoms)
+    sites = list(spec.sites)  # each look at them takes a while
     for element in (*geoms, *sites, *spec.tendons, *spec.meshes):
         element.material = ""
     used = {e.meshname for e in (*geoms, *sites)} | {f.name for f in spec.flexes}
@@ -270,7 +274,8 @@ def find_ties(m: Any, extra: Sidecar) -> list[set[int]]:
     pairs = [(body.get(x.body1, 0), body.get(x.body2, 0)) for x in extra.loops or ()]
     found = [_trees(m, "BODY", pair) for pair in pairs]
     for k in np.flatnonzero(m.eq_active0).tolist():
-        ends, eq = m.eq_objtype[k], _EQ(m.eq_type[k])  # joints and tendons are in the latter alone
+        ends = m.eq_objtype[k]
+        eq = _EQ(m.eq_type[k])  # joints and tendons are in the latter alone
         kind = _word(_OBJ(ends) if ends else eq)
         found.append(_trees(m, kind, (m.eq_obj1id[k], m.eq_obj2id[k])))
     return found + [_trees(m, "TENDON", [t]) for t in range(m.ntendon)]
@@ -371,7 +376,8 @@ def read_actuators(m: Any) -> list[Actuator]:
     found = []
     first_controls = getattr(m, "actuator_ctrladr", range(m.nu))  # of several; MuJoCo 4 and later
     for a, control in enumerate(first_controls):
-        kind, target = int(m.actuator_trntype[a]), int(m.actuator_trnid[a, 0])
+        kind = int(m.actuator_trntype[a])
+        target = int(m.actuator_trnid[a, 0])
         pulls = kind == int(_TRN.mjTRN_TENDON)
         arms = {m.joint(target).name: 1.0} if kind in _ON_JOINT else {}
         found.append(
@@ -545,7 +551,8 @@ def _lines(m: Any, actuators: Sequence[Actuator]) -> Iterator[Line]:
         yield x.name, {x.name: 1.0}, own, float(m.qpos_spring[x.qposadr[0]]), False
     rests = {"": 0.0}
     for t in range(m.ntendon):
-        name, rest = m.tendon(t).name, float(m.tendon_lengthspring[t, 0])
+        name = m.tendon(t).name
+        rest = float(m.tendon_lengthspring[t, 0])
         rests[name] = rest
         yield name, find_arms(m, t), _numbers(m, "tendon", t), rest, straight(m, t)
     for a in actuators:
@@ -611,7 +618,8 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
     with refused(path):
         spec = read_spec(path)
         scene = m = spec.compile()
-    ties, fixed = find_ties(scene, extra), extra.base == "fixed"
+    ties = find_ties(scene, extra)
+    fixed = extra.base == "fixed"
     outside = find_outside(scene, extra, ties)
     floating = None if fixed else find_floating(path, scene, outside, ties)
     if floating is None and extra.base == "floating":
@@ -623,7 +631,8 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
     with refused(path):
         if outside or fixed or floating is not None:
             m = read_spec(path, outside, fixed=fixed, floating=floating).compile()
-    home, actuators = _home(scene, m), read_actuators(m)
+    home = _home(scene, m)
+    actuators = read_actuators(m)
     joints = [m.joint(j) for j in np.flatnonzero(np.isin(m.jnt_type, [HINGE, SLIDE]))]
     drawn = {j.name: float(home[j.qposadr[0]]) for j in joints}
     locked, couplings = resolve_locks(path, extra, drawn, _couplings(m))
@@ -637,10 +646,12 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
         return Point(frame.parentJoint - 1, frame.placement.act(np.array(position)))
 
     still = int(m.opt.disableflags) & int(_OFF.mjDSBL_GRAVITY)
-    gravity, base = np.zeros(3) if still else np.array(m.opt.gravity), None
+    gravity = np.zeros(3) if still else np.array(m.opt.gravity)
+    base = None
     model.gravity.linear = gravity
     if floating is not None:  # the proper acceleration is known, of which gravity is a part
-        base, model.gravity.linear = Base("", floating, gravity), np.zeros(3)
+        base = Base("", floating, gravity)
+        model.gravity.linear = np.zeros(3)
     forces, rests, combinations = read_forces(path, m, actuators, locked)
     acting = [t for t in range(m.ntendon) if straight(m, t) and m.tendon(t).name in forces]
     through = [[m.site(int(m.wrap_objid[w])) for w in tendon_parts(m, t)] for t in acting]
@@ -697,13 +708,17 @@ def _build_tree(m: Any) -> Any:
         body = m.body(b)
         joint, at = places[int(body.parentid[0])] if b else (0, pin.SE3.Identity())
         at = at * pin.SE3(_rotation(body.quat), np.array(body.pos))
-        before, last = 0, np.zeros(3)
+        before = 0
+        last = np.zeros(3)
         for x in (m.joint(int(body.jntadr[0]) + k) for k in range(int(body.jntnum[0]))):
-            kind, axis, anchor = int(x.type[0]), np.array(x.axis), np.array(x.pos)
+            kind = int(x.type[0])
+            axis = np.array(x.axis)
+            anchor = np.array(x.pos)
             at = at * pin.SE3(np.eye(3), anchor - last)
             part: Any = pin.JointModelSpherical()
             if kind == FREE:  # its position is the body's place in the world
-                part, at = pin.JointModelFreeFlyer(), pin.SE3.Identity()
+                part = pin.JointModelFreeFlyer()
+                at = pin.SE3.Identity()
             elif kind in _ALIGNED:
                 drawn = float(x.qpos0[0])
                 back = -drawn * axis if kind == SLIDE else np.zeros(3)
@@ -712,7 +727,9 @@ def _build_tree(m: Any) -> Any:
                 along = np.flatnonzero(axis == 1.0)
                 part = _ALIGNED[kind][along[0]]() if len(along) else _ALIGNED[kind][3](axis)
             joint = model.addJoint(joint, part, at, x.name)
-            before, last, at = model.addJointFrame(joint), anchor, pin.SE3.Identity()
+            before = model.addJointFrame(joint)
+            last = anchor
+            at = pin.SE3.Identity()
         at = at * pin.SE3(np.eye(3), -last)
         places.append((joint, at))
         model.addBodyFrame(body.name, joint, at, before)
@@ -734,10 +751,12 @@ def _home(scene: Any, m: Any) -> Array:
     """Return the keyframe ``home`` of a scene, else the first one, else its pose, (nq,) of m."""
     keys = [scene.key(k).name for k in range(scene.nkey)]
     chosen = keys.index("home") if "home" in keys else 0
-    stated, q = np.array(scene.key_qpos[chosen] if keys else scene.qpos0), np.array(m.qpos0)
+    stated = np.array(scene.key_qpos[chosen] if keys else scene.qpos0)
+    q = np.array(m.qpos0)
     there = {scene.joint(j).name: int(scene.jnt_qposadr[j]) for j in range(scene.njnt)}
     for joint in (m.joint(j) for j in range(m.njnt)):
-        size, at = len(joint.qpos0), int(joint.qposadr[0])
+        size = len(joint.qpos0)
+        at = int(joint.qposadr[0])
         own = q[at : at + size]
         if joint.name in there:
             own[:] = stated[there[joint.name] : there[joint.name] + size]
@@ -748,7 +767,8 @@ def _home(scene: Any, m: Any) -> Array:
 
 def add_slides(tree: Tree, cables: Sequence[Cable], nq: int) -> Tree:
     """Return a tree with a slide that carries nothing for each tendon, after its own joints."""
-    axis, still = np.eye(3)[2], np.zeros(3)
+    axis = np.eye(3)[2]
+    still = np.zeros(3)
     slides = [
         Joint((t.name,), "prismatic", WORLD, np.eye(3), still, axis, nq + k, tree.nv + k)
         for k, t in enumerate(cables)
@@ -795,13 +815,16 @@ def _loops(path: Path, m: Any, point: Places) -> list[Loop]:
 
 def _read_closure(m: Any, eq: Any, point: Places, name: str) -> list[Loop]:
     """Return a <connect> as a loop, and a <weld> as three: points off one line fix a body."""
-    weld, at = int(eq.type[0]) == int(_EQ.mjEQ_WELD), eq.data
-    bodies, turns = [int(eq.obj1id[0]), int(eq.obj2id[0])], [np.eye(3), np.eye(3)]
+    weld = int(eq.type[0]) == int(_EQ.mjEQ_WELD)
+    at = eq.data
+    bodies = [int(eq.obj1id[0]), int(eq.obj2id[0])]
+    turns = [np.eye(3), np.eye(3)]
     # The place of the second body of a weld in the first, and a point of the second.
     ends = [at[3:6], at[:3]] if weld else [at[:3], at[3:6]]
     if int(m.eq_objtype[eq.id]) == int(_OBJ.mjOBJ_SITE):
         sites = [m.site(k) for k in bodies]
-        bodies, ends = [int(s.bodyid[0]) for s in sites], [s.pos for s in sites]
+        bodies = [int(s.bodyid[0]) for s in sites]
+        ends = [s.pos for s in sites]
         turns = [_rotation(s.quat) for s in sites]
     elif weld:
         turns[0] = _rotation(at[6:10])

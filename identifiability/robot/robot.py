@@ -55,7 +55,8 @@ def ten_parameters(mass: float, centre: Point, inertia: Moments) -> Array:
     RobotError
         If no real body has them.
     """
-    c, about = np.asarray(centre, float), np.asarray(inertia, float)
+    c = np.asarray(centre, float)
+    about = np.asarray(inertia, float)
     about = np.diag(about) if about.shape == (3,) else about
     given = [mass, *c.ravel(), *about.ravel()]
     if c.shape != (3,) or about.shape != (3, 3) or not np.isfinite(given).all():
@@ -135,7 +136,8 @@ def tool_bodies(robot: Description) -> tuple[str, ...]:
     """Return the bodies on which a load is looked for: the last ones, on which most loops end."""
     owner = {link.last: body for body, link in zip(robot.bodies, robot.links, strict=True)}
     points = [p.joint for loop in robot.loops for p in (loop.first, loop.second)]
-    ends, last = Counter(owner[joint] for joint in points if joint != WORLD), last_bodies(robot)
+    ends = Counter(owner[joint] for joint in points if joint != WORLD)
+    last = last_bodies(robot)
     most = max((ends[body] for body in last), default=0)
     return tuple(body for body in last if ends[body] == most)
 
@@ -459,7 +461,8 @@ class Robot(Description):
 
     def __repr__(self) -> str:
         """Return what it is, in one line."""
-        driven, floats = len(self.motor_joints), "" if self.base is None else " and its base floats"
+        driven = len(self.motor_joints)
+        floats = "" if self.base is None else " and its base floats"
         still = 0 if self.base is None else len(self.joints) - driven
         moving = f"{driven} of {len(self.dofs) - still} joints have motors{floats}"
         return f"<Robot {self.title or self.name}: {moving}, {self.path.name}>"

@@ -93,7 +93,8 @@ class Servo:
         """
         most = gains.get("limit", np.zeros(len(self.kp)))
         most = np.where(most > 0, most, np.inf)
-        low, high = np.maximum(self.low, -most), np.minimum(self.high, most)
+        low = np.maximum(self.low, -most)
+        high = np.minimum(self.high, most)
         return replace(
             self, kp=gains.get("kp", self.kp), kv=gains.get("kv", self.kv), low=low, high=high
         )
@@ -207,7 +208,8 @@ def read_servo(
         said = getattr(entry, key)
         table = said if isinstance(said, dict) else {} if said is None else {"*": said}
         for joint, x in by_name(path, f"servo.{key}", table, joints).items():
-            own, value = found[joints.index(joint)], np.nan if x == FIT else float(x)
+            own = found[joints.index(joint)]
+            value = np.nan if x == FIT else float(x)
             own[k:] = (-value, value) if key == "limit" else (value, *own[k + 1 :])
             if key == "kp" and np.isnan(own[1]) and x != FIT:
                 own[1] = 0.0  # none stated is none

@@ -549,7 +549,8 @@ def expand_names(
     RobotError
         If it names what the robot does not have.
     """
-    moving, gone = (*joints, *lines), {*locked, *welded}
+    moving = (*joints, *lines)
+    gone = {*locked, *welded}
 
     def parameters(key: str, table: Mapping[str, T]) -> dict[str, T]:
         """Return a table of parameters by name; kinds of inertia are bodies'."""

@@ -125,7 +125,8 @@ class Table(_Strict):
         """Return the frame of a row in that of its parent, with its joint at zero."""
         if self.convention == "frames":
             return pin.SE3(pin.rpy.rpyToMatrix(*row.rpy), np.array(row.position))
-        roll, yaw = self.turn(row.alpha), self.turn(row.theta)
+        roll = self.turn(row.alpha)
+        yaw = self.turn(row.theta)
         x = pin.SE3(pin.rpy.rpyToMatrix(roll, 0.0, 0.0), np.array([row.a, 0.0, 0.0]))
         z = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([0.0, 0.0, row.d]))
         return x * z if self.convention == "modified" else z * x
@@ -183,7 +184,8 @@ def _check(source: str, table: Table) -> None:
     framed = table.convention == "frames"
     odd = ("a", "alpha", "d", "theta") if framed else ("position", "rpy", "axis")
     ends = [f"{r.name}_end" for r in table.links if r.joint and table.convention == "standard"]
-    links, joints = [BASE, *ends], list[str]()
+    links = [BASE, *ends]
+    joints = list[str]()
     for row in table.links:
         above = [name for name in links if name not in ends]
         problem = ""
@@ -216,14 +218,17 @@ def _urdf(table: Table, base: str = BASE) -> ET.Element:
     """Return the URDF: a link and a joint a row, of standard rows the frame behind the joint."""
     top = ET.Element("robot", name=table.name)
     ET.SubElement(top, "link", name=base)
-    before, ends = base, {base: base}
+    before = base
+    ends = {base: base}
     for row in table.links:
         parent = ends[before if row.parent is None else row.parent]
-        place, inside = table.place(row), pin.SE3.Identity()
+        place = table.place(row)
+        inside = pin.SE3.Identity()
         split = table.convention == "standard" and row.joint is not None
         if split:
             place, inside = inside, place
-        before, ends[row.name] = row.name, f"{row.name}_end" if split else row.name
+        before = row.name
+        ends[row.name] = f"{row.name}_end" if split else row.name
         _inertial(ET.SubElement(top, "link", name=row.name), row, inside)
         kind: str = "fixed" if row.joint is None else row.type
         kind = "continuous" if kind == "revolute" and row.range is None else kind
@@ -366,10 +371,13 @@ def links_between(robot: Description) -> dict[str, str]:
 
 def converted_urdf(robot: Description) -> ET.Element:
     """Return the file, with placeholders for inertias; loops stand in the sidecar."""
-    rows, ground, between = list[Row](), ground_of(robot), links_between(robot)
+    rows = list[Row]()
+    ground = ground_of(robot)
+    between = links_between(robot)
     for body, above, joints in body_joints(robot, ground):
         for joint in joints:
-            name, span = joint.dofs[0], position_limits(robot, joint.dofs, {})[0]
+            name = joint.dofs[0]
+            span = position_limits(robot, joint.dofs, {})[0]
             size = TINY if name in between else 1.0  # simulators refuse none
             stated = {
                 "name": between.get(name, body),

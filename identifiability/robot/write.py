@@ -52,8 +52,10 @@ _ATTRIBUTE = re.compile(rf"(\s+)([^\s=/>]+)(\s*=\s*)({_QUOTED})")
 
 def read_elements(content: bytes) -> ET.Element:
     """Return the root element of a file; names with prefixes stay as they are written."""
-    builder, parser = ET.TreeBuilder(), expat.ParserCreate()
-    parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
+    builder = ET.TreeBuilder()
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = builder.start
+    parser.EndElementHandler = builder.end
     parser.CharacterDataHandler = builder.data
     parser.Parse(content, True)
     return builder.close()
@@ -65,7 +67,8 @@ def edited(old: str, new: str, comment: str) -> str:
     Tags of one element are found by their order and names; they take with them what stands before.
     A comment is added at the head.
     """
-    was, now = _PIECE.findall(old), _PIECE.findall(new)
+    was = _PIECE.findall(old)
+    now = _PIECE.findall(new)
     keys = ([_key(*piece) for piece in pieces] for pieces in (was, now))
     for i, j, size in SequenceMatcher(None, next(keys), next(keys)).get_matching_blocks():
         for (before, tag, said), k in zip(was[i : i + size], range(j, j + size), strict=True):
@@ -205,7 +208,8 @@ def write_servos(
             element.remove(old)
     place = actuators[0] if actuators else ET.SubElement(top, "actuator")
     for k, joint in enumerate(joints):
-        kp, off = float(servo.kp[k]), offsets.get(joint, 0.0)
+        kp = float(servo.kp[k])
+        off = offsets.get(joint, 0.0)
         law = affine_law(kp or float(servo.kv[k]), np.array([-off, -kp, -servo.damping[k]]))
         own = {"name": names[joint], "joint": joint, "gear": "1"}
         new = ET.SubElement(place, "general", own | law)
@@ -495,10 +499,12 @@ def own_inertial(robot: Description, body: str, theta: Array) -> tuple[float, Ar
             "export a physically feasible result."
         )
     own = pin.Inertia.FromDynamicParameters(theta)
-    centre, inertia = own.lever, own.inertia
+    centre = own.lever
+    inertia = own.inertia
     # The library's frame is the joint's; the file's may be shifted or turned against it.
     frame = robot.model.frames[robot.model.getFrameId(body, pin.FrameType.BODY)].placement
-    R, p = np.array(frame.rotation), np.array(frame.translation)
+    R = np.array(frame.rotation)
+    p = np.array(frame.translation)
     return mass, R.T @ (centre - p), thicken(R.T @ inertia @ R)
 
 
@@ -535,7 +541,8 @@ def turn_base(top: ET.Element, gravity: Array) -> None:
     step = shortest_turn(gravity, DOWN) if gravity.any() else np.zeros(3)
     if np.linalg.norm(step) < TINY:
         return
-    taken, first = {e.get("name") for e in top}, root_link(top)
+    taken = {e.get("name") for e in top}
+    first = root_link(top)
     ground = "ground"
     while ground in taken:
         ground = f"{ground}_"
@@ -647,7 +654,8 @@ def share_out(robot: Description, bodies: Mapping[str, Array]) -> dict[str, Arra
             host = robot.bodies[robot.carriers.index(index)]
             hosts.setdefault(host, []).append(body)
     for host, behind in hosts.items():
-        part, load = 1.0, sum(robot.welded[body] for body in behind)
+        part = 1.0
+        load = sum(robot.welded[body] for body in behind)
         room = least_eigenvalue(out[host])
         while room > 0 and least_eigenvalue(out[host] - part * load) <= 0.0:
             part *= 0.5

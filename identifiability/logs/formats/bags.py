@@ -164,7 +164,8 @@ def _mcap_chunks(file: BinaryIO) -> Iterator[int]:
     """Yield the stated sizes of chunks: records of type 6, whose size stands behind two times."""
     file.seek(_MCAP_MAGIC)
     while len(head := file.read(9)) == 9:
-        kind, length = head[0], int.from_bytes(head[1:], "little")
+        kind = head[0]
+        length = int.from_bytes(head[1:], "little")
         begin = file.read(min(length, 24))
         if kind == _MCAP_CHUNK and len(begin) == 24:
             yield int.from_bytes(begin[16:], "little")
@@ -286,7 +287,8 @@ def _add_base(reader: Any, frame: pd.DataFrame) -> None:
     for topic, kind in topics.items():
         if [*topics.values()].count(kind) > 1 and "{topic}" not in BASE[kind][0][1]:
             continue
-        when, rows = list[float](), list[list[float]]()
+        when = list[float]()
+        rows = list[list[float]]()
         for _, message in _messages(reader, topic, BASE):
             when.append(_stamp(message) * 1e-9 - frame.attrs["start"])
             rows.append([attrgetter(f"{of}.{a}")(message) for of, _, ax in BASE[kind] for a in ax])
@@ -314,7 +316,8 @@ def _read_states(
     LogError
         If none tells of all joints of the robot, or of position and effort.
     """
-    clocks, groups = list[tuple[int, int]](), dict[frozenset[str], Sequence[str]]()
+    clocks = list[tuple[int, int]]()
+    groups = dict[frozenset[str], Sequence[str]]()
 
     def told() -> Iterator[tuple[Sequence[str], Mapping[str, Any]]]:
         for recorded, message in messages:
@@ -337,7 +340,8 @@ def _read_states(
                 "no message of all joints that are needed: if they are called otherwise, add "
                 "--map 'OLD=NEW', and lock what does not move (a gripper, say), --lock JOINT=VALUE."
             )
-        table, times = table[whole], times[whole]
+        table = table[whole]
+        times = times[whole]
     table = table.dropna(axis=1, how="all")
     pairs = [str(name).rsplit(".", 1) for name in table]
     driven = {joint for joint, kind in pairs if kind == "tau"}

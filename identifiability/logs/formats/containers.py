@@ -102,7 +102,8 @@ def _count_matlab(path: Path) -> int:
     After a header of 128 bytes each element has its type and size (MATLAB's MAT-File Format).
     Older files, which do not compress, have another header.
     """
-    found, most = 0, max(UNPACKED, TIMES * path.stat().st_size)
+    found = 0
+    most = max(UNPACKED, TIMES * path.stat().st_size)
     with path.open("rb") as file:
         mark = file.read(_MAT_HEADER)[-2:]
         order = _ORDERS.get(mark)
@@ -117,7 +118,8 @@ def _count_matlab(path: Path) -> int:
 
 def _count_deflated(content: bytes, most: int) -> int:
     """Return the bytes to which a zlib stream unpacks; counting stops beyond a number of bytes."""
-    unpacking, found = zlib.decompressobj(), 0
+    unpacking = zlib.decompressobj()
+    found = 0
     while content and found <= most and not unpacking.eof:
         found += len(unpacking.decompress(content, _STEP))
         content = unpacking.unconsumed_tail
@@ -202,7 +204,8 @@ def _read_cells(path: Path, sheet: Any, most: int) -> tuple[list[list[object]], 
     """
     sheet.reset_dimensions()
     rows: list[list[object]] = []
-    width, left = 0, most
+    width = 0
+    left = most
     for row in sheet.iter_rows(values_only=True):
         left -= 1 + len(row)
         cells = [None if _is_empty(cell) else cell for cell in row]

@@ -91,8 +91,16 @@ def list_episodes(path: str | Path) -> list[Path]:
         )
     held = last + 1 if first == last else _count_held(folder)
     if last - first >= held:
-        said = {"count": count, "held": held, "name": folder.name, "last": max(held - 1, 0)}
-        raise LogError(Finding("dataset.episodes", folder, **said))
+        raise LogError(
+            Finding(
+                "dataset.episodes",
+                folder,
+                count=count,
+                held=held,
+                name=folder.name,
+                last=max(held - 1, 0),
+            )
+        )
     return [Path(f"{folder}:{k}") for k in range(first, last + 1)]
 
 

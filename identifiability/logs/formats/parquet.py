@@ -29,7 +29,8 @@ def check_parquet(path: Path) -> list[str]:
     from pyarrow.parquet import ParquetFile  # noqa: PLC0415 - only who reads Parquet pays for it
 
     with ParquetFile(path, pre_buffer=False) as file:
-        metadata, schema = file.metadata, file.schema
+        metadata = file.metadata
+        schema = file.schema
         names = [str(schema.column(k).path) for k in range(len(schema))]
         check_names(str(path), names)
         values = stated = 0

@@ -262,7 +262,8 @@ class Dataset:
         if not self.long:
             return [self]
         reach = 0 if self.decimation is None else self.decimation.reach
-        kept, parts = self.motion.kept, []
+        kept = self.motion.kept
+        parts = []
         for a, b in divide_rows(len(kept)):
             part = self.take(slice(max(0, a - reach), b + reach))
             parts.append(replace(part, own=(int(kept[a]), int(kept[b - 1]) + 1)))
@@ -298,14 +299,17 @@ class Dataset:
     @cached_property
     def runs(self) -> list[tuple[int, int, int]]:
         """Stretches of samples that make outputs without a gap, (start, stop, outputs) each."""
-        d, kept = self.decimation, self.motion.kept
+        d = self.decimation
+        kept = self.motion.kept
         if d is None:
             return [(0, len(kept), len(kept))]
-        edges, out = [0], []
+        edges = [0]
+        out = []
         for a, b in divide_rows(len(kept) - 1):
             edges += (a + 1 + np.flatnonzero(np.diff(kept[a : b + 1]) > 1)).tolist()
         for start, stop in pairwise([*edges, len(kept)]) if len(kept) else ():
-            row, shift = int(kept[start]), start - int(kept[start])
+            row = int(kept[start])
+            shift = start - int(kept[start])
             low, high = self.own or (0, row + stop - start)
             # Multiples of the factor, so that it does not matter in which parts a log is read.
             first = -(-max(row + d.reach, low) // d.factor) * d.factor
@@ -318,10 +322,13 @@ class Dataset:
     @cached_property
     def survey(self) -> Survey:
         """What there is to know of the whole log."""
-        m, n = self.motion, self.tau.shape[1]
-        rows, ends = np.zeros(n, int), [np.full((2, n), [[np.inf], [-np.inf]])]
+        m = self.motion
+        n = self.tau.shape[1]
+        rows = np.zeros(n, int)
+        ends = [np.full((2, n), [[np.inf], [-np.inf]])]
         for p in self.pieces(1024):
-            raw, where = p.raw, p.moves
+            raw = p.raw
+            where = p.moves
             rows = rows + where.sum(0)
             # As measured: what is low-passed changes beside rows that are no data.
             low = raw.min(0, initial=np.inf, where=where)
@@ -347,7 +354,8 @@ class Dataset:
         step = max(1, size // factor)
         for start, _, count in self.runs:
             for first in range(0, count, step):
-                begin, few = start + first * factor, min(step, count - first)
+                begin = start + first * factor
+                few = min(step, count - first)
                 rows = slice(begin, begin + (few - 1) * factor + more + 1)
                 yield Piece(self.motion[rows], self.tau[rows], d, self.weight[rows])
                 if self.long:
@@ -356,7 +364,9 @@ class Dataset:
     def take(self, rows: slice | np.ndarray) -> Dataset:
         """Return some of the samples."""
         other = None if self.instrument is None else self.instrument[rows]
-        motion, tau, weight = self.motion[rows], self.tau[rows], self.weight[rows]
+        motion = self.motion[rows]
+        tau = self.tau[rows]
+        weight = self.weight[rows]
         return replace(
             self,
             motion=motion,
@@ -383,7 +393,9 @@ class Dataset:
 
     def describe(self, joints: Sequence[str], total: int) -> list[Finding]:
         """Return what was done with the samples of a log with `total` of them."""
-        m, s, notes = self.motion, self.survey, []
+        m = self.motion
+        s = self.survey
+        notes = []
         if len(m.dropped):
             first = ", ".join(str(k + 1) for k in m.dropped[:LISTED])
             first += " …" if len(m.dropped) > LISTED else ""
@@ -397,13 +409,13 @@ class Dataset:
                 )
             )
         if m.singular:
-            at = {"first": int(m.near_singular[0]) + 1, "condition": m.condition}
             notes.append(
                 Finding(
                     "singular",
                     self.name,
                     rows=m.singular,
-                    **at,
+                    first=int(m.near_singular[0]) + 1,
+                    condition=m.condition,
                 )
             )
         if self.lost:
@@ -471,7 +483,8 @@ def _prepare_rows(rows: tuple[Log, int, Rows], robot: Robot, plan: Plan) -> Data
     if plan.grid is not None:
         left = ~plan.grid.left_out(origin, origin + len(log))[part][motion.kept]
         lost = int((~left).sum())
-        motion, tau = motion[left], tau[left]
+        motion = motion[left]
+        tau = tau[left]
         dwells = None if dwells is None else dwells[left]
     indices = ("kept", "dropped", "near_singular")
     motion = replace(
@@ -509,7 +522,8 @@ def _touch(robot: Robot, log: Log) -> Array | None:
 def _pushed(robot: Robot, motion: Motion, record: Array) -> Array:
     """Return the torque of the actuated joints that measured wrenches make, (N, n)."""
     assert robot.base is not None
-    at, tree = AFTER + len(robot.base.contacts), np.zeros((len(motion), robot.nv))
+    at = AFTER + len(robot.base.contacts)
+    tree = np.zeros((len(motion), robot.nv))
     for k, wrench in enumerate(robot.base.wrenches):
         values = record[:, at + 6 * k : at + 6 * (k + 1)]
         tree += wrench_torque(robot.tree, motion.q, wrench, values)
@@ -537,7 +551,8 @@ def _known_torque(robot: Robot, name: str, motion: Motion) -> Array:
 
 def join_motions(motions: Sequence[Motion]) -> Motion:
     """Return motions one after the other."""
-    first, none = motions[0], np.empty(0, int)
+    first = motions[0]
+    none = np.empty(0, int)
     rows = [m.each for m in motions]
     known = [name for name in rows[0] if all(name in own for own in rows)]
     joined: dict[str, Any] = {name: np.concatenate([own[name] for own in rows]) for name in known}
@@ -598,9 +613,11 @@ def prepare_log(
     ------
     LogError, ClosureError
     """
-    how, total = how or Preparation(), len(log)
+    how = how or Preparation()
+    total = len(log)
     plan = make_plan(robot, log, how)
-    reach, rows = plan.reach, []
+    reach = plan.reach
+    rows = []
     for a, b in divide_rows(total, max(PIECE, MARGINS * reach)):
         low = max(0, a - reach)
         rows.append((log.rows(low, min(total, b + reach)), low, (a, b)))
@@ -623,14 +640,14 @@ def prepare_log(
         plan = replace(plan, factor=plan.factor - 1)
         found = replace(found, decimation=plan.decimation)
     if plan.decimation is not None:
-        what = {"factor": plan.factor, "rate": 1.0 / (plan.step * plan.factor)}
         notes.append(
             Finding(
                 "decimated",
                 log.name,
                 rows=len(log),
                 columns=("all",),
-                **what,
+                factor=plan.factor,
+                rate=1.0 / (plan.step * plan.factor),
             )
         )
     return replace(found, notes=tuple(notes))
@@ -697,7 +714,8 @@ def move_samples(robot: Robot, given: Dataset, by: Array) -> Dataset:
     ClosureError
         If loops do not close at some.
     """
-    old, A = given.motion, by[:, :-1]
+    old = given.motion
+    A = by[:, :-1]
     actuated = (x @ A.T for x in (old.actuated_q, old.actuated_v, old.actuated_a))
     new = complete_motion(robot, old.t, next(actuated) - by[:, -1], *actuated)
     if len(new) < len(old):

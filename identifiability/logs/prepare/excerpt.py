@@ -98,7 +98,8 @@ def thin(samples: Dataset, most: int = MOST_SAMPLES) -> Dataset:
     """Return evenly spaced stretches of samples that are more than a diagnosis needs."""
     if samples.outputs <= most:
         return samples
-    d, length = samples.decimation, STRETCH
+    d = samples.decimation
+    length = STRETCH
     length = length if d is None else length * d.factor + 2 * d.reach
     windows = spread(len(samples.tau), length, most // STRETCH)
     rows = np.concatenate([np.arange(a, b) for a, b in windows])

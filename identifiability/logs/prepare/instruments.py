@@ -183,7 +183,8 @@ def noise_again(log: Log, rng: np.random.Generator) -> Log:
     def more(x: Array) -> Array:
         return np.asarray(x + _noise(x, log.t) * rng.standard_normal(x.shape))
 
-    dq, base = None if log.dq is None else more(log.dq), log.base
+    dq = None if log.dq is None else more(log.dq)
+    base = log.base
     if base is not None:
         base = np.column_stack([more(base[:, : UP.start]), base[:, UP.start :]])
     return replace(log, q=more(log.q), dq=dq, base=base)

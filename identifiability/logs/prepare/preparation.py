@@ -140,7 +140,8 @@ class DwellRule:
 
     def find(self, dq: Array) -> np.ndarray:
         """Return where each joint dwells, (N, n) bool; dq (N, n) are the speeds that are used."""
-        out, speed = np.zeros(dq.shape, bool), np.abs(dq)
+        out = np.zeros(dq.shape, bool)
+        speed = np.abs(dq)
         for creep, slow in zip(self.creep, self.slow, strict=True):
             for j, least in enumerate(slow.tolist()):
                 out[:, j] |= _lasting(speed[:, j] <= creep[j], least)
@@ -208,7 +209,8 @@ class Stays:
 
     def rule(self, rare: int = 1) -> DwellRule:
         """Return the rule of what so few in as many reversals again last as long as."""
-        step, cutoff = self.plan.step, self.plan.cutoff
+        step = self.plan.step
+        cutoff = self.plan.cutoff
         # Rayleigh distributed: a share p of reversals is slower than in proportion to its root;
         # slower ones of Gaussian motion are 5 %: √(−2 ln .95) [Rice 1944].
         slowest = 0.32 / np.sqrt(rare) * np.where(self.never, np.inf, self.typical)
@@ -222,7 +224,9 @@ class Stays:
 
     def count(self, rare: int = 1) -> tuple[int, int]:
         """Return how many stays of all joints there are by a rule, and how many reversals."""
-        rule, stays, reversals = replace(self.rule(rare), beside=0), 0, 0
+        rule = replace(self.rule(rare), beside=0)
+        stays = 0
+        reversals = 0
         for v in self.speeds:
             dwells = rule.find(v)[:, ~self.never]
             stays += int(
@@ -349,7 +353,9 @@ class Plan:
         if self.cutoff is None:
             assert log.dq is not None
             assert log.ddq is not None
-            q, dq, ddq = log.q, log.dq, log.ddq
+            q = log.q
+            dq = log.dq
+            ddq = log.ddq
         else:
             q, (dq, ddq) = np.array(log.q), np.zeros((2, *log.q.shape))
             for rows, at in self._stretches(len(log), origin):
@@ -358,13 +364,16 @@ class Plan:
                     v = signals.differentiate(x, self.step)
                 else:
                     v = signals.lowpass(fill(log.dq[rows], at), self.step, self.cutoff)
-                q[rows], dq[rows] = x[at], v[at]
+                q[rows] = x[at]
+                dq[rows] = v[at]
                 ddq[rows] = signals.differentiate(v, self.step)[at]
             still = signals.never_moves(log.q.min(0), log.q.max(0))
             dq[:, still] = ddq[:, still] = 0.0
         if log.base is None:
             return q, dq, ddq
-        q, dq, ddq = np.array(q), np.array(dq), np.array(ddq)
+        q = np.array(q)
+        dq = np.array(dq)
+        ddq = np.array(ddq)
         for rows, at in self._stretches(len(log), origin):
             # Not low-passed: it enters the columns linearly, and those are, as torque is.
             record = fill(log.base[rows, :6], at)
@@ -479,7 +488,8 @@ def _on_base(robot: Robot, log: Log) -> Log:
             f"{log.name} was read without what it says of the base, which floats: read it with "
             "Conventions.of(robot), or give its file."
         )
-    before, own = np.zeros((len(log), SIX)), len(robot.motor_joints)
+    before = np.zeros((len(log), SIX))
+    own = len(robot.motor_joints)
     found = log.each(lambda x: np.hstack([before, x[:, :own]]), joints=robot.joints)
     return replace(found, base=log.base)
 
@@ -529,7 +539,8 @@ class Windows:
         stretches = []
         for log, origin in zip(self.logs, self.origins, strict=True):
             for a, b in grid.stretches(origin, origin + len(log)):
-                part, filled = log.rows(a, b), partial(fill, at=grid.places(origin + a, origin + b))
+                part = log.rows(a, b)
+                filled = partial(fill, at=grid.places(origin + a, origin + b))
                 stretches.append(part.each(filled, t=filled(part.t)))
         return stretches
 
@@ -554,7 +565,8 @@ def plan_gaps(plan: Plan, gaps: Gaps, samples: int) -> Plan:
         )
     if grid is None:
         return replace(plan, hints=tuple(hints))
-    notes, split = [*plan.notes], np.isin(gaps.rows + 1, grid.breaks)
+    notes = [*plan.notes]
+    split = np.isin(gaps.rows + 1, grid.breaks)
     if len(grid.after) and plan.cutoff is not None:
         longest = float(gaps.length[~split].max())
         notes.append(
@@ -566,8 +578,9 @@ def plan_gaps(plan: Plan, gaps: Gaps, samples: int) -> Plan:
             )
         )
     if len(grid.breaks):
-        told = {"where": gaps.tell(split), "parts": len(grid.breaks) + 1}
-        hints.append(Finding("split", gaps.name, **told))
+        hints.append(
+            Finding("split", gaps.name, where=gaps.tell(split), parts=len(grid.breaks) + 1)
+        )
     return replace(
         plan,
         grid=grid,
@@ -680,9 +693,11 @@ def _with_band(robot: Robot, logs: Sequence[Windows], how: Preparation) -> Commo
     spectra: list[Spectrum] = []
     for raw in logs:
         windows = [joint_log(robot, w) for w in raw.even(0.5 / RULES.cutoff_lowest)]
-        source, order = ([w.q for w in windows], 2)
+        source = [w.q for w in windows]
+        order = 2
         if windows[0].dq is not None:
-            source, order = [w.dq for w in windows if w.dq is not None], 1
+            source = [w.dq for w in windows if w.dq is not None]
+            order = 1
         spectra += spectra_of(source, raw.gaps.step, order)
     sliding = [robot.is_prismatic(int(k)) for k in robot.actuated]
     band = choose_band(spectra, sliding, how.cutoff)
@@ -734,7 +749,8 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
     """
     filtered = _is_filtered(log, how)
     raw = Windows.of(log, mend=filtered)
-    windows, stale = [joint_log(robot, w) for w in raw.logs], raw.stale
+    windows = [joint_log(robot, w) for w in raw.logs]
+    stale = raw.stale
     notes = ["motor positions and torques were converted to the joint side"]
     notes *= has_motors(robot, raw.logs[0])
     check_units(robot, windows)
@@ -831,7 +847,9 @@ def _state_own_band(log: Log, dt: float, how: Preparation) -> tuple[Finding, ...
 
 
 def _plan_filter(log: Log, gaps: Gaps, plan: Plan, how: Preparation) -> Plan:
-    dt, jitter, cutoff = gaps.step, "", _motion_cutoff(gaps, how)
+    dt = gaps.step
+    jitter = ""
+    cutoff = _motion_cutoff(gaps, how)
     if gaps.jitter > RULES.small:
         jitter = f" (time stamps jitter by {100 * gaps.jitter:.0f} % of a step; taken as even)"
     if not _lets_through(log, gaps, cutoff):
