@@ -80,7 +80,7 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
 
 def with_article(noun: str) -> str:
     """Return a noun with its indefinite article, by its first letter: ``an acceleration``."""
-    return f"{'an' if noun[:1] in 'aeiou' else 'a'} {noun}"
+    return f"{'an' if noun[:1] in 'aeiouAEIOU' else 'a'} {noun}"
 
 
 def listing(names: Iterable[str], most: int = 12, between: str = ", ") -> str:

@@ -16,7 +16,7 @@ from identifiability.foundation.values import frozen
 # The names, units and sign constraints of parameters: one grammar, ``<owner>.<kind>``.
 
 
-#: Arrays of floats; NumPy types many of its results too loosely to say so to a type checker.
+#: Arrays of numbers or flags; docstrings say which. NumPy types its results too loosely for more.
 Array = NDArray[Any]
 
 #: Inertial parameters of a body in Pinocchio's order: mass, first moments, and the *tensor*

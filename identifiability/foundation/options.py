@@ -30,7 +30,7 @@ from typing import (
 )
 from typing import get_type_hints as resolve
 
-from identifiability.foundation.errors import IdentifiabilityError, near_match
+from identifiability.foundation.errors import IdentifiabilityError, near_match, with_article
 from identifiability.foundation.values import frozen
 
 if TYPE_CHECKING:  # what is refused at once waits for no library
@@ -230,7 +230,7 @@ def _words(kind: Any) -> list[str]:
         return [word for part in inner for word in _words(part)]
     if origin is not None and origin is not Callable:
         return [f"a list, each {expected(inner[0])}"]
-    return [_WORDS.get(kind) or _with_article(getattr(kind, "__name__", "function"))]
+    return [_WORDS.get(kind) or with_article(getattr(kind, "__name__", "function"))]
 
 
 def _shown(value: Any) -> str:
@@ -238,11 +238,7 @@ def _shown(value: Any) -> str:
     plain = isinstance(value, (str, Real, NoneType, bool, list, tuple))
     text = repr(value.item() if hasattr(value, "item") else value) if plain else ""
     # A sentence quotes what fits into it.
-    return text if 0 < len(text) <= 60 else _with_article(type(value).__name__)
-
-
-def _with_article(noun: str) -> str:
-    return f"{'an' if noun[0] in 'AEIOUaeiou' else 'a'} {noun}"
+    return text if 0 < len(text) <= 60 else with_article(type(value).__name__)
 
 
 def resolve_count(given: int | None, usual: int, less: int, *, quick: bool) -> int:

@@ -11,9 +11,9 @@ from collections.abc import Callable
 from decimal import Decimal
 from functools import partial
 
-import numpy as np
 from scipy.special import betaincinv
 
+from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 
 # Numbers as text.
@@ -235,7 +235,7 @@ def exact_share(count: float, total: float, level: float = LEVEL) -> Share:
     return Share(count / total, low, high)
 
 
-def clustered_share(events: np.ndarray, among: np.ndarray, related: np.ndarray) -> Share:
+def clustered_share(events: Array, among: Array, related: Array) -> Share:
     """Return the share of events among what was looked at, several in each experiment.
 
     Events of one experiment come together, so the count is worth that of fewer independent ones
@@ -254,7 +254,7 @@ def clustered_share(events: np.ndarray, among: np.ndarray, related: np.ndarray) 
     return exact_share(float((events & among).sum()) / total * effective, effective)
 
 
-def design_effect(events: np.ndarray, among: np.ndarray) -> float:
+def design_effect(events: Array, among: Array) -> float:
     """Return by how much the variance of a share exceeds that of independent events, or 0."""
     trials = len(events)
     size = among.sum(1).astype(float)
@@ -267,7 +267,7 @@ def design_effect(events: np.ndarray, among: np.ndarray) -> float:
     return float(left @ left / size.sum() ** 2 * trials / (trials - 1) / independent)
 
 
-def each_share(events: np.ndarray) -> tuple[Share, ...]:
+def each_share(events: Array) -> tuple[Share, ...]:
     """Return the share of every column of (T, k), all intervals right together [Bonferroni]."""
     trials, count = events.shape
     level = 1 - (1 - LEVEL) / max(count, 1)

@@ -91,7 +91,7 @@ def smallest_change(x: Array) -> Array:
     return np.where(np.isfinite(found), found, 0.0)
 
 
-def find_stale(x: Array, steps: Array) -> np.ndarray:
+def find_stale(x: Array, steps: Array) -> Array:
     """Return which samples of x (N, n) repeat the one before although a joint moves, (N,) bool.
 
     A joint moves if it went the same way before and after, by `repeats_steps` encoder steps or more
@@ -115,7 +115,7 @@ def find_stale(x: Array, steps: Array) -> np.ndarray:
     return stale
 
 
-def interpolate(x: Array, stale: np.ndarray) -> Array:
+def interpolate(x: Array, stale: Array) -> Array:
     """Return x (N, …) with stale samples (N,) bool on the cubic through their four neighbours."""
     good = np.flatnonzero(~stale)
     out = x.copy()
@@ -162,7 +162,7 @@ class Gaps:
     step: float
     usual: float
     jitter: float
-    rows: np.ndarray
+    rows: Array
     t: Array
     length: Array
     drift: float = 0.0
@@ -204,9 +204,9 @@ class Gaps:
         return len(self.rows)
 
     @property
-    def lost(self) -> np.ndarray:
+    def lost(self) -> Array:
         """How many samples are missing in each, (m,) int."""
-        count: np.ndarray = np.maximum(np.rint(self.length / self.step).astype(int) - 1, 1)
+        count: Array = np.maximum(np.rint(self.length / self.step).astype(int) - 1, 1)
         return count
 
     def divide(self, longest: float, least: int = 1) -> Grid | None:
@@ -248,7 +248,7 @@ class Gaps:
                 "not those at which they arrived, or measured velocities and accelerations."
             )
 
-    def tell(self, split: np.ndarray) -> str:
+    def tell(self, split: Array) -> str:
         """Return the gaps that are split, (m,) bool, in words."""
         at = np.flatnonzero(split)
         rows = [f"{self.length[k]:.3g} s after data row {self.rows[k] + 1}" for k in at]
@@ -271,9 +271,9 @@ class Grid:
         Fewest samples of a stretch; shorter ones are left out.
     """
 
-    breaks: np.ndarray
-    after: np.ndarray
-    lost: np.ndarray
+    breaks: Array
+    after: Array
+    lost: Array
     least: int
 
     def stretches(self, start: int, stop: int) -> list[tuple[int, int]]:
@@ -281,7 +281,7 @@ class Grid:
         inner = self.breaks[(self.breaks > start) & (self.breaks < stop)] - start
         return list(pairwise([0, *inner.tolist(), stop - start]))
 
-    def places(self, start: int, stop: int) -> np.ndarray:
+    def places(self, start: int, stop: int) -> Array:
         """Return how many steps after `start` the rows [start, stop) of a stretch were sampled."""
         at = np.arange(stop - start)
         inside = (self.after >= start) & (self.after < stop - 1)
@@ -289,7 +289,7 @@ class Grid:
             at[row + 1 - start :] += lost
         return at
 
-    def left_out(self, start: int, stop: int) -> np.ndarray:
+    def left_out(self, start: int, stop: int) -> Array:
         """Return which of the rows [start, stop) are left out, (stop - start,) bool.
 
         They are the first sample of every stretch but the first, so that rows tell of the gap, and
@@ -302,7 +302,7 @@ class Grid:
         return out
 
 
-def fill(x: Array, at: np.ndarray) -> Array:
+def fill(x: Array, at: Array) -> Array:
     """Return x (N, …), sampled at the steps `at` (N,) int, at every step, by cubics."""
     if at[-1] + 1 == len(at):
         return x
@@ -313,7 +313,7 @@ def fill(x: Array, at: np.ndarray) -> Array:
     return interpolate(wide, missing)
 
 
-def _late(rows: np.ndarray, ratio: Array) -> np.ndarray:
+def _late(rows: Array, ratio: Array) -> Array:
     """Return which odd steps stand beside others that make up for them, (m,) bool.
 
     Nothing is missing there: samples were stamped too late or too early.
@@ -321,5 +321,5 @@ def _late(rows: np.ndarray, ratio: Array) -> np.ndarray:
     if not len(rows):
         return np.zeros(0, bool)
     run = np.concatenate([[0], np.cumsum(np.diff(rows) != 1)])
-    late: np.ndarray = np.bincount(run, ratio - 1)[run] < (RULES.gap - 1)
+    late: Array = np.bincount(run, ratio - 1)[run] < (RULES.gap - 1)
     return late

@@ -103,7 +103,7 @@ class Log:
     q_ref: Array | None = None
     motion_alone: bool = False
     start: float | None = None
-    unmeasured: np.ndarray | None = None
+    unmeasured: Array | None = None
     dq_ref: Array | None = None
     tau_ff: Array | None = None
     servo_delay: float | None = None
@@ -387,7 +387,7 @@ def _read_log(reader: TableReader, pieces: Iterable[Whole]) -> Log:
     )
 
 
-def _bridge(t: Array, x: Array, lost: np.ndarray) -> Array:
+def _bridge(t: Array, x: Array, lost: Array) -> Array:
     """Return a column (N,) with straight lines where it is lost, zeros if all of it is."""
     return (
         np.zeros(len(x))

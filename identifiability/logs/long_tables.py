@@ -234,7 +234,7 @@ def _time_keys(times: pd.Series) -> Array:
     return to_floats(times) if dates is None else dates.to_numpy()
 
 
-def _is_new(keys: Array) -> np.ndarray:
+def _is_new(keys: Array) -> Array:
     """Return at which rows another time begins, (N,) bool."""
     return np.concatenate([[True], keys[1:] != keys[:-1]])[: len(keys)]
 
@@ -267,9 +267,7 @@ def _turn(block: pd.DataFrame, layout: Layout, joints: Sequence[str], source: st
     return pd.DataFrame(columns)
 
 
-def _find_places(
-    labels: pd.Series, layout: Layout, joints: Sequence[str], source: str
-) -> np.ndarray:
+def _find_places(labels: pd.Series, layout: Layout, joints: Sequence[str], source: str) -> Array:
     """Return the place of each row's joint among all joints, (N,) int.
 
     Raises
@@ -286,7 +284,7 @@ def _find_places(
 
 
 def _check_once(
-    times: pd.Series, row: np.ndarray, joint: np.ndarray, joints: Sequence[str], source: str
+    times: pd.Series, row: Array, joint: Array, joints: Sequence[str], source: str
 ) -> None:
     """Refuse two rows of one joint and time.
 
@@ -303,9 +301,7 @@ def _check_once(
         )
 
 
-def _spread_values(
-    given: pd.Series, row: np.ndarray, joint: np.ndarray, shape: tuple[int, int]
-) -> np.ndarray:
+def _spread_values(given: pd.Series, row: Array, joint: Array, shape: tuple[int, int]) -> Array:
     """Return the values of a channel, (times, joints); NaN where a joint has no row."""
     kind = float if given.dtype.kind in "biuf" else object
     values = np.full(shape, np.nan, dtype=kind)

@@ -1,7 +1,7 @@
 """What names and units of columns usually mean: drivers, recorders, toolboxes have habits.
 
-One table of rules (`RULES`) has them all, a row each: words, the channel that they are of, units
-and what one of them is. Units stand in a row under the header or in the names.
+One table (`RULES`) has words and the channel that they are of, another (`SIZES`) units and how much
+one of them is. Units stand in a row under the header or in the names.
 
 A name is cut into words and numbers, ``/joint_states/panda_joint1/position`` into *joint, states,
 panda, joint, 1, position*. It is taken for a channel of a joint if it holds the joint's name or its
@@ -32,38 +32,7 @@ DIMENSIONS = {
 }
 
 
-@frozen
-class Rule:
-    """A row of the table by which columns are read that are called otherwise than they should be.
-
-    Attributes
-    ----------
-    pattern : str
-        Words of names, or units, apart by spaces. Units are written without spaces, dots and signs
-        of powers.
-    channel : str
-        What a column holds whose name has such a word: ``t``, a channel, ``current``, or ``base.``
-        and what is measured of the base; ``name`` for text that says which joint others are about.
-        ``wanted`` turns a channel into what was wanted of it, and ``silent`` says nothing. Empty
-        for a unit.
-    unit : str
-        What a unit measures.
-    gain : float
-        How much of SI one of it is.
-    """
-
-    pattern: str
-    channel: str
-    unit: str = ""
-    gain: float = 1.0
-
-    @property
-    def words(self) -> tuple[str, ...]:
-        """What stands in a name."""
-        return tuple(self.pattern.split())
-
-
-#: Units by what they measure, and how much of SI one is.
+#: Units by what they measure, and how much of SI one is; without spaces, dots, signs of powers.
 SIZES = {
     "time": {
         "s sec secs second seconds": 1.0,
@@ -89,46 +58,47 @@ SIZES = {
     "current": {"A Amp": 1.0, "mA": 1e-3},
 }
 
-#: The one table. What a robot's own columns are called, its sidecar says (``[columns]``).
-RULES = tuple(
-    Rule(*row)
-    for row in (
-        ("q pos position positions angle angles theta qpos winkel lage", "q"),
-        ("dq qd qdot vel velo velocity velocities speed speeds qvel", "dq"),
-        ("geschwindigkeit drehzahl vitesse", "dq"),
-        ("ddq qdd qddot acc accel acceleration accelerations qacc beschleunigung", "ddq"),
-        ("tau torque torques trq effort efforts force forces moment", "tau"),
-        ("qfrc drehmoment kraft couple", "tau"),
-        ("current currents curr strom courant", "current"),
-        ("t time times timestamp timestamps stamp zeit stempel temps elapsed", "t"),
-        ("name names", "name"),
-        ("d des desired target targets cmd command commands commanded ref reference", "wanted"),
-        ("setpoint action actions ctrl set goal planned nominal soll consigne", "wanted"),
-        ("ff feedforward", "tau_ff"),
-        ("joint joints dof dofs j axis axes state states robot arm actual act measured", "silent"),
-        ("meas mes msr feedback fbk field data log value values achse axe ist wert a m", "silent"),
-        ("observation observations ax present", "silent"),
-        ("policy controller servo motor motors output pd", "silent of commands"),
-        ("acc accel accelerometer acceleration linear_acceleration a", "base.acc"),
-        ("gyro gyroscope angular_velocity angular w omega ang_vel", "base.gyro"),
-        ("pos position p", "base.pos"),
-        ("quat quaternion orientation q", "base.quat"),
-    )
-)
-RULES += tuple(
-    Rule(written, "", what, size)
-    for what, sizes in SIZES.items()
-    for written, size in sizes.items()
+#: The one table of words: those of names, and what a column holds whose name has one. That is
+#: ``t``, a channel, ``current``, or ``base.`` and what is measured of the base; ``name`` for text
+#: that says which joint others are about. ``wanted`` turns a channel into what was wanted of it,
+#: and ``silent`` says nothing. What a robot's own columns are called, its sidecar says
+#: (``[columns]``).
+RULES = (
+    ("q pos position positions angle angles theta qpos winkel lage", "q"),
+    ("dq qd qdot vel velo velocity velocities speed speeds qvel", "dq"),
+    ("geschwindigkeit drehzahl vitesse", "dq"),
+    ("ddq qdd qddot acc accel acceleration accelerations qacc beschleunigung", "ddq"),
+    ("tau torque torques trq effort efforts force forces moment", "tau"),
+    ("qfrc drehmoment kraft couple", "tau"),
+    ("current currents curr strom courant", "current"),
+    ("t time times timestamp timestamps stamp zeit stempel temps elapsed", "t"),
+    ("name names", "name"),
+    ("d des desired target targets cmd command commands commanded ref reference", "wanted"),
+    ("setpoint action actions ctrl set goal planned nominal soll consigne", "wanted"),
+    ("ff feedforward", "tau_ff"),
+    ("joint joints dof dofs j axis axes state states robot arm actual act measured", "silent"),
+    ("meas mes msr feedback fbk field data log value values achse axe ist wert a m", "silent"),
+    ("observation observations ax present", "silent"),
+    ("policy controller servo motor motors output pd", "silent of commands"),
+    ("acc accel accelerometer acceleration linear_acceleration a", "base.acc"),
+    ("gyro gyroscope angular_velocity angular w omega ang_vel", "base.gyro"),
+    ("pos position p", "base.pos"),
+    ("quat quaternion orientation q", "base.quat"),
 )
 
 
 def words_for(channel: str) -> tuple[str, ...]:
     """Return the words of a channel, in the order of the table."""
-    return tuple(w for r in RULES if r.channel == channel for w in r.words)
+    return tuple(w for words, of in RULES if of == channel for w in words.split())
 
 
 #: Units by how they are written: what they measure, and how much of SI one is.
-UNITS = {name: (rule.unit, rule.gain) for rule in RULES if rule.unit for name in rule.words}
+UNITS = {
+    name: (what, size)
+    for what, sizes in SIZES.items()
+    for written, size in sizes.items()
+    for name in written.split()
+}
 UNITS |= {
     f"{name}{end}": (f"{what}{end.replace('sec', 's')}", size)
     for name, (what, size) in UNITS.items()
@@ -346,7 +316,7 @@ def words_of(name: str) -> list[str]:
 @cache
 def _compounds() -> dict[str, tuple[str, str]]:
     """Return what two words of the table are together, as German and lazy typists write them."""
-    known = {w for rule in RULES if rule.channel for w in rule.words if w.isalpha() and len(w) > 2}
+    known = {w for words, _ in RULES for w in words.split() if w.isalpha() and len(w) > 2}
     return {a + b: (a, b) for a in known for b in known if a + b not in known}
 
 

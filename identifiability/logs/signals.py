@@ -28,7 +28,7 @@ def sampling_step(t: Array) -> float:
     return float(np.median(np.diff(t)))
 
 
-def held_since(t: Array, changes: np.ndarray) -> Array:
+def held_since(t: Array, changes: Array) -> Array:
     """Return since when the values of each row are held, (N,) [s].
 
     Rows show a value that comes on another clock late, by up to a row, and by another part of a row
@@ -60,14 +60,14 @@ def held_since(t: Array, changes: np.ndarray) -> Array:
     return out
 
 
-def has_gap(t: Array) -> np.ndarray:
+def has_gap(t: Array) -> Array:
     """Return after which samples at times t (N,) others are missing, (N - 1,) bool."""
     steps = np.diff(t)
-    found: np.ndarray = steps > RULES.gap * np.median(steps)
+    found: Array = steps > RULES.gap * np.median(steps)
     return found
 
 
-def is_constant(low: Array, high: Array, size: float = 0.0) -> np.ndarray:
+def is_constant(low: Array, high: Array, size: float = 0.0) -> Array:
     """Return which columns never change, from their ranges.
 
     Parameters
@@ -80,11 +80,11 @@ def is_constant(low: Array, high: Array, size: float = 0.0) -> np.ndarray:
     -------
     (n,) bool
     """
-    never: np.ndarray = high - low <= ROUNDOFF * (size + np.maximum(np.abs(low), np.abs(high)))
+    never: Array = high - low <= ROUNDOFF * (size + np.maximum(np.abs(low), np.abs(high)))
     return never
 
 
-def never_moves(low: Array, high: Array) -> np.ndarray:
+def never_moves(low: Array, high: Array) -> Array:
     """Return which joints stand still, from the range of their positions [rad or m], (n,) bool."""
     return is_constant(low, high, 1.0)
 

@@ -24,9 +24,6 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import signals
 from identifiability.logs.rules import RULES
 
-#: Windows that are shorter than this share of the longest show no slow motion.
-HALF: Tolerance = 0.5
-
 #: Samples of encoders so coarse that they change more slowly are averaged until they change every
 #: time, but no longer than this.
 COARSE: Tolerance = 0.02
@@ -38,9 +35,6 @@ ABOVE: tuple[Tolerance, Tolerance] = (2.0, 8.0)
 
 #: Samples that are left at least where those of a coarse encoder are averaged.
 LEFT = 256
-
-#: Frequencies at which the noise is looked up, a decade.
-LOOKS = 16
 
 
 @frozen
@@ -91,7 +85,8 @@ class Spectrum:
     def noise(self) -> Array:
         """Density of the noise, (K, n)."""
         last = len(self.f) - 1
-        at = np.unique(np.geomspace(1, max(last, 1), LOOKS * 5).astype(int))
+        # Some sixteen frequencies a decade.
+        at = np.unique(np.geomspace(1, max(last, 1), 80).astype(int))
         low = np.minimum((ABOVE[0] * at).astype(int), int(0.9 * last))
         high = np.maximum((ABOVE[1] * at).astype(int), low + 2)
         found = np.array(
@@ -158,7 +153,7 @@ def spectra_of(windows: Sequence[Array], dt: float, order: int = 2) -> list[Spec
     Those that are less than half as long as the longest are left out: they show no slow motion.
     """
     lengths = sorted({len(x) for x in windows}, reverse=True)
-    used = [n for n in lengths if n > HALF * lengths[0]]
+    used = [n for n in lengths if 2 * n > lengths[0]]
     return [Spectrum.of([x for x in windows if len(x) == n], dt, order) for n in used]
 
 

@@ -12,7 +12,7 @@ from scipy.ndimage import grey_closing, grey_opening
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.logs.rows import divide_rows, find_range, forget
+from identifiability.logs.rows import PIECE, divide_rows, find_range, forget
 from identifiability.logs.rules import RULES
 
 # Single wrong samples of a column: found among their neighbours, before anything is filtered.
@@ -39,9 +39,6 @@ NEAR, ALLOWED = 20, 3
 #: The tail is one sample in so many, at least and at most so many samples; no more are mended.
 TAIL_SHARE, TAIL_LEAST, TAIL_MOST = 2000, 20, 200
 
-#: Samples that are judged by each other; the last so many and up to as many more together.
-BLOCK = 65_536
-
 #: Samples on each side that a judgement draws on, and the filters.
 REACH, FILTERS = NEAR + 3 * WIDEST, 2 * WIDEST
 
@@ -66,7 +63,8 @@ class Spike:
 def find_spikes(x: Array) -> list[Spike]:
     """Return the wrong samples of a column (N,) in their order; blocks of it are judged."""
     found: list[Spike] = []
-    stops = [*range(BLOCK, len(x) - BLOCK - REACH + 1, BLOCK), len(x)]
+    # The last block has up to twice as many samples.
+    stops = [*range(PIECE, len(x) - PIECE - REACH + 1, PIECE), len(x)]
     for a, b in pairwise([0, *stops]):
         low = max(0, a - REACH)
         near = _find(
@@ -175,7 +173,7 @@ class Wraps:
         What is added from there on.
     """
 
-    rows: np.ndarray
+    rows: Array
     turns: Array
 
     def undo(self, values: Array, start: int = 0) -> Array:

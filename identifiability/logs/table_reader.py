@@ -92,7 +92,7 @@ def unify_rates(values: Mapping[str, Array]) -> tuple[dict[str, Array], str]:
     )
 
 
-def _fresh(x: Array) -> np.ndarray:
+def _fresh(x: Array) -> Array:
     """Return which rows of a channel (N, n) hold new values, (N,) bool; all if they are not held.
 
     In a standstill of the values every so-manieth counts as new.
@@ -113,7 +113,7 @@ def _fresh(x: Array) -> np.ndarray:
             0,
         )
     )
-    fresh: np.ndarray = since % usual == 0
+    fresh: Array = since % usual == 0
     fresh[1:] &= new[1:] | (since[1:] >= 2 * usual)
     return fresh
 

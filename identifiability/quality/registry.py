@@ -145,6 +145,16 @@ class RawLogs:
         return self.having((log for log, _ in pairs), (x for _, found in pairs for x in found))
 
 
+def mend_each(key: str) -> Callable[[F], F]:
+    """Register what mends each log by itself: it returns a log, and what it found."""
+
+    def decorate(change: F) -> F:
+        check(key, Does.MENDS)(lambda logs: logs.each(change))
+        return change
+
+    return decorate
+
+
 def mend(logs: RawLogs) -> RawLogs:
     """Return logs with everything mended that can be, and each mend said."""
     for one in CHECKS:

@@ -70,15 +70,15 @@ class ReadingCandidates:
         """The actuated joints."""
         return self.logs.joints
 
-    def is_joint(self, joint: int) -> np.ndarray:
+    def is_joint(self, joint: int) -> Array:
         """Return where a joint is, (n,) bool."""
         return np.asarray(np.arange(len(self.names)) == joint)
 
-    def single_joints(self) -> list[tuple[str, np.ndarray]]:
+    def single_joints(self) -> list[tuple[str, Array]]:
         """Return a subject for each joint's torque, and the joint's place, (n,) bool."""
         return [(f"The torque of {name}", self.is_joint(j)) for j, name in enumerate(self.names)]
 
-    def all_subjects(self) -> list[tuple[str, np.ndarray]]:
+    def all_subjects(self) -> list[tuple[str, Array]]:
         """Return subjects for the torque of each joint and of all, and their places."""
         everywhere = np.ones(len(self.names), bool)
         return [*self.single_joints(), ("The torque of all joints", everywhere)]
@@ -247,7 +247,7 @@ class ReadingCandidates:
             fitted_numbers=2,
         )
 
-    def _exchange(self, i: int, j: int) -> np.ndarray:
+    def _exchange(self, i: int, j: int) -> Array:
         """Return the order of joints of which two are exchanged, (n,) int."""
         order = self.literal.order.copy()
         order[[i, j]] = j, i

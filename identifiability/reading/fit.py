@@ -17,6 +17,7 @@ from identifiability.effects import find_families
 from identifiability.effects.inertia import ActuatorInertia
 from identifiability.effects.transmission import Hysteresis
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen, remember
@@ -31,8 +32,6 @@ from identifiability.regression.structure import Structure
 ROWS, NUMBERS = (2000, 8, 250), 8_000_000
 #: Directions of the smooth functions whose size is less than this share of the largest are left in.
 STRONG: Tolerance = 0.03
-#: Ridge of the normal equations, and smallest residual, as shares of a column and of the torque.
-RIDGE: Tolerance = 1e-9
 #: Families beside the smooth functions from which rows are adjusted.
 CONFOUNDERS = (Hysteresis.name, ActuatorInertia.name, "passive_joint_friction")
 
@@ -50,7 +49,7 @@ class JointProducts:
     square : float
     """
 
-    at: np.ndarray
+    at: Array
     gram: Array
     cross: Array
     square: float
@@ -213,7 +212,7 @@ class TorqueRows:
         for _ in range(3):
             value = self._solve_weighted(joints, weight)
             residual = np.array([joint.residual(value) for joint in joints])
-            residual = np.maximum(residual, RIDGE * scale)
+            residual = np.maximum(residual, ROUNDOFF * scale)
             weight = 1.0 / residual
         return value, residual / scale
 
@@ -360,17 +359,17 @@ class TorqueRows:
         return basis, 1.0 - 1.0 / np.hypot(1.0, size / weak)
 
 
-def solve_nonnegative(gram: Array, cross: Array, nonnegative: np.ndarray) -> Array:
+def solve_nonnegative(gram: Array, cross: Array, nonnegative: Array) -> Array:
     """Return the solution (b,) of normal equations; columns with a forbidden sign are left out."""
     size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     gram = gram / np.outer(size, size)
     cross = cross / size
     # Rounding leaves something of a column that is zero.
-    kept = np.diag(gram) > RIDGE
+    kept = np.diag(gram) > ROUNDOFF
     while True:
         at = np.flatnonzero(kept)
         value = np.zeros(len(cross))
-        ridge = RIDGE * np.eye(len(at))
+        ridge = ROUNDOFF * np.eye(len(at))
         value[at] = np.linalg.solve(gram[np.ix_(at, at)] + ridge, cross[at])
         forbidden = (value < 0) & nonnegative
         if not forbidden.any():

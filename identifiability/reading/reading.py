@@ -63,10 +63,10 @@ class Reading:
 
     description: str
     remedy: str
-    order: np.ndarray
+    order: Array
     factor: Array
     delay: Array
-    compensated: np.ndarray
+    compensated: Array
     gravity: Array
     motion: Array
     parameters: Array = field(default_factory=lambda: np.empty(0))
@@ -105,7 +105,7 @@ class Reading:
         return not np.array_equal(self.motion, np.eye(n, n + 1))
 
     @property
-    def changes_torque(self) -> np.ndarray:
+    def changes_torque(self) -> Array:
         """Joints whose torque column is read in another way, (n,) bool; offsets do not count."""
         exchanged = self.order != np.arange(len(self.order))
         changed = exchanged | (self.factor != 1.0) | (self.delay != 0.0) | self.compensated
@@ -117,7 +117,7 @@ class Reading:
         return not (self.changes_torque.any() or self.separate_offsets or self.moves_joints)
 
     @property
-    def rescaled(self) -> np.ndarray:
+    def rescaled(self) -> Array:
         """Joints whose torque column has another unit, (n,) bool."""
         return np.asarray(np.abs(self.factor) != 1.0)
 

@@ -122,7 +122,7 @@ def solve(A: Array, b: Array) -> Array:
     return np.asarray((invert(A)[0] @ b[..., None])[..., 0])
 
 
-def passes_singular(A: Array) -> np.ndarray:
+def passes_singular(A: Array) -> Array:
     """Return whether a singular matrix lies between each one and the next, (N - 1,) bool.
 
     The determinant changes its sign there: it is taken in the directions that the columns span,
@@ -139,7 +139,7 @@ def passes_singular(A: Array) -> np.ndarray:
     # Two samples whose equations span directions that overlap less than this (a determinant
     # of cosines) are too far apart to say whether a singular pose lies between them.
     sure = np.abs(overlap) > 0.5
-    passed: np.ndarray = sure & (np.sign(overlap) * sign[1:] != sign[:-1])
+    passed: Array = sure & (np.sign(overlap) * sign[1:] != sign[:-1])
     return passed
 
 
@@ -382,14 +382,14 @@ class Motion:
     actuated_v: Array
     actuated_a: Array
     X: Array | None
-    kept: np.ndarray
-    dropped: np.ndarray
+    kept: Array
+    dropped: Array
     condition: float = 1.0
-    near_singular: np.ndarray = field(default_factory=lambda: np.empty(0, int))
+    near_singular: Array = field(default_factory=lambda: np.empty(0, int))
     start: float | None = None
     smooth_v: Array | None = None
     free: Array | None = None
-    silent: np.ndarray | None = None
+    silent: Array | None = None
     touch: Array | None = None
 
     @property
@@ -440,7 +440,7 @@ class Motion:
         """Return the number of samples."""
         return len(self.t)
 
-    def __getitem__(self, rows: slice | np.ndarray) -> Motion:
+    def __getitem__(self, rows: slice | Array) -> Motion:
         """Return the motion at some samples."""
         parts: dict[str, Any] = {name: own[rows] for name, own in self.each.items()}
         return replace(self, **parts)

@@ -330,7 +330,7 @@ class Bound:
 # `Description`: what the rest of the library needs to know of a robot file.
 
 
-def _none() -> np.ndarray:
+def _none() -> Array:
     return np.empty(0, int)
 
 
@@ -441,8 +441,8 @@ class Description(Stated):
     said: Sidecar
     bodies: tuple[str, ...]
     symbols: Mapping[str, str]
-    actuated: np.ndarray = default(default_factory=_none)
-    dependent: np.ndarray = default(default_factory=_none)
+    actuated: Array = default(default_factory=_none)
+    dependent: Array = default(default_factory=_none)
     nominal: Mapping[str, float] = default(default_factory=dict)
     limits: Array = default(default_factory=_none)
     speed_limits: Array = default(default_factory=_none)

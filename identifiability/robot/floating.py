@@ -187,10 +187,10 @@ def eliminate(
     tree: Tree,
     base: Base,
     q: Array,
-    closed: np.ndarray,
+    closed: Array,
     up: Array | None,
-    driven: tuple[np.ndarray, np.ndarray, Array | None],
-) -> tuple[Array, np.ndarray]:
+    driven: tuple[Array, Array, Array | None],
+) -> tuple[Array, Array]:
     """Return the combinations of rows that no force of closed contacts enters.
 
     With the Jacobian of the closed contacts J = [J_b, J_j], of the base and of the other joints,
@@ -240,7 +240,7 @@ def eliminate(
     return N, silent
 
 
-def _null_space(J: Array) -> tuple[Array, np.ndarray]:
+def _null_space(J: Array) -> tuple[Array, Array]:
     """Return N of Jacobians (N, m, n), and the rows of which nothing is left."""
     n = J.shape[2]
     Jb = J[:, :, :SIX]
@@ -262,7 +262,7 @@ def _null_space(J: Array) -> tuple[Array, np.ndarray]:
     return N, silent
 
 
-def _pinv(A: Array, smallest: float) -> tuple[Array, np.ndarray]:
+def _pinv(A: Array, smallest: float) -> tuple[Array, Array]:
     """Return pseudo-inverses of matrices (N, m, n), and where a singular value is near none.
 
     A singular value that is none at all is no direction; one between it and `smallest` of the
@@ -278,7 +278,7 @@ def _pinv(A: Array, smallest: float) -> tuple[Array, np.ndarray]:
     return (V.swapaxes(1, 2) * inverse[:, None, :]) @ U.swapaxes(1, 2), weak
 
 
-def closed_contacts(contacts: Sequence[Contact], t: Array, flags: Array) -> np.ndarray:
+def closed_contacts(contacts: Sequence[Contact], t: Array, flags: Array) -> Array:
     """Return when contacts may press, (N, c) bool, from when they are said to (N, c)."""
     step = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
     reaches = [int(np.ceil(c.margin / step)) for c in contacts]

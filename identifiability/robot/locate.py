@@ -11,6 +11,7 @@ import math
 import xml.etree.ElementTree as ET
 from collections import Counter
 from importlib import resources
+from io import BytesIO
 from pathlib import Path
 
 from identifiability.foundation.errors import RobotError, near_match
@@ -267,10 +268,7 @@ def parse_xml(path: Path, roots: tuple[str, ...], room: int = MOST_ELEMENTS) -> 
     try:
         check_files(path, path, most=MOST_TEXT)
         parser = ET.XMLParser(target=_Builder(path, room))
-        content = memoryview(read_bytes(path))
-        for start in range(0, len(content), _PIECE):
-            parser.feed(bytes(content[start : start + _PIECE]))
-        root: ET.Element = parser.close()
+        root: ET.Element = ET.parse(BytesIO(read_bytes(path)), parser).getroot()
     except (ET.ParseError, OSError, ValueError, LookupError) as error:
         reason = getattr(error, "strerror", None) or error
         raise RobotError(f"{path} cannot be read as MJCF or URDF: {reason}.") from None
@@ -280,10 +278,6 @@ def parse_xml(path: Path, roots: tuple[str, ...], room: int = MOST_ELEMENTS) -> 
             f"{' or '.join(f'<{r}>' for r in roots)}."
         )
     return root
-
-
-#: Bytes that are parsed before the limits are looked at again.
-_PIECE = 65_536
 
 
 def expand_includes(path: Path, root: ET.Element, found: list[Path], room: int) -> int:

@@ -82,7 +82,7 @@ class Servo:
         return np.where(self.kp > 0, self.kp, np.where(self.kv > 0, self.kv, 1.0))
 
     @property
-    def unknown(self) -> np.ndarray:
+    def unknown(self) -> Array:
         """Where logs shall tell gains, (n,) bool."""
         return np.isnan(self.kp) | np.isnan(self.kv)
 

@@ -39,7 +39,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import pinocchio as pin
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from identifiability.foundation.documents import Span, first_problem, read_document, toml_text
 from identifiability.foundation.errors import RobotError, listing, near_match
@@ -52,7 +52,7 @@ from identifiability.robot.assembly import position_limits
 from identifiability.robot.description import Coupling, Description
 from identifiability.robot.kinematics import WORLD, Joint, Point
 from identifiability.robot.locate import is_computed
-from identifiability.robot.sidecar import Sidecar, Triple
+from identifiability.robot.sidecar import Named, Sidecar, Strict, Triple
 from identifiability.robot.write import numbers, turn_base, urdf_inertial, urdf_joint
 
 #: The link on which the first ones stand.
@@ -62,7 +62,6 @@ BASE = "base"
 Distance = Annotated[float, Field(ge=-1e6, le=1e6)]
 
 
-Name = Annotated[str, Field(min_length=1)]
 #: A number in the file's unit, or a text such as ``-pi/2``.
 Angle = (
     float
@@ -70,16 +69,12 @@ Angle = (
 )
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
-
-
-class Row(_Strict):
+class Row(Strict):
     """A link."""
 
-    name: Name
+    name: Named
     parent: str | None = None
-    joint: Name | None = None
+    joint: Named | None = None
     type: Literal["revolute", "prismatic"] = "revolute"
     a: Distance = 0.0
     alpha: Angle = 0.0
@@ -94,10 +89,10 @@ class Row(_Strict):
     inertia: dict[Literal["xx", "yy", "zz", "xy", "xz", "yz"], float] | None = None
 
 
-class Table(_Strict):
+class Table(Strict):
     """The whole file."""
 
-    name: Name = "robot"
+    name: Named = "robot"
     convention: Literal["standard", "modified", "frames"]
     angles: Literal["rad", "deg"] = "rad"
     gravity: Triple = (0.0, 0.0, -9.81)

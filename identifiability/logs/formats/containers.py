@@ -16,7 +16,7 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import numbered
+from identifiability.foundation.names import Array, numbered
 from identifiability.logs.form import PLAIN, Form, find_form
 from identifiability.logs.formats.reader import (
     TIMES,
@@ -313,7 +313,7 @@ def stack_arrays(
     return pd.DataFrame({"t": times, **columns})
 
 
-def _shape(array: np.ndarray) -> str:
+def _shape(array: Array) -> str:
     return "×".join(map(str, array.shape)) or "a number"
 
 
@@ -322,9 +322,9 @@ def _is_time(name: str) -> bool:
     return guess is not None and guess.kind == "t"
 
 
-def _flatten(arrays: Mapping[str, Any], above: str = "") -> dict[str, np.ndarray]:
+def _flatten(arrays: Mapping[str, Any], above: str = "") -> dict[str, Array]:
     """Return all arrays by their names, those in mappings with the mapping's before them."""
-    out: dict[str, np.ndarray] = {}
+    out: dict[str, Array] = {}
     for name, value in arrays.items():
         if isinstance(value, Mapping):
             out |= _flatten(value, f"{above}{name}.")
@@ -333,7 +333,7 @@ def _flatten(arrays: Mapping[str, Any], above: str = "") -> dict[str, np.ndarray
     return out
 
 
-def _shortened(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+def _shortened(arrays: Mapping[str, Array]) -> dict[str, Array]:
     """Return arrays by the last part of their names, where that says which."""
     last = [name.rpartition(".")[2] for name in arrays]
     if len(set(last)) < len(last):
@@ -341,7 +341,7 @@ def _shortened(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     return dict(zip(last, arrays.values(), strict=True))
 
 
-def _joint_names(arrays: Mapping[str, np.ndarray]) -> list[str]:
+def _joint_names(arrays: Mapping[str, Array]) -> list[str]:
     """Return the names of the joints, if an array holds them."""
     for key, array in arrays.items():
         if key.rpartition(".")[2].casefold() in NAMES and array.dtype.kind in "UO":

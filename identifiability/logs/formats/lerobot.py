@@ -19,7 +19,7 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import numbered
+from identifiability.foundation.names import Array, numbered
 from identifiability.foundation.quoting import path_for_shell
 from identifiability.logs.form import PLAIN
 from identifiability.logs.formats.parquet import check_parquet
@@ -186,7 +186,7 @@ def _read_info(folder: Path) -> Mapping[str, Any]:
     return dict(info)
 
 
-def _times(given: Any, info: Mapping[str, Any]) -> np.ndarray:
+def _times(given: Any, info: Mapping[str, Any]) -> Array:
     """Return times [s]; those of single precision that count samples, to the last digit."""
     t = np.array(given.to_pylist(), float).reshape(-1)
     fps = info.get("fps")

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from identifiability.foundation.engines import Engine, Serial, Steps
-from identifiability.foundation.errors import ClosureError, LogError, RobotError
+from identifiability.foundation.errors import ClosureError, LogError, RobotError, listing
 from identifiability.foundation.findings import Finding, of_key
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import checked
@@ -24,7 +24,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.base import AFTER, UP
 from identifiability.logs.prepare.preparation import Plan, Preparation, joint_log, make_plan
-from identifiability.logs.rows import divide_rows, find_range, forget, gather, is_long
+from identifiability.logs.rows import WINDOW, divide_rows, find_range, forget, gather, is_long
 from identifiability.logs.rules import RULES
 from identifiability.logs.signals import is_constant, never_moves
 from identifiability.robot import KnownRobot, Motion, Robot, complete_motion
@@ -39,9 +39,6 @@ from identifiability.robot.floating import SIX, closed_contacts, wrench_torque
 
 #: Rows of a log, from the first to the last (exclusive).
 Rows = tuple[int, int]
-
-#: Rows that a note lists.
-LISTED = 5
 
 
 @frozen
@@ -69,16 +66,16 @@ class Survey:
     low: Array
     high: Array
     torque_range: Array
-    rows: np.ndarray = field(default_factory=lambda: np.zeros(1, int))
+    rows: Array = field(default_factory=lambda: np.zeros(1, int))
 
 
-def stands_still(surveys: Sequence[Survey]) -> np.ndarray:
+def stands_still(surveys: Sequence[Survey]) -> Array:
     """Return which actuated joints are at one place in these logs, (n,) bool."""
     low = np.min([s.low for s in surveys], axis=0)
     high = np.max([s.high for s in surveys], axis=0)
     # The joints that stand for a base are at zero wherever it goes.
     based = (low[0] == 0.0) & (high[0] == 0.0) & ~never_moves(low[2], high[2])
-    still: np.ndarray = never_moves(low[0], high[0]) & ~based
+    still: Array = never_moves(low[0], high[0]) & ~based
     return still
 
 
@@ -87,14 +84,14 @@ def robot_moves(surveys: Sequence[Survey]) -> bool:
     return not stands_still(surveys).all()
 
 
-def torque_varies(surveys: Sequence[Survey]) -> np.ndarray:
+def torque_varies(surveys: Sequence[Survey]) -> Array:
     """Return at which actuated joints the measured torque changes in these logs, (n,) bool."""
     low = np.min([s.torque_range[0] for s in surveys], axis=0)
     high = np.max([s.torque_range[1] for s in surveys], axis=0)
     return ~is_constant(low, high)
 
 
-def find_signal(surveys: Sequence[Survey]) -> np.ndarray:
+def find_signal(surveys: Sequence[Survey]) -> Array:
     """Return at which actuated joints logs have something to explain, (n,) bool.
 
     The robot moves, and the torque of that joint changes.
@@ -138,15 +135,15 @@ class Piece:
         return x if self.decimation is None else self.decimation.apply(x)
 
     @cached_property
-    def _lost(self) -> np.ndarray | None:
+    def _lost(self) -> Array | None:
         """Where torque is no data, (N, n) bool; None for nowhere."""
         lost = self.weight <= 0
         return lost if lost.any() else None
 
     @property
-    def moves(self) -> np.ndarray:
+    def moves(self) -> Array:
         """Where, at its outputs, torque of each joint is data, (m, n) bool."""
-        found: np.ndarray = self.weight[self.at] > 0
+        found: Array = self.weight[self.at] > 0
         return found
 
     @property
@@ -237,7 +234,7 @@ class Dataset:
     band: float | None = None
     instrument: Motion | None = None
     lost: int = 0
-    breaks: np.ndarray = field(default_factory=lambda: np.empty(0, int))
+    breaks: Array = field(default_factory=lambda: np.empty(0, int))
     hints: tuple[str, ...] = ()
     path: str = ""
     weight: Array = field(default_factory=lambda: np.ones((1, 1)))
@@ -361,7 +358,7 @@ class Dataset:
                 if self.long:
                     forget()
 
-    def take(self, rows: slice | np.ndarray) -> Dataset:
+    def take(self, rows: slice | Array) -> Dataset:
         """Return some of the samples."""
         other = None if self.instrument is None else self.instrument[rows]
         motion = self.motion[rows]
@@ -379,13 +376,13 @@ class Dataset:
         """Return every `step`-th sample, without decimation."""
         return replace(self.take(slice(None, None, step)), decimation=None)
 
-    def output_times(self, at: slice | np.ndarray = slice(None)) -> Array:
+    def output_times(self, at: slice | Array = slice(None)) -> Array:
         """Return the times of samples after decimation [s], all by default."""
         times: Array = self.motion.t[self.at_outputs[at]]
         return times
 
     @property
-    def at_outputs(self) -> np.ndarray:
+    def at_outputs(self) -> Array:
         """The samples of the motion at which the outputs are."""
         factor, reach = (1, 0) if (d := self.decimation) is None else (d.factor, d.reach)
         rows = [start + reach + factor * np.arange(count) for start, _, count in self.runs]
@@ -397,16 +394,9 @@ class Dataset:
         s = self.survey
         notes = []
         if len(m.dropped):
-            first = ", ".join(str(k + 1) for k in m.dropped[:LISTED])
-            first += " …" if len(m.dropped) > LISTED else ""
+            where = listing(map(str, m.dropped + 1), 5)
             notes.append(
-                Finding(
-                    "unclosed",
-                    self.name,
-                    rows=len(m.dropped),
-                    all=total,
-                    where=first,
-                )
+                Finding("unclosed", self.name, rows=len(m.dropped), all=total, where=where)
             )
         if m.singular:
             notes.append(
@@ -530,7 +520,7 @@ def _pushed(robot: Robot, motion: Motion, record: Array) -> Array:
     return project(robot, motion, tree)
 
 
-def _silent(motion: Motion, dwells: np.ndarray | None) -> np.ndarray:
+def _silent(motion: Motion, dwells: Array | None) -> Array:
     """Return where rows are no data, (N, n) bool: the base never stands, and contacts hide some.
 
     What a joint at rest supplies is nobody's data, also where the base's rows are made of it.
@@ -585,8 +575,8 @@ def check_left(name: str, left: int, total: int, notes: Sequence[str]) -> None:
 # From a `Log` to a `Dataset`.
 
 
-#: Samples that are prepared at a time, at least; and in units of what filters draw on.
-PIECE, MARGINS = 16_384, 4
+#: Samples that are prepared at a time, at least in units of what filters draw on.
+MARGINS = 4
 
 
 @checked
@@ -618,7 +608,7 @@ def prepare_log(
     plan = make_plan(robot, log, how)
     reach = plan.reach
     rows = []
-    for a, b in divide_rows(total, max(PIECE, MARGINS * reach)):
+    for a, b in divide_rows(total, max(WINDOW, MARGINS * reach)):
         low = max(0, a - reach)
         rows.append((log.rows(low, min(total, b + reach)), low, (a, b)))
     work = partial(
@@ -656,7 +646,7 @@ def prepare_log(
 def _join(parts: Iterator[Dataset]) -> Dataset:
     """Return rows one after the other."""
     first: list[Dataset] = []
-    told: list[tuple[np.ndarray, np.ndarray, float, int]] = []  # little, as parts are many
+    told: list[tuple[Array, Array, float, int]] = []  # little, as parts are many
 
     def arrays() -> Iterator[dict[str, Array]]:
         for part in parts:

@@ -24,8 +24,6 @@ from identifiability.robot import Robot
 #: are thinned to stretches.
 MOST_SAMPLES, MOST_IN_ALL = 3000, 4000
 STRETCH = 300
-#: Of a file so many times as many samples are read, in longer stretches.
-READ = 40
 
 
 def prepare_excerpt(
@@ -46,9 +44,10 @@ def prepare_excerpt(
     if how is None:
         factor = find_factor(log)
         how = Preparation(decimate=factor) if factor > 1 else Preparation()
-    if log.long:
-        long = len(log) > READ * most
-        windows = spread(len(log), READ * STRETCH, most // STRETCH) if long else [(0, len(log))]
+    # So many times as many samples are read, in longer stretches.
+    read = 40
+    if log.long and len(log) > read * most:
+        windows = spread(len(log), read * STRETCH, most // STRETCH)
         log = join_logs([log.rows(a, b) for a, b in windows])
     return thin(prepare_log(robot, log, how), most)
 

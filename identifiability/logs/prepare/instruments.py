@@ -34,9 +34,6 @@ SecondRecord: TypeAlias = "tuple[Sequence[Array] | Array, str]"
 #: Noise may have so many times the power that differences see.
 LOUDER: Tolerance = 1.5
 
-#: Samples in which a period is looked for.
-ENOUGH = 4096
-
 
 def add_instrument(
     robot: Robot,
@@ -117,16 +114,14 @@ def complete_along(robot: Robot, measured: Motion, other: Sequence[Array] | Arra
     return replace(measured, **mixed)
 
 
-# A motion that was made again, on another clock.
-
-
 # A Fourier series of all that was measured, and the smoothed motion.
 
 
 def _fit_series(log: Log, channels: Sequence[Array], noise: Sequence[Array]) -> SecondRecord | None:
     """Return the series that explains all channels up to their noise; None if none does."""
     t = log.t - log.t[0]
-    step = -(-len(t) // ENOUGH)
+    # A period is looked for in some thousand samples.
+    step = -(-len(t) // 4096)
     # Harmonics that are tried.
     for harmonics in (5, 10, 20, 40):
         # The shortest period of a harmonic has four samples.

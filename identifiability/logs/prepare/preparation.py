@@ -60,7 +60,7 @@ class Smoothing:
 
     cutoff: float
     sd: Array
-    raw: np.ndarray
+    raw: Array
 
     @staticmethod
     def choose(windows: Sequence[Array], dt: float) -> Smoothing | None:
@@ -125,7 +125,7 @@ class DwellRule:
     """
 
     creep: Array
-    slow: np.ndarray
+    slow: Array
     beside: int
     turning: int = 0
 
@@ -138,7 +138,7 @@ class DwellRule:
         """Return the rule by which reversals are data unless a joint ever stands."""
         return replace(self, turning=max(1, self.beside) if stands else 0)
 
-    def find(self, dq: Array) -> np.ndarray:
+    def find(self, dq: Array) -> Array:
         """Return where each joint dwells, (N, n) bool; dq (N, n) are the speeds that are used."""
         out = np.zeros(dq.shape, bool)
         speed = np.abs(dq)
@@ -152,18 +152,18 @@ class DwellRule:
         return out | _reached(_reversals(dq), self.turning) if self.turning else out
 
 
-def _reversals(dq: Array) -> np.ndarray:
+def _reversals(dq: Array) -> Array:
     """Return the samples behind which the speeds dq (N, n) cross zero, (N, n) bool."""
     turns = np.zeros(dq.shape, bool)
     turns[:-1] = np.sign(dq[:-1]) != np.sign(dq[1:])
     return turns
 
 
-def _lasting(x: np.ndarray, window: int) -> np.ndarray:
+def _lasting(x: Array, window: int) -> Array:
     """Return where x (N,) bool is true for at least a window about some sample."""
     size = 2 * (window // 2) + 1  # an opening, in a time that does not grow with the window
     slow = minimum_filter1d(x.astype(np.uint8), size, mode="constant")
-    kept: np.ndarray = maximum_filter1d(slow, size, mode="constant") > 0
+    kept: Array = maximum_filter1d(slow, size, mode="constant") > 0
     return kept
 
 
@@ -189,7 +189,7 @@ class Stays:
     speeds: tuple[Array, ...]
     creep: Array
     typical: Array
-    never: np.ndarray
+    never: Array
 
     @staticmethod
     def of(plan: Plan, windows: Sequence[Log], origins: Sequence[int]) -> Stays:
@@ -398,7 +398,7 @@ class Plan:
             out[rows] = self.smoothing.apply(fill(log.dq[rows], at), self.step)[at]
         return out
 
-    def _stretches(self, rows: int, origin: int) -> Iterator[tuple[slice, np.ndarray]]:
+    def _stretches(self, rows: int, origin: int) -> Iterator[tuple[slice, Array]]:
         """Yield the stretches without a long gap of so many rows from `origin` on, but short ones.
 
         With how many steps after its first each row of them was sampled.
@@ -410,7 +410,7 @@ class Plan:
             if b - a >= self.grid.least:
                 yield slice(a, b), self.grid.places(origin + a, origin + b)
 
-    def lacking(self, unmeasured: np.ndarray) -> np.ndarray:
+    def lacking(self, unmeasured: Array) -> Array:
         """Return where torque is no data, from where it was not measured, (N, n) bool.
 
         A decimation filter mixes it with what is beside. What lacks less than an output's step is
@@ -422,9 +422,9 @@ class Plan:
         return _reached(short, self.factor)
 
 
-def _reached(x: np.ndarray, reach: int) -> np.ndarray:
+def _reached(x: Array, reach: int) -> Array:
     """Return (N, n) bool true within some samples of where it is."""
-    out: np.ndarray = maximum_filter1d(x, 2 * min(reach, len(x)) + 1, axis=0)
+    out: Array = maximum_filter1d(x, 2 * min(reach, len(x)) + 1, axis=0)
     return out
 
 
