@@ -6,7 +6,6 @@ It goes from the robot to whoever reads: `read_recordings`, `Log.read`, `Log.fro
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
 
 from identifiability.foundation.names import Renames
 from identifiability.foundation.values import frozen
@@ -53,12 +52,12 @@ class Conventions:
     joints: tuple[str, ...] = ()
     motors: tuple[str, ...] = ()
     columns: Renames = Renames()
-    scales: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    scales: Mapping[str, tuple[float, float]] = {}
     time_unit: str = ""
     torque: MeasuredTorque = MeasuredTorque()
     degrees: tuple[str, ...] = ()
     motion_alone: bool = False
-    locked: Mapping[str, float] = field(default_factory=dict)
+    locked: Mapping[str, float] = {}
     servo: Servo | None = None
     commands: bool = False
     base: Base | None = None

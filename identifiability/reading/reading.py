@@ -9,7 +9,7 @@ of these is the model of the same base parameters along other rows, or under oth
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -69,9 +69,9 @@ class Reading:
     compensated: Array
     gravity: Array
     motion: Array
-    parameters: Array = field(default_factory=lambda: np.empty(0))
+    parameters: Array = np.empty(0)
     separate_offsets: bool = False
-    offsets: Mapping[str, Array] = field(default_factory=dict)
+    offsets: Mapping[str, Array] = {}
     fitted_numbers: int = 0
     log_odds: float = 0.0
     error_ratio: float = 1.0

@@ -7,7 +7,7 @@ samples; they are solved for the dependent joints of each.
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import field, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -385,7 +385,7 @@ class Motion:
     kept: Array
     dropped: Array
     condition: float = 1.0
-    near_singular: Array = field(default_factory=lambda: np.empty(0, int))
+    near_singular: Array = np.empty(0, int)
     start: float | None = None
     smooth_v: Array | None = None
     free: Array | None = None

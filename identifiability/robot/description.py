@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import field as default
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -285,21 +284,21 @@ class Stated:
     driven: list[str] | None
     home: Array
     posed: bool = False
-    numbers: Mapping[str, Mapping[str, float]] = default(default_factory=dict)
-    rests: Mapping[str, float] = default(default_factory=dict)
-    spans: Mapping[str, tuple[float, float]] = default(default_factory=dict)
-    speeds: Mapping[str, float] = default(default_factory=dict)
-    locked: Mapping[str, float] = default(default_factory=dict)
-    welded: Mapping[str, Array] = default(default_factory=dict)
-    combinations: Mapping[str, Mapping[str, float]] = default(default_factory=dict)
+    numbers: Mapping[str, Mapping[str, float]] = {}
+    rests: Mapping[str, float] = {}
+    spans: Mapping[str, tuple[float, float]] = {}
+    speeds: Mapping[str, float] = {}
+    locked: Mapping[str, float] = {}
+    welded: Mapping[str, Array] = {}
+    combinations: Mapping[str, Mapping[str, float]] = {}
     cables: tuple[Cable, ...] = ()
     outside: tuple[str, ...] = ()
     meshes: tuple[Path, ...] = ()
-    gears: Mapping[str, float] = default(default_factory=dict)
-    servos: Mapping[str, Array] = default(default_factory=dict)
-    offsets: Mapping[str, float] = default(default_factory=dict)
+    gears: Mapping[str, float] = {}
+    servos: Mapping[str, Array] = {}
+    offsets: Mapping[str, float] = {}
     base: Base | None = None
-    radii: Mapping[str, float] = default(default_factory=dict)
+    radii: Mapping[str, float] = {}
 
 
 # What is known of the mass of bodies and of where their centres are.
@@ -323,15 +322,14 @@ class Bound:
     bodies: tuple[str, ...]
     mass: tuple[float, float] | None = None
     box: tuple[tuple[float, float], ...] | None = None
-    rotation: Array = default(default_factory=lambda: np.eye(3))
-    origin: Array = default(default_factory=lambda: np.zeros(3))
+    rotation: Array = np.eye(3)
+    origin: Array = np.zeros(3)
 
 
 # `Description`: what the rest of the library needs to know of a robot file.
 
 
-def _none() -> Array:
-    return np.empty(0, int)
+_NO_PLACES = np.empty(0, int)
 
 
 @frozen
@@ -441,22 +439,22 @@ class Description(Stated):
     said: Sidecar
     bodies: tuple[str, ...]
     symbols: Mapping[str, str]
-    actuated: Array = default(default_factory=_none)
-    dependent: Array = default(default_factory=_none)
-    nominal: Mapping[str, float] = default(default_factory=dict)
-    limits: Array = default(default_factory=_none)
-    speed_limits: Array = default(default_factory=_none)
-    acceleration_limits: Array = default(default_factory=_none)
+    actuated: Array = _NO_PLACES
+    dependent: Array = _NO_PLACES
+    nominal: Mapping[str, float] = {}
+    limits: Array = _NO_PLACES
+    speed_limits: Array = _NO_PLACES
+    acceleration_limits: Array = _NO_PLACES
     transmission: Transmission | None = None
     guessed: tuple[str, ...] = ()
     inertia_parts: tuple[str, ...] = ("Ia",)
-    prior: Mapping[str, tuple[float, float]] = default(default_factory=dict)
+    prior: Mapping[str, tuple[float, float]] = {}
     ties: tuple[Mapping[str, tuple[str, ...]], ...] = ()
-    rest: Mapping[str, float] = default(default_factory=dict)
-    shapes: Mapping[str, float] = default(default_factory=dict)
-    reference: Mapping[str, float] = default(default_factory=dict)
+    rest: Mapping[str, float] = {}
+    shapes: Mapping[str, float] = {}
+    reference: Mapping[str, float] = {}
     columns: Renames = Renames()
-    scales: Mapping[str, tuple[float, float]] = default(default_factory=dict)
+    scales: Mapping[str, tuple[float, float]] = {}
     time_unit: str = ""
     torque: MeasuredTorque = MeasuredTorque()
     known_torque: tuple[KnownTorque, ...] = ()

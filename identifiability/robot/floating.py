@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import field
 from typing import Literal
 
 import numpy as np
@@ -99,10 +98,10 @@ class Imu:
         Those of these of which corrections are fitted.
     """
 
-    rotation: Array = field(default_factory=lambda: np.eye(3))
-    place: Array = field(default_factory=lambda: np.zeros(3))
-    acc_bias: Array = field(default_factory=lambda: np.zeros(3))
-    gyro_bias: Array = field(default_factory=lambda: np.zeros(3))
+    rotation: Array = np.eye(3)
+    place: Array = np.zeros(3)
+    acc_bias: Array = np.zeros(3)
+    gyro_bias: Array = np.zeros(3)
     fit: tuple[str, ...] = ()
 
 

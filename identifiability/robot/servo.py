@@ -9,7 +9,7 @@ sidecar, whose table goes before them, in ``[servo]``.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -73,8 +73,8 @@ class Servo:
     assumed: bool = True
     found: str = ""
     rolled: Any = None
-    play: Array = field(default_factory=lambda: np.zeros(0))
-    doubt: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    play: Array = np.zeros(0)
+    doubt: Array = np.zeros((0, 0))
 
     @property
     def gain(self) -> Array:

@@ -7,7 +7,7 @@ is to know of it as a whole. A long log is prepared piece by piece, and its rows
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any
@@ -66,7 +66,7 @@ class Survey:
     low: Array
     high: Array
     torque_range: Array
-    rows: Array = field(default_factory=lambda: np.zeros(1, int))
+    rows: Array = np.zeros(1, int)
 
 
 def stands_still(surveys: Sequence[Survey]) -> Array:
@@ -234,10 +234,10 @@ class Dataset:
     band: float | None = None
     instrument: Motion | None = None
     lost: int = 0
-    breaks: Array = field(default_factory=lambda: np.empty(0, int))
+    breaks: Array = np.empty(0, int)
     hints: tuple[str, ...] = ()
     path: str = ""
-    weight: Array = field(default_factory=lambda: np.ones((1, 1)))
+    weight: Array = np.ones((1, 1))
 
     def __post_init__(self) -> None:
         """Count every row alike where nobody says otherwise."""
