@@ -1,7 +1,7 @@
 """What names and units of columns usually mean: drivers, recorders, toolboxes have habits.
 
-One table (`RULES`) has words and the channel that they are of, another (`SIZES`) units and how much
-one of them is. Units stand in a row under the header or in the names.
+`words.toml` has words and the channel that they are of, and units and how much one of them is.
+Units stand in a row under the header or in the names.
 
 A name is cut into words and numbers, ``/joint_states/panda_joint1/position`` into *joint, states,
 panda, joint, 1, position*. It is taken for a channel of a joint if it holds the joint's name or its
@@ -11,85 +11,30 @@ measurement.
 
 from __future__ import annotations
 
-import math
 import re
+import tomllib
 from collections.abc import Sequence
 from functools import cache
+from pathlib import Path
 
 from identifiability.foundation.errors import LogError, with_article
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 
-#: What each channel of a log can be measured in.
-DIMENSIONS = {
-    "t": ("time",),
-    **dict.fromkeys(("q", "q_ref"), ("angle", "length")),
-    **dict.fromkeys(("dq", "dq_ref"), ("angle/s", "length/s")),
-    "ddq": ("angle/s2", "length/s2"),
-    **dict.fromkeys(("tau", "tau_ff"), ("torque", "force")),
-    "current": ("current",),
-}
+_TABLES = tomllib.loads(Path(__file__).with_name("words.toml").read_text(encoding="utf-8"))
 
+#: Words of names by what a column holds, and what each channel of a log can be measured in.
+WORDS: dict[str, str] = _TABLES["words"]
+DIMENSIONS: dict[str, list[str]] = _TABLES["dimensions"]
 
-#: Units by what they measure, and how much of SI one is; without spaces, dots, signs of powers.
-SIZES = {
-    "time": {
-        "s sec secs second seconds": 1.0,
-        "ms msec millis milliseconds": 1e-3,
-        "us usec µs microseconds": 1e-6,
-        "ns nsec nanoseconds": 1e-9,
-    },
-    "angle": {"rad radian radians": 1.0, "deg degree degrees ° Grad": math.pi / 180},
-    "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
-    "angle/s": {"rpm U/min tr/min": math.pi / 30},
-    "torque": {
-        "Nm": 1.0,
-        "Ncm": 1e-2,
-        "mNm Nmm": 1e-3,
-        "kNm": 1e3,
-        "daNm": 10.0,
-        "kgfm kgm": 9.80665,
-        "kgfcm kgcm": 9.80665e-2,
-        "lbfft lbft ftlbf ftlb": 1.3558179483,
-        "lbfin lbin inlbf inlb": 0.1129848290,
-    },
-    "force": {"N": 1.0, "kN": 1e3},
-    "current": {"A Amp": 1.0, "mA": 1e-3},
-}
-
-#: The one table of words: those of names, and what a column holds whose name has one. That is
-#: ``t``, a channel, ``current``, or ``base.`` and what is measured of the base; ``name`` for text
-#: that says which joint others are about. ``wanted`` turns a channel into what was wanted of it,
-#: and ``silent`` says nothing. What a robot's own columns are called, its sidecar says
-#: (``[columns]``).
-RULES = (
-    ("q pos position positions angle angles theta qpos winkel lage", "q"),
-    ("dq qd qdot vel velo velocity velocities speed speeds qvel", "dq"),
-    ("geschwindigkeit drehzahl vitesse", "dq"),
-    ("ddq qdd qddot acc accel acceleration accelerations qacc beschleunigung", "ddq"),
-    ("tau torque torques trq effort efforts force forces moment", "tau"),
-    ("qfrc drehmoment kraft couple", "tau"),
-    ("current currents curr strom courant", "current"),
-    ("t time times timestamp timestamps stamp zeit stempel temps elapsed", "t"),
-    ("name names", "name"),
-    ("d des desired target targets cmd command commands commanded ref reference", "wanted"),
-    ("setpoint action actions ctrl set goal planned nominal soll consigne", "wanted"),
-    ("ff feedforward", "tau_ff"),
-    ("joint joints dof dofs j axis axes state states robot arm actual act measured", "silent"),
-    ("meas mes msr feedback fbk field data log value values achse axe ist wert a m", "silent"),
-    ("observation observations ax present", "silent"),
-    ("policy controller servo motor motors output pd", "silent of commands"),
-    ("acc accel accelerometer acceleration linear_acceleration a", "base.acc"),
-    ("gyro gyroscope angular_velocity angular w omega ang_vel", "base.gyro"),
-    ("pos position p", "base.pos"),
-    ("quat quaternion orientation q", "base.quat"),
-)
+#: Units by what they measure, and how much of SI one is.
+SIZES: dict[str, dict[str, float]] = _TABLES["units"]
 
 
 def words_for(channel: str) -> tuple[str, ...]:
     """Return the words of a channel, in the order of the table."""
-    return tuple(w for words, of in RULES if of == channel for w in words.split())
+    return tuple(WORDS[channel].split())
 
 
 #: Units by how they are written: what they measure, and how much of SI one is.
@@ -108,16 +53,6 @@ UNITS |= {
 
 #: What stands where a column has no unit.
 NONE = ("", "-", "–", "1", "none", "n/a")
-
-_WORDS = {
-    "t": "time",
-    "q": "position",
-    "q_ref": "commanded position",
-    "dq": "velocity",
-    "dq_ref": "commanded velocity",
-    "ddq": "acceleration",
-    "current": "current",
-}
 
 #: Letters of a unit, and of the name of a column; and columns of a table, at most.
 LONGEST_UNIT, LONGEST_NAME, MOST_COLUMNS = 200, 1000, 20_000
@@ -151,7 +86,7 @@ class Unit:
         LogError
         """
         if self.dimension not in DIMENSIONS[kind]:
-            what = _WORDS.get(kind, "torque or force")
+            what = _TABLES["called"].get(kind, "torque or force")
             raise LogError(
                 f"{source}: column '{column}' is {with_article(what)}, but the log says that its "
                 f"unit is '{self.text}'; check which column is which, and rename it or repair the "
@@ -316,7 +251,7 @@ def words_of(name: str) -> list[str]:
 @cache
 def _compounds() -> dict[str, tuple[str, str]]:
     """Return what two words of the table are together, as German and lazy typists write them."""
-    known = {w for words, _ in RULES for w in words.split() if w.isalpha() and len(w) > 2}
+    known = {w for words in WORDS.values() for w in words.split() if w.isalpha() and len(w) > 2}
     return {a + b: (a, b) for a in known for b in known if a + b not in known}
 
 

@@ -11,7 +11,7 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 
 from identifiability.effects.nominal import has_masses, rigid_torque
-from identifiability.foundation.findings import Finding
+from identifiability.foundation.findings import Finding, sentences
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -22,14 +22,6 @@ from identifiability.logs.prepare.dataset import Dataset, join_motions
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot
-
-#: The order of all checks: of mends that in which they act, of explanations that in which they are
-#: asked, of all others that in which they are said. A user's own stand behind.
-ORDER = (
-    *("silent", "stuck", "wraps", "spikes", "commands", "contradictions"),
-    *("flat", "unheld", "effects", "unit", "joint_unit"),
-    *("bodies", "dense", "assembly", "outside", "beyond", "still", "outliers"),
-)
 
 #: Returns findings of `MeasuredLogs`, none for sound logs; what mends returns logs that are being
 #: read (`RawLogs`) as they are then, with what it found.
@@ -55,7 +47,8 @@ class Check:
     Attributes
     ----------
     key : str
-        Its place in `ORDER`, and of its sentences.
+        Of its sentences in `findings.toml`. Their order is that in which mends act, explanations
+        are asked, and all others are said.
     does : Does
     find : callable(MeasuredLogs) -> sequence of Finding, or callable(RawLogs) -> RawLogs
     always : bool
@@ -70,8 +63,8 @@ class Check:
 
     @property
     def rank(self) -> int:
-        """Its place in the order."""
-        return ORDER.index(self.key) if self.key in ORDER else len(ORDER)
+        """Its place among the sentences; a check without any comes last."""
+        return [*sentences(), self.key].index(self.key)
 
 
 #: All checks, in their order.
