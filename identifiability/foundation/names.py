@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 from numpy.typing import NDArray
 
@@ -18,6 +18,10 @@ from identifiability.foundation.values import frozen
 
 #: Arrays of numbers or flags; docstrings say which. NumPy types its results too loosely for more.
 Array = NDArray[Any]
+
+#: Names or sentences in order; and numbers by what they are of, such as values by parameter.
+Strings: TypeAlias = tuple[str, ...]
+NumberByName: TypeAlias = Mapping[str, float]
 
 #: Inertial parameters of a body in Pinocchio's order: mass, first moments, and the *tensor*
 #: entries of inertia (Ixy = -∫xy dm) about the origin of the body's joint frame.

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from identifiability.foundation import handed
 from identifiability.foundation.findings import Finding, of_key
 from identifiability.foundation.keyed import Keyed
+from identifiability.foundation.names import Strings
 from identifiability.foundation.output import check_ending, write_json
 from identifiability.foundation.presenter import Presenter, present
 
@@ -89,12 +90,12 @@ class Result(Keyed, ABC):
         return tuple(of_key([*getattr(self, "hints", ()), *notes]))
 
     @cached_property
-    def warnings(self) -> tuple[str, ...]:
+    def warnings(self) -> Strings:
         """Findings that change a decision; every way of showing the result shows them."""
         return self._presenter.warnings()
 
     @property
-    def remarks(self) -> tuple[str, ...]:
+    def remarks(self) -> Strings:
         """Hints that change no decision."""
         hints = getattr(self, "hints", ())
         return tuple(x for x in hints if not (isinstance(x, Finding) and x.decides))

@@ -13,7 +13,7 @@ from functools import partial
 
 from scipy.special import betaincinv
 
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.values import frozen
 
 # Numbers as text.
@@ -162,7 +162,7 @@ def format_count(count: int, noun: str) -> str:
     return f"{count:,} {noun if count == 1 else f'{noun}s'}".replace(",", "\u202f")
 
 
-def join(names: list[str] | tuple[str, ...], most: int = 6) -> str:
+def join(names: list[str] | Strings, most: int = 6) -> str:
     """Return ``a, b and c``, or the first few and how many more."""
     if len(names) > most:
         return f"{', '.join(names[: most - 1])} and {len(names) - most + 1} more"

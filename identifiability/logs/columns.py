@@ -18,7 +18,7 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing, near_match, nearest
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import TIME_UNITS, Array, find_patterns, name_rule
+from identifiability.foundation.names import TIME_UNITS, Array, Strings, find_patterns, name_rule
 from identifiability.foundation.quoting import option_for_shell, toml_key
 from identifiability.foundation.values import frozen
 from identifiability.logs.checks import CHANNELS, COMMANDS, to_floats
@@ -74,11 +74,11 @@ class Naming:
     """
 
     columns: tuple[Column, ...]
-    joints: tuple[str, ...]
-    notes: tuple[str, ...] = ()
+    joints: Strings
+    notes: Strings = ()
     locked: tuple[Column, ...] = ()
-    made: tuple[str, ...] = ()
-    commands: tuple[str, ...] = ()
+    made: Strings = ()
+    commands: Strings = ()
 
 
 def name_columns(
@@ -183,9 +183,7 @@ def _has_torque(names: Mapping[str, str], guesses: Sequence[Column]) -> bool:
     return any(KINDS.get(word) in ("tau", "current") for words in others for word in words)
 
 
-def _all_there(
-    names: Collection[str], known: Conventions, needed: Sequence[str]
-) -> tuple[str, ...]:
+def _all_there(names: Collection[str], known: Conventions, needed: Sequence[str]) -> Strings:
     """Return the motors or joints that a table has all that is needed of, or none."""
     found = known.joints or tuple(
         dict.fromkeys(_owner(n) for n in names if _kind(n) in ("q", "tau"))

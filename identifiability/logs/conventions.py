@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from identifiability.foundation.names import Renames
+from identifiability.foundation.names import Renames, Strings
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 from identifiability.robot.floating import Base
@@ -49,19 +49,19 @@ class Conventions:
         Joints that no motor drives, of which logs need no columns.
     """
 
-    joints: tuple[str, ...] = ()
-    motors: tuple[str, ...] = ()
+    joints: Strings = ()
+    motors: Strings = ()
     columns: Renames = Renames()
     scales: Mapping[str, tuple[float, float]] = {}
     time_unit: str = ""
     torque: MeasuredTorque = MeasuredTorque()
-    degrees: tuple[str, ...] = ()
+    degrees: Strings = ()
     motion_alone: bool = False
     locked: Mapping[str, float] = {}
     servo: Servo | None = None
     commands: bool = False
     base: Base | None = None
-    passive: tuple[str, ...] = ()
+    passive: Strings = ()
 
     @staticmethod
     def of(robot: Robot) -> Conventions:

@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from identifiability.foundation.names import Strings
 from identifiability.foundation.values import frozen
 from identifiability.logs.names import are_units
 
@@ -58,10 +59,10 @@ class Form:
     separator: str = ","
     decimal: str = "."
     comment: str = ""
-    columns: tuple[str, ...] = ()
-    units: tuple[str, ...] = ()
+    columns: Strings = ()
+    units: Strings = ()
     lines: int = 0
-    notes: tuple[str, ...] = ()
+    notes: Strings = ()
 
     def split(self, line: str) -> list[str]:
         """Return the fields of a line; one field if one is longer than any table's."""
@@ -165,7 +166,7 @@ def _try(form: Form, lines: Sequence[str]) -> Form | None:
         return None
     full = [k for k in range(first) if len(rows[k][1]) == width]  # more than a title
     full = [k for k in full if 2 * sum(bool(cell.strip()) for cell in rows[k][1]) > width]
-    units: tuple[str, ...] = ()
+    units: Strings = ()
     if len(full) > 1 and are_units(rows[full[-1]][1]):
         units = tuple(cell.strip() for cell in rows[full.pop()][1])
     if full:

@@ -20,7 +20,7 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Array, numbered, shorten_paths
+from identifiability.foundation.names import Array, Strings, numbered, shorten_paths
 from identifiability.foundation.options import Expected, FilePath, Names, check_option, checked
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import shown
@@ -92,14 +92,14 @@ class Log:
     """
 
     name: str
-    joints: tuple[str, ...]
+    joints: Strings
     t: Array
     q: Array
     tau: Array
     dq: Array | None
     ddq: Array | None
     sha256: str
-    notes: tuple[str, ...] = ()
+    notes: Strings = ()
     q_ref: Array | None = None
     motion_alone: bool = False
     start: float | None = None
@@ -281,7 +281,7 @@ class Log:
         return Clock.of(self.t)
 
     @property
-    def channels(self) -> tuple[str, ...]:
+    def channels(self) -> Strings:
         """Which of `CHANNELS` it has."""
         return tuple(c for c in CHANNELS if getattr(self, c) is not None)
 

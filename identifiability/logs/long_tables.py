@@ -16,7 +16,7 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.values import frozen
 from identifiability.logs.checks import to_floats
 from identifiability.logs.columns import as_dates, is_stamp, rename
@@ -64,7 +64,7 @@ class Layout:
 
     label: str
     time: str
-    times: tuple[str, ...]
+    times: Strings
     channels: Mapping[str, str]
 
     @property

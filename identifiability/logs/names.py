@@ -19,7 +19,7 @@ from pathlib import Path
 
 from identifiability.foundation.errors import LogError, with_article
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.values import frozen
 
 _TABLES = tomllib.loads(Path(__file__).with_name("words.toml").read_text(encoding="utf-8"))
@@ -32,7 +32,7 @@ DIMENSIONS: dict[str, list[str]] = _TABLES["dimensions"]
 SIZES: dict[str, dict[str, float]] = _TABLES["units"]
 
 
-def words_for(channel: str) -> tuple[str, ...]:
+def words_for(channel: str) -> Strings:
     """Return the words of a channel, in the order of the table."""
     return tuple(WORDS[channel].split())
 

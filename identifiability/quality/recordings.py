@@ -11,7 +11,7 @@ import pandas as pd
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import shorten_paths
+from identifiability.foundation.names import Strings, shorten_paths
 from identifiability.foundation.options import Expected
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
@@ -55,7 +55,7 @@ class Recordings:
 
     fitted: tuple[Log, ...]
     held_out: tuple[Log, ...] = ()
-    hints: tuple[str, ...] = ()
+    hints: Strings = ()
     later: tuple[Mapping[int, Log], ...] = ()
     rolled: Any = None
     verified_on: str = ""

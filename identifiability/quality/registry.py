@@ -13,7 +13,7 @@ import numpy as np
 from identifiability.effects.nominal import has_masses, rigid_torque
 from identifiability.foundation.findings import Finding, sentences
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import of_commands
@@ -114,7 +114,7 @@ class RawLogs:
     held_out: tuple[Log, ...]
     how: Preparation | None = None
     torque: Callable[[list[Log]], list[Log]] | None = None
-    hints: tuple[str, ...] = ()
+    hints: Strings = ()
 
     @property
     def every(self) -> list[Log]:
@@ -194,7 +194,7 @@ class MeasuredLogs:
         return self.structure.robot
 
     @property
-    def joints(self) -> tuple[str, ...]:
+    def joints(self) -> Strings:
         """Its actuated joints."""
         return self.robot.joints
 
@@ -268,7 +268,7 @@ class Oddities:
         those of another robot.
     """
 
-    hints: tuple[str, ...] = ()
+    hints: Strings = ()
     explains: bool = False
     misread: bool = False
 
@@ -289,6 +289,6 @@ def find_oddities(logs: MeasuredLogs, *, explained: bool = False) -> Oddities:
     return Oddities((*first, *beside), bool(first), misread)
 
 
-def find_always(logs: MeasuredLogs) -> tuple[str, ...]:
+def find_always(logs: MeasuredLogs) -> Strings:
     """Return what is odd about the robot file, and about all logs together, also of silent ones."""
     return tuple(text for c in CHECKS if c.always for text in c.find(logs))

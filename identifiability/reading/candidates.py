@@ -12,7 +12,7 @@ from itertools import combinations, product
 import numpy as np
 
 from identifiability.effects.functions import has_session
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.quality import MeasuredLogs
@@ -66,7 +66,7 @@ class ReadingCandidates:
             yield from self.positions_in_degrees(joint)
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def names(self) -> Strings:
         """The actuated joints."""
         return self.logs.joints
 

@@ -17,7 +17,14 @@ import pinocchio as pin
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
-from identifiability.foundation.names import INERTIAL_KINDS, Array, Renames, is_pattern
+from identifiability.foundation.names import (
+    INERTIAL_KINDS,
+    Array,
+    NumberByName,
+    Renames,
+    Strings,
+    is_pattern,
+)
 from identifiability.foundation.options import Expected
 from identifiability.foundation.quoting import for_toml, option_for_shell, toml_key
 from identifiability.robot.closure import Closed, count_independent, invert, newton, stretch_home
@@ -95,7 +102,7 @@ def read_locks(given: LockOption | None) -> dict[str, float | None]:
 def resolve_locks(
     path: Path,
     extra: Sidecar,
-    home: Mapping[str, float],
+    home: NumberByName,
     stated: Iterable[Coupling],
     fixed: Collection[str] = (),
 ) -> tuple[dict[str, float], list[Coupling]]:
@@ -186,7 +193,7 @@ def check_magnitudes(path: Path, stated: Stated) -> None:
         )
 
 
-def check_nominal(path: Path, values: Mapping[str, float], rotor: str) -> None:
+def check_nominal(path: Path, values: NumberByName, rotor: str) -> None:
     """Refuse values that files state and no robot has; `rotor` is an actuator's inertia.
 
     Raises
@@ -263,9 +270,7 @@ def combine_joints(path: Path, extra: Sidecar, stated: Stated, taken: Collection
 # What a sidecar says of masses and centres of mass, body by body.
 
 
-def read_bounds(
-    path: Path, extra: Sidecar, bodies: tuple[str, ...], stated: Stated
-) -> tuple[Bound, ...]:
+def read_bounds(path: Path, extra: Sidecar, bodies: Strings, stated: Stated) -> tuple[Bound, ...]:
     """Return the bounds of a robot.
 
     Parameters
@@ -545,7 +550,7 @@ def _sidecar_loop(path: Path, entry: LoopEntry, stated: Stated) -> Loop:
     return Loop(name, ends[0], ends[1], places)
 
 
-def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: tuple[str, ...]) -> Base | None:
+def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: Strings) -> Base | None:
     """Return the base of a robot that floats, with what touches it and measures it."""
     if stated.base is None:
         given = [k for k in ("imu", "contacts", "wrench") if getattr(extra, k)]

@@ -17,7 +17,7 @@ import scipy
 
 from identifiability.foundation.errors import ClosureError, RobotError
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.values import frozen
 from identifiability.robot.description import Axis, Cable, Coupling, Description
 from identifiability.robot.floating import BATCH, eliminate
@@ -395,7 +395,7 @@ class Motion:
     @property
     def each(self) -> dict[str, Array]:
         """What it has a row of for every sample, by name."""
-        names: tuple[str, ...] = ("t", "q", "v", "a", "kept", "X")
+        names: Strings = ("t", "q", "v", "a", "kept", "X")
         names += ("actuated_q", "actuated_v", "actuated_a")
         names += ("smooth_v", "free", "silent", "touch")
         found = {name: getattr(self, name) for name in names}

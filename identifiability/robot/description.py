@@ -17,7 +17,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from identifiability.foundation.errors import RobotError, listing, near_match
-from identifiability.foundation.names import GROUPED_KINDS, Array, Renames
+from identifiability.foundation.names import GROUPED_KINDS, Array, NumberByName, Renames, Strings
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot.floating import SIX, Base
@@ -47,10 +47,10 @@ class Field:
         Whether it may be negative.
     """
 
-    kinds: tuple[str, ...]
+    kinds: Strings
     power: int
     urdf: str = ""
-    off: tuple[str, ...] = ()
+    off: Strings = ()
     signed: bool = False
 
 
@@ -68,9 +68,7 @@ NOT_NEGATIVE = {"m", "Ixx", "Iyy", "Izz"}.union(
 )
 
 
-def name_numbers(
-    joint: str, numbers: Mapping[str, float], inertia_parts: tuple[str, ...]
-) -> dict[str, float]:
+def name_numbers(joint: str, numbers: NumberByName, inertia_parts: Strings) -> dict[str, float]:
     """Return the parameters of a joint of which a robot file states some numbers.
 
     The inertia of an actuator is that of the first of its parts.
@@ -101,7 +99,7 @@ class Transmission:
         Joint position at motor position zero.
     """
 
-    motors: tuple[str, ...]
+    motors: Strings
     coupling: Array
     ratio: Array
     offset: Array
@@ -153,7 +151,7 @@ class Axis:
 
     name: str
     symbol: str
-    weights: Mapping[str, float]
+    weights: NumberByName
     row: Array | None
     prismatic: bool
 
@@ -204,7 +202,7 @@ class Coupling:
         bare = {of: (0.0, *map(float, poly[1:])) for of, poly in terms.items()}
         return Coupling(name, joint, constant, bare)
 
-    def held(self, locked: Mapping[str, float]) -> Coupling:
+    def held(self, locked: NumberByName) -> Coupling:
         """Return the coupling where some of the joints that are followed stand still."""
         still = [(of, poly) for of, poly in self.terms.items() if of in locked]
         constant = self.constant + sum(float(Polynomial(p)(locked[of])) for of, p in still)
@@ -284,15 +282,15 @@ class Stated:
     driven: list[str] | None
     home: Array
     posed: bool = False
-    numbers: Mapping[str, Mapping[str, float]] = {}
+    numbers: Mapping[str, NumberByName] = {}
     rests: Mapping[str, float] = {}
     spans: Mapping[str, tuple[float, float]] = {}
     speeds: Mapping[str, float] = {}
     locked: Mapping[str, float] = {}
     welded: Mapping[str, Array] = {}
-    combinations: Mapping[str, Mapping[str, float]] = {}
+    combinations: Mapping[str, NumberByName] = {}
     cables: tuple[Cable, ...] = ()
-    outside: tuple[str, ...] = ()
+    outside: Strings = ()
     meshes: tuple[Path, ...] = ()
     gears: Mapping[str, float] = {}
     servos: Mapping[str, Array] = {}
@@ -319,7 +317,7 @@ class Bound:
         The body's frame in that of its joint, which parameters are about.
     """
 
-    bodies: tuple[str, ...]
+    bodies: Strings
     mass: tuple[float, float] | None = None
     box: tuple[tuple[float, float], ...] | None = None
     rotation: Array = np.eye(3)
@@ -437,7 +435,7 @@ class Description(Stated):
     path: Path
     sidecar: Path | None
     said: Sidecar
-    bodies: tuple[str, ...]
+    bodies: Strings
     symbols: Mapping[str, str]
     actuated: Array = _NO_PLACES
     dependent: Array = _NO_PLACES
@@ -446,10 +444,10 @@ class Description(Stated):
     speed_limits: Array = _NO_PLACES
     acceleration_limits: Array = _NO_PLACES
     transmission: Transmission | None = None
-    guessed: tuple[str, ...] = ()
-    inertia_parts: tuple[str, ...] = ("Ia",)
+    guessed: Strings = ()
+    inertia_parts: Strings = ("Ia",)
     prior: Mapping[str, tuple[float, float]] = {}
-    ties: tuple[Mapping[str, tuple[str, ...]], ...] = ()
+    ties: tuple[Mapping[str, Strings], ...] = ()
     rest: Mapping[str, float] = {}
     shapes: Mapping[str, float] = {}
     reference: Mapping[str, float] = {}
@@ -459,9 +457,9 @@ class Description(Stated):
     torque: MeasuredTorque = MeasuredTorque()
     known_torque: tuple[KnownTorque, ...] = ()
     angles: str | None = None
-    lock_option: tuple[str, ...] = ()
+    lock_option: Strings = ()
     bounds: tuple[Bound, ...] = ()
-    tendons: tuple[str, ...] = ()
+    tendons: Strings = ()
     assembled: bool = False
     upright: Array | None = None
     servo: Servo | None = None
@@ -546,18 +544,18 @@ class Description(Stated):
         return self.tree.nv
 
     @cached_property
-    def dofs(self) -> tuple[str, ...]:
+    def dofs(self) -> Strings:
         """Names of the tree's degrees of freedom in the order of ``v``."""
         named = sorted((j.iv + k, d) for j in self.tree.joints for k, d in enumerate(j.dofs))
         return tuple(d for _, d in named)
 
     @cached_property
-    def joints(self) -> tuple[str, ...]:
+    def joints(self) -> Strings:
         """Names of the actuated joints."""
         return tuple(self.dofs[k] for k in self.actuated)
 
     @property
-    def motor_joints(self) -> tuple[str, ...]:
+    def motor_joints(self) -> Strings:
         """Names of the joints that motors drive: all actuated ones but those of a floating base."""
         return self.joints if self.base is None else self.joints[SIX:]
 
@@ -580,12 +578,12 @@ class Description(Stated):
             )
 
     @property
-    def torque_units(self) -> tuple[str, ...]:
+    def torque_units(self) -> Strings:
         """N or N·m for each actuated joint."""
         return tuple("N" if self.is_prismatic(int(k)) else "N·m" for k in self.actuated)
 
     @property
-    def passive(self) -> tuple[str, ...]:
+    def passive(self) -> Strings:
         """Names of the passive degrees of freedom."""
         return tuple(self.dofs[k] for k in self.dependent)
 
@@ -670,12 +668,12 @@ class Description(Stated):
         return tuple(links)
 
     @cached_property
-    def tendon_axes(self) -> tuple[str, ...]:
+    def tendon_axes(self) -> Strings:
         """Axes along several joints of which its file can state numbers: tendons of an MJCF."""
         own = (axis.name for axis in self.axes if axis.mixed and self.mjcf)
         return tuple(dict.fromkeys((*self.tendons, *own)))
 
-    def _axis(self, name: str, weights: Mapping[str, float]) -> Axis:
+    def _axis(self, name: str, weights: NumberByName) -> Axis:
         inside = weights.keys() <= {*self.joints}
         row = np.array([weights.get(joint, 0.0) for joint in self.joints]) if inside else None
         slides = all(self.is_prismatic(self.dof_index(joint)) for joint in weights)
@@ -699,7 +697,7 @@ class Description(Stated):
         """Every passive one-dof joint; balls are left out (no friction law with one axis)."""
         return tuple(self._axis(d, {d: 1.0}) for d in self.passive if d in self.tree.single)
 
-    def column_preference(self, names: tuple[str, ...]) -> list[int]:
+    def column_preference(self, names: Strings) -> list[int]:
         """Return column indices in the order in which the grouping should try to keep them.
 
         Bodies that the sidecar names come first, each with its mass last; all else follows.

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from identifiability.foundation.linalg import NEARLY
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.values import frozen
 from identifiability.robot.kinematics import Frames, Point, Tree
 from identifiability.robot.rules import RULES
@@ -79,7 +79,7 @@ class Wrench:
     name: str
     point: Point
     rotation: Array
-    columns: tuple[str, ...]
+    columns: Strings
 
 
 @frozen
@@ -102,7 +102,7 @@ class Imu:
     place: Array = np.zeros(3)
     acc_bias: Array = np.zeros(3)
     gyro_bias: Array = np.zeros(3)
-    fit: tuple[str, ...] = ()
+    fit: Strings = ()
 
 
 @frozen

@@ -14,7 +14,7 @@ import numpy as np
 
 from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import NEARLY, TINY
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, NumberByName
 from identifiability.foundation.values import frozen
 from identifiability.robot.locate import read_markup
 
@@ -49,7 +49,7 @@ class StatedInertial:
 
     body: str
     mass: float
-    moments: Mapping[str, float]
+    moments: NumberByName
     tensor: Array
 
     @property

@@ -6,7 +6,7 @@ of many samples have the samples last.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -17,7 +17,7 @@ import scipy
 
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.linalg import NEARLY
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, NumberByName, Strings
 from identifiability.foundation.values import frozen
 
 # Vectors and turns of many samples at once, samples last.
@@ -95,7 +95,7 @@ class Joint:
         Where its coordinates start in Pinocchio's ``q`` and ``v``.
     """
 
-    dofs: tuple[str, ...]
+    dofs: Strings
     kind: JointType
     parent: int
     rotation: Array
@@ -357,7 +357,7 @@ def _read_joint(path: Path, model: Any, index: int, still: Array) -> Joint:
     )
 
 
-def body_names(model: Any) -> tuple[str, ...]:
+def body_names(model: Any) -> Strings:
     """Return the body behind each joint of a Pinocchio model."""
     names = []
     for index in range(1, model.njoints):
@@ -369,7 +369,7 @@ def body_names(model: Any) -> tuple[str, ...]:
     return tuple(names)
 
 
-def weld(model: Any, locked: Mapping[str, float]) -> tuple[Any, dict[str, Array]]:
+def weld(model: Any, locked: NumberByName) -> tuple[Any, dict[str, Array]]:
     """Return a Pinocchio model without the locked joints, and what hangs behind them.
 
     Parameters

@@ -21,7 +21,7 @@ import pinocchio as pin
 from numpy.polynomial import Polynomial
 
 from identifiability.foundation.errors import RobotError, listing, near_match
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, NumberByName, Strings
 from identifiability.foundation.values import frozen
 from identifiability.robot.assembly import resolve_locks
 from identifiability.robot.description import FIELDS, Cable, Coupling, Loop, Stated
@@ -219,7 +219,7 @@ def _word(kind: Any) -> str:
     return str(kind.name.rpartition("_")[2])
 
 
-def find_outside(m: Any, extra: Sidecar, ties: Sequence[set[int]]) -> tuple[str, ...]:
+def find_outside(m: Any, extra: Sidecar, ties: Sequence[set[int]]) -> Strings:
     """Return the bodies of a compiled scene at which trees begin that no actuated joint reaches.
 
     A tree hangs on the world by joints. It is reached where an actuator (or what the sidecar
@@ -343,7 +343,7 @@ class Actuator:
     """
 
     name: str
-    arms: Mapping[str, float]
+    arms: NumberByName
     tendon: str
     straight: bool
     gear: float
@@ -352,7 +352,7 @@ class Actuator:
     bias: Array
     force: Array
     command: Array
-    numbers: Mapping[str, float]
+    numbers: NumberByName
 
     @property
     def joint(self) -> str:
@@ -497,9 +497,7 @@ def find_arms(m: Any, t: int) -> dict[str, float]:
     return {joint: c for joint, c in arms.items() if c}
 
 
-def read_forces(
-    path: Path, m: Any, actuators: Sequence[Actuator], locked: Mapping[str, float]
-) -> Forces:
+def read_forces(path: Path, m: Any, actuators: Sequence[Actuator], locked: NumberByName) -> Forces:
     """Return the forces along the joints of a compiled model; none moves a locked joint.
 
     Raises
@@ -540,7 +538,7 @@ def read_forces(
 
 #: What acts along a sum of joints, or a straight tendon: its name, coefficients, numbers by word,
 #: where it is relaxed, and whether it is such a tendon.
-Line = tuple[str, Mapping[str, float], Mapping[str, float], float, bool]
+Line = tuple[str, NumberByName, NumberByName, float, bool]
 
 #: Numbers by what they act along, then by word; where springs are relaxed; coefficients of tendons
 #: along several joints.

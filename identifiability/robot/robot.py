@@ -18,7 +18,7 @@ import pinocchio as pin
 from identifiability.foundation import handed
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.linalg import TINY
-from identifiability.foundation.names import INERTIAL_KINDS, Array, Renames
+from identifiability.foundation.names import INERTIAL_KINDS, Array, NumberByName, Renames, Strings
 from identifiability.foundation.options import Expected, FilePath, Positive, checked
 from identifiability.foundation.output import check_ending, temporary_folder
 from identifiability.foundation.result import shown
@@ -100,7 +100,7 @@ def new_place(name: str, ending: str) -> Path:
     return folder / f"{name}{ending}"
 
 
-def write(robot: Any, values: Mapping[str, float], path: str | Path) -> Path:
+def write(robot: Any, values: NumberByName, path: str | Path) -> Path:
     """Write a robot with other standard parameters; see `Robot.save`.
 
     Raises
@@ -113,7 +113,7 @@ def write(robot: Any, values: Mapping[str, float], path: str | Path) -> Path:
     return written
 
 
-def write_copy(robot: Any, values: Mapping[str, float]) -> Path:
+def write_copy(robot: Any, values: NumberByName) -> Path:
     """Write a robot with other parameters where nobody looks, with the ladder beside it."""
     ending = ".xml" if robot.mjcf else ".urdf"
     path = new_place(robot.name, ending)
@@ -126,13 +126,13 @@ def write_copy(robot: Any, values: Mapping[str, float]) -> Path:
     return path
 
 
-def last_bodies(robot: Description) -> tuple[str, ...]:
+def last_bodies(robot: Description) -> Strings:
     """Return the bodies that carry no other: where a load can hang."""
     parents = {link.parent for link in robot.links}
     return tuple(b for k, b in enumerate(robot.bodies) if k not in parents)
 
 
-def tool_bodies(robot: Description) -> tuple[str, ...]:
+def tool_bodies(robot: Description) -> Strings:
     """Return the bodies on which a load is looked for: the last ones, on which most loops end."""
     owner = {link.last: body for body, link in zip(robot.bodies, robot.links, strict=True)}
     points = [p.joint for loop in robot.loops for p in (loop.first, loop.second)]
@@ -350,7 +350,7 @@ class Robot(Description):
         return Robot.from_dh(table, new_place(name, ".urdf") if out is None else out)
 
     @checked
-    def with_values(self, values: Annotated[Mapping[str, float], _VALUES]) -> Robot:
+    def with_values(self, values: Annotated[NumberByName, _VALUES]) -> Robot:
         """Return the robot with other standard parameters, such as ``{"joint1.Fv": 0.3}``.
 
         This robot and its file stay as they are; the other one's file is gone when the program

@@ -17,7 +17,7 @@ import numpy as np
 
 from identifiability.foundation.errors import RobotError, listing
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.rounding import REACH
 from identifiability.foundation.values import frozen
 from identifiability.robot.sidecar import ServoEntry, by_name
@@ -178,7 +178,7 @@ def state_delay(delays: Array, logs: Sequence[str] = ()) -> str:
 
 
 def read_servo(
-    path: Path, entry: ServoEntry | None, stated: Mapping[str, Array], joints: tuple[str, ...]
+    path: Path, entry: ServoEntry | None, stated: Mapping[str, Array], joints: Strings
 ) -> Servo | None:
     """Return the servos that sidecar and robot file state; None where they state none.
 

@@ -45,7 +45,7 @@ from identifiability.foundation.documents import Span, first_problem, read_docum
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import TINY
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.output import check_apart, check_ending, write_text, write_together
 from identifiability.foundation.quoting import fits_xml, for_xml, for_xml_comment
 from identifiability.robot.assembly import position_limits
@@ -127,7 +127,7 @@ class Table(Strict):
         return x * z if self.convention == "modified" else z * x
 
 
-def write_table(table: str | Path | Mapping[str, Any], out: str | Path) -> tuple[str, ...]:
+def write_table(table: str | Path | Mapping[str, Any], out: str | Path) -> Strings:
     """Write the URDF of a table and the sidecar beside it; return what the table left open.
 
     Parameters

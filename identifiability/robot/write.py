@@ -21,7 +21,7 @@ import pinocchio as pin
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import OutputError, RobotError
 from identifiability.foundation.linalg import TINY
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, NumberByName, Strings
 from identifiability.foundation.output import write_together
 from identifiability.foundation.quoting import for_xml, for_xml_comment, toml_comment
 from identifiability.robot.closure import rest_along
@@ -79,7 +79,7 @@ def edited(old: str, new: str, comment: str) -> str:
     return "".join(map("".join, now)) + (_PIECE.sub("", old) or "\n")
 
 
-def _key(before: str, tag: str, said: str) -> tuple[str, ...]:
+def _key(before: str, tag: str, said: str) -> Strings:
     """Return what tells a tag from others: the text before, its own name, and its element's."""
     names = [value for _, key, _, value in _ATTRIBUTE.findall(said) if key == "name"]
     return re.sub(_ASIDE, "", before, flags=re.DOTALL).strip(), tag, *names
@@ -193,7 +193,7 @@ def affine_law(gain: float, bias: Array) -> dict[str, str]:
 
 
 def write_servos(
-    top: ET.Element, joints: Sequence[str], servo: Servo, offsets: Mapping[str, float]
+    top: ET.Element, joints: Sequence[str], servo: Servo, offsets: NumberByName
 ) -> None:
     """Write position servos of joints in place of what drives them.
 
@@ -282,9 +282,7 @@ def _parts(element: ET.Element, *tags: str) -> list[ET.Element]:
 # Write what is along several joints into an MJCF, as fixed tendons.
 
 
-def write_axes(
-    top: ET.Element, robot: Description, stated: Mapping[str, Mapping[str, float]]
-) -> None:
+def write_axes(top: ET.Element, robot: Description, stated: Mapping[str, NumberByName]) -> None:
     """Write friction, rotor and spring of tendons, motors that mix joints, and stated axes.
 
     A tendon of the file keeps its place; another axis becomes one where it has any number.
@@ -339,8 +337,8 @@ def write_robot(
     robot: Description,
     path: str | Path,
     bodies: Mapping[str, Array],
-    joints: Mapping[str, Mapping[str, float]],
-    tables: Mapping[str, Mapping[str, float]],
+    joints: Mapping[str, NumberByName],
+    tables: Mapping[str, NumberByName],
     comment: str = "",
 ) -> Path | None:
     """Write a robot file with other numbers, and its sidecar: both or none.
@@ -385,7 +383,7 @@ def write_robot(
 def edited_text(
     robot: Description,
     bodies: Mapping[str, Array],
-    joints: Mapping[str, Mapping[str, float]],
+    joints: Mapping[str, NumberByName],
     comment: str = "",
 ) -> str:
     """Return the text of a robot's file with other numbers; all else stays as it stands.
@@ -560,7 +558,7 @@ def _write_joint(
     joint: ET.Element,
     robot: Description,
     name: str,
-    stated: Mapping[str, float],
+    stated: NumberByName,
     *,
     degrees: bool,
 ) -> None:
@@ -576,7 +574,7 @@ def _write_joint(
         joint.set("springref", f"{np.degrees(rest) if turned and degrees else rest:.17g}")
 
 
-def _sidecar_text(robot: Description, tables: Mapping[str, Mapping[str, float]]) -> str | None:
+def _sidecar_text(robot: Description, tables: Mapping[str, NumberByName]) -> str | None:
     """Return the template's sidecar with other tables of numbers, or None if none is needed."""
     given = {} if robot.sidecar is None else tomllib.loads(robot.sidecar.read_text("utf-8-sig"))
     servo = robot.known_servo
@@ -601,7 +599,7 @@ def _check_beside(beside: Path, path: Path, *, needed: bool) -> None:
         raise OutputError(f"'{beside}' {problem} '{path}'; give another name, or move it away.")
 
 
-def write_offsets(top: ET.Element, path: Path, offsets: Mapping[str, float]) -> None:
+def write_offsets(top: ET.Element, path: Path, offsets: NumberByName) -> None:
     """Write constant torque of commands into the actuators of an MJCF, as their bias.
 
     Parameters

@@ -26,7 +26,7 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Array, numbered
+from identifiability.foundation.names import Array, Strings, numbered
 from identifiability.foundation.quoting import path_for_shell
 from identifiability.logs.form import PLAIN
 from identifiability.logs.formats.reader import (
@@ -246,7 +246,7 @@ def _table(messages: Iterable[tuple[Sequence[str], Mapping[str, Any]]]) -> pd.Da
     """
     import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
 
-    groups: dict[tuple[str, ...], tuple[list[int], list[Array]]] = {}
+    groups: dict[Strings, tuple[list[int], list[Array]]] = {}
     for k, (names, channels) in enumerate(messages):
         told = {kind: x for kind, x in channels.items() if len(x) == len(names)}
         at, own = groups.setdefault(tuple(f"{n}.{kind}" for kind in told for n in names), ([], []))

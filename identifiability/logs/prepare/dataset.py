@@ -17,7 +17,7 @@ import numpy as np
 from identifiability.foundation.engines import Engine, Serial, Steps
 from identifiability.foundation.errors import ClosureError, LogError, RobotError, listing
 from identifiability.foundation.findings import Finding, of_key
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.options import checked
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
@@ -227,7 +227,7 @@ class Dataset:
     motion: Motion
     tau: Array
     decimation: signals.Decimation | None
-    notes: tuple[str, ...]
+    notes: Strings
     sha256: str
     own: Rows | None = None
     cutoff: float | None = None
@@ -235,7 +235,7 @@ class Dataset:
     instrument: Motion | None = None
     lost: int = 0
     breaks: Array = np.empty(0, int)
-    hints: tuple[str, ...] = ()
+    hints: Strings = ()
     path: str = ""
     weight: Array = np.ones((1, 1))
 

@@ -16,7 +16,7 @@ from scipy.special import bdtrc
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.options import Count, Derivatives, Positive, check_fields
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
@@ -290,11 +290,11 @@ class Plan:
     cutoff: float | None
     dwells: DwellRule | None
     factor: int
-    notes: tuple[str, ...]
+    notes: Strings
     stale: StaleRule | None = None
     grid: Grid | None = None
     smoothing: Smoothing | None = None
-    hints: tuple[str, ...] = ()
+    hints: Strings = ()
     band: float | None = None
 
     @property
