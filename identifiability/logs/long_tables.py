@@ -255,58 +255,22 @@ def _turn(block: pd.DataFrame, layout: Layout, joints: Sequence[str], source: st
     import pandas as pd  # noqa: PLC0415 - heavy, and workers that read Parquet do without it
 
     new = _is_new(_time_keys(block[layout.time]))
-    row = np.cumsum(new) - 1
-    joint = _find_places(block[layout.label], layout, joints, source)
-    _check_once(block[layout.time], row, joint, joints, source)
-    shape = int(new.sum()), len(joints)
-    columns: dict[str, Any] = {c: block[c].to_numpy()[new] for c in layout.times}
-    for channel in layout.channels:
-        values = _spread_values(block[channel], row, joint, shape)
-        names = [layout.name_column(name, channel) for name in joints]
-        columns |= zip(names, values.T, strict=True)
-    return pd.DataFrame(columns)
-
-
-def _find_places(labels: pd.Series, layout: Layout, joints: Sequence[str], source: str) -> Array:
-    """Return the place of each row's joint among all joints, (N,) int.
-
-    Raises
-    ------
-    LogError
-        If a joint is new.
-    """
-    place = {joint: k for k, joint in enumerate(joints)}
-    texts = _as_texts(labels)
-    unknown = [text for text in dict.fromkeys(texts) if text not in place]
+    texts = _as_texts(block[layout.label])
+    unknown = [text for text in dict.fromkeys(texts) if text not in joints]
     if unknown:
         raise LogError(Finding("long.late", source, joint=unknown[0], label=layout.label))
-    return np.array([place[text] for text in texts], dtype=int)
-
-
-def _check_once(
-    times: pd.Series, row: Array, joint: Array, joints: Sequence[str], source: str
-) -> None:
-    """Refuse two rows of one joint and time.
-
-    Raises
-    ------
-    LogError
-    """
-    cells = row * len(joints) + joint
-    _, first = np.unique(cells, return_index=True)
-    if len(first) < len(cells):
-        again = np.setdiff1d(np.arange(len(cells)), first)[0]
-        raise LogError(
-            Finding("long.twice", source, joint=joints[joint[again]], time=str(times.iloc[again]))
-        )
-
-
-def _spread_values(given: pd.Series, row: Array, joint: Array, shape: tuple[int, int]) -> Array:
-    """Return the values of a channel, (times, joints); NaN where a joint has no row."""
-    kind = float if given.dtype.kind in "biuf" else object
-    values = np.full(shape, np.nan, dtype=kind)
-    values[row, joint] = given.to_numpy(kind)
-    return values
+    cells = pd.MultiIndex.from_arrays([np.cumsum(new) - 1, texts])
+    again = np.flatnonzero(cells.duplicated())
+    if len(again):
+        time = str(block[layout.time].iloc[again[0]])
+        raise LogError(Finding("long.twice", source, joint=texts[again[0]], time=time))
+    columns: dict[str, Any] = {c: block[c].to_numpy()[new] for c in layout.times}
+    for channel in layout.channels:
+        given = block[channel].set_axis(cells)
+        given = given.astype(float) if given.dtype.kind in "biuf" else given
+        wide = given.unstack().reindex(columns=joints)
+        columns |= {layout.name_column(j, channel): wide[j].to_numpy() for j in joints}
+    return pd.DataFrame(columns)
 
 
 def _form_of(form: Form, layout: Layout, joints: Sequence[str]) -> Form:

@@ -278,11 +278,10 @@ def close_loops(robot: Description, q: Array) -> Closed:
 
 def _ahead(robot: Description, here: Closed, q: Array, steps: int = 1) -> Array:
     """Return configurations (N, nq) one of some steps ahead on the way to positions (N, n)."""
-    step = np.zeros((len(q), robot.nv))
-    step[:, robot.actuated] = (q - robot.actuated_positions(here.q)) / steps
-    rhs = here.A[:, :, robot.actuated] @ step[:, robot.actuated, None]
-    step[:, robot.dependent] = -solve(here.A[:, :, robot.dependent], rhs[..., 0])
-    return robot.tree.integrate(here.q, step)
+    step = (q - robot.actuated_positions(here.q)) / steps
+    rhs = here.A[:, :, robot.actuated] @ step[..., None]
+    follow = -solve(here.A[:, :, robot.dependent], rhs[..., 0])
+    return robot.tree.integrate(here.q, _spread(robot, step, follow))
 
 
 def follow_from_home(robot: Description, q: Array) -> Closed:
@@ -467,10 +466,7 @@ def complete_motion(
     """
     n = len(t)
     if not robot.closed:
-        v = np.zeros((n, robot.nv))
-        a = np.zeros((n, robot.nv))
-        v[:, robot.actuated] = dq
-        a[:, robot.actuated] = ddq
+        v, a = (_spread(robot, x) for x in (dq, ddq))
         full = robot.configuration(q)
         none = np.empty(0, int)
         return _free(robot, Motion(t, full, v, a, q, dq, ddq, None, np.arange(n), none), touch)
@@ -494,19 +490,13 @@ def complete_motion(
     rows = good[regular]
     inverse = inverse[regular]
     condition = condition[regular]
-    q = q[rows]
-    dq = dq[rows]
-    ddq = ddq[rows]
     full = closed.q[rows]
     A = closed.A[rows]
+    q, dq, ddq = (x[rows] for x in (q, dq, ddq))
     X = inverse @ A[:, :, robot.actuated]
-    v = np.zeros((len(rows), robot.nv))
-    a = np.zeros((len(rows), robot.nv))
-    v[:, robot.actuated] = dq
-    a[:, robot.actuated] = ddq
-    v[:, robot.dependent] = -np.einsum("nij,nj->ni", X, dq)
+    v = _spread(robot, dq, -np.einsum("nij,nj->ni", X, dq))
     b = -loop_bias(robot, full, v)
-    a[:, robot.dependent] = np.einsum("nij,nj->ni", inverse, b) - np.einsum("nij,nj->ni", X, ddq)
+    bent = np.einsum("nij,nj->ni", inverse, b) - np.einsum("nij,nj->ni", X, ddq)
     # Near-singular from here on; within their limits the shipped robots stay below 130.
     near = condition > 1000.0
     near[1:] |= passes_singular(A[:, :, robot.dependent])
@@ -514,7 +504,7 @@ def complete_motion(
         t=t[rows],
         q=full,
         v=v,
-        a=a,
+        a=_spread(robot, ddq, bent),
         actuated_q=q,
         actuated_v=dq,
         actuated_a=ddq,
@@ -525,6 +515,15 @@ def complete_motion(
         near_singular=rows[near],
     )
     return _free(robot, motion, None if touch is None else touch[rows])
+
+
+def _spread(robot: Description, actuated: Array, dependent: Array | None = None) -> Array:
+    """Return rates of all degrees of freedom (N, nv) from those of actuated and dependent ones."""
+    out = np.zeros((len(actuated), robot.nv))
+    out[:, robot.actuated] = actuated
+    if dependent is not None:
+        out[:, robot.dependent] = dependent
+    return out
 
 
 def _free(robot: Description, motion: Motion, touch: Array | None) -> Motion:

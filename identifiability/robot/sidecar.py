@@ -552,49 +552,60 @@ def expand_names(
     """
     moving = (*joints, *lines)
     gone = {*locked, *welded}
-
-    def parameters(key: str, table: Mapping[str, T]) -> dict[str, T]:
-        """Return a table of parameters by name; kinds of inertia are bodies'."""
-        out: dict[str, T] = {}
-        for text in sorted(table, key=specificity):
-            owner, _, kind = text.rpartition(".")
-            kinds = find_named(kind, INERTIAL_KINDS) if is_pattern(kind) else [kind]
-            known: Collection[str] = (*bodies, *moving, BASE)
-            if is_pattern(text):
-                inertial = is_pattern(kind) or kind in INERTIAL_KINDS or kind[:8] == "payload_"
-                known = bodies if inertial else moving
-            behind = gone if is_pattern(owner) else locked
-            found = by_name(path, key, {owner if kinds else text: table[text]}, known, behind)
-            out |= {f"{name}.{k}": value for name, value in found.items() for k in kinds}
-        return out
-
     known_bodies = (*bodies, *welded)
     check_known(path, "symbols", extra.symbols, (*known_bodies, *moving, *locked))
     check_known(path, "base_parameters", extra.base_parameters.bodies, known_bodies)
     check_known(path, "guessed", extra.guessed, known_bodies)
     check_known(path, "rest", extra.rest, (*joints, *locked))
+
+    def parameters(key: str, table: Mapping[str, T]) -> dict[str, T]:
+        return _expand_parameters(path, key, table, bodies, moving, locked, gone)
+
+    def left(names: Iterable[str]) -> list[str]:
+        return [name for name in names if name not in gone]
+
     ties = []
     for entry in extra.symmetry:
-        if any(name.rpartition(".")[0] in gone for names in entry.tie.values() for name in names):
-            continue
-        tie = {
-            whole: [*parameters("symmetry", dict.fromkeys(names, True))]
-            for whole, names in entry.tie.items()
-        }
-        ties.append(entry.model_copy(update={"tie": tie}))
-    tables = {
-        key: parameters(key, getattr(extra, key))
-        for key in ("nominal", "prior", "shapes", "reference")
-    }
-    first = [body for body in extra.base_parameters.bodies if body not in gone]
+        owners = [name.rpartition(".")[0] for names in entry.tie.values() for name in names]
+        if owners == left(owners):
+            tie = {k: [*parameters("symmetry", dict.fromkeys(x))] for k, x in entry.tie.items()}
+            ties.append(entry.model_copy(update={"tie": tie}))
+    first = left(extra.base_parameters.bodies)
     own: dict[str, Any] = {
         "base_parameters": extra.base_parameters.model_copy(update={"bodies": first}),
         "limits": by_name(path, "limits", extra.limits, joints, locked),
         "prior_share": by_name(path, "prior_share", extra.prior_share, bodies, gone),
         "symmetry": ties,
-        "guessed": [body for body in extra.guessed if body not in gone],
+        "guessed": left(extra.guessed),
         "known_torque": [known for known in extra.known_torque if known.along not in gone],
     }
+    for word in ("nominal", "prior", "shapes", "reference"):
+        own[word] = parameters(word, getattr(extra, word))
     for word in ("home", "rest", "symbols"):
-        own[word] = {name: x for name, x in getattr(extra, word).items() if name not in gone}
-    return extra.model_copy(update={**tables, **own})
+        table = getattr(extra, word)
+        own[word] = {name: table[name] for name in left(table)}
+    return extra.model_copy(update=own)
+
+
+def _expand_parameters(
+    path: Path,
+    key: str,
+    table: Mapping[str, T],
+    bodies: Collection[str],
+    moving: Collection[str],
+    locked: Collection[str],
+    gone: Collection[str],
+) -> dict[str, T]:
+    """Return a table of parameters by name; kinds of inertia are bodies'."""
+    out: dict[str, T] = {}
+    for text in sorted(table, key=specificity):
+        owner, _, kind = text.rpartition(".")
+        kinds = find_named(kind, INERTIAL_KINDS) if is_pattern(kind) else [kind]
+        known: Collection[str] = (*bodies, *moving, BASE)
+        if is_pattern(text):
+            inertial = is_pattern(kind) or kind in INERTIAL_KINDS or kind[:8] == "payload_"
+            known = bodies if inertial else moving
+        behind = gone if is_pattern(owner) else locked
+        found = by_name(path, key, {owner if kinds else text: table[text]}, known, behind)
+        out |= {f"{name}.{k}": value for name, value in found.items() for k in kinds}
+    return out

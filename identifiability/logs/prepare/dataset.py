@@ -270,15 +270,7 @@ class Dataset:
     def beside(self) -> Dataset | None:
         """The samples along the second record of the motion."""
         other = self.instrument
-        return (
-            None
-            if other is None
-            else replace(
-                self,
-                motion=other,
-                instrument=None,
-            )
-        )
+        return None if other is None else replace(self, motion=other, instrument=None)
 
     @cached_property
     def outputs(self) -> int:
@@ -391,7 +383,6 @@ class Dataset:
     def describe(self, joints: Sequence[str], total: int) -> list[Finding]:
         """Return what was done with the samples of a log with `total` of them."""
         m = self.motion
-        s = self.survey
         notes = []
         if len(m.dropped):
             where = listing(map(str, m.dropped + 1), 5)
@@ -399,39 +390,20 @@ class Dataset:
                 Finding("unclosed", self.name, rows=len(m.dropped), all=total, where=where)
             )
         if m.singular:
+            first = int(m.near_singular[0]) + 1
             notes.append(
-                Finding(
-                    "singular",
-                    self.name,
-                    rows=m.singular,
-                    first=int(m.near_singular[0]) + 1,
-                    condition=m.condition,
-                )
+                Finding("singular", self.name, rows=m.singular, first=first, condition=m.condition)
             )
         if self.lost:
-            notes.append(
-                Finding(
-                    "beside_gaps",
-                    self.name,
-                    rows=self.lost,
-                    all=total,
-                )
-            )
-        rest = dict(zip(joints, (s.outputs - s.rows).tolist(), strict=True))
-        rest = {j: k for j, k in rest.items() if k > 0}
+            notes.append(Finding("beside_gaps", self.name, rows=self.lost, all=total))
+        rests = self.survey.outputs - self.survey.rows
+        rest = {j: k for j, k in zip(joints, rests.tolist(), strict=True) if k > 0}
         if rest:
-            where = ", ".join(f"{j} {percent(k / s.outputs)}" for j, k in rest.items())
-            columns = tuple(f"{j}.tau" for j in rest)
+            shares = (f"{j} {percent(k / self.survey.outputs)}" for j, k in rest.items())
             rows = sum(rest.values())
-            notes.append(
-                Finding(
-                    "standing",
-                    self.name,
-                    rows=rows,
-                    columns=columns,
-                    where=where,
-                )
-            )
+            columns = tuple(f"{j}.tau" for j in rest)
+            where = ", ".join(shares)
+            notes.append(Finding("standing", self.name, rows=rows, columns=columns, where=where))
         return notes
 
 
@@ -457,45 +429,39 @@ def _prepare_rows(rows: tuple[Log, int, Rows], robot: Robot, plan: Plan) -> Data
     touch = _touch(robot, log)
     touch = None if touch is None else touch[part]
     motion = complete_motion(robot, log.t[part], q[part], dq[part], ddq[part], touch)
+    at = own[0] - origin + motion.kept
     smooth = plan.smooth_speed(log, origin)
     if smooth is not None:
-        motion = replace(motion, smooth_v=smooth[part][motion.kept])
-    tau = log.tau[part][motion.kept] - _known_torque(robot, log.name, motion)
+        motion = replace(motion, smooth_v=smooth[at])
+    tau = log.tau[at] - _known_torque(robot, log.name, motion)
     if robot.base is not None and log.base is not None:
-        tau = motion.freed(tau + _pushed(robot, motion, log.base[part][motion.kept]))
-    dwells = None if plan.dwells is None else plan.dwells.find(dq)[part][motion.kept]
+        tau = motion.freed(tau + _pushed(robot, motion, log.base[at]))
+    silent = np.zeros(tau.shape, bool) if plan.dwells is None else plan.dwells.find(dq)[at]
     if robot.base is not None:
-        dwells = _silent(motion, dwells)
+        silent = _silent(motion, silent)
     if log.unmeasured is not None:
-        lacking = plan.lacking(log.unmeasured)[part][motion.kept]
-        dwells = lacking if dwells is None else dwells | lacking
-    lost = 0
+        silent = silent | plan.lacking(log.unmeasured)[at]
+    left = np.ones(len(tau), bool)
+    breaks = np.empty(0, int)
     if plan.grid is not None:
-        left = ~plan.grid.left_out(origin, origin + len(log))[part][motion.kept]
-        lost = int((~left).sum())
+        left = ~plan.grid.left_out(origin, origin + len(log))[at]
+        breaks = plan.grid.breaks
         motion = motion[left]
-        tau = tau[left]
-        dwells = None if dwells is None else dwells[left]
-    indices = ("kept", "dropped", "near_singular")
-    motion = replace(
-        motion,
-        **{k: getattr(motion, k) + own[0] for k in indices},
-        start=log.start,
-    )
+    places = {k: getattr(motion, k) + own[0] for k in ("kept", "dropped", "near_singular")}
     return Dataset(
         log.name,
-        motion,
-        tau,
+        replace(motion, **places, start=log.start),
+        tau[left],
         plan.decimation,
         (),
         log.sha256,
         cutoff=plan.cutoff,
         band=plan.band,
-        lost=lost,
-        breaks=np.empty(0, int) if plan.grid is None else plan.grid.breaks,
+        lost=int((~left).sum()),
+        breaks=breaks,
         hints=plan.hints,
         path=log.path,
-        weight=np.ones((1, 1)) if dwells is None else 1.0 - dwells,
+        weight=1.0 - silent[left],
     )
 
 
@@ -520,13 +486,12 @@ def _pushed(robot: Robot, motion: Motion, record: Array) -> Array:
     return project(robot, motion, tree)
 
 
-def _silent(motion: Motion, dwells: Array | None) -> Array:
+def _silent(motion: Motion, dwells: Array) -> Array:
     """Return where rows are no data, (N, n) bool: the base never stands, and contacts hide some.
 
     What a joint at rest supplies is nobody's data, also where the base's rows are made of it.
     """
-    n = motion.actuated_q.shape[1]
-    found = np.zeros((len(motion), n), bool) if dwells is None else np.array(dwells)
+    found = np.array(dwells)
     found[:, :SIX] = False
     return found if motion.silent is None else found | motion.silent
 

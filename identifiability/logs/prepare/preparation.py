@@ -441,7 +441,7 @@ def joint_log(robot: Robot, log: Log) -> Log:
     gear = robot.transmission
     motors = has_motors(robot, log)
     log = log.select(robot.motor_joints or BASE_JOINTS[:1], gear.motors if gear else ())
-    if gear is None or not motors:
+    if not (gear and motors):
         return _on_base(robot, log)
     q, tau = gear.joint_side(log.q, log.tau)
 
@@ -449,28 +449,21 @@ def joint_log(robot: Robot, log: Log) -> Log:
         return None if x is None else gear.joint_rate(x)
 
     q_ref = None if log.q_ref is None else gear.joint_side(log.q_ref, log.tau)[0]
-    log = replace(
+    gone = log.unmeasured
+    changed = replace(
         log,
         joints=robot.motor_joints,
+        q=q,
+        dq=rate(log.dq),
+        ddq=rate(log.ddq),
         tau=tau,
         q_ref=q_ref,
-    )
-    if log.unmeasured is not None:  # torque of a joint is what all its motors give
-        log = replace(log, unmeasured=log.unmeasured @ (gear.coupling != 0))
-    log = replace(
-        log,
         dq_ref=rate(log.dq_ref),
         tau_ff=None,
+        # Torque of a joint is what all its motors give.
+        unmeasured=None if gone is None else gone @ (gear.coupling != 0),
     )
-    return _on_base(
-        robot,
-        replace(
-            log,
-            q=q,
-            dq=rate(log.dq),
-            ddq=rate(log.ddq),
-        ),
-    )
+    return _on_base(robot, changed)
 
 
 def _on_base(robot: Robot, log: Log) -> Log:
