@@ -12,9 +12,9 @@ from typing import Annotated, Any, Literal, TypeVar, get_args
 
 from pydantic import AfterValidator, BaseModel, Field, ValidationError
 
-from identifiability.foundation.errors import IdentifiabilityError, listing, near_match
-from identifiability.foundation.findings import Finding
-from identifiability.foundation.quoting import for_toml, toml_key
+from .errors import IdentifiabilityError, listing, near_match
+from .findings import Finding
+from .quoting import for_toml, toml_key
 
 # Read TOML and JSON documents and check them: one sentence about the first problem.
 

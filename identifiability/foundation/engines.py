@@ -28,10 +28,10 @@ from typing import Any, Literal, TypeVar
 import cloudpickle
 from threadpoolctl import ThreadpoolController
 
-from identifiability.foundation.errors import EngineError, OutputError
-from identifiability.foundation.findings import Finding
-from identifiability.foundation.options import Count, FilePath, checked
-from identifiability.foundation.output import temporary_folder, write_bytes
+from .errors import EngineError, OutputError
+from .findings import Finding
+from .options import Count, FilePath, checked
+from .output import temporary_folder, write_bytes
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

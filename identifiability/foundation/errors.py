@@ -6,7 +6,7 @@ import difflib
 import re
 from collections.abc import Iterable
 
-from identifiability.foundation.quoting import for_terminal
+from .quoting import for_terminal
 
 #: Letters of a quoted name beyond which its middle is left out, and letters of its ends.
 _LONG, _HEAD, _TAIL = 240, 100, 60

@@ -14,10 +14,10 @@ from pathlib import Path
 from string import Formatter
 from typing import TYPE_CHECKING, Any
 
-from identifiability.foundation.errors import listing
+from .errors import listing
 
 if TYPE_CHECKING:
-    from identifiability.foundation.answers import Table
+    from .answers import Table
 
 
 class Level(StrEnum):
@@ -39,7 +39,7 @@ class _Filler(Formatter):
         if isinstance(value, (list, tuple)):
             return listing(value, int(format_spec or 4))
         if format_spec.endswith("%"):
-            from identifiability.foundation.rounding import percent  # noqa: PLC0415 - SciPy
+            from .rounding import percent  # noqa: PLC0415 - SciPy
 
             return percent(value, int(format_spec[:-1] or 2))
         return format(value, format_spec)
@@ -164,7 +164,7 @@ def ledger(said: Iterable[str], *, every: bool = False) -> tuple[Table, ...]:
     every : bool
         Whether what was only said stands in it, too.
     """
-    from identifiability.foundation.answers import Column, Table  # noqa: PLC0415 - pandas
+    from .answers import Column, Table  # noqa: PLC0415 - pandas
 
     columns = (
         Column("check", get="key"),

@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 
 from numpy.typing import NDArray
 
-from identifiability.foundation.values import frozen
+from .values import frozen
 
 # The names, units and sign constraints of parameters: one grammar, ``<owner>.<kind>``.
 

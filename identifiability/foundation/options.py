@@ -30,8 +30,8 @@ from typing import (
 )
 from typing import get_type_hints as resolve
 
-from identifiability.foundation.errors import IdentifiabilityError, near_match, with_article
-from identifiability.foundation.values import frozen
+from .errors import IdentifiabilityError, near_match, with_article
+from .values import frozen
 
 if TYPE_CHECKING:  # what is refused at once waits for no library
     import numpy as np

@@ -14,9 +14,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from identifiability.foundation.errors import OutputError
-from identifiability.foundation.findings import Finding
-from identifiability.foundation.options import FilePath, checked
+from .errors import OutputError
+from .findings import Finding
+from .options import FilePath, checked
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -8,18 +8,18 @@ from pathlib import Path
 from textwrap import fill, shorten
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from identifiability.foundation import handed
-from identifiability.foundation.findings import Finding, of_key
-from identifiability.foundation.keyed import Keyed
-from identifiability.foundation.names import Strings
-from identifiability.foundation.output import check_ending, write_json
-from identifiability.foundation.presenter import Presenter, present
+from . import handed
+from .findings import Finding, of_key
+from .keyed import Keyed
+from .names import Strings
+from .output import check_ending, write_json
+from .presenter import Presenter, present
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-    from identifiability.foundation.answers import Answer, Note, Table
+    from .answers import Answer, Note, Table
 
 
 def shown(statement: str, frame: pd.DataFrame | None = None, more: str = "") -> str:

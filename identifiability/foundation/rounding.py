@@ -13,8 +13,8 @@ from functools import partial
 
 from scipy.special import betaincinv
 
-from identifiability.foundation.names import Array, Strings
-from identifiability.foundation.values import frozen
+from .names import Array, Strings
+from .values import frozen
 
 # Numbers as text.
 
@@ -146,15 +146,15 @@ def stated_text(stated: float | None, sigma: float = math.nan) -> str:
     return format_number(stated) if ends == NONE else ends
 
 
-def percent_text(value: float | None, count: int = 2) -> str:
-    """Return a percentage with some significant digits, or a dash.
+def percent_text(value: float | None) -> str:
+    """Return a percentage with two significant digits, or a dash.
 
     Examples
     --------
     >>> percent_text(0.7064), percent_text(20.03), percent_text(621.2), percent_text(math.inf)
     ('0.71 %', '20 %', '620 %', '—')
     """
-    return NONE if value is None else percent(value / 100, count)
+    return NONE if value is None else percent(value / 100, 2)
 
 
 def format_count(count: int, noun: str) -> str:

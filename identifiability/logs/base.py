@@ -19,9 +19,10 @@ import scipy
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array, Renames
-from identifiability.logs import signals
-from identifiability.logs.names import words_for
 from identifiability.robot.floating import Base, Contact
+
+from . import signals
+from .names import words_for
 
 #: What comes first in the name of a column about the base.
 OWNERS = ("base", "imu", "odom", "odometry", "pose", "trunk", "floating_base", "torso")

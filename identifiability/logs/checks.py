@@ -11,8 +11,9 @@ from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import format_count
 from identifiability.foundation.values import frozen
-from identifiability.logs.rows import divide_rows
-from identifiability.logs.rules import RULES
+
+from .rows import divide_rows
+from .rules import RULES
 
 if TYPE_CHECKING:
     import pandas as pd

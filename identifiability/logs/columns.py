@@ -21,9 +21,10 @@ from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import TIME_UNITS, Array, Strings, find_patterns, name_rule
 from identifiability.foundation.quoting import option_for_shell, toml_key
 from identifiability.foundation.values import frozen
-from identifiability.logs.checks import CHANNELS, COMMANDS, to_floats
-from identifiability.logs.conventions import Conventions
-from identifiability.logs.names import (
+
+from .checks import CHANNELS, COMMANDS, to_floats
+from .conventions import Conventions
+from .names import (
     BARE,
     COMMANDED,
     DIMENSIONS,
@@ -39,8 +40,8 @@ from identifiability.logs.names import (
     words_for,
     words_of,
 )
-from identifiability.logs.questions import ask_which
-from identifiability.logs.rules import RULES
+from .questions import ask_which
+from .rules import RULES
 
 if TYPE_CHECKING:
     import pandas as pd

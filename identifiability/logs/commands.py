@@ -10,8 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from identifiability.foundation.names import Array
-from identifiability.logs.log import Log
 from identifiability.robot.servo import Servo
+
+from .log import Log
 
 
 def held_mean(t: Array, x: Array, at: Array, width: float) -> Array:

@@ -13,10 +13,11 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.logs.log import Log, join_logs
-from identifiability.logs.rules import RULES
-from identifiability.logs.spikes import TURN
 from identifiability.robot import Robot
+
+from .log import Log, join_logs
+from .rules import RULES
+from .spikes import TURN
 
 #: Units of length that people give instead of SI, and how many make one of SI.
 _LENGTHS = {"mm": 1e3, "cm": 1e2}

@@ -14,7 +14,8 @@ from dataclasses import replace
 
 from identifiability.foundation.names import Strings
 from identifiability.foundation.values import frozen
-from identifiability.logs.names import are_units
+
+from .names import are_units
 
 #: Marks that begin a line of comment.
 COMMENTS = ("#", "%", "//")

@@ -17,10 +17,11 @@ from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.logs import signals
-from identifiability.logs.checks import Clock
-from identifiability.logs.log import Log
-from identifiability.logs.rules import RULES
+
+from . import signals
+from .checks import Clock
+from .log import Log
+from .rules import RULES
 
 # Samples that repeat the one before, because nothing new had arrived when they were written.
 #

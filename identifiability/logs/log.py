@@ -25,19 +25,20 @@ from identifiability.foundation.options import Expected, FilePath, Names, check_
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
-from identifiability.logs import signals
-from identifiability.logs.base import read_base
-from identifiability.logs.checks import CHANNELS, COMMANDS, Clock
-from identifiability.logs.columns import tell_missing
-from identifiability.logs.conventions import Conventions
-from identifiability.logs.form import PLAIN
-from identifiability.logs.formats.containers import stack_arrays
-from identifiability.logs.formats.reader import Whole
-from identifiability.logs.rows import divide_rows, find_range, gather, is_long, spread_windows
-from identifiability.logs.rules import RULES
-from identifiability.logs.spikes import Spike, find_spikes
-from identifiability.logs.table_reader import TableReader
-from identifiability.logs.tables import read_pieces, write_table
+
+from . import signals
+from .base import read_base
+from .checks import CHANNELS, COMMANDS, Clock
+from .columns import tell_missing
+from .conventions import Conventions
+from .form import PLAIN
+from .formats.containers import stack_arrays
+from .formats.reader import Whole
+from .rows import divide_rows, find_range, gather, is_long, spread_windows
+from .rules import RULES
+from .spikes import Spike, find_spikes
+from .table_reader import TableReader
+from .tables import read_pieces, write_table
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -18,12 +18,13 @@ from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.values import frozen
-from identifiability.logs.checks import to_floats
-from identifiability.logs.columns import as_dates, is_stamp, rename
-from identifiability.logs.conventions import Conventions
-from identifiability.logs.form import Form
-from identifiability.logs.formats.reader import Whole
-from identifiability.logs.names import (
+
+from .checks import to_floats
+from .columns import as_dates, is_stamp, rename
+from .conventions import Conventions
+from .form import Form
+from .formats.reader import Whole
+from .names import (
     LONGEST_NAME,
     SILENT,
     SPELLED,

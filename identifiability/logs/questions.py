@@ -14,7 +14,8 @@ from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Renames
 from identifiability.foundation.quoting import option_for_shell
-from identifiability.logs.names import Column
+
+from .names import Column
 
 #: Parts of a name: letters, digits, or signs between them.
 _PARTS = re.compile(r"[A-Za-z]+|\d+|[^A-Za-z\d]+")

@@ -20,7 +20,8 @@ from scipy.special import binom
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.logs.rules import RULES
+
+from .rules import RULES
 
 
 def sampling_step(t: Array) -> float:
@@ -301,7 +302,7 @@ def fit_fourier(
     return FourierFit(period, values)
 
 
-def find_period(t: Array, q: Array, harmonics: int, most: int = 40) -> float:
+def find_period(t: Array, q: Array, harmonics: int) -> float:
     """Return the period, a whole fraction of the duration, whose Fourier series fits q best [s].
 
     These series are bins of one discrete Fourier transform, and what they leave is the power of all
@@ -313,7 +314,8 @@ def find_period(t: Array, q: Array, harmonics: int, most: int = 40) -> float:
     best = np.inf
     chosen = duration
     power = (np.abs(np.fft.rfft(q - q.mean(0), axis=0)) ** 2).sum(1)
-    for k in range(1, most + 1):
+    # More than forty periods are found by their multiples.
+    for k in range(1, 41):
         # Its shortest period has four samples.
         if 4 * harmonics * k > N:
             break

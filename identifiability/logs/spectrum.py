@@ -21,8 +21,9 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.logs import signals
-from identifiability.logs.rules import RULES
+
+from . import signals
+from .rules import RULES
 
 #: Samples of encoders so coarse that they change more slowly are averaged until they change every
 #: time, but no longer than this.
@@ -108,10 +109,10 @@ class Spectrum:
         )
         return np.maximum(above, 0.0)
 
-    def bandwidths(self, share: float = 0.99) -> Array:
-        """Return below which frequency a share of each velocity's energy lies, (n,) [Hz]."""
+    def bandwidths(self) -> Array:
+        """Return below which frequency 99 % of each velocity's energy lies, (n,) [Hz]."""
         energy = np.cumsum(self.motion * self._slope(self.order - 1), axis=0)
-        reach = [self.f[np.searchsorted(e, share * e[-1])] if e[-1] > 0 else 0.0 for e in energy.T]
+        reach = [self.f[np.searchsorted(e, 0.99 * e[-1])] if e[-1] > 0 else 0.0 for e in energy.T]
         return np.array(reach)
 
     def acceleration(self, below: float) -> Array:

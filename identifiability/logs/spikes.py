@@ -12,8 +12,9 @@ from scipy.ndimage import grey_closing, grey_opening
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.logs.rows import PIECE, divide_rows, find_range, forget
-from identifiability.logs.rules import RULES
+
+from .rows import PIECE, divide_rows, find_range, forget
+from .rules import RULES
 
 # Single wrong samples of a column: found among their neighbours, before anything is filtered.
 #

@@ -16,25 +16,19 @@ from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
 from identifiability.foundation.quoting import option_for_shell
-from identifiability.logs import signals
-from identifiability.logs.base import find_base
-from identifiability.logs.checks import CHANNELS, Clock, Numbers, to_floats
-from identifiability.logs.columns import (
-    Naming,
-    as_times,
-    is_stamp,
-    name_columns,
-    resolve_time,
-    start_of,
-)
-from identifiability.logs.conventions import Conventions
-from identifiability.logs.form import PLAIN, Form
-from identifiability.logs.formats.reader import Whole
-from identifiability.logs.long_tables import unstack
-from identifiability.logs.names import INDEX, check_names, guess_column
-from identifiability.logs.rows import WINDOW, divide_rows, gather, is_long
-from identifiability.logs.rules import RULES
 from identifiability.robot.floating import BASE_JOINTS
+
+from . import signals
+from .base import find_base
+from .checks import CHANNELS, Clock, Numbers, to_floats
+from .columns import Naming, as_times, is_stamp, name_columns, resolve_time, start_of
+from .conventions import Conventions
+from .form import PLAIN, Form
+from .formats.reader import Whole
+from .long_tables import unstack
+from .names import INDEX, check_names, guess_column
+from .rows import WINDOW, divide_rows, gather, is_long
+from .rules import RULES
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.output import check_ending, csv_text, write_bytes, write_text
-from identifiability.logs.conventions import Conventions
-from identifiability.logs.form import PLAIN, Form, find_encoding, find_form
-from identifiability.logs.formats.parquet import check_parquet
-from identifiability.logs.formats.reader import (
+
+from .conventions import Conventions
+from .form import PLAIN, Form, find_encoding, find_form
+from .formats.parquet import check_parquet
+from .formats.reader import (
     MISSING,
     Whole,
     check_suffix,
@@ -27,8 +28,8 @@ from identifiability.logs.formats.reader import (
     hash_files,
     list_files,
 )
-from identifiability.logs.names import check_names
-from identifiability.logs.table_reader import with_index
+from .names import check_names
+from .table_reader import with_index
 
 if TYPE_CHECKING:
     import pandas as pd

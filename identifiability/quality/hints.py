@@ -23,8 +23,9 @@ from identifiability.logs.rules import RULES
 from identifiability.logs.spikes import TURN
 from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.physical.plausibility import check_plausible
-from identifiability.quality.registry import Does, MeasuredLogs, check, without
 from identifiability.regression.information import Information
+
+from .registry import Does, MeasuredLogs, check, without
 
 # Torque in another unit, or before a gear: its size beside what the robot file's masses ask for.
 #

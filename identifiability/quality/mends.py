@@ -21,8 +21,9 @@ from identifiability.logs.contradictions import contradictions
 from identifiability.logs.rows import find_range
 from identifiability.logs.rules import RULES
 from identifiability.logs.spikes import Spike, Wraps, find_wraps, mend_column
-from identifiability.quality.registry import Does, RawLogs, check, mend_each
 from identifiability.robot.floating import BASE_JOINTS
+
+from .registry import Does, RawLogs, check, mend_each
 
 
 @mend_each("silent")

@@ -21,7 +21,8 @@ from identifiability.logs.formats.containers import frame_of
 from identifiability.logs.formats.reader import find_parts
 from identifiability.logs.log import check_held_out, refuse_silent, share_clock, too_long
 from identifiability.logs.prepare import Dataset, Preparation
-from identifiability.quality.registry import RawLogs, mend
+
+from .registry import RawLogs, mend
 
 LogLike = Log | str | Path | pd.DataFrame | Mapping[str, Any]
 Logs = Annotated[

@@ -23,10 +23,11 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen, remember
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.spectrum import autocorrelation_time
-from identifiability.reading.reading import Reading
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
+
+from .reading import Reading
 
 #: Most rows of the excerpt, as so many windows of so many rows, and most numbers of its columns.
 ROWS, NUMBERS = (2000, 8, 250), 8_000_000

@@ -28,11 +28,12 @@ from identifiability.logs.prepare.dataset import Dataset, move_samples
 from identifiability.physical.cad_prior import combine_with_file
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.quality import MeasuredLogs
-from identifiability.reading.candidates import MOST, ReadingCandidates
-from identifiability.reading.fit import TorqueRows, excerpt_size
-from identifiability.reading.gravity import find_gravity
-from identifiability.reading.reading import Reading
-from identifiability.reading.rules import RULES
+
+from .candidates import MOST, ReadingCandidates
+from .fit import TorqueRows, excerpt_size
+from .gravity import find_gravity
+from .reading import Reading
+from .rules import RULES
 
 #: Readings that are judged by the evidence of adjusted rows.
 JUDGED = 3

@@ -27,8 +27,9 @@ from identifiability.foundation.names import (
 )
 from identifiability.foundation.options import Expected
 from identifiability.foundation.quoting import for_toml, option_for_shell, toml_key
-from identifiability.robot.closure import Closed, count_independent, invert, newton, stretch_home
-from identifiability.robot.description import (
+
+from .closure import Closed, count_independent, invert, newton, stretch_home
+from .description import (
     ENDLESS,
     NOT_NEGATIVE,
     Bound,
@@ -39,13 +40,13 @@ from identifiability.robot.description import (
     Transmission,
     name_numbers,
 )
-from identifiability.robot.floating import BASE_JOINTS, Base, Contact, Imu, Wrench
-from identifiability.robot.inertials import describe_faults, find_faults
-from identifiability.robot.kinematics import Point, body_names
-from identifiability.robot.locate import LARGEST, SMALLEST
-from identifiability.robot.rules import RULES
-from identifiability.robot.servo import read_servo
-from identifiability.robot.sidecar import (
+from .floating import BASE_JOINTS, Base, Contact, Imu, Wrench
+from .inertials import describe_faults, find_faults
+from .kinematics import Point, body_names
+from .locate import LARGEST, SMALLEST
+from .rules import RULES
+from .servo import read_servo
+from .sidecar import (
     ImuEntry,
     LimitEntry,
     LoopEntry,
@@ -471,54 +472,29 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     ------
     RobotError
     """
-    model = stated.model
     names = body_names(stated.model)
     bodies = tuple(names[joint - 1] for joint in stated.carriers)
     motors = tuple(extra.transmission.motors) if extra.transmission else ()
     dofs = tuple(d for j in stated.tree.joints for d in j.dofs)
-    refuse_patterns(path, (*bodies, *dofs, *stated.locked, *motors, *stated.combinations))
-    stated = combine_joints(path, extra, stated, (*bodies, *dofs, *stated.locked, *motors))
+    owners = (*dofs, *stated.locked, *motors)
+    refuse_patterns(path, (*bodies, *owners, *stated.combinations))
+    stated = combine_joints(path, extra, stated, (*bodies, *owners))
     lines = (*motors, *stated.combinations)
     extra = expand_names(path, extra, bodies, dofs, lines, stated.locked, stated.welded)
-    loops = stated.loops
-    if extra.loops is not None:
-        loops = tuple(_sidecar_loop(path, entry, stated) for entry in extra.loops)
     name = path.resolve().parent.name if path.stem == "robot" else path.stem
-    spans = stated.spans.items()
-    speeds = stated.speeds.items()
-    own: dict[str, Any] = {
+    said = {
         "name": name,
-        "title": extra.name or model.name or name,
+        "title": extra.name or stated.model.name or name,
         "path": path,
         "sidecar": sidecar,
-        "said": extra,
         "bodies": bodies,
-        "symbols": dict(extra.symbols),
-        "loops": tuple(x for x in loops if x.first.joint != x.second.joint),  # else locked
-        "rest": {**stated.rests, **extra.rest},
-        "spans": {n: x for n, x in spans if x[0] < x[1] and np.abs(x).max() < ENDLESS},
-        "speeds": {n: x for n, x in speeds if 0 < x < ENDLESS},
-        "tendons": tuple(name for name in stated.combinations if name in stated.numbers),
-        "guessed": tuple(extra.guessed),
-        "inertia_parts": tuple(extra.inertia_parts),
-        "prior": {name: (entry.mean, entry.sd) for name, entry in extra.prior.items()},
-        "ties": tuple({k: tuple(v) for k, v in s.tie.items()} for s in extra.symmetry),
-        "shapes": extra.shapes,
-        "reference": extra.reference,
-        "columns": Renames.of(renaming(extra.columns)),
-        "scales": _scales(path, extra, (*dofs, *stated.locked, *motors)),
-        "time_unit": extra.time.unit or "",
-        "torque": _measured_torque(extra, stated),
-        "known_torque": tuple(extra.known_torque),
-        "angles": extra.angles,
+        "scales": _scales(path, extra, owners),
         "bounds": read_bounds(path, extra, bodies, stated),
         "base": _read_base(path, extra, stated, bodies),
     }
-    robot = choose_joints(Description(**{**vars(stated), **own}), extra, stated)
-    for key in ("gain", "ratio", "sign"):
-        check_known(path, f"torque.{key}", robot.torque.table(key), ("", *robot.joints, *motors))
-    if isinstance(robot.torque.compensated, list):
-        check_known(path, "torque.compensated", robot.torque.compensated, robot.joints)
+    parts = vars(stated) | said | _state_sidecar(extra) | _state_motion(path, extra, stated)
+    robot = choose_joints(Description(**parts), extra, stated)
+    _check_torque(robot, motors)
     limits = {joint: extra.limits.get(joint, LimitEntry()) for joint in robot.joints}
     fastest = [x.v or robot.speeds.get(joint, np.inf) for joint, x in limits.items()]
     robot = replace(
@@ -537,9 +513,51 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
             robot = replace(robot, base=replace(robot.base, servo=servo))
     every = (*robot.axes, *robot.passive_axes)
     straight = (a.name for a in every if a.row is not None or not a.mixed)
-    along = [k.along for k in extra.known_torque]
-    check_known(path, "known_torque", along, straight)
+    check_known(path, "known_torque", (k.along for k in extra.known_torque), straight)
     return robot
+
+
+def _state_sidecar(extra: Sidecar) -> dict[str, Any]:
+    """Return what a sidecar says of a robot as a `Description` has it."""
+    return {
+        "said": extra,
+        "symbols": dict(extra.symbols),
+        "guessed": tuple(extra.guessed),
+        "inertia_parts": tuple(extra.inertia_parts),
+        "prior": {name: (entry.mean, entry.sd) for name, entry in extra.prior.items()},
+        "ties": tuple({k: tuple(v) for k, v in s.tie.items()} for s in extra.symmetry),
+        "shapes": extra.shapes,
+        "reference": extra.reference,
+        "columns": Renames.of(renaming(extra.columns)),
+        "time_unit": extra.time.unit or "",
+        "known_torque": tuple(extra.known_torque),
+        "angles": extra.angles,
+    }
+
+
+def _state_motion(path: Path, extra: Sidecar, stated: Stated) -> dict[str, Any]:
+    """Return loops, springs, limits and torque columns, of the sidecar before those of the file."""
+    loops = stated.loops
+    if extra.loops is not None:
+        loops = tuple(_sidecar_loop(path, entry, stated) for entry in extra.loops)
+    spans = stated.spans.items()
+    return {
+        "loops": tuple(x for x in loops if x.first.joint != x.second.joint),  # else locked
+        "rest": {**stated.rests, **extra.rest},
+        "spans": {n: x for n, x in spans if x[0] < x[1] and np.abs(x).max() < ENDLESS},
+        "speeds": {n: x for n, x in stated.speeds.items() if 0 < x < ENDLESS},
+        "tendons": tuple(name for name in stated.combinations if name in stated.numbers),
+        "torque": _measured_torque(extra, stated),
+    }
+
+
+def _check_torque(robot: Description, motors: Strings) -> None:
+    """Refuse gains, ratios, signs or compensation of what is no actuated joint or motor."""
+    torque = robot.torque
+    for key in ("gain", "ratio", "sign"):
+        check_known(robot.path, f"torque.{key}", torque.table(key), ("", *robot.joints, *motors))
+    if isinstance(torque.compensated, list):
+        check_known(robot.path, "torque.compensated", torque.compensated, robot.joints)
 
 
 def _sidecar_loop(path: Path, entry: LoopEntry, stated: Stated) -> Loop:
@@ -607,10 +625,8 @@ def _nominal(robot: Description, extra: Sidecar) -> dict[str, float]:
         own = dict.fromkeys((*words, *more), 0.0) | dict(robot.numbers.get(name, {}))
         own |= {"offset": robot.offsets[name]} if robot.offsets.get(name) else {}
         values |= {f"{name}.{part}": 0.0 for part in parts} | name_numbers(name, own, parts)
-    for (
-        name,
-        value,
-    ) in extra.nominal.items():  # one level of dry friction is that of both directions
+    # One level of dry friction is that of both directions.
+    for name, value in extra.nominal.items():
         joint, _, kind = name.rpartition(".")
         if kind == "Fc":
             values |= name_numbers(joint, {"frictionloss": value}, parts)

@@ -19,10 +19,11 @@ from identifiability.foundation.errors import ClosureError, RobotError
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.values import frozen
-from identifiability.robot.description import Axis, Cable, Coupling, Description
-from identifiability.robot.floating import BATCH, eliminate
-from identifiability.robot.kinematics import WORLD, Frames, Point, Tree
-from identifiability.robot.rules import RULES
+
+from .description import Axis, Cable, Coupling, Description
+from .floating import BATCH, eliminate
+from .kinematics import WORLD, Frames, Point, Tree
+from .rules import RULES
 
 
 def stretch_home(robot: Description) -> Description:
@@ -423,11 +424,11 @@ class Motion:
         sign: Array = scipy.special.erf(share)
         return sign
 
-    def freed(self, rows: Array, start: int = 0) -> Array:
-        """Return rows (N − start, n, …) from a sample on, free of what presses at contacts."""
+    def freed(self, rows: Array) -> Array:
+        """Return rows (N, n, …) free of what presses at contacts."""
         if self.free is None:
             return rows
-        N = self.free[start:].swapaxes(1, 2)
+        N = self.free.swapaxes(1, 2)
         return N @ rows if rows.ndim == N.ndim else (N @ rows[..., None])[..., 0]
 
     @property

@@ -20,11 +20,12 @@ from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import GROUPED_KINDS, Array, NumberByName, Renames, Strings
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.robot.floating import SIX, Base
-from identifiability.robot.kinematics import WORLD, Point, Tree, shortest_turn
-from identifiability.robot.locate import ROOTS, parse_xml, read_included
-from identifiability.robot.servo import Servo
-from identifiability.robot.sidecar import KnownTorque, MeasuredTorque, Sidecar
+
+from .floating import SIX, Base
+from .kinematics import WORLD, Point, Tree, shortest_turn
+from .locate import ROOTS, parse_xml, read_included
+from .servo import Servo
+from .sidecar import KnownTorque, MeasuredTorque, Sidecar
 
 # What robot files state of joints, tendons and actuators in numbers: one table of fields.
 

@@ -23,19 +23,14 @@ from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import find_named
 from identifiability.foundation.quoting import for_toml
-from identifiability.robot.assembly import (
-    LockOption,
-    assemble,
-    check_magnitudes,
-    read_locks,
-    resolve_locks,
-)
-from identifiability.robot.description import Coupling, Description, Stated
-from identifiability.robot.floating import BASE_JOINTS, Base, find_legs
-from identifiability.robot.kinematics import WORLD, Tree, body_names, read_tree, weld
-from identifiability.robot.locate import find_sidecar, locate_robot, read_markup
-from identifiability.robot.sidecar import Sidecar, check_known, read_sidecar
-from identifiability.robot.write import numbers, root_link, urdf_joint
+
+from .assembly import LockOption, assemble, check_magnitudes, read_locks, resolve_locks
+from .description import Coupling, Description, Stated
+from .floating import BASE_JOINTS, Base, find_legs
+from .kinematics import WORLD, Tree, body_names, read_tree, weld
+from .locate import find_sidecar, locate_robot, read_markup
+from .sidecar import Sidecar, check_known, read_sidecar
+from .write import numbers, root_link, urdf_joint
 
 
 def _find_massless(path: Path, model: Any, massless: Collection[str]) -> set[int]:
@@ -79,7 +74,7 @@ def read_robot(
     extra = extra if base is None else extra.model_copy(update={"base": base})
     root = read_markup(path)
     if root.tag == "mujoco":  # who has a URDF does not wait for MuJoCo
-        from identifiability.robot.mjcf import state_robot  # noqa: PLC0415
+        from .mjcf import state_robot  # noqa: PLC0415
 
         stated = state_robot(path, extra)
     else:

@@ -19,9 +19,10 @@ from scipy.ndimage import maximum_filter1d
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.values import frozen
-from identifiability.robot.kinematics import Frames, Point, Tree
-from identifiability.robot.rules import RULES
-from identifiability.robot.servo import Servo
+
+from .kinematics import Frames, Point, Tree
+from .rules import RULES
+from .servo import Servo
 
 #: The joints of a base that floats, slides first: rows of its force and of its moment about its
 #: origin, along its own axes.

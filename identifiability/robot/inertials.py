@@ -16,7 +16,8 @@ from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import NEARLY, TINY
 from identifiability.foundation.names import Array, NumberByName
 from identifiability.foundation.values import frozen
-from identifiability.robot.locate import read_markup
+
+from .locate import read_markup
 
 #: Attributes of an inertia in a URDF, and their places in the tensor.
 _URDF_MOMENTS = {

@@ -23,13 +23,14 @@ from numpy.polynomial import Polynomial
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import Array, NumberByName, Strings
 from identifiability.foundation.values import frozen
-from identifiability.robot.assembly import resolve_locks
-from identifiability.robot.description import FIELDS, Cable, Coupling, Loop, Stated
-from identifiability.robot.floating import BASE_JOINTS, SIX, Base
-from identifiability.robot.inertials import describe_faults, find_faults
-from identifiability.robot.kinematics import WORLD, Joint, Point, Tree, read_tree, weld
-from identifiability.robot.locate import check_files, file_text, read_markup
-from identifiability.robot.sidecar import Sidecar
+
+from .assembly import resolve_locks
+from .description import FIELDS, Cable, Coupling, Loop, Stated
+from .floating import BASE_JOINTS, SIX, Base
+from .inertials import describe_faults, find_faults
+from .kinematics import WORLD, Joint, Point, Tree, read_tree, weld
+from .locate import check_files, file_text, read_markup
+from .sidecar import Sidecar
 
 _EQ, _OBJ, _OFF, _TRN = mujoco.mjtEq, mujoco.mjtObj, mujoco.mjtDisableBit, mujoco.mjtTrn
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)

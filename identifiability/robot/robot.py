@@ -23,11 +23,12 @@ from identifiability.foundation.options import Expected, FilePath, Positive, che
 from identifiability.foundation.output import check_ending, temporary_folder
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
-from identifiability.robot.assembly import LockOption, read_locks
-from identifiability.robot.description import Description
-from identifiability.robot.files import read_robot
-from identifiability.robot.kinematics import WORLD, least_eigenvalue
-from identifiability.robot.table import write_table
+
+from .assembly import LockOption, read_locks
+from .description import Description
+from .files import read_robot
+from .kinematics import WORLD, least_eigenvalue
+from .table import write_table
 
 # The ten parameters of a body from its mass, centre and moments of inertia.
 

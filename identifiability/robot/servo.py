@@ -20,7 +20,8 @@ from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.rounding import REACH
 from identifiability.foundation.values import frozen
-from identifiability.robot.sidecar import ServoEntry, by_name
+
+from .sidecar import ServoEntry, by_name
 
 #: What states gains that a robot file does not.
 SIDECAR = "the sidecar"

@@ -36,7 +36,8 @@ from identifiability.foundation.names import (
     is_pattern,
     specificity,
 )
-from identifiability.robot.locate import LARGEST, LONGEST_NAME, find_sidecar, locate_robot
+
+from .locate import LARGEST, LONGEST_NAME, find_sidecar, locate_robot
 
 
 class Strict(BaseModel):

@@ -48,12 +48,13 @@ from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.output import check_apart, check_ending, write_text, write_together
 from identifiability.foundation.quoting import fits_xml, for_xml, for_xml_comment
-from identifiability.robot.assembly import position_limits
-from identifiability.robot.description import Coupling, Description
-from identifiability.robot.kinematics import WORLD, Joint, Point
-from identifiability.robot.locate import is_computed
-from identifiability.robot.sidecar import Named, Sidecar, Strict, Triple
-from identifiability.robot.write import numbers, turn_base, urdf_inertial, urdf_joint
+
+from .assembly import position_limits
+from .description import Coupling, Description
+from .kinematics import WORLD, Joint, Point
+from .locate import is_computed
+from .sidecar import Named, Sidecar, Strict, Triple
+from .write import numbers, turn_base, urdf_inertial, urdf_joint
 
 #: The link on which the first ones stand.
 BASE = "base"

@@ -24,11 +24,12 @@ from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array, NumberByName, Strings
 from identifiability.foundation.output import write_together
 from identifiability.foundation.quoting import for_xml, for_xml_comment, toml_comment
-from identifiability.robot.closure import rest_along
-from identifiability.robot.description import FIELDS, Axis, Description
-from identifiability.robot.floating import BASE_JOINTS
-from identifiability.robot.kinematics import least_eigenvalue, shortest_turn
-from identifiability.robot.locate import (
+
+from .closure import rest_along
+from .description import FIELDS, Axis, Description
+from .floating import BASE_JOINTS
+from .kinematics import least_eigenvalue, shortest_turn
+from .locate import (
     MOST_ELEMENTS,
     drop_repeated,
     expand_includes,
@@ -36,8 +37,8 @@ from identifiability.robot.locate import (
     place_sidecar,
     read_bytes,
 )
-from identifiability.robot.servo import FOUND, Servo
-from identifiability.robot.sidecar import read_sidecar
+from .servo import FOUND, Servo
+from .sidecar import read_sidecar
 
 # The text of a robot file, of which only what changed is written anew: comments, order and
 # indentation stay, so that a comparison with the file that was read shows the numbers alone.
@@ -413,39 +414,11 @@ def edited_text(
     for body, theta in share_out(robot, bodies).items():
         write_body = write_inertial if robot.mjcf else _write_urdf_inertial
         write_body(top, body, *own_inertial(robot, body, theta))
-    elements = {e.get("name"): e for e in _joints(top)}
-    degrees = robot.mjcf and not in_radians(top)
-    every = [e for part in top.iter("default") for e in part.iter("joint")]
-    defaults = {word for e in every for word in e.attrib}
-    slides = {cable.name for cable in robot.cables}
-    offsets = {name: x for name, own in joints.items() for w, x in own.items() if w == "offset"}
+    offsets = {name: own["offset"] for name, own in joints.items() if "offset" in own}
     joints = {name: {w: x for w, x in own.items() if w != "offset"} for name, own in joints.items()}
-    for name, stated in joints.items():
-        if name not in robot.tendon_axes and name not in (*slides, *BASE_JOINTS):
-            element = elements[name]
-            own = {w: x for w, x in stated.items() if x or w in {*defaults, *element.attrib}}
-            _write_joint(element, robot, name, own if robot.mjcf else stated, degrees=degrees)
+    _write_joints(top, robot, joints)
     if robot.mjcf:
-        clear_mjcf(top)
-        write_axes(top, robot, joints)
-        if robot.upright is not None:
-            write_option(top, "gravity", numbers(robot.gravity))
-        if offsets:
-            write_offsets(top, robot.path, offsets)
-        servo = robot.known_servo
-        if servo is not None:
-            # At this step MuJoCo moves it as rollouts do: dry friction does not creep, and rotors
-            # lack what late positions and implicit damping are taken for.
-            write_option(top, "timestep", "0.001")
-            write_option(top, "integrator", "implicitfast")
-            write_servos(top, robot.joints, servo, offsets)
-            for name, lead, damping in zip(robot.joints, servo.lead, servo.damping, strict=True):
-                seen = 0.0005 * (joints[name]["damping"] + damping) - lead
-                elements[name].attrib |= {
-                    "armature": f"{max(joints[name]['armature'] - seen, 0.0):.17g}",
-                    "solreffriction": "0.002 1",
-                    "solimpfriction": "0.9999 0.9999",
-                }
+        _write_forces(top, robot, joints, offsets)
     else:
         turn_base(top, robot.gravity)
     old = content.decode("utf-8-sig", errors="replace")
@@ -454,6 +427,51 @@ def edited_text(
     step = re.search(r"\n([ \t]+)<", old)
     ET.indent(top, step[1] if step else "  ")
     return edited(old, for_xml(top).replace(" />", "/>"), comment)
+
+
+def _write_joints(top: ET.Element, robot: Description, joints: Mapping[str, NumberByName]) -> None:
+    """Write friction, rotor and spring of joints; zeros only where the file has that number."""
+    elements = {e.get("name"): e for e in _joints(top)}
+    degrees = robot.mjcf and not in_radians(top)
+    every = [e for part in top.iter("default") for e in part.iter("joint")]
+    defaults = {word for e in every for word in e.attrib}
+    others = {*robot.tendon_axes, *BASE_JOINTS, *(cable.name for cable in robot.cables)}
+    for name, stated in joints.items():
+        if name not in others:
+            element = elements[name]
+            own = {w: x for w, x in stated.items() if x or w in {*defaults, *element.attrib}}
+            _write_joint(element, robot, name, own if robot.mjcf else stated, degrees=degrees)
+
+
+def _write_forces(
+    top: ET.Element,
+    robot: Description,
+    joints: Mapping[str, NumberByName],
+    offsets: NumberByName,
+) -> None:
+    """Write gravity, tendons, torque offsets and servos into an MJCF."""
+    clear_mjcf(top)
+    write_axes(top, robot, joints)
+    if robot.upright is not None:
+        write_option(top, "gravity", numbers(robot.gravity))
+    if offsets:
+        write_offsets(top, robot.path, offsets)
+    servo = robot.known_servo
+    if servo is None:
+        return
+    # At this step MuJoCo moves it as rollouts do: dry friction does not creep, and rotors lack
+    # what late positions and implicit damping are taken for.
+    write_option(top, "timestep", "0.001")
+    write_option(top, "integrator", "implicitfast")
+    write_servos(top, robot.joints, servo, offsets)
+    elements = {e.get("name"): e for e in _joints(top)}
+    for name, lead, damping in zip(robot.joints, servo.lead, servo.damping, strict=True):
+        seen = 0.0005 * (joints[name]["damping"] + damping) - lead
+        elements[name].attrib |= {
+            "armature": f"{max(joints[name]['armature'] - seen, 0.0):.17g}",
+            "solreffriction": "0.002 1",
+            "solimpfriction": "0.9999 0.9999",
+        }
 
 
 def _check_template(robot: Description, top: ET.Element) -> None:
@@ -611,7 +629,7 @@ def write_offsets(top: ET.Element, path: Path, offsets: NumberByName) -> None:
     offsets : mapping
         By what an actuator drives [N·m or N].
     """
-    from identifiability.robot.mjcf import read_actuators, read_spec, refused  # noqa: PLC0415
+    from .mjcf import read_actuators, read_spec, refused  # noqa: PLC0415
 
     elements = [e for part in top.findall("actuator") for e in part]
     left = dict(offsets)

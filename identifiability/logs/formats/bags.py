@@ -29,13 +29,8 @@ from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array, Strings, numbered
 from identifiability.foundation.quoting import path_for_shell
 from identifiability.logs.form import PLAIN
-from identifiability.logs.formats.reader import (
-    Whole,
-    check_unpacked,
-    hash_files,
-    list_files,
-    reader,
-)
+
+from .reader import Whole, check_unpacked, hash_files, list_files, reader
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -327,40 +322,71 @@ def _read_states(
 
     table = _table(told())
     times = np.array(clocks, np.int64).reshape(-1, 2)
-    rename = known.columns.apply
     if len(groups) > 1:
-        called = {rename(n): f"{n}.q" for n in sorted(frozenset().union(*groups))}
-        sides = (known.motors, known.joints)
-        needed = next(([called[j] for j in x] for x in sides if x and {*x} <= {*called}), [])
-        whole = table[needed].notna().all(axis=1).to_numpy() & bool(needed)
-        if not whole.any():
-            first, other, *_ = groups.values()
-            raise LogError(
-                f"{source} tell of different joints ({listing(first)}; then {listing(other)}), and "
-                "no message of all joints that are needed: if they are called otherwise, add "
-                "--map 'OLD=NEW', and lock what does not move (a gripper, say), --lock JOINT=VALUE."
-            )
+        whole = _find_whole(table, groups, known, source)
         table = table[whole]
         times = times[whole]
     table = table.dropna(axis=1, how="all")
-    pairs = [str(name).rsplit(".", 1) for name in table]
-    driven = {joint for joint, kind in pairs if kind == "tau"}
-    lacking = [k for k in ("q", "tau") if not any(kind == k for _, kind in pairs)]
+    table = table[_driven(table, known, source, commanded=commanded)]
+    stamp = times[:, 0] if times[:, 0].min() > 0 else times[:, 1]
+    order = np.argsort(stamp, kind="stable")
+    frame = table.iloc[order].reset_index(drop=True)
+    frame.insert(0, "t", (stamp[order] - stamp.min()) * 1e-9)
+    frame.attrs["start"] = float(stamp.min()) * 1e-9  # on the clock of the stamps
+    frame.attrs["recorded"] = times[order, 1]
+    frame.attrs["mixed"] = len(groups) > 1
+    return frame
+
+
+def _find_whole(
+    table: pd.DataFrame,
+    groups: Mapping[frozenset[str], Sequence[str]],
+    known: Conventions,
+    source: str,
+) -> Array:
+    """Return which messages tell of all joints of the robot, (N,) bool.
+
+    Raises
+    ------
+    LogError
+        If none does.
+    """
+    called = {known.columns.apply(n): f"{n}.q" for n in sorted(frozenset().union(*groups))}
+    sides = (known.motors, known.joints)
+    needed = next(([called[j] for j in x] for x in sides if x and {*x} <= {*called}), [])
+    whole = table[needed].notna().all(axis=1).to_numpy() & bool(needed)
+    if not whole.any():
+        first, other, *_ = groups.values()
+        raise LogError(
+            f"{source} tell of different joints ({listing(first)}; then {listing(other)}), and "
+            "no message of all joints that are needed: if they are called otherwise, add "
+            "--map 'OLD=NEW', and lock what does not move (a gripper, say), --lock JOINT=VALUE."
+        )
+    return whole
+
+
+def _driven(table: pd.DataFrame, known: Conventions, source: str, *, commanded: bool) -> list[str]:
+    """Return the columns of joints that have effort, and positions of the robot's joints.
+
+    Raises
+    ------
+    LogError
+        If there is no position or effort.
+    """
+    pairs = {str(name): str(name).rsplit(".", 1) for name in table}
+    driven = {joint for joint, kind in pairs.values() if kind == "tau"}
+    lacking = [k for k in ("q", "tau") if all(kind != k for _, kind in pairs.values())]
     if lacking and (lacking != ["tau"] or not commanded):
         raise LogError(
             f"{source} have no {FIELDS[lacking[0]]} in some or all messages; record a topic that "
             "has position and effort, or commands beside position."
         )
     own = {*known.motors, *known.joints, *known.locked}
-    stamp = times[:, 0] if times[:, 0].min() > 0 else times[:, 1]
-    order = np.argsort(stamp, kind="stable")
-    kept = [lacking or j in driven or (k == "q" and rename(j) in own) for j, k in pairs]
-    frame = table.loc[:, np.array(kept, bool)].iloc[order].reset_index(drop=True)
-    frame.insert(0, "t", (stamp[order] - stamp.min()) * 1e-9)
-    frame.attrs["start"] = float(stamp.min()) * 1e-9  # on the clock of the stamps
-    frame.attrs["recorded"] = times[order, 1]
-    frame.attrs["mixed"] = len(groups) > 1
-    return frame
+
+    def counts(joint: str, kind: str) -> bool:
+        return joint in driven or (kind == "q" and known.columns.apply(joint) in own)
+
+    return [name for name, pair in pairs.items() if lacking or counts(*pair)]
 
 
 @reader(

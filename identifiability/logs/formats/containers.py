@@ -18,16 +18,9 @@ from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array, numbered
 from identifiability.logs.form import PLAIN, Form, find_form
-from identifiability.logs.formats.reader import (
-    TIMES,
-    UNPACKED,
-    Whole,
-    check_unpacked,
-    count_zipped,
-    hash_files,
-    reader,
-)
 from identifiability.logs.names import check_names, guess_column
+
+from .reader import TIMES, UNPACKED, Whole, check_unpacked, count_zipped, hash_files, reader
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -22,10 +22,11 @@ from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array, numbered
 from identifiability.foundation.quoting import path_for_shell
 from identifiability.logs.form import PLAIN
-from identifiability.logs.formats.parquet import check_parquet
-from identifiability.logs.formats.reader import Whole, reader
 from identifiability.logs.names import KINDS
 from identifiability.logs.rules import RULES
+
+from .parquet import check_parquet
+from .reader import Whole, reader
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from identifiability.logs.formats.reader import check_unpacked
 from identifiability.logs.names import check_names
+
+from .reader import check_unpacked
 
 #: Bytes of a value in memory, and bytes that the values of any file may take.
 VALUE, LEAST = 8, 256_000_000

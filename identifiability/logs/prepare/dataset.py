@@ -23,13 +23,14 @@ from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.base import AFTER, UP
-from identifiability.logs.prepare.preparation import Plan, Preparation, joint_log, make_plan
 from identifiability.logs.rows import WINDOW, divide_rows, find_range, forget, gather, is_long
 from identifiability.logs.rules import RULES
 from identifiability.logs.signals import is_constant, never_moves
 from identifiability.robot import KnownRobot, Motion, Robot, complete_motion
 from identifiability.robot.closure import known_torque, project
 from identifiability.robot.floating import SIX, closed_contacts, wrench_torque
+
+from .preparation import Plan, Preparation, joint_log, make_plan
 
 # `Survey`: what there is to know of a prepared log as a whole.
 #

@@ -14,11 +14,12 @@ import numpy as np
 
 from identifiability.logs import Log, signals
 from identifiability.logs.log import join_logs
-from identifiability.logs.prepare.dataset import Dataset, prepare_log
-from identifiability.logs.prepare.preparation import Preparation
 from identifiability.logs.rules import RULES
 from identifiability.logs.spectrum import bandwidth_of_windows
 from identifiability.robot import Robot
+
+from .dataset import Dataset, prepare_log
+from .preparation import Preparation
 
 #: Samples after decimation that a diagnosis looks at in one log, and in all that are fitted; more
 #: are thinned to stretches.

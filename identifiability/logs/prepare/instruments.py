@@ -21,11 +21,12 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs import Log, signals
 from identifiability.logs.base import UP
-from identifiability.logs.prepare.dataset import Dataset
-from identifiability.logs.prepare.preparation import joint_log
 from identifiability.logs.rules import RULES
 from identifiability.logs.spectrum import bandwidth_of_windows, noise_level, resolution
 from identifiability.robot import Motion, Robot, complete_motion
+
+from .dataset import Dataset
+from .preparation import joint_log
 
 #: Position, velocity and acceleration of the actuated joints at all N rows of a log, each (N, n),
 #: and which record it is.
