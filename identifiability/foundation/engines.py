@@ -354,7 +354,7 @@ def fingerprint(function: Callable[..., Any], item: Any = None) -> str:
     """Return a hash of a function with its arguments, an item, and the programs that work."""
     import joblib  # noqa: PLC0415 - heavy
 
-    parts: list[Any] = [item, *map(find_version, NUMERICS)]
+    parts = [item, *map(find_version, NUMERICS)]
     while isinstance(function, partial):
         parts.append((function.args, function.keywords))
         function = function.func

@@ -139,12 +139,12 @@ def find_patterns(names: Iterable[str], others: Iterable[str]) -> list[str]:
     wanted = list(dict.fromkeys(names))
     known = [*wanted, *others]
     allowed = set(wanted)
-    covers: dict[str, set[str]] = {}
+    covers = {}
     for pattern in dict.fromkeys(p for name in wanted for p in _patterns_of(name)):
         found = set(find_named(pattern, known))
         if len(found) > 1 and found <= allowed:
             covers[pattern] = found
-    out: list[str] = []
+    out = []
     rest = set(wanted)
     while covers:
         best = max(covers, key=lambda p: (len(covers[p] & rest), -len(p)))

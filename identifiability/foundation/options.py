@@ -125,7 +125,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 
     @wraps(function)
     def bordered(*args: P.args, **kwargs: P.kwargs) -> R:
-        given: dict[str, Any] = {}
+        given = {}
         with suppress(TypeError):  # the call itself raises it, and names the function
             given = shape.bind(*args, **kwargs).arguments
         for name, value in given.items():

@@ -194,7 +194,7 @@ def _mean_acceleration(
     # So long a gyroscope is trusted, after which gravity corrects it [s].
     at = np.linspace(-1, 1, len(t))
     spans = np.polynomial.chebyshev.chebvander(at, int(step * len(t) / 10.0))
-    slow: Array = spans @ np.linalg.lstsq(spans, turn.apply(acc), rcond=None)[0]
+    slow = spans @ np.linalg.lstsq(spans, turn.apply(acc), rcond=None)[0]
     return turn, slow
 
 

@@ -116,7 +116,7 @@ def to_floats(given: pd.Series) -> Array:
     if given.dtype == float:  # there is nothing to parse
         return np.array(given)
     try:
-        numbers: Array = pd.to_numeric(given, errors="coerce").to_numpy(float, na_value=np.nan)
+        numbers = pd.to_numeric(given, errors="coerce").to_numpy(float, na_value=np.nan)
     except (TypeError, ValueError):  # cells that hold lists, categories …
         numbers = np.full(len(given), np.nan)
     return numbers

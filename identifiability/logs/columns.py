@@ -177,8 +177,10 @@ def _find_candidates(
     measured = [g for g in guesses if g.kind not in COMMANDS]
     for kind, other in (("q", BARE), ("tau", "current")):
         if all(g.kind != kind for g in measured):
-            taken = {"kind": kind, "current": kind == "tau"}
-            measured = [replace(g, **taken) if g.kind == other else g for g in measured]
+            measured = [
+                replace(g, kind=kind, current=kind == "tau") if g.kind == other else g
+                for g in measured
+            ]
     if _all_there({g.name for g in measured if g.literal}, known, needed):
         measured = [g for g in measured if g.literal or g.joint in known.locked]
     return [*measured, *commands]
@@ -225,8 +227,8 @@ def _choose(
     for guess in guesses:
         if guess.kind not in ("current", BARE):
             found.setdefault(guess.name, []).append(guess)
-    out: dict[str, Column] = {}
-    several: dict[str, list[Column]] = {}
+    out = {}
+    several = {}
     for name, those in found.items():
         best = _preferred(those, names)
         if len(best) == 1:
@@ -442,7 +444,7 @@ def resolve_numbers(
         how = " (the names that stand in the log say which joint it is)"
         return [*told, *out], how
     named = {g.name for g in told}
-    found: list[Column] = []
+    found = []
     for kind in CHANNELS:
         own = [g for g in loose if g.kind == kind]
         if own and not {f"{j}.{kind}" for j in known.joints} <= named:
@@ -508,7 +510,7 @@ def resolve_commands(
     if not known.joints or known.motion_alone:
         return False
     given = [c for c in taken.values() if c.kind in COMMANDS]
-    lost: dict[str, list[str]] = {}
+    lost = {}
     for kind in dict.fromkeys(c.kind for c in given):
         has = [c.joint for c in given if c.kind == kind]
         own = known.motors if {*has} & {*known.motors} else known.joints

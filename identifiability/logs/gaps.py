@@ -88,7 +88,7 @@ class StaleRule:
 def smallest_change(x: Array) -> Array:
     """Return the smallest change from sample to sample of x (N, n), (n,); 0 where there is none."""
     change = np.abs(np.diff(x, axis=0))
-    found: Array = np.where(change > 0, change, np.inf).min(0, initial=np.inf)
+    found = np.where(change > 0, change, np.inf).min(0, initial=np.inf)
     return np.where(np.isfinite(found), found, 0.0)
 
 

@@ -371,8 +371,11 @@ def _read_log(reader: TableReader, pieces: Iterable[Whole]) -> Log:
     tau = values["tau"]
     if np.isnan(find_range(tau)[0]).any():
         gone = fields["unmeasured"] = np.isnan(tau)
-        pairs = zip(tau.T, gone.T, strict=True)
-        fields["tau"] = np.stack([_bridge(t, x, missing) for x, missing in pairs], 1)
+        # Straight lines stand where it is lost, zeros where all of it is.
+        bridged = fields["tau"] = np.zeros(tau.shape)
+        for k, known in enumerate(~gone.T):
+            if known.any():
+                bridged[:, k] = np.interp(t, t[known], tau[known, k])
     if reader.known.base is not None:
         beside = reader.known.base, t, reader.beside, reader.source
         fields["base"], told = read_base(*beside)
@@ -385,19 +388,6 @@ def _read_log(reader: TableReader, pieces: Iterable[Whole]) -> Log:
         motion_alone=bool(naming.made),
         start=reader.start,
         **fields,
-    )
-
-
-def _bridge(t: Array, x: Array, lost: Array) -> Array:
-    """Return a column (N,) with straight lines where it is lost, zeros if all of it is."""
-    return (
-        np.zeros(len(x))
-        if lost.all()
-        else np.interp(
-            t,
-            t[~lost],
-            x[~lost],
-        )
     )
 
 

@@ -133,7 +133,8 @@ def find_layout(frame: pd.DataFrame, known: Conventions) -> Layout | None:
     label = _choose_label(frame, labels)
     if not _name_joints(frame[label], known):
         return None
-    time = _choose_time(times, names)
+    stated = [c for c in times if names[c] == "t"]
+    time = [*stated, *filter(is_stamp, times), *times][0]
     return Layout(label, time, times, _name_channels(channels, names))
 
 
@@ -141,13 +142,6 @@ def _choose_label(frame: pd.DataFrame, labels: Sequence[str]) -> str:
     """Return the column that names joints: one of text goes before one of numbers."""
     texts = [c for c in labels if frame[c].dtype.kind not in "biuf"]
     return [*texts, *labels][0]
-
-
-def _choose_time(times: Sequence[str], names: Mapping[str, str]) -> str:
-    """Return the column whose equal values are one time."""
-    stated = [c for c in times if names[c] == "t"]
-    stamps = [c for c in times if is_stamp(c)]
-    return [*stated, *stamps, *times][0]
 
 
 def _name_joints(labels: pd.Series, known: Conventions) -> bool:
@@ -201,14 +195,15 @@ def _blocks(frames: Iterable[pd.DataFrame], layout: Layout, source: str) -> Iter
     """
     import pandas as pd  # noqa: PLC0415 - heavy, and workers that read Parquet do without it
 
-    waiting: list[pd.DataFrame] = []
+    waiting = []
     by_time = False
     for frame in frames:
         waiting.append(frame[frame[layout.label].notna()])
         by_time = by_time or not _is_sorted_by_joint(waiting[-1][layout.label])
         if by_time:
             block = pd.concat(waiting, ignore_index=True)
-            complete = _count_complete(_time_keys(block[layout.time]))
+            starts = np.flatnonzero(_is_new(_time_keys(block[layout.time])))
+            complete = starts[-1] if len(starts) else 0  # rows of the last time may go on
             waiting = [block[complete:]]
             if complete:
                 yield block[:complete]
@@ -240,11 +235,6 @@ def _is_new(keys: Array) -> Array:
     return np.concatenate([[True], keys[1:] != keys[:-1]])[: len(keys)]
 
 
-def _count_complete(keys: Array) -> int:
-    """Return the number of rows before the last time, whose rows may go on."""
-    return int(np.flatnonzero(_is_new(keys))[-1]) if len(keys) else 0
-
-
 def _turn(block: pd.DataFrame, layout: Layout, joints: Sequence[str], source: str) -> pd.DataFrame:
     """Return rows of a long table as a table with one row a time.
 
@@ -269,7 +259,7 @@ def _turn(block: pd.DataFrame, layout: Layout, joints: Sequence[str], source: st
     for channel in layout.channels:
         given = block[channel].set_axis(cells)
         given = given.astype(float) if given.dtype.kind in "biuf" else given
-        wide = given.unstack().reindex(columns=joints)
+        wide = given.unstack().reindex(columns=[*joints])
         columns |= {layout.name_column(j, channel): wide[j].to_numpy() for j in joints}
     return pd.DataFrame(columns)
 

@@ -77,7 +77,7 @@ def gather(pieces: Iterable[Mapping[str, Array]]) -> dict[str, Any]:
     LogError
         If a disk is full.
     """
-    kept: list[Mapping[str, Array]] = []
+    kept = []
     files: dict[str, Any] = {}
     rows = 0
     folder = os.environ.get("TMPDIR") or (DISK if DISK.is_dir() else None)

@@ -183,7 +183,7 @@ class Decimation:
     def taps(self) -> Array:
         """The symmetric filter, 20 taps a kept sample, cut-off at the new Nyquist frequency."""
         at = np.arange(-self.reach, self.reach + 1)
-        h: Array = np.sinc(at / self.factor) * np.hamming(len(at))
+        h = np.sinc(at / self.factor) * np.hamming(len(at))
         h /= h.sum()
         return h
 

@@ -104,9 +104,7 @@ class Spectrum:
     @cached_property
     def motion(self) -> Array:
         """Density of the motion above the noise, (K, n)."""
-        above: Array = np.where(
-            self.smooth > RULES.motion_seen * self.noise, self.power - self.noise, 0.0
-        )
+        above = np.where(self.smooth > RULES.motion_seen * self.noise, self.power - self.noise, 0.0)
         return np.maximum(above, 0.0)
 
     def bandwidths(self) -> Array:

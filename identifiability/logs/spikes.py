@@ -63,7 +63,7 @@ class Spike:
 
 def find_spikes(x: Array) -> list[Spike]:
     """Return the wrong samples of a column (N,) in their order; blocks of it are judged."""
-    found: list[Spike] = []
+    found = []
     # The last block has up to twice as many samples.
     stops = [*range(PIECE, len(x) - PIECE - REACH + 1, PIECE), len(x)]
     for a, b in pairwise([0, *stops]):
@@ -105,7 +105,7 @@ def _find(x: Array, *, first: bool, last: bool) -> list[Spike]:
     found = [k for k in far if height[k] > RULES.spike * _usual(height, k)]
     # Consecutive samples on one side make one spike. Beside a high one, a right sample stands in a
     # hole that its neighbours do not show.
-    wrong: set[int] = set()
+    wrong = set()
     for _, group in groupby(enumerate(found), lambda e: (e[1] - e[0], above[e[1]] >= below[e[1]])):
         spike = [k for _, k in group]
         ends = (first and spike[0] == 0) or (last and spike[-1] == len(x) - 1)

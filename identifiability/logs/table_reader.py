@@ -269,7 +269,9 @@ class TableReader:
             self._base = find_base(columns, self.known.base, self.known.columns)
             columns = [c for c in columns if c not in self._base.values()]
         units = dict(zip(columns, self._form.units, strict=False))
-        columns = [c for c in columns if not (is_stamp(c) and is_zero(frame[c]))]
+        # Stamps that nobody set begin with zero.
+        unset = [c for c in columns if is_stamp(c) and (to_floats(frame[c][:1]) == 0.0).any()]
+        columns = [c for c in columns if c not in unset]
         naming = name_columns(columns, self.source, self.known, units, first)
         self.naming = resolve_time(naming, frame, self.source, self.known)
         self._numbers = {c.name: Numbers(c.name, self.source) for c in self.naming.columns}
@@ -349,11 +351,6 @@ class TableReader:
         found |= {c: every[c][last] for c in self.naming.commands}
         self._numbers = {}
         return stack_channels(joints, found), note
-
-
-def is_zero(column: pd.Series) -> bool:
-    """Return whether a column of numbers begins with zero, as stamps do that nobody set."""
-    return bool((to_floats(column[:1]) == 0.0).any())
 
 
 def stack_channels(joints: Sequence[str], columns: Mapping[str, Array]) -> dict[str, Array]:

@@ -122,7 +122,7 @@ def _slope(predicted: Array, measured: Array, known: Array) -> float:
 @check("flat", Does.HINTS)
 def find_saturation(logs: MeasuredLogs) -> list[Finding]:
     """Return torque columns that stay at their extreme values while the robot moves."""
-    found: dict[str, str] = {}
+    found = {}
     for rows in (log.shown for log in logs.recordings if not of_commands(log)):
         moves = np.append(np.diff(rows.q, axis=0).any(1), True)
         for joint, x in zip(rows.joints, rows.tau[moves].T, strict=True):

@@ -92,7 +92,7 @@ def read_logs(logs: Logs, known: Conventions, before: int = 0) -> list[Log]:
     before : int
         Number of other logs, after which numbers begin.
     """
-    out: list[Log] = []
+    out = []
     given = [
         one
         for item in list_logs(logs)

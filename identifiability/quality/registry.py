@@ -232,7 +232,7 @@ class MeasuredLogs:
         """
         structure = self.structure
         W = structure.model.regressor(self.robot, self.motion)
-        tau: Array = W @ structure.nominal
+        tau = W @ structure.nominal
         drives = [n for n, x in zip(structure.columns, structure.nominal, strict=True) if x > 0]
         known = [any(n.startswith(f"{j}.") for n in drives) for j in self.joints]
         return np.where(known, tau, np.nan)

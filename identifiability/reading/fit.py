@@ -173,11 +173,6 @@ class TorqueRows:
             parts = excerpt.X[..., None]
         return TorqueRows(structure, excerpt, parts)
 
-    def with_offsets(self) -> TorqueRows:
-        """Return the same rows, where each log has its own torque offsets."""
-        parts = self.excerpt.X[..., None]
-        return TorqueRows(self.structure, self.excerpt, parts, separate_offsets=True)
-
     @property
     def turns_gravity(self) -> bool:
         """Whether the columns are known under any gravity."""

@@ -25,6 +25,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs.commands import of_commands
 from identifiability.logs.prepare.dataset import Dataset, move_samples
+from identifiability.logs.signals import sampling_step
 from identifiability.physical.cad_prior import combine_with_file
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.quality import MeasuredLogs
@@ -115,7 +116,9 @@ class ReadingSearch:
 
     def _make_rows(self, reading: Reading) -> TorqueRows:
         if reading.separate_offsets:
-            return self.rows.with_offsets()
+            excerpt = self.rows.excerpt
+            parts = excerpt.X[..., None]
+            return TorqueRows(self.structure, excerpt, parts, separate_offsets=True)
         screened = self.screened.find_rows(reading.motion) if self.screened.is_whole else None
         return screened or move_rows(self.logs, self.logs.samples, reading.motion)
 
@@ -239,8 +242,7 @@ class ReadingSearch:
         """Return a reading with the delay that fits best, in samples of the log."""
         if not reading.delay.any():
             return reading
-        times = self.rows.excerpt.pieces[0].motion.t
-        step = float(np.median(np.diff(times)))
+        step = sampling_step(self.rows.excerpt.pieces[0].motion.t)
         delays = [np.round(x * reading.delay / step) * step for x in COARSE]
         return min((replace(reading, delay=delay) for delay in delays), key=self.misfit)
 

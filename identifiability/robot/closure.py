@@ -558,7 +558,7 @@ def project(robot: Description, motion: Motion, tree: Array) -> Array:
     """Return the torque of the actuated joints (N, n) from that of the bodies' joints (N, nv)."""
     tendons = np.zeros((len(tree), robot.nv - tree.shape[1]))  # they carry no body
     tree = np.hstack([tree, tendons]) if tendons.shape[1] else tree
-    tau: Array = tree[:, robot.actuated]
+    tau = tree[:, robot.actuated]
     if motion.X is not None:
         tau = tau - np.einsum("nij,ni->nj", motion.X, tree[:, robot.dependent])
     return tau

@@ -186,15 +186,11 @@ class Tree:
 
     def chain(self, joint: int) -> list[int]:
         """Return the joints from the root to `joint`."""
-        path: list[int] = []
+        path = []
         while joint != WORLD:
             path.append(joint)
             joint = self.joints[joint].parent
         return path[::-1]
-
-    def ancestors(self, joints: Iterable[int]) -> list[int]:
-        """Return every joint that moves one of `joints`, parents first."""
-        return sorted({k for j in joints for k in self.chain(j)})
 
     def integrate(self, q: Array, step: Array) -> Array:
         """Return ``q ⊕ step`` for tangent steps (N, nv); ball joints turn in their own frame."""
@@ -217,7 +213,8 @@ class Tree:
         axes: dict[int, Array] = {}
         origin: dict[int, Array] = {}
         q = np.ascontiguousarray(q.T)
-        for k in self.ancestors(joints):
+        # Parents come before what they move.
+        for k in sorted({k for j in joints for k in self.chain(j)}):
             j = self.joints[k]
             fixed = self._aligned[k]
             if j.parent == WORLD:

@@ -268,7 +268,7 @@ def parse_xml(path: Path, roots: tuple[str, ...], room: int = MOST_ELEMENTS) -> 
     try:
         check_files(path, path, most=MOST_TEXT)
         parser = ET.XMLParser(target=_Builder(path, room))
-        root: ET.Element = ET.parse(BytesIO(read_bytes(path)), parser).getroot()
+        root = ET.parse(BytesIO(read_bytes(path)), parser).getroot()
     except (ET.ParseError, OSError, ValueError, LookupError) as error:
         reason = getattr(error, "strerror", None) or error
         raise RobotError(f"{path} cannot be read as MJCF or URDF: {reason}.") from None
@@ -464,7 +464,7 @@ def read_included(path: Path) -> tuple[ET.Element, list[Path]]:
 def drop_repeated(root: ET.Element) -> None:
     """Take out of a URDF what is stated again where readers take the first; MuJoCo refuses it."""
     for element in (*root.findall("joint"), *root.iter("inertial")):
-        seen: set[str] = set()
+        seen = set()
         for child in list(element):
             if child.tag in seen:
                 element.remove(child)

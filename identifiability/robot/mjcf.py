@@ -456,7 +456,7 @@ def find_drives(actuators: Sequence[Actuator], locked: Collection[str]) -> list[
     A joint may have several actuators, say one that holds a position and one that damps. One that
     pulls at several joints that move drives none of them alone.
     """
-    names: list[str] = []
+    names = []
     for a in actuators:
         moving = [joint for joint in a.arms if joint not in locked]
         names += [a.tendon] if a.straight else moving if len(moving) == 1 else []
@@ -511,8 +511,8 @@ def read_forces(path: Path, m: Any, actuators: Sequence[Actuator], locked: Numbe
     idle = {word for word, bits in flags.items() if any(m.opt.disableflags & x for x in bits)}
     pull: dict[str, float] = defaultdict(float)
     found: dict[str, dict[str, float]] = {a.tendon: {} for a in actuators if a.straight}
-    rests: dict[str, float] = {}
-    combinations: dict[str, dict[str, float]] = {}
+    rests = {}
+    combinations = {}
     single = {m.joint(j).name for j in _find_single(m)}
     for title, arms, given, start, taut in _lines(m, actuators):
         numbers = {word: x for word, x in given.items() if x and word not in idle}

@@ -76,8 +76,7 @@ def ten_parameters(mass: float, centre: Point, inertia: Moments) -> Array:
 
 def possible(theta: Array) -> bool:
     """Whether some real body has these ten parameters."""
-    least: float = least_eigenvalue(theta)
-    return least >= -TINY * float(np.abs(theta).max())
+    return least_eigenvalue(theta) >= -TINY * float(np.abs(theta).max())
 
 
 # Robots that are changed in code: other numbers in a copy of the file, or another file.

@@ -572,7 +572,7 @@ def expand_names(
             tie = {k: [*parameters("symmetry", dict.fromkeys(x))] for k, x in entry.tie.items()}
             ties.append(entry.model_copy(update={"tie": tie}))
     first = left(extra.base_parameters.bodies)
-    own: dict[str, Any] = {
+    own = {
         "base_parameters": extra.base_parameters.model_copy(update={"bodies": first}),
         "limits": by_name(path, "limits", extra.limits, joints, locked),
         "prior_share": by_name(path, "prior_share", extra.prior_share, bodies, gone),

@@ -51,7 +51,7 @@ from identifiability.foundation.quoting import fits_xml, for_xml, for_xml_commen
 
 from .assembly import position_limits
 from .description import Coupling, Description
-from .kinematics import WORLD, Joint, Point
+from .kinematics import WORLD, Joint
 from .locate import is_computed
 from .sidecar import Named, Sidecar, Strict, Triple
 from .write import numbers, turn_base, urdf_inertial, urdf_joint
@@ -267,7 +267,7 @@ def ends_of(robot: Description, ground: str) -> list[list[tuple[str, Array]]]:
     """Return of every loop its two bodies and the points in the frames of their joints."""
     behind = {link.last: body for body, link in zip(robot.bodies, robot.links, strict=True)}
     behind[WORLD] = ground
-    points: list[tuple[Point, Point]] = [(loop.first, loop.second) for loop in robot.loops]
+    points = [(loop.first, loop.second) for loop in robot.loops]
     return [[(behind[p.joint], p.position) for p in pair] for pair in points]
 
 

@@ -169,7 +169,7 @@ def _read_sheets(path: Path) -> dict[str, pd.DataFrame]:
     size = count_zipped(path)
     check_unpacked(path, size, SHEETS)
     left = CELLS + size // 4  # a filled cell takes more bytes
-    found: dict[str, pd.DataFrame] = {}
+    found = {}
     book = load_workbook(path, read_only=True, data_only=True, keep_links=False)
     try:
         for sheet in book.worksheets:
@@ -196,7 +196,7 @@ def _read_cells(path: Path, sheet: Any, most: int) -> tuple[list[list[object]], 
         If there are more cells than allowed.
     """
     sheet.reset_dimensions()
-    rows: list[list[object]] = []
+    rows = []
     width = 0
     left = most
     for row in sheet.iter_rows(values_only=True):
@@ -243,8 +243,8 @@ def frame_of(arrays: Mapping[str, Any], source: str) -> pd.DataFrame:
     if not times:
         raise LogError(Finding("arrays.time", source, arrays=listing(sorted(flat)) or "none"))
     length = max(len(shaped[k]) for k in times)
-    columns: dict[str, Any] = {}
-    lost: list[str] = []
+    columns = {}
+    lost = []
     for name, given in shaped.items():
         array = given
         if array.ndim == 2 and len(array) != length and array.shape[1] == length:

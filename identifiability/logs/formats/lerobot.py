@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -150,7 +150,8 @@ def read_episode(path: str | Path) -> pd.DataFrame:
     # In v2 each has a file of its own: else a thousand files are opened a thousand times.
     files = [str(f) for f in (folder / "data").glob(f"*/episode_{number:06d}.parquet")]
     data = ds.dataset(files or folder / "data", format="parquet")
-    _check_files(data.files)
+    for file in data.files:
+        check_parquet(Path(file))
     wanted = [name for name in FEATURES if name in data.schema.names]
     lacking = {"timestamp", "episode_index", "observation.state"} - {*data.schema.names}
     if lacking:
@@ -158,22 +159,11 @@ def read_episode(path: str | Path) -> pd.DataFrame:
     rows = data.to_table(columns=["timestamp", *wanted], filter=ds.field("episode_index") == number)
     if not rows.num_rows:
         raise LogError(f"{folder} has no row of episode {number}; its files are not complete.")
-    columns: dict[str, Any] = {"t": _times(rows["timestamp"], info)}
+    columns = {"t": _times(rows["timestamp"], info)}
     for feature in wanted:
         values = np.array(rows[feature].to_pylist(), float).reshape(rows.num_rows, -1)
         columns |= zip(_columns(feature, values.shape[1], info), values.T, strict=True)
     return pd.DataFrame(columns)
-
-
-def _check_files(files: Iterable[str]) -> None:
-    """Refuse Parquet files whose values take far more memory than they have bytes.
-
-    Raises
-    ------
-    LogError
-    """
-    for file in files:
-        check_parquet(Path(file))
 
 
 def _read_info(folder: Path) -> Mapping[str, Any]:

@@ -612,7 +612,7 @@ def prepare_log(
 def _join(parts: Iterator[Dataset]) -> Dataset:
     """Return rows one after the other."""
     first: list[Dataset] = []
-    told: list[tuple[Array, Array, float, int]] = []  # little, as parts are many
+    told = []  # little, as parts are many
 
     def arrays() -> Iterator[dict[str, Array]]:
         for part in parts:
@@ -624,7 +624,7 @@ def _join(parts: Iterator[Dataset]) -> Dataset:
                 yield {**motion.each, "tau": part.tau, "weight": part.weight}
 
     found = gather(arrays())
-    own: dict[str, Any] = {k: found.pop(k) for k in ("tau", "weight") if found}
+    own = {k: found.pop(k) for k in ("tau", "weight") if found}
     dropped, singular, condition, lost = zip(*told, strict=True)
     motion = replace(
         first[0].motion,

@@ -134,10 +134,6 @@ class DwellRule:
         """Samples on each side that decide whether a joint dwells."""
         return int(self.slow.max()) + max(self.beside, self.turning) + 1
 
-    def masking(self, stands: bool) -> DwellRule:
-        """Return the rule by which reversals are data unless a joint ever stands."""
-        return replace(self, turning=max(1, self.beside) if stands else 0)
-
     def find(self, dq: Array) -> Array:
         """Return where each joint dwells, (N, n) bool; dq (N, n) are the speeds that are used."""
         out = np.zeros(dq.shape, bool)
@@ -683,7 +679,7 @@ def choose_cutoff(
 
 def _with_band(robot: Robot, logs: Sequence[Windows], how: Preparation) -> CommonPreparation:
     """Return the preparation with one band of what is differentiated, from windows of each log."""
-    spectra: list[Spectrum] = []
+    spectra = []
     for raw in logs:
         windows = [joint_log(robot, w) for w in raw.even(0.5 / RULES.cutoff_lowest)]
         source = [w.q for w in windows]
@@ -784,8 +780,11 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
         stays = Stays.of(plan, windows, raw.origins)
         stands = how.stands if isinstance(how, CommonPreparation) else None
         stands = ever_stand([stays]) if stands is None else stands
-        # What friction does as a joint turns, a rollout does, too, and calibrated torque lacks.
-        dwells = stays.rule().masking(stands and not of_commands(log))
+        dwells = stays.rule()
+        # Reversals are data unless a joint ever stands. What friction does as a joint turns, a
+        # rollout does, too, and calibrated torque lacks.
+        if stands and not of_commands(log):
+            dwells = replace(dwells, turning=max(1, dwells.beside))
     return replace(
         plan,
         dwells=dwells,
