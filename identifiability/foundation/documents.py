@@ -120,7 +120,7 @@ def first_problem(error: ValidationError, schema: type[BaseModel]) -> str:
     within = (p for p in problems if _keys_of(p["loc"])[: len(first)] == first)
     problem = max(within, key=lambda p: len(_keys_of(p["loc"])))  # of several types the likeliest
     *above, last = _keys_of(problem["loc"]) or ("",)
-    where = ".".join(str(part) for part in (*above, last))
+    where = ".".join(map(str, (*above, last)))
     if problem["type"] == "extra_forbidden":
         known = _known_keys(schema, above)
         return (
@@ -158,7 +158,7 @@ def _table_in(annotation: Any) -> type[BaseModel] | None:
     """Return the schema that a type such as ``dict[str, Entry]`` or ``Entry | None`` holds."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
-    found = (_table_in(inner) for inner in get_args(annotation))
+    found = map(_table_in, get_args(annotation))
     return next((table for table in found if table is not None), None)
 
 

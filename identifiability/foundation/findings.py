@@ -143,7 +143,7 @@ def merge_subjects(found: Iterable[Finding]) -> tuple[Finding, ...]:
     for one in found:
         rest = one.replace(one.subject, "", 1) if one.subject else str(one)
         alike.setdefault((one.key, rest or str(one)), []).append(one)
-    return tuple(_of_all_subjects(own) for own in alike.values())
+    return tuple(map(_of_all_subjects, alike.values()))
 
 
 def _of_all_subjects(found: Sequence[Finding]) -> Finding:

@@ -536,7 +536,7 @@ def _state_sidecar(extra: Sidecar) -> dict[str, Any]:
 
 
 def _state_motion(path: Path, extra: Sidecar, stated: Stated) -> dict[str, Any]:
-    """Return loops, springs, limits and torque columns, of the sidecar before those of the file."""
+    """Return loops, springs, limits and torque columns; the sidecar goes before the robot file."""
     loops = stated.loops
     if extra.loops is not None:
         loops = tuple(_sidecar_loop(path, entry, stated) for entry in extra.loops)

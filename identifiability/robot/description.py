@@ -508,8 +508,8 @@ class Description(Stated):
     def turned(self, direction: Array) -> Self:
         """Return the robot with gravity along another direction of the file's world.
 
-        That is what a base is that stands otherwise than the file says. The file stays as it is; a
-        file that is written of the robot states it.
+        Use it for a base that is not mounted as the file says. The file stays as it is. A file that
+        is written of the robot states the new direction.
 
         Parameters
         ----------

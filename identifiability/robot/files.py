@@ -107,7 +107,7 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
     for k in gone:
         model.inertias[k] = pin.Inertia.Zero()
     base = Base("", top, np.array(model.gravity.linear)) if top else None
-    if top:  # of a base that floats the proper acceleration is known, of which gravity is a part
+    if top:  # gravity is part of the acceleration that is measured on a floating base
         model.gravity.linear = np.zeros(3)
     tree = read_tree(path, model)
     coupled = {c.joint for c in couplings}

@@ -548,7 +548,7 @@ Forces = tuple[dict[str, dict[str, float]], dict[str, float], dict[str, dict[str
 
 def _lines(m: Any, actuators: Sequence[Actuator]) -> Iterator[Line]:
     """Yield what acts along joints, tendons and actuators."""
-    for x in (m.joint(j) for j in range(m.njnt)):
+    for x in map(m.joint, range(m.njnt)):
         own = {word: float(getattr(x, word).flat[0]) for word in _WORDS}
         yield x.name, {x.name: 1.0}, own, float(m.qpos_spring[x.qposadr[0]]), False
     rests = {"": 0.0}
@@ -610,7 +610,7 @@ _ALIGNED = {
 
 
 def state_robot(path: Path, extra: Sidecar) -> Stated:
-    """Return what an MJCF states, without what is not the robot's, with what is locked welded.
+    """Return what an MJCF states of the robot in its scene; locked joints are welded.
 
     Raises
     ------
@@ -662,9 +662,9 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
 
 
 def _compile_robot(path: Path, extra: Sidecar) -> tuple[Any, Any, str | None, dict[str, Any]]:
-    """Return the compiled scene, the compiled robot, the free joint that it floats on, if any.
+    """Return the compiled scene, the compiled robot, and the free joint that it floats on, if any.
 
-    And, as `Stated` has them, the bodies that are left out and the files of meshes that weigh.
+    The last item holds two fields of `Stated`: the bodies that are left out, and the mesh files.
 
     Raises
     ------
@@ -691,9 +691,9 @@ def _compile_robot(path: Path, extra: Sidecar) -> tuple[Any, Any, str | None, di
 
 
 def _set_gravity(model: Any, m: Any, floating: str | None) -> Base | None:
-    """Give a Pinocchio model the gravity of a compiled MJCF; return the base that floats, if any.
+    """Give a Pinocchio model the gravity of a compiled MJCF; return the floating base, if any.
 
-    Of that the proper acceleration is known, of which gravity is a part: the model has none.
+    The model of a floating base has no gravity: gravity is part of the measured acceleration.
     """
     still = m.opt.disableflags & _OFF.mjDSBL_GRAVITY
     gravity = np.zeros(3) if still else np.array(m.opt.gravity)
@@ -715,7 +715,7 @@ def _read_cable(m: Any, t: int, point: Places) -> Cable:
 
 def _name_frames(model: Any, m: Any, frames: Mapping[str, Any]) -> dict[str, float]:
     """Give the model a frame for every site and geom with a name; return radii of spheres."""
-    parts = [*(m.site(k) for k in range(m.nsite)), *(m.geom(k) for k in range(m.ngeom))]
+    parts = [*map(m.site, range(m.nsite)), *map(m.geom, range(m.ngeom))]
     for part in (part for part in parts if part.name):
         body = frames[m.body(part.bodyid[0]).name]
         place = body.placement * _placed(part)
@@ -730,7 +730,7 @@ def _build_tree(m: Any) -> Any:
     title = m.names.partition(b"\0")[0].decode()
     model.name = "" if title == "MuJoCo Model" else title  # which it calls one without a name
     places: list[tuple[int, Any]] = []  # of bodies: joint, and place in its frame
-    for body in (m.body(b) for b in range(m.nbody)):
+    for body in map(m.body, range(m.nbody)):
         joint, at = places[body.parentid[0]] if places else (0, pin.SE3.Identity())
         at = at * _placed(body)
         frame = 0
@@ -789,7 +789,7 @@ def _home(scene: Any, m: Any) -> Array:
     stated = np.array(scene.key_qpos[chosen] if keys else scene.qpos0)
     q = np.array(m.qpos0)
     there = {scene.joint(j).name: scene.jnt_qposadr[j] for j in range(scene.njnt)}
-    for joint in (m.joint(j) for j in range(m.njnt)):
+    for joint in map(m.joint, range(m.njnt)):
         size = len(joint.qpos0)
         at = joint.qposadr[0]
         own = q[at : at + size]
@@ -814,7 +814,7 @@ def add_slides(tree: Tree, cables: Sequence[Cable], nq: int) -> Tree:
 def _equalities(m: Any) -> Iterator[Any]:
     """Yield the equalities that hold, unless flags turn them off."""
     if not m.opt.disableflags & (_OFF.mjDSBL_EQUALITY | _OFF.mjDSBL_CONSTRAINT):
-        yield from (m.equality(k) for k in np.flatnonzero(m.eq_active0).tolist())
+        yield from map(m.equality, np.flatnonzero(m.eq_active0).tolist())
 
 
 def _couplings(m: Any) -> list[Coupling]:

@@ -529,10 +529,10 @@ def expand_names(
     locked: Collection[str],
     welded: Collection[str],
 ) -> Sidecar:
-    """Return a sidecar in which every name that a pattern stands for is written out.
+    """Return a sidecar in which the names that fit a pattern stand in its place.
 
-    What is said of locked joints and of what hangs behind them is left out, and so are sums of
-    symmetry of which a part is locked, as they are no longer equal.
+    Entries about locked joints, and about bodies behind them, are left out. A sum of symmetry is
+    left out if one of its parts is locked: the parts are no longer equal.
 
     Parameters
     ----------
@@ -597,7 +597,10 @@ def _expand_parameters(
     locked: Collection[str],
     gone: Collection[str],
 ) -> dict[str, T]:
-    """Return a table of parameters by name; kinds of inertia are bodies'."""
+    """Return a table of parameters in which the names that fit a pattern stand in its place.
+
+    Parameters of inertia belong to bodies, all others to moving joints and axes.
+    """
     out: dict[str, T] = {}
     for text in sorted(table, key=specificity):
         owner, _, kind = text.rpartition(".")

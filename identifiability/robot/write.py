@@ -430,7 +430,7 @@ def edited_text(
 
 
 def _write_joints(top: ET.Element, robot: Description, joints: Mapping[str, NumberByName]) -> None:
-    """Write friction, rotor and spring of joints; zeros only where the file has that number."""
+    """Write friction, rotor and spring of joints; a zero only replaces a number of the file."""
     elements = {e.get("name"): e for e in _joints(top)}
     degrees = robot.mjcf and not in_radians(top)
     every = [e for part in top.iter("default") for e in part.iter("joint")]

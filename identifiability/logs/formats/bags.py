@@ -15,6 +15,7 @@ They stand for torque where no joint has effort.
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -48,32 +49,11 @@ _MCAP_MAGIC, _MCAP_CHUNK, _BAG_HEADER = 8, 6, 4096
 #: What ROS 2 and ROS 1 call the type.
 JOINT_STATE = ("sensor_msgs/msg/JointState", "sensor_msgs/JointState")
 
-#: Types of commands, and the fields of their names, positions and velocities.
-COMMANDS = {
-    "control_msgs/msg/JointTrajectoryControllerState": ("joint_names", "reference", ""),
-    "control_msgs/msg/MultiDOFCommand": ("dof_names", "values", "values_dot"),
-    "std_msgs/msg/Float64MultiArray": ("", "data", ""),
-}
+_TABLES = tomllib.loads(Path(__file__).with_name("bags.toml").read_text(encoding="utf-8"))
 
-#: What of messages about a base that floats is a column of logs: where a vector is, and its name.
-BASE = {
-    "sensor_msgs/msg/Imu": (
-        ("linear_acceleration", "base.acc", "xyz"),
-        ("angular_velocity", "base.gyro", "xyz"),
-    ),
-    "nav_msgs/msg/Odometry": (
-        ("pose.pose.position", "odom.position", "xyz"),
-        ("pose.pose.orientation", "odom.orientation", "xyzw"),
-    ),
-    "geometry_msgs/msg/PoseStamped": (
-        ("pose.position", "pose.position", "xyz"),
-        ("pose.orientation", "pose.orientation", "xyzw"),
-    ),
-    "geometry_msgs/msg/WrenchStamped": (
-        ("wrench.force", "{topic}.force", "xyz"),
-        ("wrench.torque", "{topic}.torque", "xyz"),
-    ),
-}
+#: Fields of commands, and vectors about a base that floats, by type of message.
+COMMANDS: Mapping[str, Sequence[str]] = _TABLES["commands"]
+BASE: Mapping[str, Sequence[Sequence[str]]] = _TABLES["base"]
 
 #: Field of the message for every channel of a log.
 FIELDS = {"q": "position", "dq": "velocity", "tau": "effort"}

@@ -488,9 +488,9 @@ def _pushed(robot: Robot, motion: Motion, record: Array) -> Array:
 
 
 def _silent(motion: Motion, dwells: Array) -> Array:
-    """Return where rows are no data, (N, n) bool: the base never stands, and contacts hide some.
+    """Return which rows are no data, (N, n) bool: dwells of joints, and rows that contacts hide.
 
-    What a joint at rest supplies is nobody's data, also where the base's rows are made of it.
+    The base never dwells: its rows count at all times.
     """
     found = np.array(dwells)
     found[:, :SIX] = False

@@ -191,7 +191,7 @@ class Stays:
     def of(plan: Plan, windows: Sequence[Log], origins: Sequence[int]) -> Stays:
         """Return those in windows whose first samples are these rows of the whole log."""
         parts = [plan.derive(w, k) for w, k in zip(windows, origins, strict=True)]
-        q, dq, ddq = (np.concatenate(x) for x in zip(*parts, strict=True))
+        q, dq, ddq = map(np.concatenate, zip(*parts, strict=True))
         creep = RULES.creep * np.abs(dq).max(0)
         moving = np.where(np.abs(dq) > creep, np.abs(ddq), np.nan)
         never = signals.never_moves(q.min(0), q.max(0)) | np.isnan(moving).all(0)
