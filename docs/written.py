@@ -27,7 +27,7 @@ from identifiability.effects import FAMILIES
 from identifiability.effects.effect import AlongAxes, Family, measure_spans
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.findings import Finding, phrase, sentences
-from identifiability.logs.names import RULES
+from identifiability.logs import names
 from identifiability.quality.registry import CHECKS, Does
 from identifiability.regression.reduction import LadderEntry
 from identifiability.robot import Robot, complete_motion
@@ -270,19 +270,15 @@ CHANNELS = {
 
 def write_words() -> str:
     """Return the page of the words and units by which columns of logs are found."""
-    words: dict[str, list[str]] = {}
-    for rule in RULES:
-        if rule.channel:
-            words.setdefault(rule.channel, []).extend(rule.words)
     out = ["| words | what the column is |", "|---|---|"]
-    for channel, said in words.items():
+    for channel, said in names.WORDS.items():
         told = CHANNELS.get(channel) or f"`{channel}` of a base that moves"
-        out.append(f"| {' '.join(f'`{w}`' for w in said)} | {_cell(told)} |")
+        out.append(f"| {' '.join(f'`{w}`' for w in said.split())} | {_cell(told)} |")
     out += ["", "## Units", "", "| written | of | one is, in SI |", "|---|---|---|"]
     out += [
-        f"| {' '.join(f'`{w}`' for w in rule.words)} | {rule.unit} | {rule.gain:.9g} |"
-        for rule in RULES
-        if rule.unit
+        f"| {' '.join(f'`{w}`' for w in row.split())} | {unit} | {size:.9g} |"
+        for unit, sizes in names.SIZES.items()
+        for row, size in sizes.items()
     ]
     return "\n".join(out)
 

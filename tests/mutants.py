@@ -77,8 +77,8 @@ def find_anchor(text: str, sources: dict[Path, str]) -> Path:
 
 
 def read_sources(root: Path = ROOT) -> dict[Path, str]:
-    """Return the text of every module of the package, by its path below the root."""
-    files = sorted((root / PACKAGE).rglob("*.py"))
+    """Return the text of every module and table of the package, by its path below the root."""
+    files = [f for ending in ("py", "toml") for f in sorted((root / PACKAGE).rglob(f"*.{ending}"))]
     return {path.relative_to(root): path.read_text(encoding="utf-8") for path in files}
 
 

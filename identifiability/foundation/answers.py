@@ -13,8 +13,8 @@ from typing import Any, ClassVar, Literal, TypeAlias
 import numpy as np
 import pandas as pd
 
-from identifiability.foundation.rounding import NONE, format_measured, format_number
-from identifiability.foundation.values import frozen
+from .rounding import NONE, format_measured, format_number
+from .values import frozen
 
 Kind = Literal["text", "number", "error", "bar", "badge", "code"]
 
@@ -186,7 +186,7 @@ def measured_cells(value: float, sigma: float) -> tuple[Cell, Cell]:
     return Cell(first, value), Cell(f"± {second}", sigma)
 
 
-def as_cell(x: Any, digits: int = 4) -> Cell:
+def as_cell(x: Any) -> Cell:
     """Return a value as a cell."""
     if isinstance(x, Cell):
         return x
@@ -195,7 +195,7 @@ def as_cell(x: Any, digits: int = 4) -> Cell:
     if isinstance(x, Integral):
         return Cell(str(x).replace("-", "−"), float(x))
     if isinstance(x, Real):
-        return Cell(format_number(float(x), digits), float(x))
+        return Cell(format_number(float(x)), float(x))
     return Cell(NONE if x is None else str(x))
 
 

@@ -12,9 +12,9 @@ from typing import Annotated, Any, Literal, TypeVar, get_args
 
 from pydantic import AfterValidator, BaseModel, Field, ValidationError
 
-from identifiability.foundation.errors import IdentifiabilityError, listing, near_match
-from identifiability.foundation.findings import Finding
-from identifiability.foundation.quoting import for_toml, toml_key
+from .errors import IdentifiabilityError, listing, near_match
+from .findings import Finding
+from .quoting import for_toml, toml_key
 
 # Read TOML and JSON documents and check them: one sentence about the first problem.
 
@@ -120,7 +120,7 @@ def first_problem(error: ValidationError, schema: type[BaseModel]) -> str:
     within = (p for p in problems if _keys_of(p["loc"])[: len(first)] == first)
     problem = max(within, key=lambda p: len(_keys_of(p["loc"])))  # of several types the likeliest
     *above, last = _keys_of(problem["loc"]) or ("",)
-    where = ".".join(str(part) for part in (*above, last))
+    where = ".".join(map(str, (*above, last)))
     if problem["type"] == "extra_forbidden":
         known = _known_keys(schema, above)
         return (
@@ -158,7 +158,7 @@ def _table_in(annotation: Any) -> type[BaseModel] | None:
     """Return the schema that a type such as ``dict[str, Entry]`` or ``Entry | None`` holds."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
-    found = (_table_in(inner) for inner in get_args(annotation))
+    found = map(_table_in, get_args(annotation))
     return next((table for table in found if table is not None), None)
 
 
@@ -180,7 +180,8 @@ def toml_text(document: Mapping[str, Any]) -> str:
     "a.1" = 0.5
     <BLANKLINE>
     """
-    lines, sections = [], []
+    lines = []
+    sections = []
     for key, value in document.items():
         if isinstance(value, Mapping):
             sections.append((f"[{toml_key(key)}]", value))

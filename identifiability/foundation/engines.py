@@ -28,10 +28,10 @@ from typing import Any, Literal, TypeVar
 import cloudpickle
 from threadpoolctl import ThreadpoolController
 
-from identifiability.foundation.errors import EngineError, OutputError
-from identifiability.foundation.findings import Finding
-from identifiability.foundation.options import Count, FilePath, checked
-from identifiability.foundation.output import temporary_folder, write_bytes
+from .errors import EngineError, OutputError
+from .findings import Finding
+from .options import Count, FilePath, checked
+from .output import temporary_folder, write_bytes
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -164,7 +164,8 @@ class Processes(Engine):
         first = [] if self._asked else [run_limited(function, item) for item in items[:1]]
         gained = (time.thread_time() - begin) * (len(items) - 1) * (1 - 1 / self.workers)
         yield from first
-        items, opened = items[len(first) :], self._asked or self._pool or gained > OPENING
+        items = items[len(first) :]
+        opened = self._asked or self._pool or gained > OPENING
         if len(items) < 2 or self.workers == 1 or not opened:
             yield from (run_limited(function, item) for item in items)
             return
@@ -189,7 +190,8 @@ class Processes(Engine):
         if self._pool is None:
             # Workers that grow are replaced, which is no loss.
             warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
-            one, own = {"OMP_NUM_THREADS": "1"}, (os.getpid(),)
+            one = {"OMP_NUM_THREADS": "1"}
+            own = (os.getpid(),)
             self._pool = ProcessPoolExecutor(
                 self.workers, initializer=_start_worker, initargs=own, env=one
             )
@@ -198,7 +200,8 @@ class Processes(Engine):
 
     def close(self) -> None:
         """End the processes, whatever they are doing."""
-        pool, self._pool = self._pool, None
+        pool = self._pool
+        self._pool = None
         if pool is not None:
             # Its own shutdown(kill_workers=True) fails in its thread while items wait (joblib 1.6);
             # lost workers it handles well.
@@ -249,7 +252,8 @@ class Dask(Engine):
             self.client: Any = distributed.Client(scheduler, timeout=PATIENCE, set_as_default=False)
         except (OSError, ValueError, RuntimeError, TypeError) as error:  # TypeError: no certificate
             raise EngineError(Finding("cluster.none", scheduler, why=str(error))) from None
-        wrong, theirs = "other", None
+        wrong = "other"
+        theirs = None
         try:
             self.client.wait_for_workers(1, timeout=JOINING)
             theirs = set(self.client.run(source_digest, "identifiability").values())
@@ -310,7 +314,8 @@ class Resumed(Engine):
     """
 
     def __init__(self, engine: Engine, folder: str | Path) -> None:
-        self.engine, self.folder = engine, Path(folder)
+        self.engine = engine
+        self.folder = Path(folder)
         why: object = ""
         try:
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -349,7 +354,7 @@ def fingerprint(function: Callable[..., Any], item: Any = None) -> str:
     """Return a hash of a function with its arguments, an item, and the programs that work."""
     import joblib  # noqa: PLC0415 - heavy
 
-    parts: list[Any] = [item, *map(find_version, NUMERICS)]
+    parts = [item, *map(find_version, NUMERICS)]
     while isinstance(function, partial):
         parts.append((function.args, function.keywords))
         function = function.func

@@ -6,7 +6,7 @@ import difflib
 import re
 from collections.abc import Iterable
 
-from identifiability.foundation.quoting import for_terminal
+from .quoting import for_terminal
 
 #: Letters of a quoted name beyond which its middle is left out, and letters of its ends.
 _LONG, _HEAD, _TAIL = 240, 100, 60
@@ -80,7 +80,7 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
 
 def with_article(noun: str) -> str:
     """Return a noun with its indefinite article, by its first letter: ``an acceleration``."""
-    return f"{'an' if noun[:1] in 'aeiou' else 'a'} {noun}"
+    return f"{'an' if noun[:1] in 'aeiouAEIOU' else 'a'} {noun}"
 
 
 def listing(names: Iterable[str], most: int = 12, between: str = ", ") -> str:

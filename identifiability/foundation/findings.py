@@ -14,10 +14,10 @@ from pathlib import Path
 from string import Formatter
 from typing import TYPE_CHECKING, Any
 
-from identifiability.foundation.errors import listing
+from .errors import listing
 
 if TYPE_CHECKING:
-    from identifiability.foundation.answers import Table
+    from .answers import Table
 
 
 class Level(StrEnum):
@@ -39,7 +39,7 @@ class _Filler(Formatter):
         if isinstance(value, (list, tuple)):
             return listing(value, int(format_spec or 4))
         if format_spec.endswith("%"):
-            from identifiability.foundation.rounding import percent  # noqa: PLC0415 - SciPy
+            from .rounding import percent  # noqa: PLC0415 - SciPy
 
             return percent(value, int(format_spec[:-1] or 2))
         return format(value, format_spec)
@@ -125,7 +125,9 @@ class Finding(str):
 def _again(text: str, key: str, subject: str, numbers: Mapping[str, Any]) -> Finding:
     """Return a finding with its text."""
     self = str.__new__(Finding, text)
-    self.key, self.subject, self.numbers = key, subject, numbers
+    self.key = key
+    self.subject = subject
+    self.numbers = numbers
     return self
 
 
@@ -141,7 +143,7 @@ def merge_subjects(found: Iterable[Finding]) -> tuple[Finding, ...]:
     for one in found:
         rest = one.replace(one.subject, "", 1) if one.subject else str(one)
         alike.setdefault((one.key, rest or str(one)), []).append(one)
-    return tuple(_of_all_subjects(own) for own in alike.values())
+    return tuple(map(_of_all_subjects, alike.values()))
 
 
 def _of_all_subjects(found: Sequence[Finding]) -> Finding:
@@ -162,7 +164,7 @@ def ledger(said: Iterable[str], *, every: bool = False) -> tuple[Table, ...]:
     every : bool
         Whether what was only said stands in it, too.
     """
-    from identifiability.foundation.answers import Column, Table  # noqa: PLC0415 - pandas
+    from .answers import Column, Table  # noqa: PLC0415 - pandas
 
     columns = (
         Column("check", get="key"),

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, ClassVar
 
-from identifiability.foundation.errors import IdentifiabilityError, listing, near_match
-from identifiability.foundation.values import frozen
+from .errors import IdentifiabilityError, listing, near_match
+from .values import frozen
 
 
 @frozen(kw_only=True)
@@ -53,7 +53,7 @@ def name_estimates(
     estimates: Iterable[tuple[str, float, float, str]], **told: Any
 ) -> Iterator[Row]:
     """Yield rows of names, estimates, standard errors and units, with what else is told of all."""
-    from identifiability.foundation.rounding import REACH  # noqa: PLC0415 - SciPy
+    from .rounding import REACH  # noqa: PLC0415 - SciPy
 
     for name, value, error, unit in estimates:
         interval = (value - REACH * error, value + REACH * error)

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.linalg.lapack import dgeqrf
 
-from identifiability.foundation.names import Array
+from .names import Array
 
 #: Scaled singular values below this share of the largest are zero. Structural zeros are seen at
 #: 1e-12 or less and the weakest true directions of the shipped robots at 5e-4.

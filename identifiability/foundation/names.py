@@ -7,17 +7,21 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 from numpy.typing import NDArray
 
-from identifiability.foundation.values import frozen
+from .values import frozen
 
 # The names, units and sign constraints of parameters: one grammar, ``<owner>.<kind>``.
 
 
-#: Arrays of floats; NumPy types many of its results too loosely to say so to a type checker.
+#: Arrays of numbers or flags; docstrings say which. NumPy types its results too loosely for more.
 Array = NDArray[Any]
+
+#: Names or sentences in order; and numbers by what they are of, such as values by parameter.
+Strings: TypeAlias = tuple[str, ...]
+NumberByName: TypeAlias = Mapping[str, float]
 
 #: Inertial parameters of a body in Pinocchio's order: mass, first moments, and the *tensor*
 #: entries of inertia (Ixy = -∫xy dm) about the origin of the body's joint frame.
@@ -135,12 +139,12 @@ def find_patterns(names: Iterable[str], others: Iterable[str]) -> list[str]:
     wanted = list(dict.fromkeys(names))
     known = [*wanted, *others]
     allowed = set(wanted)
-    covers: dict[str, set[str]] = {}
+    covers = {}
     for pattern in dict.fromkeys(p for name in wanted for p in _patterns_of(name)):
         found = set(find_named(pattern, known))
         if len(found) > 1 and found <= allowed:
             covers[pattern] = found
-    out: list[str] = []
+    out = []
     rest = set(wanted)
     while covers:
         best = max(covers, key=lambda p: (len(covers[p] & rest), -len(p)))
@@ -158,7 +162,8 @@ def _patterns_of(name: str) -> Iterator[str]:
         yield "".join([*parts[:k], "*"])
         yield "".join(["*", *parts[k:]])
     for digits in re.finditer(r"\d+", name) if parts else ():
-        before, after = name[: digits.start()], name[digits.end() :]
+        before = name[: digits.start()]
+        after = name[digits.end() :]
         yield f"{before}*{after}"
         yield f"{before}{'?' * len(digits[0])}{after}"
 
@@ -276,7 +281,8 @@ def shorten_paths(paths: Sequence[str]) -> list[str]:
     >>> shorten_paths(["x/run.csv", "y/run.csv", "y/bag:/joint_states"])
     ['x/run.csv', 'y/run.csv', 'bag:/joint_states']
     """
-    every, out = {f"/{path}" for path in paths}, []
+    every = {f"/{path}" for path in paths}
+    out = []
     for path in paths:
         place, colon, topic = path.rpartition(":/")
         folders = (place if colon else topic).split("/")

@@ -30,8 +30,8 @@ from typing import (
 )
 from typing import get_type_hints as resolve
 
-from identifiability.foundation.errors import IdentifiabilityError, near_match
-from identifiability.foundation.values import frozen
+from .errors import IdentifiabilityError, near_match, with_article
+from .values import frozen
 
 if TYPE_CHECKING:  # what is refused at once waits for no library
     import numpy as np
@@ -125,7 +125,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 
     @wraps(function)
     def bordered(*args: P.args, **kwargs: P.kwargs) -> R:
-        given: dict[str, Any] = {}
+        given = {}
         with suppress(TypeError):  # the call itself raises it, and names the function
             given = shape.bind(*args, **kwargs).arguments
         for name, value in given.items():
@@ -176,7 +176,8 @@ def check_choice(name: str, value: Any, known: Sequence[str]) -> None:
 
 def allows(kind: Any, value: Any) -> bool:
     """Return whether an annotation allows a value."""
-    origin, inner = get_origin(kind), get_args(kind)
+    origin = get_origin(kind)
+    inner = get_args(kind)
     if kind is Any or isinstance(kind, TypeVar):
         return True
     if origin is Annotated:
@@ -218,7 +219,8 @@ def expected(kind: Any) -> str:
 
 
 def _words(kind: Any) -> list[str]:
-    origin, inner = get_origin(kind), get_args(kind)
+    origin = get_origin(kind)
+    inner = get_args(kind)
     if origin is Annotated:
         told = [note.words for note in inner[1:] if isinstance(note, Expected)]
         return told[:1] or _words(inner[0])
@@ -228,7 +230,7 @@ def _words(kind: Any) -> list[str]:
         return [word for part in inner for word in _words(part)]
     if origin is not None and origin is not Callable:
         return [f"a list, each {expected(inner[0])}"]
-    return [_WORDS.get(kind) or _with_article(getattr(kind, "__name__", "function"))]
+    return [_WORDS.get(kind) or with_article(getattr(kind, "__name__", "function"))]
 
 
 def _shown(value: Any) -> str:
@@ -236,11 +238,7 @@ def _shown(value: Any) -> str:
     plain = isinstance(value, (str, Real, NoneType, bool, list, tuple))
     text = repr(value.item() if hasattr(value, "item") else value) if plain else ""
     # A sentence quotes what fits into it.
-    return text if 0 < len(text) <= 60 else _with_article(type(value).__name__)
-
-
-def _with_article(noun: str) -> str:
-    return f"{'an' if noun[0] in 'AEIOUaeiou' else 'a'} {noun}"
+    return text if 0 < len(text) <= 60 else with_article(type(value).__name__)
 
 
 def resolve_count(given: int | None, usual: int, less: int, *, quick: bool) -> int:

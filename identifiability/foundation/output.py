@@ -14,9 +14,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from identifiability.foundation.errors import OutputError
-from identifiability.foundation.findings import Finding
-from identifiability.foundation.options import FilePath, checked
+from .errors import OutputError
+from .findings import Finding
+from .options import FilePath, checked
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -41,7 +41,8 @@ def check_writable(path: FilePath) -> Path:
     """
     path = Path(path)
     try:
-        folder, there = real(path).parent, path.exists()
+        folder = real(path).parent
+        there = path.exists()
         wrong = {
             "folder": path.is_dir(),
             "special": there and not path.is_file(),

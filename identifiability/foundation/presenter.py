@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from identifiability.foundation import handed
-from identifiability.foundation.findings import ledger, merge_subjects, of_key
+from . import handed
+from .findings import ledger, merge_subjects, of_key
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from identifiability.foundation.answers import Answer, Note, Table
+    from .answers import Answer, Note, Table
 
 
 class Presenter:

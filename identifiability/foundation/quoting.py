@@ -162,7 +162,8 @@ def for_html(text: str) -> Markup:
     >>> print(for_html('</script>"'))
     &lt;/script&gt;&#34;
     """
-    return escape(_without_halves(text))
+    # UTF-8 cannot hold lone surrogates: they are escapes.
+    return escape(text.encode("utf-8", "backslashreplace").decode("utf-8"))
 
 
 def for_link(path: str) -> str:
@@ -174,11 +175,6 @@ def for_link(path: str) -> str:
     'robots/a%20b%3Ac.html'
     """
     return quote(path, errors="surrogateescape")
-
-
-def _without_halves(text: str) -> str:
-    """Return a text whose lone surrogates, which UTF-8 cannot hold, are escapes."""
-    return text.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 # XML: robot files.

@@ -8,17 +8,18 @@ from pathlib import Path
 from textwrap import fill, shorten
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from identifiability.foundation import handed
-from identifiability.foundation.findings import Finding, of_key
-from identifiability.foundation.keyed import Keyed
-from identifiability.foundation.output import check_ending, write_json
-from identifiability.foundation.presenter import Presenter, present
+from . import handed
+from .findings import Finding, of_key
+from .keyed import Keyed
+from .names import Strings
+from .output import check_ending, write_json
+from .presenter import Presenter, present
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-    from identifiability.foundation.answers import Answer, Note, Table
+    from .answers import Answer, Note, Table
 
 
 def shown(statement: str, frame: pd.DataFrame | None = None, more: str = "") -> str:
@@ -89,12 +90,12 @@ class Result(Keyed, ABC):
         return tuple(of_key([*getattr(self, "hints", ()), *notes]))
 
     @cached_property
-    def warnings(self) -> tuple[str, ...]:
+    def warnings(self) -> Strings:
         """Findings that change a decision; every way of showing the result shows them."""
         return self._presenter.warnings()
 
     @property
-    def remarks(self) -> tuple[str, ...]:
+    def remarks(self) -> Strings:
         """Hints that change no decision."""
         hints = getattr(self, "hints", ())
         return tuple(x for x in hints if not (isinstance(x, Finding) and x.decides))

@@ -11,10 +11,10 @@ from collections.abc import Callable
 from decimal import Decimal
 from functools import partial
 
-import numpy as np
 from scipy.special import betaincinv
 
-from identifiability.foundation.values import frozen
+from .names import Array, Strings
+from .values import frozen
 
 # Numbers as text.
 
@@ -93,7 +93,9 @@ def format_number(value: float | None, digits: int = 4, *, pad: bool = False) ->
     power = _exponent(float(f"{abs(value):.{digits - 1}e}"))
     tail = ""
     if not -5 < power < 6:
-        value, tail, power = value / 10.0**power, f"·10{superscript(power)}", 0
+        value = value / 10.0**power
+        tail = f"·10{superscript(power)}"
+        power = 0
     text = f"{round(value, digits - 1 - power):.{max(0, digits - 1 - power)}f}"
     if not pad and "." in text:
         text = text.rstrip("0").rstrip(".")
@@ -144,15 +146,15 @@ def stated_text(stated: float | None, sigma: float = math.nan) -> str:
     return format_number(stated) if ends == NONE else ends
 
 
-def percent_text(value: float | None, count: int = 2) -> str:
-    """Return a percentage with some significant digits, or a dash.
+def percent_text(value: float | None) -> str:
+    """Return a percentage with two significant digits, or a dash.
 
     Examples
     --------
     >>> percent_text(0.7064), percent_text(20.03), percent_text(621.2), percent_text(math.inf)
     ('0.71 %', '20 %', '620 %', '—')
     """
-    return NONE if value is None else percent(value / 100, count)
+    return NONE if value is None else percent(value / 100, 2)
 
 
 def format_count(count: int, noun: str) -> str:
@@ -160,7 +162,7 @@ def format_count(count: int, noun: str) -> str:
     return f"{count:,} {noun if count == 1 else f'{noun}s'}".replace(",", "\u202f")
 
 
-def join(names: list[str] | tuple[str, ...], most: int = 6) -> str:
+def join(names: list[str] | Strings, most: int = 6) -> str:
     """Return ``a, b and c``, or the first few and how many more."""
     if len(names) > most:
         return f"{', '.join(names[: most - 1])} and {len(names) - most + 1} more"
@@ -233,7 +235,7 @@ def exact_share(count: float, total: float, level: float = LEVEL) -> Share:
     return Share(count / total, low, high)
 
 
-def clustered_share(events: np.ndarray, among: np.ndarray, related: np.ndarray) -> Share:
+def clustered_share(events: Array, among: Array, related: Array) -> Share:
     """Return the share of events among what was looked at, several in each experiment.
 
     Events of one experiment come together, so the count is worth that of fewer independent ones
@@ -252,7 +254,7 @@ def clustered_share(events: np.ndarray, among: np.ndarray, related: np.ndarray) 
     return exact_share(float((events & among).sum()) / total * effective, effective)
 
 
-def design_effect(events: np.ndarray, among: np.ndarray) -> float:
+def design_effect(events: Array, among: Array) -> float:
     """Return by how much the variance of a share exceeds that of independent events, or 0."""
     trials = len(events)
     size = among.sum(1).astype(float)
@@ -265,7 +267,7 @@ def design_effect(events: np.ndarray, among: np.ndarray) -> float:
     return float(left @ left / size.sum() ** 2 * trials / (trials - 1) / independent)
 
 
-def each_share(events: np.ndarray) -> tuple[Share, ...]:
+def each_share(events: Array) -> tuple[Share, ...]:
     """Return the share of every column of (T, k), all intervals right together [Bonferroni]."""
     trials, count = events.shape
     level = 1 - (1 - LEVEL) / max(count, 1)

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from typing import TypeAlias
 
-from identifiability.foundation.options import check_fields
-from identifiability.foundation.values import frozen
+from .options import check_fields
+from .values import frozen
 
 #: A number of an algorithm: a step, a width, a rounding. It says how an answer is found, not which.
 Tolerance: TypeAlias = float

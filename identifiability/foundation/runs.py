@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Annotated
 
-from identifiability.foundation.engines import Engine, Processes, Serial, Steps
-from identifiability.foundation.options import Expected
-from identifiability.foundation.values import frozen
+from .engines import Engine, Processes, Serial, Steps
+from .options import Expected
+from .values import frozen
 
 Progress = Annotated[
     Callable[[str, float], None], Expected("a function that takes a text and the share done")

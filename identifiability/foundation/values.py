@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import reprlib
 from collections.abc import Callable, Hashable
+from copy import copy
 from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
 from textwrap import shorten
@@ -19,12 +20,17 @@ def frozen(cls: Any = None, *, kw_only: bool = False) -> Any:
 
     With arrays among its fields it equals only itself and can be hashed; without any, it is equal
     to what holds the same. The arrays that were given stay writable for whoever made them. With
-    ``@frozen(kw_only=True)`` its own fields are given by keyword.
+    ``@frozen(kw_only=True)`` its own fields are given by keyword. Every object has its own copy of
+    a default that can change, such as a table or an array.
     """
     if cls is None:
         return partial(frozen, kw_only=kw_only)
     # Of NumPy's arrays, under its name or ours.
     arrays = tuple(n for n, a in vars(cls).get("__annotations__", {}).items() if "rray" in str(a))
+    for name in vars(cls).get("__annotations__", {}):
+        value = vars(cls).get(name)
+        if value.__hash__ is None:  # each object has a default of its own
+            setattr(cls, name, field(default_factory=partial(copy, value)))
     own = getattr(cls, "__post_init__", None)
     if arrays:
         import numpy as np  # noqa: PLC0415

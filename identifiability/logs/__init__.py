@@ -6,7 +6,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from identifiability.logs.log import Log
+    from .log import Log
 
 __all__ = ["Log"]
 

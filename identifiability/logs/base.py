@@ -19,9 +19,10 @@ import scipy
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array, Renames
-from identifiability.logs import signals
-from identifiability.logs.names import words_for
 from identifiability.robot.floating import Base, Contact
+
+from . import signals
+from .names import words_for
 
 #: What comes first in the name of a column about the base.
 OWNERS = ("base", "imu", "odom", "odometry", "pose", "trunk", "floating_base", "torso")
@@ -63,7 +64,8 @@ def _key(name: str, base: Base) -> str:
     found = re.fullmatch(r"(.*?)_*([xyzw0-2])", "_".join(parts[at[-1] + 1 :]).lower() if at else "")
     if found is None or found[1] not in _KINDS:
         return ""
-    kind, axis = _KINDS[found[1]], found[2]
+    kind = _KINDS[found[1]]
+    axis = found[2]
     if kind == "quat":  # nothing but names says which of four numbers is which
         return "" if axis.isdecimal() else f"quat.{axis}"
     axis = "xyz"[int(axis)] if axis.isdecimal() else axis
@@ -97,7 +99,8 @@ def read_base(base: Base, t: Array, values: Values, source: str) -> tuple[Array,
     acc, gyro, place = (
         _stack(values, [f"{kind}.{a}" for a in "xyz"]) for kind in ("acc", "gyro", "pos")
     )
-    turn, step = _orientation(values, source), signals.sampling_step(t)
+    turn = _orientation(values, source)
+    step = signals.sampling_step(t)
     if acc is not None and gyro is not None:
         imu = base.imu
         omega = (gyro - imu.gyro_bias) @ imu.rotation
@@ -110,7 +113,8 @@ def read_base(base: Base, t: Array, values: Values, source: str) -> tuple[Array,
         _check_gravity(base, t, slow, source)
         note = "the base's motion is what its inertial sensor says"
     elif turn is not None and place is not None:
-        omega, velocity = _spin(turn, step), signals.differentiate(place, step)
+        omega = _spin(turn, step)
+        velocity = signals.differentiate(place, step)
         acc = turn.inv().apply(signals.differentiate(velocity, step) - base.gravity)
         note = "the base's motion was differentiated from its pose"
     else:
@@ -167,7 +171,10 @@ def _spin(turn: scipy.spatial.transform.Rotation, step: float) -> Array:
     flips = np.cumsum(np.concatenate([[0], (quat[1:] * quat[:-1]).sum(1) < 0]))
     quat = quat * np.where(flips % 2, -1.0, 1.0)[:, None]
     rate = signals.differentiate(quat, step)
-    v, w, dv, dw = quat[:, :3], quat[:, 3:], rate[:, :3], rate[:, 3:]
+    v = quat[:, :3]
+    w = quat[:, 3:]
+    dv = rate[:, :3]
+    dw = rate[:, 3:]
     spin: Array = 2.0 * (w * dv - dw * v - np.cross(v, dv))
     return spin
 
@@ -187,7 +194,7 @@ def _mean_acceleration(
     # So long a gyroscope is trusted, after which gravity corrects it [s].
     at = np.linspace(-1, 1, len(t))
     spans = np.polynomial.chebyshev.chebvander(at, int(step * len(t) / 10.0))
-    slow: Array = spans @ np.linalg.lstsq(spans, turn.apply(acc), rcond=None)[0]
+    slow = spans @ np.linalg.lstsq(spans, turn.apply(acc), rcond=None)[0]
     return turn, slow
 
 

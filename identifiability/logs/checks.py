@@ -11,8 +11,9 @@ from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import format_count
 from identifiability.foundation.values import frozen
-from identifiability.logs.rows import divide_rows
-from identifiability.logs.rules import RULES
+
+from .rows import divide_rows
+from .rules import RULES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,7 +35,8 @@ class Numbers:
     """
 
     def __init__(self, column: str, source: str) -> None:
-        self.column, self.source = column, source
+        self.column = column
+        self.source = source
         self.rows = self.bad = self.empty = 0
         self._first: tuple[int, str] | None = None
         self._large: tuple[int, float] | None = None
@@ -54,7 +56,8 @@ class Numbers:
                 f"units{', seconds' if self.column == 't' else ''}."
             )
         numbers = to_floats(given)
-        bad, large = ~np.isfinite(numbers), np.abs(numbers) > RULES.largest
+        bad = ~np.isfinite(numbers)
+        large = np.abs(numbers) > RULES.largest
         if bad.any() and self._first is None:
             k = int(np.argmax(bad))
             self._first = self.rows + k, str(given.iloc[k])[:40]
@@ -113,7 +116,7 @@ def to_floats(given: pd.Series) -> Array:
     if given.dtype == float:  # there is nothing to parse
         return np.array(given)
     try:
-        numbers: Array = pd.to_numeric(given, errors="coerce").to_numpy(float, na_value=np.nan)
+        numbers = pd.to_numeric(given, errors="coerce").to_numpy(float, na_value=np.nan)
     except (TypeError, ValueError):  # cells that hold lists, categories …
         numbers = np.full(len(given), np.nan)
     return numbers
@@ -148,7 +151,10 @@ class Clock:
     @staticmethod
     def of(t: Array) -> Clock:
         """Return the clock of times (N,) [s]."""
-        odd, back, usual, longest = [np.empty((3, 0))], [np.empty((3, 0))], np.nan, -np.inf
+        odd = [np.empty((3, 0))]
+        back = [np.empty((3, 0))]
+        usual = np.nan
+        longest = -np.inf
         for a, b in divide_rows(len(t) - 1):
             part = t[a : b + 1]
             steps = np.diff(part)

@@ -12,18 +12,19 @@ import re
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
 from identifiability.foundation.errors import LogError, listing, near_match, nearest
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import TIME_UNITS, Array, find_patterns, name_rule
+from identifiability.foundation.names import TIME_UNITS, Array, Strings, find_patterns, name_rule
 from identifiability.foundation.quoting import option_for_shell, toml_key
 from identifiability.foundation.values import frozen
-from identifiability.logs.checks import CHANNELS, COMMANDS, to_floats
-from identifiability.logs.conventions import Conventions
-from identifiability.logs.names import (
+
+from .checks import CHANNELS, COMMANDS, to_floats
+from .conventions import Conventions
+from .names import (
     BARE,
     COMMANDED,
     DIMENSIONS,
@@ -39,8 +40,8 @@ from identifiability.logs.names import (
     words_for,
     words_of,
 )
-from identifiability.logs.questions import ask_which
-from identifiability.logs.rules import RULES
+from .questions import ask_which
+from .rules import RULES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -74,11 +75,22 @@ class Naming:
     """
 
     columns: tuple[Column, ...]
-    joints: tuple[str, ...]
-    notes: tuple[str, ...] = ()
+    joints: Strings
+    notes: Strings = ()
     locked: tuple[Column, ...] = ()
-    made: tuple[str, ...] = ()
-    commands: tuple[str, ...] = ()
+    made: Strings = ()
+    commands: Strings = ()
+
+    @property
+    def time(self) -> Column:
+        """The column of times."""
+        return next(c for c in self.columns if c.name == "t")
+
+    def timed(self, *notes: str, **changes: Any) -> Naming:
+        """Return the same with a changed column of times, and notes."""
+        time = replace(self.time, **changes)
+        columns = tuple(time if c.name == "t" else c for c in self.columns)
+        return replace(self, columns=columns, notes=(*self.notes, *notes))
 
 
 def name_columns(
@@ -112,31 +124,11 @@ def name_columns(
     """
     names = {name: rename(name.strip(), known) for name in found}
     guesses = _guess(names, known)
-    called = Counter(column.strip() for column in found)
-    for column in sorted(g.source.strip() for g in guesses):
-        if called[column] > 1:
-            raise LogError(f"{source} has the column '{column}' more than once; keep one of them.")
+    _refuse_twice(found, guesses, source)
     torque = _has_torque(names, guesses)
     needed = ("q",) if known.motion_alone and not torque else ("q", "tau")
-    every = known.commands or not torque  # beside torque those alone that are called as here
-    commands = [g for g in guesses if g.kind in COMMANDS and (every or g.literal)]
-    measured = [g for g in guesses if g.kind not in COMMANDS]
-    for kind, other in (("q", BARE), ("tau", "current")):
-        if not any(g.kind == kind for g in measured):
-            measured = [
-                replace(
-                    g,
-                    kind=kind,
-                    current=kind == "tau",
-                )
-                if g.kind == other
-                else g
-                for g in measured
-            ]
-    literal = [g for g in measured if g.literal]
-    if _all_there({g.name for g in literal}, known, needed):
-        measured = [g for g in measured if g.literal or g.joint in known.locked]
-    resolved, how = resolve_numbers([*measured, *commands], source, known, names, first or {})
+    candidates = _find_candidates(guesses, known, needed, torque=torque)
+    resolved, how = resolve_numbers(candidates, source, known, names, first or {})
     taken = _choose(resolved, names, known, source)
     commanding = resolve_commands(taken, names, source, known, torque=torque)
     needed = ("q",) if commanding else needed
@@ -147,9 +139,7 @@ def name_columns(
         _refuse_missing(names, taken, source, known)
     own = [g for n, g in taken.items() if n == "t" or (g.joint in wanted and g.kind in CHANNELS)]
     held = [g for g in taken.values() if g.joint in known.locked and g.kind == "q"]
-    columns, locked = (
-        tuple(_in_si(c, units or {}, source, known) for c in those) for those in (own, held)
-    )
+    columns = [_in_si(c, units or {}, source, known) for c in own]
     columns, torque_notes = _convert_torque(columns, wanted, known, source)
     notes = (
         *_tell(names, columns, wanted, how),
@@ -158,13 +148,42 @@ def name_columns(
         *torque_notes,
     )
     return Naming(
-        columns,
+        tuple(columns),
         wanted,
         notes,
-        locked,
+        locked=tuple(_in_si(c, units or {}, source, known) for c in held),
         made=() if "tau" in needed else tuple(f"{j}.tau" for j in wanted),
         commands=tuple(g.name for g in own if commanding and g.kind in COMMANDS),
     )
+
+
+def _refuse_twice(found: Sequence[str], guesses: Sequence[Column], source: str) -> None:
+    """Refuse a table that has a column twice that says something."""
+    called = Counter(column.strip() for column in found)
+    for column in sorted(g.source.strip() for g in guesses):
+        if called[column] > 1:
+            raise LogError(f"{source} has the column '{column}' more than once; keep one of them.")
+
+
+def _find_candidates(
+    guesses: Sequence[Column], known: Conventions, needed: Sequence[str], *, torque: bool
+) -> list[Column]:
+    """Return the columns of what was measured, then those of commands.
+
+    Beside torque only commands count that are called as here.
+    """
+    every = known.commands or not torque
+    commands = [g for g in guesses if g.kind in COMMANDS and (every or g.literal)]
+    measured = [g for g in guesses if g.kind not in COMMANDS]
+    for kind, other in (("q", BARE), ("tau", "current")):
+        if all(g.kind != kind for g in measured):
+            measured = [
+                replace(g, kind=kind, current=kind == "tau") if g.kind == other else g
+                for g in measured
+            ]
+    if _all_there({g.name for g in measured if g.literal}, known, needed):
+        measured = [g for g in measured if g.literal or g.joint in known.locked]
+    return [*measured, *commands]
 
 
 def _guess(names: Mapping[str, str], known: Conventions) -> list[Column]:
@@ -183,9 +202,7 @@ def _has_torque(names: Mapping[str, str], guesses: Sequence[Column]) -> bool:
     return any(KINDS.get(word) in ("tau", "current") for words in others for word in words)
 
 
-def _all_there(
-    names: Collection[str], known: Conventions, needed: Sequence[str]
-) -> tuple[str, ...]:
+def _all_there(names: Collection[str], known: Conventions, needed: Sequence[str]) -> Strings:
     """Return the motors or joints that a table has all that is needed of, or none."""
     found = known.joints or tuple(
         dict.fromkeys(_owner(n) for n in names if _kind(n) in ("q", "tau"))
@@ -210,8 +227,8 @@ def _choose(
     for guess in guesses:
         if guess.kind not in ("current", BARE):
             found.setdefault(guess.name, []).append(guess)
-    out: dict[str, Column] = {}
-    several: dict[str, list[Column]] = {}
+    out = {}
+    several = {}
     for name, those in found.items():
         best = _preferred(those, names)
         if len(best) == 1:
@@ -314,7 +331,7 @@ def _in_si(column: Column, units: Mapping[str, str], source: str, known: Convent
 
 def _convert_torque(
     columns: Sequence[Column], joints: Sequence[str], known: Conventions, source: str
-) -> tuple[tuple[Column, ...], list[str]]:
+) -> tuple[list[Column], list[str]]:
     """Return columns with torque in N·m or N at the joints, and how it was read.
 
     Raises
@@ -324,38 +341,22 @@ def _convert_torque(
     """
     torque = known.torque
     given = {c.joint: c for c in columns if c.kind == "tau" and c.joint in joints}
-    unknown = [j for j, c in given.items() if c.current and torque.at("gain", j) is None]
-    if unknown:
-        raise LogError(
-            Finding(
-                "columns.gain",
-                source,
-                joints=[*unknown],
-                first=toml_key(unknown[0]),
-            )
-        )
-    loose = [j for j in given if j not in known.motors and torque.at("ratio", j) is None]
-    if torque.side == "motor" and loose:
-        raise LogError(
-            Finding(
-                "columns.ratio",
-                source,
-                joints=[*loose],
-                first=toml_key(loose[0]),
-            )
-        )
+    loose = [j for j, c in given.items() if c.current and torque.at("gain", j) is None]
+    lacking = "columns.gain"
+    if not loose and torque.side == "motor":
+        loose = [j for j in given if j not in known.motors and torque.at("ratio", j) is None]
+        lacking = "columns.ratio"
+    if loose:
+        raise LogError(Finding(lacking, source, joints=loose, first=toml_key(loose[0])))
     factors = {j: torque.factor(j) for j in given}
-    currents = any(c.current for c in given.values())
-    changed = {j: f for j, f in factors.items() if f != 1.0 or given[j].current}
-    out = tuple(
-        replace(c, factor=c.factor * factors[c.joint])
-        if c.kind == "tau" and c.joint in factors
-        else c
+    out = [
+        replace(c, factor=c.factor * factors[c.joint]) if c is given.get(c.joint) else c
         for c in columns
-    )
-    shown = listing([f"{j}: {f:.6g}" for j, f in changed.items()], 4)
+    ]
+    changed = [f"{j}: {f:.6g}" for j, f in factors.items() if f != 1.0 or given[j].current]
+    currents = any(c.current for c in given.values())
     what = "torques are currents times" if currents else "torques were multiplied by"
-    notes = [f"{what} what the sidecar says ({shown})"] if changed else []
+    notes = [f"{what} what the sidecar says ({listing(changed, 4)})"] if changed else []
     return out, [*notes, BEHIND] if torque.side == "link" else notes
 
 
@@ -443,7 +444,7 @@ def resolve_numbers(
         how = " (the names that stand in the log say which joint it is)"
         return [*told, *out], how
     named = {g.name for g in told}
-    found: list[Column] = []
+    found = []
     for kind in CHANNELS:
         own = [g for g in loose if g.kind == kind]
         if own and not {f"{j}.{kind}" for j in known.joints} <= named:
@@ -462,7 +463,8 @@ def _labels(names: Mapping[str, str], first: Mapping[str, str]) -> dict[int, str
 def _in_order(loose: Sequence[Column], source: str, known: Conventions) -> list[Column]:
     """Return guesses of one channel with the joints of the robot's order, if all are there."""
     numbers = {g.number for g in loose}
-    count, kind = len(known.joints), loose[0].kind
+    count = len(known.joints)
+    kind = loose[0].kind
     if count == 1 and numbers == {-1}:
         return [replace(g, joint=known.joints[0]) for g in loose]
     if -1 in numbers:
@@ -508,7 +510,7 @@ def resolve_commands(
     if not known.joints or known.motion_alone:
         return False
     given = [c for c in taken.values() if c.kind in COMMANDS]
-    lost: dict[str, list[str]] = {}
+    lost = {}
     for kind in dict.fromkeys(c.kind for c in given):
         has = [c.joint for c in given if c.kind == kind]
         own = known.motors if {*has} & {*known.motors} else known.joints
@@ -675,7 +677,7 @@ def resolve_time(naming: Naming, first: pd.DataFrame, source: str, known: Conven
     LogError
         If the times may be in more than one unit.
     """
-    time = next(c for c in naming.columns if c.name == "t")
+    time = naming.time
     given = first[time.source]
     dates = as_dates(given, 0)
     if dates is not None and len(dates):
@@ -683,42 +685,32 @@ def resolve_time(naming: Naming, first: pd.DataFrame, source: str, known: Conven
         day = f"{np.datetime64(start, 'ns').astype('datetime64[s]')}".replace("T", " ")
         what = "are durations" if given.dtype.kind == "m" else f"are dates, from {day} on"
         note = f"the times {what}, and were read in seconds from the first"
-        return _with(
-            naming,
-            replace(
-                time,
-                dates=start,
-                factor=1.0,
-            ),
-            note,
-        )
+        return naming.timed(note, dates=start, factor=1.0)
     t = to_floats(given)[:SHOWN] if given.dtype.kind not in "cb" else np.empty(0)
     if len(t) < 3 or not np.isfinite(t).all() or not np.median(np.diff(t)) > 0:
         return naming  # what is wrong with them is said by others
-    unit, why = known.time_unit, "as was said"
+    unit = known.time_unit
+    why = "as was said"
     if not unit and time.unit is None:  # what the log states is taken
         unit, why = _find_unit(t, source)
     factor = TIME_UNITS[unit] if unit else time.factor
     notes = [f"the times are in {unit}, {why}"] if unit and unit != "s" else []
-    offset = float(t[0]) if RULES.epoch[0] < t[0] * factor < RULES.epoch[1] else 0.0
-    if offset:
+    dated = _is_dated(t[0] * factor)
+    if dated:
         notes.append("the times count from 1970, and were read from the first on")
-    return _with(
-        naming,
-        replace(
-            time,
-            factor=factor,
-            offset=offset,
-        ),
-        *notes,
-    )
+    return naming.timed(*notes, factor=factor, offset=float(t[0]) if dated else 0.0)
 
 
 def start_of(naming: Naming) -> float | None:
     """Return the seconds since 1970 that a log's times count from; None where they do not say."""
-    time = next(c for c in naming.columns if c.name == "t")
+    time = naming.time
     seconds = time.offset * time.factor if time.dates is None else time.dates * 1e-9
-    return seconds if RULES.epoch[0] < seconds < RULES.epoch[1] else None
+    return seconds if _is_dated(seconds) else None
+
+
+def _is_dated(seconds: float) -> bool:
+    """Return whether seconds can count from 1970."""
+    return RULES.epoch[0] < seconds < RULES.epoch[1]
 
 
 _POINTED = re.compile(r"^(\d{1,2})\.(\d{1,2})\.(\d{4})[T ]+")
@@ -774,15 +766,6 @@ def as_times(given: pd.Series, time: Column) -> pd.Series:
     return given if np.isnan(times).any() else pd.Series(time.scale(times))
 
 
-def _with(naming: Naming, time: Column, *notes: str) -> Naming:
-    columns = tuple(time if c.name == "t" else c for c in naming.columns)
-    return replace(
-        naming,
-        columns=columns,
-        notes=(*naming.notes, *notes),
-    )
-
-
 def _find_unit(t: Array, source: str) -> tuple[str, str]:
     """Return the unit of times (N,) and why; nothing for seconds.
 
@@ -795,8 +778,7 @@ def _find_unit(t: Array, source: str) -> tuple[str, str]:
     if step <= RULES.steps[1]:
         return "", ""
     fits = [u for u, size in TIME_UNITS.items() if RULES.steps[0] <= step * size <= RULES.steps[1]]
-    dated = [u for u in fits if RULES.epoch[0] < t[0] * TIME_UNITS[u] < RULES.epoch[1]]
-    fits = dated or fits
+    fits = [u for u in fits if _is_dated(t[0] * TIME_UNITS[u])] or fits
     if not fits:  # what is wrong with them is said by others
         return "", ""
     each = [f"{u} ({1 / (step * TIME_UNITS[u]):.4g} Hz)" for u in fits]

@@ -10,8 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from identifiability.foundation.names import Array
-from identifiability.logs.log import Log
 from identifiability.robot.servo import Servo
+
+from .log import Log
 
 
 def held_mean(t: Array, x: Array, at: Array, width: float) -> Array:
@@ -64,7 +65,8 @@ def acting(log: Log, servo: Servo, at: Array, width: float, delay: float) -> Arr
     def held(x: Array) -> Array:
         return held_mean(log.commands_since, x, at - delay, width)
 
-    position, gain = servo.kp > 0, servo.gain
+    position = servo.kp > 0
+    gain = servo.gain
     out = np.zeros((len(at), len(log.joints)))
     if log.q_ref is not None:
         out += np.where(position, held(log.q_ref), 0.0)

@@ -13,10 +13,11 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.logs.log import Log, join_logs
-from identifiability.logs.rules import RULES
-from identifiability.logs.spikes import TURN
 from identifiability.robot import Robot
+
+from .log import Log, join_logs
+from .rules import RULES
+from .spikes import TURN
 
 #: Units of length that people give instead of SI, and how many make one of SI.
 _LENGTHS = {"mm": 1e3, "cm": 1e2}
@@ -133,12 +134,14 @@ class Contradiction:
     def text(self) -> str:
         """It in half a sentence."""
         explained = 100 * max(self.explained, 0.0)
-        told = {"joint": self.joint, "kind": self.kind, "of": self.of, "slope": self.slope}
         return phrase(
             "contradictions",
             "one",
             explained=explained,
-            **told,
+            joint=self.joint,
+            kind=self.kind,
+            of=self.of,
+            slope=self.slope,
         )
 
     @property
@@ -153,9 +156,11 @@ def contradictions(log: Log) -> list[Contradiction]:
     It finds columns of other joints, of desired motion, delayed or filtered too much. They are
     compared by integration, which forgives noise where differentiation would not.
     """
-    found, least = [], 1 - RULES.unexplained
+    found = []
+    least = 1 - RULES.unexplained
     for kind, of in (("dq", "q"), ("ddq", "dq")):
-        rate, x = getattr(log, kind), getattr(log, of)
+        rate = getattr(log, kind)
+        x = getattr(log, of)
         if rate is None or x is None:
             continue
         for k, joint in enumerate(log.joints):
@@ -180,7 +185,8 @@ def _compare(t: Array, x: Array, rate: Array) -> tuple[float, float] | None:
     # An offset of the rate is a drift of its integral, which says nothing of its shape.
     drift = np.column_stack([np.ones(len(dt)), t[1:] - t[0]])
     Q = np.linalg.qr(drift)[0]
-    given, integral = given - Q @ (Q.T @ given), integral - Q @ (Q.T @ integral)
+    given = given - Q @ (Q.T @ given)
+    integral = integral - Q @ (Q.T @ integral)
     noise = np.sqrt(np.mean(np.diff(x, 2) ** 2) / 6) if len(x) > 2 else 0.0
     size = float(np.sqrt(np.mean(given**2)))
     # Motion must stand out this much from the noise of single samples to be compared.

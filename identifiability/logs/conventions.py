@@ -6,9 +6,8 @@ It goes from the robot to whoever reads: `read_recordings`, `Log.read`, `Log.fro
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
 
-from identifiability.foundation.names import Renames
+from identifiability.foundation.names import Renames, Strings
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 from identifiability.robot.floating import Base
@@ -50,19 +49,19 @@ class Conventions:
         Joints that no motor drives, of which logs need no columns.
     """
 
-    joints: tuple[str, ...] = ()
-    motors: tuple[str, ...] = ()
+    joints: Strings = ()
+    motors: Strings = ()
     columns: Renames = Renames()
-    scales: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    scales: Mapping[str, tuple[float, float]] = {}
     time_unit: str = ""
     torque: MeasuredTorque = MeasuredTorque()
-    degrees: tuple[str, ...] = ()
+    degrees: Strings = ()
     motion_alone: bool = False
-    locked: Mapping[str, float] = field(default_factory=dict)
+    locked: Mapping[str, float] = {}
     servo: Servo | None = None
     commands: bool = False
     base: Base | None = None
-    passive: tuple[str, ...] = ()
+    passive: Strings = ()
 
     @staticmethod
     def of(robot: Robot) -> Conventions:

@@ -12,8 +12,10 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from identifiability.foundation.names import Strings
 from identifiability.foundation.values import frozen
-from identifiability.logs.names import are_units
+
+from .names import are_units
 
 #: Marks that begin a line of comment.
 COMMENTS = ("#", "%", "//")
@@ -58,10 +60,10 @@ class Form:
     separator: str = ","
     decimal: str = "."
     comment: str = ""
-    columns: tuple[str, ...] = ()
-    units: tuple[str, ...] = ()
+    columns: Strings = ()
+    units: Strings = ()
     lines: int = 0
-    notes: tuple[str, ...] = ()
+    notes: Strings = ()
 
     def split(self, line: str) -> list[str]:
         """Return the fields of a line; one field if one is longer than any table's."""
@@ -69,7 +71,8 @@ class Form:
 
     def rows(self, lines: Sequence[str]) -> Iterator[tuple[int, list[str]]]:
         """Yield the line that each row begins at, and its fields; cells may hold ends of lines."""
-        blank, at = self.separator == " ", 0
+        blank = self.separator == " "
+        at = 0
         plain = ["" if self.is_comment(x) else " ".join(x.split()) if blank else x for x in lines]
         given = csv.reader(
             (f"{x}\n" for x in plain), delimiter=self.separator, skipinitialspace=not blank
@@ -164,7 +167,7 @@ def _try(form: Form, lines: Sequence[str]) -> Form | None:
         return None
     full = [k for k in range(first) if len(rows[k][1]) == width]  # more than a title
     full = [k for k in full if 2 * sum(bool(cell.strip()) for cell in rows[k][1]) > width]
-    units: tuple[str, ...] = ()
+    units: Strings = ()
     if len(full) > 1 and are_units(rows[full[-1]][1]):
         units = tuple(cell.strip() for cell in rows[full.pop()][1])
     if full:

@@ -17,10 +17,11 @@ from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.logs import signals
-from identifiability.logs.checks import Clock
-from identifiability.logs.log import Log
-from identifiability.logs.rules import RULES
+
+from . import signals
+from .checks import Clock
+from .log import Log
+from .rules import RULES
 
 # Samples that repeat the one before, because nothing new had arrived when they were written.
 #
@@ -51,7 +52,8 @@ class StaleRule:
     @staticmethod
     def of(windows: Sequence[Log]) -> StaleRule:
         """Return the rule for a log, from windows of it."""
-        steps, share = {}, {}
+        steps = {}
+        share = {}
         for channel in (c for c in windows[0].channels if c in NAMES):
             values = [np.asarray(getattr(w, channel)) for w in windows]
             steps[channel] = np.min([smallest_change(x) for x in values], axis=0)
@@ -86,11 +88,11 @@ class StaleRule:
 def smallest_change(x: Array) -> Array:
     """Return the smallest change from sample to sample of x (N, n), (n,); 0 where there is none."""
     change = np.abs(np.diff(x, axis=0))
-    found: Array = np.where(change > 0, change, np.inf).min(0, initial=np.inf)
+    found = np.where(change > 0, change, np.inf).min(0, initial=np.inf)
     return np.where(np.isfinite(found), found, 0.0)
 
 
-def find_stale(x: Array, steps: Array) -> np.ndarray:
+def find_stale(x: Array, steps: Array) -> Array:
     """Return which samples of x (N, n) repeat the one before although a joint moves, (N,) bool.
 
     A joint moves if it went the same way before and after, by `repeats_steps` encoder steps or more
@@ -99,12 +101,14 @@ def find_stale(x: Array, steps: Array) -> np.ndarray:
     stale = np.zeros(len(x), bool)
     same = np.concatenate([[False], (np.diff(x, axis=0) == 0).all(1), [False]])
     edges = np.diff(same.astype(int))
-    first, last = np.flatnonzero(edges == 1) + 1, np.flatnonzero(edges == -1)
+    first = np.flatnonzero(edges == 1) + 1
+    last = np.flatnonzero(edges == -1)
     for a, b in zip(first.tolist(), last.tolist(), strict=True):
         # Rows a … b hold what row a - 1 holds.
         if b - a >= RULES.lost or a < 2 or b + 1 >= len(x):
             continue
-        after, before = x[b + 1] - x[b], x[a - 1] - x[a - 2]
+        after = x[b + 1] - x[b]
+        before = x[a - 1] - x[a - 2]
         # Across a run of repeated values a joint moves by at least so many steps of its
         # encoder, else rounding explains that nothing changed.
         moved = (after * before > 0) & (np.abs(after) >= 4.0 * steps)
@@ -112,9 +116,10 @@ def find_stale(x: Array, steps: Array) -> np.ndarray:
     return stale
 
 
-def interpolate(x: Array, stale: np.ndarray) -> Array:
+def interpolate(x: Array, stale: Array) -> Array:
     """Return x (N, …) with stale samples (N,) bool on the cubic through their four neighbours."""
-    good, out = np.flatnonzero(~stale), x.copy()
+    good = np.flatnonzero(~stale)
+    out = x.copy()
     at = np.flatnonzero(stale)
     if not len(at) or len(good) < 4:
         return out
@@ -158,7 +163,7 @@ class Gaps:
     step: float
     usual: float
     jitter: float
-    rows: np.ndarray
+    rows: Array
     t: Array
     length: Array
     drift: float = 0.0
@@ -200,9 +205,9 @@ class Gaps:
         return len(self.rows)
 
     @property
-    def lost(self) -> np.ndarray:
+    def lost(self) -> Array:
         """How many samples are missing in each, (m,) int."""
-        count: np.ndarray = np.maximum(np.rint(self.length / self.step).astype(int) - 1, 1)
+        count: Array = np.maximum(np.rint(self.length / self.step).astype(int) - 1, 1)
         return count
 
     def divide(self, longest: float, least: int = 1) -> Grid | None:
@@ -244,7 +249,7 @@ class Gaps:
                 "not those at which they arrived, or measured velocities and accelerations."
             )
 
-    def tell(self, split: np.ndarray) -> str:
+    def tell(self, split: Array) -> str:
         """Return the gaps that are split, (m,) bool, in words."""
         at = np.flatnonzero(split)
         rows = [f"{self.length[k]:.3g} s after data row {self.rows[k] + 1}" for k in at]
@@ -267,9 +272,9 @@ class Grid:
         Fewest samples of a stretch; shorter ones are left out.
     """
 
-    breaks: np.ndarray
-    after: np.ndarray
-    lost: np.ndarray
+    breaks: Array
+    after: Array
+    lost: Array
     least: int
 
     def stretches(self, start: int, stop: int) -> list[tuple[int, int]]:
@@ -277,7 +282,7 @@ class Grid:
         inner = self.breaks[(self.breaks > start) & (self.breaks < stop)] - start
         return list(pairwise([0, *inner.tolist(), stop - start]))
 
-    def places(self, start: int, stop: int) -> np.ndarray:
+    def places(self, start: int, stop: int) -> Array:
         """Return how many steps after `start` the rows [start, stop) of a stretch were sampled."""
         at = np.arange(stop - start)
         inside = (self.after >= start) & (self.after < stop - 1)
@@ -285,7 +290,7 @@ class Grid:
             at[row + 1 - start :] += lost
         return at
 
-    def left_out(self, start: int, stop: int) -> np.ndarray:
+    def left_out(self, start: int, stop: int) -> Array:
         """Return which of the rows [start, stop) are left out, (stop - start,) bool.
 
         They are the first sample of every stretch but the first, so that rows tell of the gap, and
@@ -298,16 +303,18 @@ class Grid:
         return out
 
 
-def fill(x: Array, at: np.ndarray) -> Array:
+def fill(x: Array, at: Array) -> Array:
     """Return x (N, …), sampled at the steps `at` (N,) int, at every step, by cubics."""
     if at[-1] + 1 == len(at):
         return x
-    wide, missing = np.zeros((at[-1] + 1, *x.shape[1:])), np.ones(at[-1] + 1, bool)
-    wide[at], missing[at] = x, False
+    wide = np.zeros((at[-1] + 1, *x.shape[1:]))
+    missing = np.ones(at[-1] + 1, bool)
+    wide[at] = x
+    missing[at] = False
     return interpolate(wide, missing)
 
 
-def _late(rows: np.ndarray, ratio: Array) -> np.ndarray:
+def _late(rows: Array, ratio: Array) -> Array:
     """Return which odd steps stand beside others that make up for them, (m,) bool.
 
     Nothing is missing there: samples were stamped too late or too early.
@@ -315,5 +322,5 @@ def _late(rows: np.ndarray, ratio: Array) -> np.ndarray:
     if not len(rows):
         return np.zeros(0, bool)
     run = np.concatenate([[0], np.cumsum(np.diff(rows) != 1)])
-    late: np.ndarray = np.bincount(run, ratio - 1)[run] < (RULES.gap - 1)
+    late: Array = np.bincount(run, ratio - 1)[run] < (RULES.gap - 1)
     return late

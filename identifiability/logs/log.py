@@ -20,24 +20,25 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Array, numbered, shorten_paths
+from identifiability.foundation.names import Array, Strings, numbered, shorten_paths
 from identifiability.foundation.options import Expected, FilePath, Names, check_option, checked
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
-from identifiability.logs import signals
-from identifiability.logs.base import read_base
-from identifiability.logs.checks import CHANNELS, COMMANDS, Clock
-from identifiability.logs.columns import tell_missing
-from identifiability.logs.conventions import Conventions
-from identifiability.logs.form import PLAIN
-from identifiability.logs.formats.containers import stack_arrays
-from identifiability.logs.formats.reader import Whole
-from identifiability.logs.rows import divide_rows, find_range, gather, is_long, spread_windows
-from identifiability.logs.rules import RULES
-from identifiability.logs.spikes import Spike, find_spikes
-from identifiability.logs.table_reader import TableReader
-from identifiability.logs.tables import read_pieces, write_table
+
+from . import signals
+from .base import read_base
+from .checks import CHANNELS, COMMANDS, Clock
+from .columns import tell_missing
+from .conventions import Conventions
+from .form import PLAIN
+from .formats.containers import stack_arrays
+from .formats.reader import Whole
+from .rows import divide_rows, find_range, gather, is_long, spread_windows
+from .rules import RULES
+from .spikes import Spike, find_spikes
+from .table_reader import TableReader
+from .tables import read_pieces, write_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -92,18 +93,18 @@ class Log:
     """
 
     name: str
-    joints: tuple[str, ...]
+    joints: Strings
     t: Array
     q: Array
     tau: Array
     dq: Array | None
     ddq: Array | None
     sha256: str
-    notes: tuple[str, ...] = ()
+    notes: Strings = ()
     q_ref: Array | None = None
     motion_alone: bool = False
     start: float | None = None
-    unmeasured: np.ndarray | None = None
+    unmeasured: Array | None = None
     dq_ref: Array | None = None
     tau_ff: Array | None = None
     servo_delay: float | None = None
@@ -281,7 +282,7 @@ class Log:
         return Clock.of(self.t)
 
     @property
-    def channels(self) -> tuple[str, ...]:
+    def channels(self) -> Strings:
         """Which of `CHANNELS` it has."""
         return tuple(c for c in CHANNELS if getattr(self, c) is not None)
 
@@ -362,13 +363,19 @@ def join_logs(logs: Sequence[Log]) -> Log:
 
 def _read_log(reader: TableReader, pieces: Iterable[Whole]) -> Log:
     """Return the log in the pieces of a table."""
-    values, naming = reader.read(pieces), reader.naming
+    values = reader.read(pieces)
+    naming = reader.naming
     fields: dict[str, Any] = dict.fromkeys(("q", "dq", "ddq", "tau")) | values
-    notes, t, tau = naming.notes, values["t"], values["tau"]
+    notes = naming.notes
+    t = values["t"]
+    tau = values["tau"]
     if np.isnan(find_range(tau)[0]).any():
         gone = fields["unmeasured"] = np.isnan(tau)
-        pairs = zip(tau.T, gone.T, strict=True)
-        fields["tau"] = np.stack([_bridge(t, x, missing) for x, missing in pairs], 1)
+        # Straight lines stand where it is lost, zeros where all of it is.
+        bridged = fields["tau"] = np.zeros(tau.shape)
+        for k, known in enumerate(~gone.T):
+            if known.any():
+                bridged[:, k] = np.interp(t, t[known], tau[known, k])
     if reader.known.base is not None:
         beside = reader.known.base, t, reader.beside, reader.source
         fields["base"], told = read_base(*beside)
@@ -381,19 +388,6 @@ def _read_log(reader: TableReader, pieces: Iterable[Whole]) -> Log:
         motion_alone=bool(naming.made),
         start=reader.start,
         **fields,
-    )
-
-
-def _bridge(t: Array, x: Array, lost: np.ndarray) -> Array:
-    """Return a column (N,) with straight lines where it is lost, zeros if all of it is."""
-    return (
-        np.zeros(len(x))
-        if lost.all()
-        else np.interp(
-            t,
-            t[~lost],
-            x[~lost],
-        )
     )
 
 
@@ -470,7 +464,8 @@ def refuse_silent(logs: Sequence[Log]) -> None:
     gone = [log.unmeasured for log in logs if log.unmeasured is not None]
     if len(gone) < len(logs) or len({log.joints for log in logs}) > 1:
         return
-    q, lost = np.concatenate([log.q for log in logs]), np.concatenate(gone).all(0)
+    q = np.concatenate([log.q for log in logs])
+    lost = np.concatenate(gone).all(0)
     stays = lost & (np.ptp(q, axis=0) <= RULES.small)
     if 0 < stays.sum() < len(stays):
         at = zip(
@@ -479,5 +474,11 @@ def refuse_silent(logs: Sequence[Log]) -> None:
             strict=True,
         )
         silent = {str(j): option_for_shell("--lock", f"{j}={x:.4g}") for j, x in at}
-        told = {"names": [log.name for log in logs], "joints": [*silent]}
-        raise LogError(Finding("logs.unmeasured", **told, locks=" ".join(silent.values())))
+        raise LogError(
+            Finding(
+                "logs.unmeasured",
+                names=[log.name for log in logs],
+                joints=[*silent],
+                locks=" ".join(silent.values()),
+            )
+        )

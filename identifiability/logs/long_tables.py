@@ -16,14 +16,15 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.values import frozen
-from identifiability.logs.checks import to_floats
-from identifiability.logs.columns import as_dates, is_stamp, rename
-from identifiability.logs.conventions import Conventions
-from identifiability.logs.form import Form
-from identifiability.logs.formats.reader import Whole
-from identifiability.logs.names import (
+
+from .checks import to_floats
+from .columns import as_dates, is_stamp, rename
+from .conventions import Conventions
+from .form import Form
+from .formats.reader import Whole
+from .names import (
     LONGEST_NAME,
     SILENT,
     SPELLED,
@@ -64,7 +65,7 @@ class Layout:
 
     label: str
     time: str
-    times: tuple[str, ...]
+    times: Strings
     channels: Mapping[str, str]
 
     @property
@@ -132,7 +133,8 @@ def find_layout(frame: pd.DataFrame, known: Conventions) -> Layout | None:
     label = _choose_label(frame, labels)
     if not _name_joints(frame[label], known):
         return None
-    time = _choose_time(times, names)
+    stated = [c for c in times if names[c] == "t"]
+    time = [*stated, *filter(is_stamp, times), *times][0]
     return Layout(label, time, times, _name_channels(channels, names))
 
 
@@ -140,13 +142,6 @@ def _choose_label(frame: pd.DataFrame, labels: Sequence[str]) -> str:
     """Return the column that names joints: one of text goes before one of numbers."""
     texts = [c for c in labels if frame[c].dtype.kind not in "biuf"]
     return [*texts, *labels][0]
-
-
-def _choose_time(times: Sequence[str], names: Mapping[str, str]) -> str:
-    """Return the column whose equal values are one time."""
-    stated = [c for c in times if names[c] == "t"]
-    stamps = [c for c in times if is_stamp(c)]
-    return [*stated, *stamps, *times][0]
 
 
 def _name_joints(labels: pd.Series, known: Conventions) -> bool:
@@ -200,14 +195,15 @@ def _blocks(frames: Iterable[pd.DataFrame], layout: Layout, source: str) -> Iter
     """
     import pandas as pd  # noqa: PLC0415 - heavy, and workers that read Parquet do without it
 
-    waiting: list[pd.DataFrame] = []
+    waiting = []
     by_time = False
     for frame in frames:
         waiting.append(frame[frame[layout.label].notna()])
         by_time = by_time or not _is_sorted_by_joint(waiting[-1][layout.label])
         if by_time:
             block = pd.concat(waiting, ignore_index=True)
-            complete = _count_complete(_time_keys(block[layout.time]))
+            starts = np.flatnonzero(_is_new(_time_keys(block[layout.time])))
+            complete = starts[-1] if len(starts) else 0  # rows of the last time may go on
             waiting = [block[complete:]]
             if complete:
                 yield block[:complete]
@@ -234,14 +230,9 @@ def _time_keys(times: pd.Series) -> Array:
     return to_floats(times) if dates is None else dates.to_numpy()
 
 
-def _is_new(keys: Array) -> np.ndarray:
+def _is_new(keys: Array) -> Array:
     """Return at which rows another time begins, (N,) bool."""
     return np.concatenate([[True], keys[1:] != keys[:-1]])[: len(keys)]
-
-
-def _count_complete(keys: Array) -> int:
-    """Return the number of rows before the last time, whose rows may go on."""
-    return int(np.flatnonzero(_is_new(keys))[-1]) if len(keys) else 0
 
 
 def _turn(block: pd.DataFrame, layout: Layout, joints: Sequence[str], source: str) -> pd.DataFrame:
@@ -255,61 +246,22 @@ def _turn(block: pd.DataFrame, layout: Layout, joints: Sequence[str], source: st
     import pandas as pd  # noqa: PLC0415 - heavy, and workers that read Parquet do without it
 
     new = _is_new(_time_keys(block[layout.time]))
-    row = np.cumsum(new) - 1
-    joint = _find_places(block[layout.label], layout, joints, source)
-    _check_once(block[layout.time], row, joint, joints, source)
-    shape = int(new.sum()), len(joints)
-    columns: dict[str, Any] = {c: block[c].to_numpy()[new] for c in layout.times}
-    for channel in layout.channels:
-        values = _spread_values(block[channel], row, joint, shape)
-        names = [layout.name_column(name, channel) for name in joints]
-        columns |= zip(names, values.T, strict=True)
-    return pd.DataFrame(columns)
-
-
-def _find_places(
-    labels: pd.Series, layout: Layout, joints: Sequence[str], source: str
-) -> np.ndarray:
-    """Return the place of each row's joint among all joints, (N,) int.
-
-    Raises
-    ------
-    LogError
-        If a joint is new.
-    """
-    place = {joint: k for k, joint in enumerate(joints)}
-    texts = _as_texts(labels)
-    unknown = [text for text in dict.fromkeys(texts) if text not in place]
+    texts = _as_texts(block[layout.label])
+    unknown = [text for text in dict.fromkeys(texts) if text not in joints]
     if unknown:
         raise LogError(Finding("long.late", source, joint=unknown[0], label=layout.label))
-    return np.array([place[text] for text in texts], dtype=int)
-
-
-def _check_once(
-    times: pd.Series, row: np.ndarray, joint: np.ndarray, joints: Sequence[str], source: str
-) -> None:
-    """Refuse two rows of one joint and time.
-
-    Raises
-    ------
-    LogError
-    """
-    cells = row * len(joints) + joint
-    _, first = np.unique(cells, return_index=True)
-    if len(first) < len(cells):
-        again = np.setdiff1d(np.arange(len(cells)), first)[0]
-        said = {"joint": joints[joint[again]], "time": str(times.iloc[again])}
-        raise LogError(Finding("long.twice", source, **said))
-
-
-def _spread_values(
-    given: pd.Series, row: np.ndarray, joint: np.ndarray, shape: tuple[int, int]
-) -> np.ndarray:
-    """Return the values of a channel, (times, joints); NaN where a joint has no row."""
-    kind = float if given.dtype.kind in "biuf" else object
-    values = np.full(shape, np.nan, dtype=kind)
-    values[row, joint] = given.to_numpy(kind)
-    return values
+    cells = pd.MultiIndex.from_arrays([np.cumsum(new) - 1, texts])
+    again = np.flatnonzero(cells.duplicated())
+    if len(again):
+        time = str(block[layout.time].iloc[again[0]])
+        raise LogError(Finding("long.twice", source, joint=texts[again[0]], time=time))
+    columns: dict[str, Any] = {c: block[c].to_numpy()[new] for c in layout.times}
+    for channel in layout.channels:
+        given = block[channel].set_axis(cells)
+        given = given.astype(float) if given.dtype.kind in "biuf" else given
+        wide = given.unstack().reindex(columns=[*joints])
+        columns |= {layout.name_column(j, channel): wide[j].to_numpy() for j in joints}
+    return pd.DataFrame(columns)
 
 
 def _form_of(form: Form, layout: Layout, joints: Sequence[str]) -> Form:

@@ -1,7 +1,7 @@
 """What names and units of columns usually mean: drivers, recorders, toolboxes have habits.
 
-One table of rules (`RULES`) has them all, a row each: words, the channel that they are of, units
-and what one of them is. Units stand in a row under the header or in the names.
+`words.toml` has words and the channel that they are of, and units and how much one of them is.
+Units stand in a row under the header or in the names.
 
 A name is cut into words and numbers, ``/joint_states/panda_joint1/position`` into *joint, states,
 panda, joint, 1, position*. It is taken for a channel of a joint if it holds the joint's name or its
@@ -11,124 +11,39 @@ measurement.
 
 from __future__ import annotations
 
-import math
 import re
+import tomllib
 from collections.abc import Sequence
 from functools import cache
+from pathlib import Path
 
 from identifiability.foundation.errors import LogError, with_article
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.values import frozen
 
-#: What each channel of a log can be measured in.
-DIMENSIONS = {
-    "t": ("time",),
-    **dict.fromkeys(("q", "q_ref"), ("angle", "length")),
-    **dict.fromkeys(("dq", "dq_ref"), ("angle/s", "length/s")),
-    "ddq": ("angle/s2", "length/s2"),
-    **dict.fromkeys(("tau", "tau_ff"), ("torque", "force")),
-    "current": ("current",),
-}
+_TABLES = tomllib.loads(Path(__file__).with_name("words.toml").read_text(encoding="utf-8"))
 
-
-@frozen
-class Rule:
-    """A row of the table by which columns are read that are called otherwise than they should be.
-
-    Attributes
-    ----------
-    pattern : str
-        Words of names, or units, apart by spaces. Units are written without spaces, dots and signs
-        of powers.
-    channel : str
-        What a column holds whose name has such a word: ``t``, a channel, ``current``, or ``base.``
-        and what is measured of the base; ``name`` for text that says which joint others are about.
-        ``wanted`` turns a channel into what was wanted of it, and ``silent`` says nothing. Empty
-        for a unit.
-    unit : str
-        What a unit measures.
-    gain : float
-        How much of SI one of it is.
-    """
-
-    pattern: str
-    channel: str
-    unit: str = ""
-    gain: float = 1.0
-
-    @property
-    def words(self) -> tuple[str, ...]:
-        """What stands in a name."""
-        return tuple(self.pattern.split())
-
+#: Words of names by what a column holds, and what each channel of a log can be measured in.
+WORDS: dict[str, str] = _TABLES["words"]
+DIMENSIONS: dict[str, list[str]] = _TABLES["dimensions"]
 
 #: Units by what they measure, and how much of SI one is.
-SIZES = {
-    "time": {
-        "s sec secs second seconds": 1.0,
-        "ms msec millis milliseconds": 1e-3,
-        "us usec µs microseconds": 1e-6,
-        "ns nsec nanoseconds": 1e-9,
-    },
-    "angle": {"rad radian radians": 1.0, "deg degree degrees ° Grad": math.pi / 180},
-    "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
-    "angle/s": {"rpm U/min tr/min": math.pi / 30},
-    "torque": {
-        "Nm": 1.0,
-        "Ncm": 1e-2,
-        "mNm Nmm": 1e-3,
-        "kNm": 1e3,
-        "daNm": 10.0,
-        "kgfm kgm": 9.80665,
-        "kgfcm kgcm": 9.80665e-2,
-        "lbfft lbft ftlbf ftlb": 1.3558179483,
-        "lbfin lbin inlbf inlb": 0.1129848290,
-    },
-    "force": {"N": 1.0, "kN": 1e3},
-    "current": {"A Amp": 1.0, "mA": 1e-3},
-}
-
-#: The one table. What a robot's own columns are called, its sidecar says (``[columns]``).
-RULES = tuple(
-    Rule(*row)
-    for row in (
-        ("q pos position positions angle angles theta qpos winkel lage", "q"),
-        ("dq qd qdot vel velo velocity velocities speed speeds qvel", "dq"),
-        ("geschwindigkeit drehzahl vitesse", "dq"),
-        ("ddq qdd qddot acc accel acceleration accelerations qacc beschleunigung", "ddq"),
-        ("tau torque torques trq effort efforts force forces moment", "tau"),
-        ("qfrc drehmoment kraft couple", "tau"),
-        ("current currents curr strom courant", "current"),
-        ("t time times timestamp timestamps stamp zeit stempel temps elapsed", "t"),
-        ("name names", "name"),
-        ("d des desired target targets cmd command commands commanded ref reference", "wanted"),
-        ("setpoint action actions ctrl set goal planned nominal soll consigne", "wanted"),
-        ("ff feedforward", "tau_ff"),
-        ("joint joints dof dofs j axis axes state states robot arm actual act measured", "silent"),
-        ("meas mes msr feedback fbk field data log value values achse axe ist wert a m", "silent"),
-        ("observation observations ax present", "silent"),
-        ("policy controller servo motor motors output pd", "silent of commands"),
-        ("acc accel accelerometer acceleration linear_acceleration a", "base.acc"),
-        ("gyro gyroscope angular_velocity angular w omega ang_vel", "base.gyro"),
-        ("pos position p", "base.pos"),
-        ("quat quaternion orientation q", "base.quat"),
-    )
-)
-RULES += tuple(
-    Rule(written, "", what, size)
-    for what, sizes in SIZES.items()
-    for written, size in sizes.items()
-)
+SIZES: dict[str, dict[str, float]] = _TABLES["units"]
 
 
-def words_for(channel: str) -> tuple[str, ...]:
+def words_for(channel: str) -> Strings:
     """Return the words of a channel, in the order of the table."""
-    return tuple(w for r in RULES if r.channel == channel for w in r.words)
+    return tuple(WORDS[channel].split())
 
 
 #: Units by how they are written: what they measure, and how much of SI one is.
-UNITS = {name: (rule.unit, rule.gain) for rule in RULES if rule.unit for name in rule.words}
+UNITS = {
+    name: (what, size)
+    for what, sizes in SIZES.items()
+    for written, size in sizes.items()
+    for name in written.split()
+}
 UNITS |= {
     f"{name}{end}": (f"{what}{end.replace('sec', 's')}", size)
     for name, (what, size) in UNITS.items()
@@ -138,16 +53,6 @@ UNITS |= {
 
 #: What stands where a column has no unit.
 NONE = ("", "-", "–", "1", "none", "n/a")
-
-_WORDS = {
-    "t": "time",
-    "q": "position",
-    "q_ref": "commanded position",
-    "dq": "velocity",
-    "dq_ref": "commanded velocity",
-    "ddq": "acceleration",
-    "current": "current",
-}
 
 #: Letters of a unit, and of the name of a column; and columns of a table, at most.
 LONGEST_UNIT, LONGEST_NAME, MOST_COLUMNS = 200, 1000, 20_000
@@ -181,7 +86,7 @@ class Unit:
         LogError
         """
         if self.dimension not in DIMENSIONS[kind]:
-            what = _WORDS.get(kind, "torque or force")
+            what = _TABLES["called"].get(kind, "torque or force")
             raise LogError(
                 f"{source}: column '{column}' is {with_article(what)}, but the log says that its "
                 f"unit is '{self.text}'; check which column is which, and rename it or repair the "
@@ -221,8 +126,11 @@ def check_names(source: str, names: Sequence[str]) -> None:
         raise LogError(Finding("columns.many", source, count=len(names), most=MOST_COLUMNS))
     longest = max(names, key=len, default="")
     if len(longest) > LONGEST_NAME:
-        holes = {"start": longest[:40], "letters": len(longest), "most": LONGEST_NAME}
-        raise LogError(Finding("columns.long", source, **holes))
+        raise LogError(
+            Finding(
+                "columns.long", source, start=longest[:40], letters=len(longest), most=LONGEST_NAME
+            )
+        )
 
 
 def are_units(row: Sequence[str]) -> bool:
@@ -343,7 +251,7 @@ def words_of(name: str) -> list[str]:
 @cache
 def _compounds() -> dict[str, tuple[str, str]]:
     """Return what two words of the table are together, as German and lazy typists write them."""
-    known = {w for rule in RULES if rule.channel for w in rule.words if w.isalpha() and len(w) > 2}
+    known = {w for words in WORDS.values() for w in words.split() if w.isalpha() and len(w) > 2}
     return {a + b: (a, b) for a in known for b in known if a + b not in known}
 
 
@@ -366,13 +274,15 @@ def guess_column(source: str, name: str, joints: Sequence[str]) -> Column | None
     if unit is None and unread_unit(name, joints):  # what it is of can be told all the same
         plain = name[: name.rindex(bracketed(name)) - 1]
     parts = [p for p in plain.split("/") if p]
-    words, above = words_of(" ".join(parts[-2:])), words_of(" ".join(parts[:-2]))
+    words = words_of(" ".join(parts[-2:]))
+    above = words_of(" ".join(parts[:-2]))
     time = _guess_time(source, words, unit)
     if time is not None:
         return time
     joint, rest = take_joint(words, joints)
     if unit is None and rest and rest[-1] in ("rad", "deg", "nm", "mm"):
-        unit, rest = find_unit("Nm" if rest[-1] == "nm" else rest[-1]), rest[:-1]
+        unit = find_unit("Nm" if rest[-1] == "nm" else rest[-1])
+        rest = rest[:-1]
     kinds = {KINDS[w] for w in rest if w in KINDS}
     numbers = [w for w in rest if w.isdecimal()]
     wanted = (COMMANDED | _AHEAD).intersection([*rest, *above])
@@ -411,7 +321,8 @@ def _guess_time(source: str, words: list[str], unit: Unit | None) -> Column | No
     if source == INDEX:
         return Column(source, "t")
     if unit is None and len(words) > 1 and words[-1] in _TIME_UNITS:
-        unit, words = find_unit(words[-1]), words[:-1]
+        unit = find_unit(words[-1])
+        words = words[:-1]
     left = [w for w in words if w not in SILENT and w != "header"]
     if unit is not None and unit.dimension != "time":
         return None

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import takewhile
 
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Renames
 from identifiability.foundation.quoting import option_for_shell
-from identifiability.logs.names import Column
+
+from .names import Column
 
 #: Parts of a name: letters, digits, or signs between them.
 _PARTS = re.compile(r"[A-Za-z]+|\d+|[^A-Za-z\d]+")
@@ -38,8 +40,13 @@ def ask_which(source: str, candidates: Mapping[str, Sequence[Column]]) -> Findin
     questions = [_question(kind, joints) for kind, joints in channels.items()]
     rules = [rule for kind, joints in channels.items() for rule in propose_rules(kind, joints)]
     options = [option_for_shell("--map", "=".join(rule), always=True) for rule in rules]
-    several = {"channels": "; ".join(questions), "count": len(candidates)}
-    return Finding("columns.several", source, options=" ".join(options), **several)
+    return Finding(
+        "columns.several",
+        source,
+        options=" ".join(options),
+        channels="; ".join(questions),
+        count=len(candidates),
+    )
 
 
 def _question(kind: str, joints: Mapping[str, Sequence[Column]]) -> str:
@@ -111,20 +118,17 @@ def split_names(names: Sequence[str]) -> tuple[str, list[str], str]:
     ('', ['left', 'right'], '_arm.tau')
     """
     parts = [_PARTS.findall(name) for name in names]
-    shortest = min(map(len, parts))
-    head = _count_common(parts, shortest)
-    tail = _count_common([x[::-1] for x in parts], shortest - head)
-    middles = ["".join(x[head : len(x) - tail]) for x in parts]
-    first = parts[0]
-    return "".join(first[:head]), middles, "".join(first[len(first) - tail :])
+    head = _common_start(parts)
+    rests = [x[len(head) :] for x in parts]
+    tail = _common_start([x[::-1] for x in rests])[::-1]
+    middles = ["".join(x[: len(x) - len(tail)]) for x in rests]
+    return "".join(head), middles, "".join(tail)
 
 
-def _count_common(rows: Sequence[Sequence[str]], most: int) -> int:
-    """Return how many first items all rows have in common."""
-    count = 0
-    while count < most and len({row[count] for row in rows}) == 1:
-        count += 1
-    return count
+def _common_start(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return the first items that all rows have in common."""
+    places = zip(*rows, strict=False)
+    return [items[0] for items in takewhile(lambda items: len({*items}) == 1, places)]
 
 
 def _settles(rule: MapRule, names: Mapping[str, str], others: set[str]) -> bool:

@@ -77,9 +77,10 @@ def gather(pieces: Iterable[Mapping[str, Array]]) -> dict[str, Any]:
     LogError
         If a disk is full.
     """
-    kept: list[Mapping[str, Array]] = []
+    kept = []
     files: dict[str, Any] = {}
-    rows, folder = 0, os.environ.get("TMPDIR") or (DISK if DISK.is_dir() else None)
+    rows = 0
+    folder = os.environ.get("TMPDIR") or (DISK if DISK.is_dir() else None)
     with ExitStack() as stack:
         for piece in pieces:
             kept.append(piece)

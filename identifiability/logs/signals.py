@@ -20,7 +20,8 @@ from scipy.special import binom
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.logs.rules import RULES
+
+from .rules import RULES
 
 
 def sampling_step(t: Array) -> float:
@@ -28,7 +29,7 @@ def sampling_step(t: Array) -> float:
     return float(np.median(np.diff(t)))
 
 
-def held_since(t: Array, changes: np.ndarray) -> Array:
+def held_since(t: Array, changes: Array) -> Array:
     """Return since when the values of each row are held, (N,) [s].
 
     Rows show a value that comes on another clock late, by up to a row, and by another part of a row
@@ -45,7 +46,8 @@ def held_since(t: Array, changes: np.ndarray) -> Array:
     (rows,) = np.nonzero(changes)
     if len(rows) < RULES.fewest:
         return t
-    dt, apart = sampling_step(t), np.diff(t[rows])
+    dt = sampling_step(t)
+    apart = np.diff(t[rows])
     uneven = 2 * float(np.quantile(np.abs(np.diff(t) - dt), 0.99)) + ROUNDOFF
     usual = apart[apart <= 2 * np.median(apart)].mean()  # others are of several values
     for _ in range(3):  # lost values make what is usual too long to count those of a long pause
@@ -59,14 +61,14 @@ def held_since(t: Array, changes: np.ndarray) -> Array:
     return out
 
 
-def has_gap(t: Array) -> np.ndarray:
+def has_gap(t: Array) -> Array:
     """Return after which samples at times t (N,) others are missing, (N - 1,) bool."""
     steps = np.diff(t)
-    found: np.ndarray = steps > RULES.gap * np.median(steps)
+    found: Array = steps > RULES.gap * np.median(steps)
     return found
 
 
-def is_constant(low: Array, high: Array, size: float = 0.0) -> np.ndarray:
+def is_constant(low: Array, high: Array, size: float = 0.0) -> Array:
     """Return which columns never change, from their ranges.
 
     Parameters
@@ -79,11 +81,11 @@ def is_constant(low: Array, high: Array, size: float = 0.0) -> np.ndarray:
     -------
     (n,) bool
     """
-    never: np.ndarray = high - low <= ROUNDOFF * (size + np.maximum(np.abs(low), np.abs(high)))
+    never: Array = high - low <= ROUNDOFF * (size + np.maximum(np.abs(low), np.abs(high)))
     return never
 
 
-def never_moves(low: Array, high: Array) -> np.ndarray:
+def never_moves(low: Array, high: Array) -> Array:
     """Return which joints stand still, from the range of their positions [rad or m], (n,) bool."""
     return is_constant(low, high, 1.0)
 
@@ -138,7 +140,8 @@ def differentiate(x: Array, dt: float) -> Array:
     7e-5 at a fifth; that of second order is 1.6, 13 and 24 %, and twice as much after two of them.
     The first and last `REACH` samples are those of a spline of fifth degree.
     """
-    x, end = np.asarray(x, float), 4 * REACH
+    x = np.asarray(x, float)
+    end = 4 * REACH
     if len(x) < 2 * end:
         return _spline_slope(x) / dt
     slope: Array = scipy.ndimage.correlate1d(
@@ -180,7 +183,7 @@ class Decimation:
     def taps(self) -> Array:
         """The symmetric filter, 20 taps a kept sample, cut-off at the new Nyquist frequency."""
         at = np.arange(-self.reach, self.reach + 1)
-        h: Array = np.sinc(at / self.factor) * np.hamming(len(at))
+        h = np.sinc(at / self.factor) * np.hamming(len(at))
         h /= h.sum()
         return h
 
@@ -195,8 +198,10 @@ class Decimation:
 
     def apply(self, x: Array) -> Array:
         """Return x (N, …) low-passed and decimated, (outputs, …)."""
-        count, flat = self.outputs(len(x)), x.reshape(len(x), -1)
-        out, length = np.empty((count, flat.shape[1])), len(self.taps)
+        count = self.outputs(len(x))
+        flat = x.reshape(len(x), -1)
+        out = np.empty((count, flat.shape[1]))
+        length = len(self.taps)
         for at in range(0, count, TOGETHER):
             few = min(TOGETHER, count - at)
             end = (few - 1) * self.factor + length
@@ -248,7 +253,8 @@ class FourierFit:
 def _fourier_basis(t: Array, period: float, harmonics: int, order: int = 0) -> Array:
     """Return the functions of the series, or their first or second derivatives, (N, 2 H + 1)."""
     w = 2 * np.pi / period * np.arange(1, harmonics + 1)
-    S, C = np.sin(np.outer(t, w)), np.cos(np.outer(t, w))
+    S = np.sin(np.outer(t, w))
+    C = np.cos(np.outer(t, w))
     one = np.full((len(t), 1), 1.0 if order == 0 else 0.0)
     return np.hstack([one, *((S, C), (C * w, -S * w), (-S * w**2, -C * w**2))[order]])
 
@@ -296,7 +302,7 @@ def fit_fourier(
     return FourierFit(period, values)
 
 
-def find_period(t: Array, q: Array, harmonics: int, most: int = 40) -> float:
+def find_period(t: Array, q: Array, harmonics: int) -> float:
     """Return the period, a whole fraction of the duration, whose Fourier series fits q best [s].
 
     These series are bins of one discrete Fourier transform, and what they leave is the power of all
@@ -305,9 +311,11 @@ def find_period(t: Array, q: Array, harmonics: int, most: int = 40) -> float:
     N = len(t)
     step = sampling_step(t)
     duration = t[-1] - t[0] + step
-    best, chosen = np.inf, duration
+    best = np.inf
+    chosen = duration
     power = (np.abs(np.fft.rfft(q - q.mean(0), axis=0)) ** 2).sum(1)
-    for k in range(1, most + 1):
+    # More than forty periods are found by their multiples.
+    for k in range(1, 41):
         # Its shortest period has four samples.
         if 4 * harmonics * k > N:
             break
@@ -315,5 +323,6 @@ def find_period(t: Array, q: Array, harmonics: int, most: int = 40) -> float:
         left[: harmonics * k + 1 : k] = False
         error = power[left].sum()
         if error < 0.5 * best:  # a longer period with k× the harmonics always fits a little better
-            best, chosen = error, duration / k
+            best = error
+            chosen = duration / k
     return float(chosen)

@@ -21,11 +21,9 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.logs import signals
-from identifiability.logs.rules import RULES
 
-#: Windows that are shorter than this share of the longest show no slow motion.
-HALF: Tolerance = 0.5
+from . import signals
+from .rules import RULES
 
 #: Samples of encoders so coarse that they change more slowly are averaged until they change every
 #: time, but no longer than this.
@@ -38,9 +36,6 @@ ABOVE: tuple[Tolerance, Tolerance] = (2.0, 8.0)
 
 #: Samples that are left at least where those of a coarse encoder are averaged.
 LEFT = 256
-
-#: Frequencies at which the noise is looked up, a decade.
-LOOKS = 16
 
 
 @frozen
@@ -80,7 +75,8 @@ class Spectrum:
     def smooth(self) -> Array:
         """The power averaged over a third of an octave, (K, n): repeated motion makes lines."""
         k = np.arange(len(self.f))
-        low, high = (k / 2 ** (1 / 6)).astype(int), np.ceil(k * 2 ** (1 / 6)).astype(int) + 1
+        low = (k / 2 ** (1 / 6)).astype(int)
+        high = np.ceil(k * 2 ** (1 / 6)).astype(int) + 1
         high = np.minimum(high, len(k))
         total = np.concatenate([np.zeros((1, self.power.shape[1])), np.cumsum(self.power, 0)])
         mean: Array = (total[high] - total[low]) / (high - low)[:, None]
@@ -90,7 +86,8 @@ class Spectrum:
     def noise(self) -> Array:
         """Density of the noise, (K, n)."""
         last = len(self.f) - 1
-        at = np.unique(np.geomspace(1, max(last, 1), LOOKS * 5).astype(int))
+        # Some sixteen frequencies a decade.
+        at = np.unique(np.geomspace(1, max(last, 1), 80).astype(int))
         low = np.minimum((ABOVE[0] * at).astype(int), int(0.9 * last))
         high = np.maximum((ABOVE[1] * at).astype(int), low + 2)
         found = np.array(
@@ -107,15 +104,13 @@ class Spectrum:
     @cached_property
     def motion(self) -> Array:
         """Density of the motion above the noise, (K, n)."""
-        above: Array = np.where(
-            self.smooth > RULES.motion_seen * self.noise, self.power - self.noise, 0.0
-        )
+        above = np.where(self.smooth > RULES.motion_seen * self.noise, self.power - self.noise, 0.0)
         return np.maximum(above, 0.0)
 
-    def bandwidths(self, share: float = 0.99) -> Array:
-        """Return below which frequency a share of each velocity's energy lies, (n,) [Hz]."""
+    def bandwidths(self) -> Array:
+        """Return below which frequency 99 % of each velocity's energy lies, (n,) [Hz]."""
         energy = np.cumsum(self.motion * self._slope(self.order - 1), axis=0)
-        reach = [self.f[np.searchsorted(e, share * e[-1])] if e[-1] > 0 else 0.0 for e in energy.T]
+        reach = [self.f[np.searchsorted(e, 0.99 * e[-1])] if e[-1] > 0 else 0.0 for e in energy.T]
         return np.array(reach)
 
     def acceleration(self, below: float) -> Array:
@@ -157,7 +152,7 @@ def spectra_of(windows: Sequence[Array], dt: float, order: int = 2) -> list[Spec
     Those that are less than half as long as the longest are left out: they show no slow motion.
     """
     lengths = sorted({len(x) for x in windows}, reverse=True)
-    used = [n for n in lengths if n > HALF * lengths[0]]
+    used = [n for n in lengths if 2 * n > lengths[0]]
     return [Spectrum.of([x for x in windows if len(x) == n], dt, order) for n in used]
 
 
@@ -250,21 +245,21 @@ def choose_band(
     limit = float(tried[max(loud[0] - 1, 0)] if len(loud) else tried[-1])
     if cutoff is not None:
         return Band(cutoff, cutoff, band, limit, noise(cutoff), "", rate)
-    chosen, reason = most, f"{RULES.cutoff_wide:g} × the motion's band of {band:.3g} Hz"
+    chosen = most
+    reason = f"{RULES.cutoff_wide:g} × the motion's band of {band:.3g} Hz"
     if most == RULES.cutoff_lowest:
         reason = f"the least there is, the motion's band is {band:.2g} Hz"
     if limit < chosen:
-        chosen, own = limit, noise(limit)
+        chosen = limit
+        own = noise(limit)
         which = "above, noise has more than" if own <= RULES.small else "although noise has"
         reason = (
             f"{chosen / max(band, 1e-3):.2g} × the motion's band of {band:.3g} Hz, {which} "
             f"{percent(max(own, RULES.small), 2)} of the acceleration's power"
         )
     if highest < chosen:
-        chosen, reason = (
-            highest,
-            f"{RULES.cutoff_highest:g} × the sampling rate, the motion reaches {band:.3g} Hz",
-        )
+        chosen = highest
+        reason = f"{RULES.cutoff_highest:g} × the sampling rate, the motion reaches {band:.3g} Hz"
     wide = max(chosen, min(limit, highest))
     return Band(wide, chosen, band, limit, noise(wide), reason, rate)
 

@@ -12,8 +12,9 @@ from scipy.ndimage import grey_closing, grey_opening
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.logs.rows import divide_rows, find_range, forget
-from identifiability.logs.rules import RULES
+
+from .rows import PIECE, divide_rows, find_range, forget
+from .rules import RULES
 
 # Single wrong samples of a column: found among their neighbours, before anything is filtered.
 #
@@ -39,9 +40,6 @@ NEAR, ALLOWED = 20, 3
 #: The tail is one sample in so many, at least and at most so many samples; no more are mended.
 TAIL_SHARE, TAIL_LEAST, TAIL_MOST = 2000, 20, 200
 
-#: Samples that are judged by each other; the last so many and up to as many more together.
-BLOCK = 65_536
-
 #: Samples on each side that a judgement draws on, and the filters.
 REACH, FILTERS = NEAR + 3 * WIDEST, 2 * WIDEST
 
@@ -65,8 +63,9 @@ class Spike:
 
 def find_spikes(x: Array) -> list[Spike]:
     """Return the wrong samples of a column (N,) in their order; blocks of it are judged."""
-    found: list[Spike] = []
-    stops = [*range(BLOCK, len(x) - BLOCK - REACH + 1, BLOCK), len(x)]
+    found = []
+    # The last block has up to twice as many samples.
+    stops = [*range(PIECE, len(x) - PIECE - REACH + 1, PIECE), len(x)]
     for a, b in pairwise([0, *stops]):
         low = max(0, a - REACH)
         near = _find(
@@ -87,11 +86,14 @@ def _find(x: Array, *, first: bool, last: bool) -> list[Spike]:
     inner = slice(before, before + len(x))
     wide = _extend(_extend(x, before)[::-1], after)[::-1]
     with np.errstate(invalid="ignore", over="ignore"):  # what is no number is refused later
-        low, high = grey_opening(wide, 1 + WIDEST), grey_closing(wide, 1 + WIDEST)
-        above, below = (wide - low)[inner], (high - wide)[inner]
+        low = grey_opening(wide, 1 + WIDEST)
+        high = grey_closing(wide, 1 + WIDEST)
+        above = (wide - low)[inner]
+        below = (high - wide)[inner]
         smooth = grey_closing(low, 1 + WIDEST)[inner]
         rough = np.abs(np.diff(x))
-        step, span = np.abs(np.diff(smooth)).max(), float(np.ptp(smooth))
+        step = np.abs(np.diff(smooth)).max()
+        span = float(np.ptp(smooth))
     height = np.maximum(above, below)
     size = int(np.clip(len(x) // TAIL_SHARE, TAIL_LEAST, TAIL_MOST))
     least = max(
@@ -103,7 +105,7 @@ def _find(x: Array, *, first: bool, last: bool) -> list[Spike]:
     found = [k for k in far if height[k] > RULES.spike * _usual(height, k)]
     # Consecutive samples on one side make one spike. Beside a high one, a right sample stands in a
     # hole that its neighbours do not show.
-    wrong: set[int] = set()
+    wrong = set()
     for _, group in groupby(enumerate(found), lambda e: (e[1] - e[0], above[e[1]] >= below[e[1]])):
         spike = [k for _, k in group]
         ends = (first and spike[0] == 0) or (last and spike[-1] == len(x) - 1)
@@ -172,7 +174,7 @@ class Wraps:
         What is added from there on.
     """
 
-    rows: np.ndarray
+    rows: Array
     turns: Array
 
     def undo(self, values: Array, start: int = 0) -> Array:
@@ -185,7 +187,8 @@ class Wraps:
 
 def find_wraps(x: Array) -> Wraps | None:
     """Return the jumps of a column (N,) [rad], if they are turns."""
-    rows, usual = [], 0.0
+    rows = []
+    usual = 0.0
     for a, b in divide_rows(len(x) - 1):
         steps = np.abs(np.diff(x[a : b + 1]))
         rows.append(a + 1 + np.flatnonzero(steps > np.pi))

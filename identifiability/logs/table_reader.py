@@ -16,25 +16,19 @@ from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
 from identifiability.foundation.quoting import option_for_shell
-from identifiability.logs import signals
-from identifiability.logs.base import find_base
-from identifiability.logs.checks import CHANNELS, Clock, Numbers, to_floats
-from identifiability.logs.columns import (
-    Naming,
-    as_times,
-    is_stamp,
-    name_columns,
-    resolve_time,
-    start_of,
-)
-from identifiability.logs.conventions import Conventions
-from identifiability.logs.form import PLAIN, Form
-from identifiability.logs.formats.reader import Whole
-from identifiability.logs.long_tables import unstack
-from identifiability.logs.names import INDEX, check_names, guess_column
-from identifiability.logs.rows import WINDOW, divide_rows, gather, is_long
-from identifiability.logs.rules import RULES
 from identifiability.robot.floating import BASE_JOINTS
+
+from . import signals
+from .base import find_base
+from .checks import CHANNELS, Clock, Numbers, to_floats
+from .columns import Naming, as_times, is_stamp, name_columns, resolve_time, start_of
+from .conventions import Conventions
+from .form import PLAIN, Form
+from .formats.reader import Whole
+from .long_tables import unstack
+from .names import INDEX, check_names, guess_column
+from .rows import WINDOW, divide_rows, gather, is_long
+from .rules import RULES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -61,7 +55,8 @@ def unify_rates(values: Mapping[str, Array]) -> tuple[dict[str, Array], str]:
         ``t`` and columns of channels; NaN where a cell is empty.
     """
     known = {name: np.isfinite(x) for name, x in values.items() if name != "t"}
-    t, same = values["t"], (dict(values), "")
+    t = values["t"]
+    same = (dict(values), "")
     if len(t) < RULES.fewest or (np.diff(t) < 0).any():
         return same
     why = "cells are empty between"
@@ -91,7 +86,7 @@ def unify_rates(values: Mapping[str, Array]) -> tuple[dict[str, Array], str]:
     )
 
 
-def _fresh(x: Array) -> np.ndarray:
+def _fresh(x: Array) -> Array:
     """Return which rows of a channel (N, n) hold new values, (N,) bool; all if they are not held.
 
     In a standstill of the values every so-manieth counts as new.
@@ -112,7 +107,7 @@ def _fresh(x: Array) -> np.ndarray:
             0,
         )
     )
-    fresh: np.ndarray = since % usual == 0
+    fresh: Array = since % usual == 0
     fresh[1:] &= new[1:] | (since[1:] >= 2 * usual)
     return fresh
 
@@ -184,8 +179,11 @@ class TableReader:
     """
 
     def __init__(self, source: str, known: Conventions) -> None:
-        self.source, self.known, self.sha256 = source, known, ""
-        self.naming, self._form = Naming((), ()), PLAIN
+        self.source = source
+        self.known = known
+        self.sha256 = ""
+        self.naming = Naming((), ())
+        self._form = PLAIN
         self.start: float | None = None
         self._numbers: dict[str, Numbers] = {}
         self._lacks: dict[str, float] = {}
@@ -227,7 +225,8 @@ class TableReader:
         """Return the next rows of what a log is made of, with checks of each value."""
         start = frame.attrs.get("start")
         frame.attrs = {}  # pandas would copy them, deeply, with each column
-        self._form, self.sha256 = form, digest
+        self._form = form
+        self.sha256 = digest
         if self.known.joints == BASE_JOINTS[:1]:  # of a body alone no column is about a joint
             frame = frame.assign(**{f"{BASE_JOINTS[0]}.{kind}": 0.0 for kind in ("q", "tau")})
         if not self.naming.columns:
@@ -241,7 +240,8 @@ class TableReader:
         }
         columns = {c: np.full(len(frame), x) for c, x in self._lacks.items()}
         for c in self.naming.columns:
-            given, numbers = frame[c.source], self._numbers[c.name]
+            given = frame[c.source]
+            numbers = self._numbers[c.name]
             columns[c.name] = (
                 numbers.add(as_times(given, c)) if c.name == "t" else c.scale(numbers.add(given))
             )
@@ -269,7 +269,9 @@ class TableReader:
             self._base = find_base(columns, self.known.base, self.known.columns)
             columns = [c for c in columns if c not in self._base.values()]
         units = dict(zip(columns, self._form.units, strict=False))
-        columns = [c for c in columns if not (is_stamp(c) and is_zero(frame[c]))]
+        # Stamps that nobody set begin with zero.
+        unset = [c for c in columns if is_stamp(c) and (to_floats(frame[c][:1]) == 0.0).any()]
+        columns = [c for c in columns if c not in unset]
         naming = name_columns(columns, self.source, self.known, units, first)
         self.naming = resolve_time(naming, frame, self.source, self.known)
         self._numbers = {c.name: Numbers(c.name, self.source) for c in self.naming.columns}
@@ -288,7 +290,8 @@ class TableReader:
             if not len(known):
                 continue
             low, high = np.quantile(known, [0.01, 0.99])  # single wrong values do not count
-            at, held = 0.5 * (low + high), self.known.locked[joint]
+            at = 0.5 * (low + high)
+            held = self.known.locked[joint]
             if high - low > RULES.small:
                 raise LogError(
                     f"{self.source}: the joint '{joint}' is locked, but '{joint}.q' moves by "
@@ -322,7 +325,8 @@ class TableReader:
         """Bring columns at rates of their own to the same times, if all that is wrong is that."""
         if self._numbers["t"].bad or not all(x.clean for x in self._numbers.values()):
             return values, ""
-        joints, t = self.naming.joints, values["t"]
+        joints = self.naming.joints
+        t = values["t"]
         every = {
             f"{j}.{c}": x[:, k]
             for c, x in values.items()
@@ -347,11 +351,6 @@ class TableReader:
         found |= {c: every[c][last] for c in self.naming.commands}
         self._numbers = {}
         return stack_channels(joints, found), note
-
-
-def is_zero(column: pd.Series) -> bool:
-    """Return whether a column of numbers begins with zero, as stamps do that nobody set."""
-    return bool((to_floats(column[:1]) == 0.0).any())
 
 
 def stack_channels(joints: Sequence[str], columns: Mapping[str, Array]) -> dict[str, Array]:

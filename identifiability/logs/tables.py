@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.output import check_ending, csv_text, write_bytes, write_text
-from identifiability.logs.conventions import Conventions
-from identifiability.logs.form import PLAIN, Form, find_encoding, find_form
-from identifiability.logs.formats.parquet import check_parquet
-from identifiability.logs.formats.reader import (
+
+from .conventions import Conventions
+from .form import PLAIN, Form, find_encoding, find_form
+from .formats.parquet import check_parquet
+from .formats.reader import (
     MISSING,
     Whole,
     check_suffix,
@@ -27,8 +28,8 @@ from identifiability.logs.formats.reader import (
     hash_files,
     list_files,
 )
-from identifiability.logs.names import check_names
-from identifiability.logs.table_reader import with_index
+from .names import check_names
+from .table_reader import with_index
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -157,8 +158,7 @@ def _read_parquet(path: Path) -> Iterator[tuple[pd.DataFrame, Form]]:
 
     texts = check_parquet(path)
     # Without a buffer of a bounded size whole columns of a group of rows are read ahead.
-    how = {"pre_buffer": False, "buffer_size": 1 << 18, "read_dictionary": texts}
-    with ParquetFile(path, **how) as file:
+    with ParquetFile(path, pre_buffer=False, buffer_size=1 << 18, read_dictionary=texts) as file:
         if not file.metadata.num_rows:
             yield file.read().to_pandas(), PLAIN
         rows = max(1, PIECE_CELLS // max(file.metadata.num_columns, 1))
@@ -176,7 +176,8 @@ def _read_csv(path: Path) -> Iterator[tuple[pd.DataFrame, Form]]:
     encoding = find_encoding(start)
     text = start.decode(encoding, "replace")
     check_text(path, text[:4096])
-    form, row = find_form(text, encoding), 0
+    form = find_form(text, encoding)
+    row = 0
     check_names(str(path), form.columns)
     wrong = "strict" if encoding.startswith("utf-8") else "replace"
     with path.open(encoding=encoding, errors=wrong, newline="") as file:

@@ -11,14 +11,7 @@ from __future__ import annotations
 from importlib import import_module
 from pkgutil import iter_modules
 
-from identifiability.quality.registry import (
-    MeasuredLogs,
-    Oddities,
-    RawLogs,
-    find_always,
-    find_oddities,
-    mend,
-)
+from .registry import MeasuredLogs, Oddities, RawLogs, find_always, find_oddities, mend
 
 for _module in iter_modules(__path__):
     import_module(f"{__name__}.{_module.name}")

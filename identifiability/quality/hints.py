@@ -23,8 +23,9 @@ from identifiability.logs.rules import RULES
 from identifiability.logs.spikes import TURN
 from identifiability.physical.feasibility import find_impossible_bodies
 from identifiability.physical.plausibility import check_plausible
-from identifiability.quality.registry import Does, MeasuredLogs, check, without
 from identifiability.regression.information import Information
+
+from .registry import Does, MeasuredLogs, check, without
 
 # Torque in another unit, or before a gear: its size beside what the robot file's masses ask for.
 #
@@ -75,16 +76,25 @@ def find_joint_unit(logs: MeasuredLogs) -> list[Finding]:
         return []
     found = list[Finding]()
     for k in odd:
-        joint, factor = logs.joints[k], float(factors[k])
-        numbers = {"factor": factor, "limit": RULES.unit_factor}
-        found.append(Finding("joint_unit", joint=joint, columns=(f"{joint}.tau",), **numbers))
+        joint = logs.joints[k]
+        factor = float(factors[k])
+        found.append(
+            Finding(
+                "joint_unit",
+                joint=joint,
+                columns=(f"{joint}.tau",),
+                factor=factor,
+                limit=RULES.unit_factor,
+            )
+        )
     return found
 
 
 def measure_factors(logs: MeasuredLogs) -> Array:
     """Return measured over predicted torque of each joint, (n,); NaN where it does not show."""
     factors = np.full(len(logs.joints), np.nan)
-    size, units = np.sqrt(np.mean(logs.predicted**2, 0)), np.array(logs.robot.torque_units)
+    size = np.sqrt(np.mean(logs.predicted**2, 0))
+    units = np.array(logs.robot.torque_units)
     offset = np.ones((len(logs.torque), 1))
     for k in range(len(factors)):
         # Else the masses of the file do not show.
@@ -97,8 +107,10 @@ def measure_factors(logs: MeasuredLogs) -> Array:
 
 def _slope(predicted: Array, measured: Array, known: Array) -> float:
     """Return the slope of measured on predicted torque, (N,) each; NaN where it does not show."""
-    p, m = without(predicted, known), without(measured, known)
-    length, varies = float(np.linalg.norm(p)), float(np.linalg.norm(predicted - predicted.mean()))
+    p = without(predicted, known)
+    m = without(measured, known)
+    length = float(np.linalg.norm(p))
+    varies = float(np.linalg.norm(predicted - predicted.mean()))
     # What is known explains most of it, or the one hardly follows the other (correlation).
     hidden = length <= 0.3 * varies or p @ m < 0.7 * length * np.linalg.norm(m)
     return np.nan if hidden or not m.any() else float(p @ m) / length**2
@@ -110,14 +122,16 @@ def _slope(predicted: Array, measured: Array, known: Array) -> float:
 @check("flat", Does.HINTS)
 def find_saturation(logs: MeasuredLogs) -> list[Finding]:
     """Return torque columns that stay at their extreme values while the robot moves."""
-    found: dict[str, str] = {}
+    found = {}
     for rows in (log.shown for log in logs.recordings if not of_commands(log)):
         moves = np.append(np.diff(rows.q, axis=0).any(1), True)
         for joint, x in zip(rows.joints, rows.tau[moves].T, strict=True):
             band = max(0.01 * float(np.ptp(x)), 1.5 * float(smallest_change(x[:, None])[0]))
             for top in (x.max(), x.min()) if band else ():
-                at, near = x == top, np.count_nonzero(np.abs(x - top) <= band)
-                share, lasts = at.mean(), at[3:] & at[2:-1] & at[1:-2] & at[:-3]
+                at = x == top
+                near = np.count_nonzero(np.abs(x - top) <= band)
+                share = at.mean()
+                lasts = at[3:] & at[2:-1] & at[1:-2] & at[:-3]
                 # It is met this often in all, and so much more often than what is next to it.
                 if share >= 0.005 and lasts.any() and at.sum() > 6 * (near - at.sum()):
                     found[joint] = phrase(
@@ -174,7 +188,8 @@ def find_outside(logs: MeasuredLogs) -> list[Finding]:
 @check("beyond", Does.HINTS, always=True)
 def find_beyond(logs: MeasuredLogs) -> list[Finding]:
     """Return the joints that move beyond the limits that the file states, but for whole turns."""
-    limits, q = logs.robot.limits, logs.motion.actuated_q
+    limits = logs.robot.limits
+    q = logs.motion.actuated_q
     low, high = limits.T
     if not len(q) or q.shape[1] != len(low):
         return []
@@ -182,7 +197,8 @@ def find_beyond(logs: MeasuredLogs) -> list[Finding]:
     middle = np.where(np.isfinite(limits), limits, 0.0).mean(1)
     away = np.median(q, 0) - middle
     q = q - TURN * turns * np.round(away / TURN)
-    least, most = q.min(0), q.max(0)
+    least = q.min(0)
+    most = q.max(0)
     slack = RULES.small * (high - low)
     far = (least < low - slack) | (most > high + slack)
     names = np.array(logs.robot.joints)
@@ -196,7 +212,8 @@ def find_beyond(logs: MeasuredLogs) -> list[Finding]:
 def find_still(logs: MeasuredLogs) -> list[Finding]:
     """Return the joints that stand still."""
     surveys = [s.survey for s in logs.samples]
-    idle, rows = stands_still(surveys), np.sum([s.rows for s in surveys], axis=0)
+    idle = stands_still(surveys)
+    rows = np.sum([s.rows for s in surveys], axis=0)
     still = [j for j, r, s in zip(logs.joints, rows, idle, strict=True) if not r and s]
     if not (still and any(s.outputs for s in surveys)):
         return []
@@ -222,7 +239,8 @@ def find_still(logs: MeasuredLogs) -> list[Finding]:
 @check("unheld", Does.MISREADS)
 def find_unheld(logs: MeasuredLogs) -> list[Finding]:
     """Return what measured forces carry where no contact is closed; nothing if it is the robot."""
-    robot, some = logs.robot, logs.motion
+    robot = logs.robot
+    some = logs.motion
     fall = 0.0 if robot.base is None else float(np.linalg.norm(robot.base.gravity))
     if robot.base is None or not (fall and logs.weighs):
         return []
@@ -237,8 +255,19 @@ def find_unheld(logs: MeasuredLogs) -> list[Finding]:
         return []
     which = "wrenches" if robot.base.wrenches else "closed" if robot.base.contacts else "nothing"
     cause = phrase("unheld", "opposite" if share < -0.5 else "less")
-    told = {"name": robot.name, "share": 100 * held.mean(), "held": 100 * share, "cause": cause}
-    return [Finding("unheld", why=phrase("unheld", which, **told))]
+    return [
+        Finding(
+            "unheld",
+            why=phrase(
+                "unheld",
+                which,
+                name=robot.name,
+                share=100 * held.mean(),
+                held=100 * share,
+                cause=cause,
+            ),
+        )
+    ]
 
 
 # Rows that lie out: they are weighed down in the fit, and are no data where names are looked for.
@@ -271,7 +300,8 @@ def weigh_rows(
         return weighed, "", None
     if found.moved.max() <= REACH:
         return weighed, "", found
-    most, where = int(np.argmax(found.moved)), where_outlying(joints, samples, found)
+    most = int(np.argmax(found.moved))
+    where = where_outlying(joints, samples, found)
     told = {"parameter": information.columns[most], "moved": float(found.moved[most])}
     columns = (f"{joints[int(np.argmax(found.beyond.max(0)))]}.tau",)
     rows = int((found.last - found.first).sum())
@@ -293,9 +323,12 @@ def leave_out_rows(
     """
     out = []
     for k, (s, of) in enumerate(zip(samples, outputs or samples, strict=False)):
-        at, t, own = of.output_times(), s.motion.t[:, None], found.log == k
+        at = of.output_times()
+        t = s.motion.t[:, None]
+        own = found.log == k
         beside = at[1] - at[0]
-        first, last = at[found.first[own]] - beside, at[found.last[own] - 1] + beside
+        first = at[found.first[own]] - beside
+        last = at[found.last[own] - 1] + beside
         lies_out = ((t >= first) & (t <= last)).any(1)
         out.append(replace(s, weight=np.where(lies_out[:, None], 0.0, s.weight > 0)))
     return tuple(out)
@@ -314,5 +347,12 @@ def where_outlying(joints: Sequence[str], samples: Sequence[Dataset], found: Out
     parts = zip(found.log, found.first, found.last, strict=True)
     outlying = np.concatenate([size[k][a:b] for k, a, b in parts])
     most = np.median(outlying) > np.quantile(np.concatenate(size), RULES.nearly_all)
-    told = {"start": ends[0], "stop": ends[1], "joint": joints[worst], "far": far}
-    return phrase("outliers", "limit" if most else "where", log=log.name, **told)
+    return phrase(
+        "outliers",
+        "limit" if most else "where",
+        log=log.name,
+        start=ends[0],
+        stop=ends[1],
+        joint=joints[worst],
+        far=far,
+    )

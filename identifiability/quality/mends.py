@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
 from identifiability.logs import Log
@@ -20,47 +21,22 @@ from identifiability.logs.contradictions import contradictions
 from identifiability.logs.rows import find_range
 from identifiability.logs.rules import RULES
 from identifiability.logs.spikes import Spike, Wraps, find_wraps, mend_column
-from identifiability.quality.registry import Does, RawLogs, check
 from identifiability.robot.floating import BASE_JOINTS
 
-#: Wrong values that a hint lists.
-LISTED = 3
+from .registry import Does, RawLogs, check, mend_each
 
 
-@check("silent", Does.MENDS)
-def tell_silent(logs: RawLogs) -> RawLogs:
-    """Say where torque was not measured: its equations are left out."""
-    return logs.having(logs.every, (x for log in logs.every for x in _find_silent(log)))
-
-
-def _find_silent(log: Log) -> list[Finding]:
-    if log.unmeasured is None:
-        return []
-    gone = dict(zip(log.joints, log.unmeasured.sum(0).tolist(), strict=True))
-    lost = {j: n for j, n in gone.items() if n}
-    where = [
-        phrase(
-            "silent",
-            "one",
-            joint=j,
-            rows=n,
-            all=len(log),
-        )
-        for j, n in lost.items()
-    ]
-    told = {"rows": max(lost.values(), default=0), "columns": [f"{j}.tau" for j in lost]}
-    return (
-        [
-            Finding(
-                "silent",
-                log.name,
-                where=where,
-                **told,
-            )
-        ]
-        if lost
-        else []
-    )
+@mend_each("silent")
+def find_silent(log: Log) -> tuple[Log, list[Finding]]:
+    """Return a log, and where its torque was not measured: these equations are left out."""
+    gone = np.zeros(len(log.joints), int) if log.unmeasured is None else log.unmeasured.sum(0)
+    lost = {j: n for j, n in zip(log.joints, gone.tolist(), strict=True) if n}
+    if not lost:
+        return log, []
+    where = [phrase("silent", "one", joint=j, rows=n, all=len(log)) for j, n in lost.items()]
+    columns = [f"{j}.tau" for j in lost]
+    said = Finding("silent", log.name, where=where, rows=max(lost.values()), columns=columns)
+    return log, [said]
 
 
 # What stands still while the robot moves: a sensor or a logger hangs there.
@@ -70,43 +46,39 @@ def _find_silent(log: Log) -> list[Finding]:
 # from the midst of a motion on are the logger's.
 
 
-@check("stuck", Does.MENDS)
-def drop_still(logs: RawLogs) -> RawLogs:
-    """Leave out torque, and rows, that stand still while the robot moves."""
-    return logs.each(drop_stuck)
-
-
+@mend_each("stuck")
 def drop_stuck(log: Log) -> tuple[Log, list[Finding]]:
     """Return a log without rows and torque that stand still in mid-motion, and what was found."""
     if log.motion_alone or log.commanded or len(log) < RULES.stuck:
         return log, []
-    log, found = (log, []) if log.long else _drop_hung(log)  # of a long one no row is dropped
-    (low, high), (least, most) = find_range(log.tau), find_range(log.q)
-    runs = list[tuple[int, int, int]]()
+    # Of a long log no row is dropped.
+    log, found = (log, []) if log.long else _drop_hung(log)
+    least, most = find_range(log.q)
     if (least == most).all():
         return log, found
-    known = np.zeros(len(low), bool) if log.unmeasured is None else find_range(log.unmeasured)[0]
-    never = (low == high) & ~(known > 0) & ~np.isin(log.joints, BASE_JOINTS)
-    if never.any() and (low < high).any():
-        runs += [(int(k), 0, len(log)) for k in np.flatnonzero(never)]
-        columns = [f"{log.joints[k]}.tau" for k, *_ in runs]
-        where = [f"'{c}' = {low[k] + 0.0:.4g}" for c, (k, *_) in zip(columns, runs, strict=True)]
-        told = {"where": where, "columns": columns, "rows": len(log)}
-        found = [*found, Finding("unmeasured", log.name, **told)]
+    low, high = find_range(log.tau)
+    never = _find_unmeasured(log, low, high)
+    runs = [(k, 0, len(log)) for k in never]
+    if never:
+        columns = [f"{log.joints[k]}.tau" for k in never]
+        where = [f"'{log.joints[k]}.tau' = {low[k] + 0.0:.4g}" for k in never]
+        said = Finding("unmeasured", log.name, where=where, columns=columns, rows=len(log))
+        found = [*found, said]
     for k, a, b in () if log.long else _find_stuck(log, low, high):
         runs.append((k, a, b))
-        stands = {"joint": log.joints[k], "value": float(log.tau[a, k]), "first": a + 1, "last": b}
-        where, columns = [phrase("stuck", "stands", **stands)], [f"{log.joints[k]}.tau"]
-        found.append(
-            Finding(
-                "stuck",
-                log.name,
-                where=where,
-                rows=b - a,
-                columns=columns,
-            )
-        )
+        joint = log.joints[k]
+        value = float(log.tau[a, k])
+        where = [phrase("stuck", "stands", joint=joint, value=value, first=a + 1, last=b)]
+        said = Finding("stuck", log.name, where=where, rows=b - a, columns=[f"{joint}.tau"])
+        found.append(said)
     return (log.changed(partial(_silence, runs=runs)) if runs else log), found
+
+
+def _find_unmeasured(log: Log, low: Array, high: Array) -> list[int]:
+    """Return the joints whose torque never changes, from its ranges (n,); none if none changes."""
+    known = np.zeros(len(low)) if log.unmeasured is None else find_range(log.unmeasured)[0]
+    never = (low == high) & ~(known > 0) & ~np.isin(log.joints, BASE_JOINTS)
+    return np.flatnonzero(never).tolist() if (low < high).any() else []
 
 
 def _find_stuck(log: Log, low: Array, high: Array) -> Iterator[tuple[int, int, int]]:
@@ -118,7 +90,8 @@ def _find_stuck(log: Log, low: Array, high: Array) -> Iterator[tuple[int, int, i
         change = np.abs(np.diff(log.tau[:, k], append=np.inf))
         step = 1.5 * change[change > 0].min()
         for a, b in find_runs(log.tau[:, [k]]):
-            path, little = log.q[a:b, k], RULES.moving * np.ptp(log.q[:, k])
+            path = log.q[a:b, k]
+            little = RULES.moving * np.ptp(log.q[:, k])
             # No motor at its limit moves a joint there and back again, beyond both its ends.
             ends = path[[0, -1]]
             back = min(path.max() - ends.max(), ends.min() - path.min()) > little
@@ -174,12 +147,7 @@ def find_runs(x: Array) -> list[tuple[int, int]]:
 # decides what is identified.
 
 
-@check("wraps", Does.MENDS)
-def unwrap(logs: RawLogs) -> RawLogs:
-    """Undo the jumps of wrapped angles."""
-    return logs.each(unwrap_log)
-
-
+@mend_each("wraps")
 def unwrap_log(log: Log) -> tuple[Log, list[Finding]]:
     """Return a log with the jumps of wrapped angles undone, and what was found."""
     found = [find_wraps(x) for x in log.q.T]
@@ -204,12 +172,7 @@ def _undo(log: Log, origin: int, found: Sequence[Wraps | None]) -> Log:
     return replace(log, q=np.stack(columns, 1))
 
 
-@check("spikes", Does.MENDS)
-def replace_wrong(logs: RawLogs) -> RawLogs:
-    """Replace wrong samples by what those beside them say."""
-    return logs.each(mend_log)
-
-
+@mend_each("spikes")
 def mend_log(log: Log) -> tuple[Log, list[Finding]]:
     """Return a log with its wrong samples replaced, and what was found; itself if nothing was."""
     wrong = log.spikes
@@ -229,21 +192,20 @@ def _mend(log: Log, origin: int, wrong: Mapping[str, list[Spike]]) -> Log:
 
 def _state_wrong(log: Log, wrong: Mapping[str, list[Spike]]) -> Finding:
     found = sorted((s.row, name, s) for name, spikes in wrong.items() for s in spikes)
-    where = []
-    for row, name, s in found[:LISTED]:
-        told = {"t": float(log.t[row]), "value": s.value, "instead": s.instead}
-        where.append(phrase("spikes", "value", row=row + 1, column=name, **told))
-    more = f"; and {len(found) - LISTED} more" if len(found) > LISTED else ""
-    where_all = "; ".join(where)
-    columns = tuple(wrong)
-    return Finding(
-        "spikes",
-        log.name,
-        rows=len(found),
-        where=where_all,
-        more=more,
-        columns=columns,
-    )
+    where = [
+        phrase(
+            "spikes",
+            "value",
+            row=row + 1,
+            column=name,
+            t=float(log.t[row]),
+            value=s.value,
+            instead=s.instead,
+        )
+        for row, name, s in found
+    ]
+    said = listing(where, 3, "; ")
+    return Finding("spikes", log.name, rows=len(found), where=said, columns=tuple(wrong))
 
 
 # Commands without torque, and derivatives of another motion.
@@ -269,7 +231,8 @@ def _drop_contradictions(log: Log, *, asked: bool) -> tuple[Log, list[Finding]]:
     wrong = [c for c in contradictions(log.shown) if not c.in_unit]
     if not wrong:
         return log, []
-    where, columns = [c.text for c in wrong], [f"{c.joint}.{c.kind}" for c in wrong]
+    where = [c.text for c in wrong]
+    columns = [f"{c.joint}.{c.kind}" for c in wrong]
     if asked:
         return log, [
             Finding(
@@ -283,12 +246,13 @@ def _drop_contradictions(log: Log, *, asked: bool) -> tuple[Log, list[Finding]]:
     gone = ("dq", "ddq") if any(c.kind == "dq" for c in wrong) else ("ddq",)
     names = {"dq": "velocities", "ddq": "accelerations"}
     words = " and ".join(names[c] for c in gone if c in log.channels)
-    told = {"channels": words, "columns": columns, "rows": len(log)}
     return log.without(gone), [
         Finding(
             "contradictions",
             log.name,
             where=where,
-            **told,
+            channels=words,
+            columns=columns,
+            rows=len(log),
         )
     ]

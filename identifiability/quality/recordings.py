@@ -11,7 +11,7 @@ import pandas as pd
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import shorten_paths
+from identifiability.foundation.names import Strings, shorten_paths
 from identifiability.foundation.options import Expected
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
@@ -21,7 +21,8 @@ from identifiability.logs.formats.containers import frame_of
 from identifiability.logs.formats.reader import find_parts
 from identifiability.logs.log import check_held_out, refuse_silent, share_clock, too_long
 from identifiability.logs.prepare import Dataset, Preparation
-from identifiability.quality.registry import RawLogs, mend
+
+from .registry import RawLogs, mend
 
 LogLike = Log | str | Path | pd.DataFrame | Mapping[str, Any]
 Logs = Annotated[
@@ -55,7 +56,7 @@ class Recordings:
 
     fitted: tuple[Log, ...]
     held_out: tuple[Log, ...] = ()
-    hints: tuple[str, ...] = ()
+    hints: Strings = ()
     later: tuple[Mapping[int, Log], ...] = ()
     rolled: Any = None
     verified_on: str = ""
@@ -91,7 +92,7 @@ def read_logs(logs: Logs, known: Conventions, before: int = 0) -> list[Log]:
     before : int
         Number of other logs, after which numbers begin.
     """
-    out: list[Log] = []
+    out = []
     given = [
         one
         for item in list_logs(logs)
@@ -146,7 +147,8 @@ def read_recordings(
         raise LogError(Finding("logs.none"))
     named = _with_short_names([*train, *held_out])
     n = len(train)
-    train, held_out = named[:n], named[n:]
+    train = named[:n]
+    held_out = named[n:]
     check_held_out(train, held_out)
     clocked = share_clock([*train, *held_out])
     raw = RawLogs(tuple(clocked[:n]), tuple(clocked[n:]), how, torque if learns else None)

@@ -11,9 +11,9 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 
 from identifiability.effects.nominal import has_masses, rigid_torque
-from identifiability.foundation.findings import Finding
+from identifiability.foundation.findings import Finding, sentences
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import of_commands
@@ -22,14 +22,6 @@ from identifiability.logs.prepare.dataset import Dataset, join_motions
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot
-
-#: The order of all checks: of mends that in which they act, of explanations that in which they are
-#: asked, of all others that in which they are said. A user's own stand behind.
-ORDER = (
-    *("silent", "stuck", "wraps", "spikes", "commands", "contradictions"),
-    *("flat", "unheld", "effects", "unit", "joint_unit"),
-    *("bodies", "dense", "assembly", "outside", "beyond", "still", "outliers"),
-)
 
 #: Returns findings of `MeasuredLogs`, none for sound logs; what mends returns logs that are being
 #: read (`RawLogs`) as they are then, with what it found.
@@ -55,7 +47,8 @@ class Check:
     Attributes
     ----------
     key : str
-        Its place in `ORDER`, and of its sentences.
+        Of its sentences in `findings.toml`. Their order is that in which mends act, explanations
+        are asked, and all others are said.
     does : Does
     find : callable(MeasuredLogs) -> sequence of Finding, or callable(RawLogs) -> RawLogs
     always : bool
@@ -70,8 +63,8 @@ class Check:
 
     @property
     def rank(self) -> int:
-        """Its place in the order."""
-        return ORDER.index(self.key) if self.key in ORDER else len(ORDER)
+        """Its place among the sentences; a check without any comes last."""
+        return [*sentences(), self.key].index(self.key)
 
 
 #: All checks, in their order.
@@ -121,7 +114,7 @@ class RawLogs:
     held_out: tuple[Log, ...]
     how: Preparation | None = None
     torque: Callable[[list[Log]], list[Log]] | None = None
-    hints: tuple[str, ...] = ()
+    hints: Strings = ()
 
     @property
     def every(self) -> list[Log]:
@@ -130,7 +123,8 @@ class RawLogs:
 
     def having(self, every: Iterable[Log], hints: Iterable[str] = ()) -> RawLogs:
         """Return the same of as many other logs, with what is said of them."""
-        logs, n = tuple(every), len(self.fitted)
+        logs = tuple(every)
+        n = len(self.fitted)
         return replace(
             self,
             fitted=logs[:n],
@@ -142,6 +136,16 @@ class RawLogs:
         """Return the logs, each mended by itself."""
         pairs = [mend(log) for log in self.every]
         return self.having((log for log, _ in pairs), (x for _, found in pairs for x in found))
+
+
+def mend_each(key: str) -> Callable[[F], F]:
+    """Register what mends each log by itself: it returns a log, and what it found."""
+
+    def decorate(change: F) -> F:
+        check(key, Does.MENDS)(lambda logs: logs.each(change))
+        return change
+
+    return decorate
 
 
 def mend(logs: RawLogs) -> RawLogs:
@@ -190,7 +194,7 @@ class MeasuredLogs:
         return self.structure.robot
 
     @property
-    def joints(self) -> tuple[str, ...]:
+    def joints(self) -> Strings:
         """Its actuated joints."""
         return self.robot.joints
 
@@ -228,14 +232,15 @@ class MeasuredLogs:
         """
         structure = self.structure
         W = structure.model.regressor(self.robot, self.motion)
-        tau: Array = W @ structure.nominal
+        tau = W @ structure.nominal
         drives = [n for n, x in zip(structure.columns, structure.nominal, strict=True) if x > 0]
         known = [any(n.startswith(f"{j}.") for n in drives) for j in self.joints]
         return np.where(known, tau, np.nan)
 
     def ordinary(self, joint: int) -> Array:
         """Return what any drive adds at a joint: friction, rotor inertia, offset, (N, 4)."""
-        v, a = self.motion.actuated_v[:, joint], self.motion.actuated_a[:, joint]
+        v = self.motion.actuated_v[:, joint]
+        a = self.motion.actuated_a[:, joint]
         return np.column_stack([np.ones(len(v)), v, np.sign(v), a])
 
 
@@ -263,7 +268,7 @@ class Oddities:
         those of another robot.
     """
 
-    hints: tuple[str, ...] = ()
+    hints: Strings = ()
     explains: bool = False
     misread: bool = False
 
@@ -284,6 +289,6 @@ def find_oddities(logs: MeasuredLogs, *, explained: bool = False) -> Oddities:
     return Oddities((*first, *beside), bool(first), misread)
 
 
-def find_always(logs: MeasuredLogs) -> tuple[str, ...]:
+def find_always(logs: MeasuredLogs) -> Strings:
     """Return what is odd about the robot file, and about all logs together, also of silent ones."""
     return tuple(text for c in CHECKS if c.always for text in c.find(logs))

@@ -7,7 +7,7 @@ searches for the reading that the fitted rows prefer (`search`).
 
 from __future__ import annotations
 
-from identifiability.reading.reading import Reading
-from identifiability.reading.search import choose_reading
+from .reading import Reading
+from .search import choose_reading
 
 __all__ = ["Reading", "choose_reading"]

@@ -8,16 +8,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations, product
+from typing import Any
 
 import numpy as np
 
 from identifiability.effects.functions import has_session
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.quality import MeasuredLogs
 from identifiability.quality.hints import find_torque_scale, measure_factors
-from identifiability.reading.reading import Reading
+
+from .reading import Reading
 
 #: Units of one joint's torque relative to the other joints', and delays [s].
 UNITS: tuple[Tolerance, ...] = (1e-3, 1e-2, 0.1, 10.0, 1e2, 1e3)
@@ -66,19 +68,19 @@ class ReadingCandidates:
             yield from self.positions_in_degrees(joint)
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def names(self) -> Strings:
         """The actuated joints."""
         return self.logs.joints
 
-    def is_joint(self, joint: int) -> np.ndarray:
+    def is_joint(self, joint: int) -> Array:
         """Return where a joint is, (n,) bool."""
         return np.asarray(np.arange(len(self.names)) == joint)
 
-    def single_joints(self) -> list[tuple[str, np.ndarray]]:
+    def single_joints(self) -> list[tuple[str, Array]]:
         """Return a subject for each joint's torque, and the joint's place, (n,) bool."""
         return [(f"The torque of {name}", self.is_joint(j)) for j, name in enumerate(self.names)]
 
-    def all_subjects(self) -> list[tuple[str, np.ndarray]]:
+    def all_subjects(self) -> list[tuple[str, Array]]:
         """Return subjects for the torque of each joint and of all, and their places."""
         everywhere = np.ones(len(self.names), bool)
         return [*self.single_joints(), ("The torque of all joints", everywhere)]
@@ -87,19 +89,17 @@ class ReadingCandidates:
         """Yield torque without gravity: of all joints, then of one."""
         if not self.turns_gravity or self.logs.robot.torque.compensated is not None:
             return
-        yield replace(
-            self.literal,
-            description="The effort seems to be compensated for gravity",
-            remedy="Say compensated = true under [torque] in the sidecar",
+        yield self._other(
+            "The effort seems to be compensated for gravity",
+            "Say compensated = true under [torque] in the sidecar",
             gravity=np.zeros(3),
         )
         if not self.logs.weighs:
             return
         for j, name in enumerate(self.names):
-            yield replace(
-                self.literal,
-                description=f"The effort of {name} seems to be compensated for gravity",
-                remedy=f'Say compensated = ["{name}"] under [torque] in the sidecar',
+            yield self._other(
+                f"The effort of {name} seems to be compensated for gravity",
+                f'Say compensated = ["{name}"] under [torque] in the sidecar',
                 compensated=self.is_joint(j),
             )
 
@@ -107,10 +107,9 @@ class ReadingCandidates:
         """Yield torque columns of which two are exchanged."""
         for i, j in combinations(range(len(self.names)), 2):
             pair = f"{self.names[i]} and {self.names[j]}"
-            yield replace(
-                self.literal,
-                description=f"The torque columns of {pair} seem to be exchanged",
-                remedy=CORRECT_COLUMNS,
+            yield self._other(
+                f"The torque columns of {pair} seem to be exchanged",
+                CORRECT_COLUMNS,
                 order=self._exchange(i, j),
             )
 
@@ -119,10 +118,9 @@ class ReadingCandidates:
         if self.logs.robot.torque.sign:
             return
         for subject, at in self.all_subjects():
-            yield replace(
-                self.literal,
-                description=f"{subject} seems to have the wrong sign",
-                remedy=CORRECT_SIGN,
+            yield self._other(
+                f"{subject} seems to have the wrong sign",
+                CORRECT_SIGN,
                 factor=np.where(at, -1.0, 1.0),
             )
 
@@ -131,10 +129,9 @@ class ReadingCandidates:
         if self.logs.robot.torque.gain or len(self.names) < 2:
             return
         for unit, (subject, at) in product(UNITS, self.single_joints()):
-            yield replace(
-                self.literal,
-                description=subject,
-                remedy="Correct its unit in the log",
+            yield self._other(
+                subject,
+                "Correct its unit in the log",
                 factor=np.where(at, 1 / unit, 1.0),
                 fitted_numbers=1,
             )
@@ -148,10 +145,9 @@ class ReadingCandidates:
         mean = np.exp(np.log(factors[shows]).mean())
         pairs = zip(self.names, factors, strict=True)
         each = ", ".join(f"{name} {x:.2g}" for name, x in pairs if np.isfinite(x))
-        yield replace(
-            self.literal,
-            description=f"Torque is so many times what the robot file asks for: {each}",
-            remedy=CORRECT_GEARS,
+        yield self._other(
+            f"Torque is so many times what the robot file asks for: {each}",
+            CORRECT_GEARS,
             factor=np.where(shows, mean / factors, 1.0),
             fitted_numbers=len(self.names) - 1,
         )
@@ -164,10 +160,9 @@ class ReadingCandidates:
         samples = self.logs.samples
         if len(samples) < 2 or has_session([s.motion for s in samples]):
             return
-        yield replace(
-            self.literal,
-            description="Torque offsets differ between logs",
-            remedy=COMPARE_OFFSETS,
+        yield self._other(
+            "Torque offsets differ between logs",
+            COMPARE_OFFSETS,
             separate_offsets=True,
             fitted_numbers=len(self.names) * (len(samples) - 1),
         )
@@ -175,10 +170,9 @@ class ReadingCandidates:
     def delayed(self) -> Iterator[Reading]:
         """Yield torque that is late or early: of one joint, then of all."""
         for delay, sign, (subject, at) in product(DELAYS, (-1, 1), self.all_subjects()):
-            yield replace(
-                self.literal,
-                description=subject,
-                remedy="Shift the column in the log",
+            yield self._other(
+                subject,
+                "Shift the column in the log",
                 delay=np.where(at, sign * delay, 0.0),
                 fitted_numbers=1,
             )
@@ -188,7 +182,8 @@ class ReadingCandidates:
         if len(self.names) > MOST:
             return
         for i, j in combinations(range(len(self.names)), 2):
-            order, pair = self._exchange(i, j), f"{self.names[i]} and {self.names[j]}"
+            order = self._exchange(i, j)
+            pair = f"{self.names[i]} and {self.names[j]}"
             motion = self.literal.motion[order]
             positions = replace(self.literal, remedy=CORRECT_POSITIONS, motion=motion)
             what = f"The positions of {pair} seem to be exchanged"
@@ -198,7 +193,8 @@ class ReadingCandidates:
 
     def reversed_positions(self, joint: int) -> Iterator[Reading]:
         """Yield positions of a joint with the other sign, without and with its torque."""
-        name, sign = self.names[joint], np.where(self.is_joint(joint), -1.0, 1.0)
+        name = self.names[joint]
+        sign = np.where(self.is_joint(joint), -1.0, 1.0)
         motion = self.literal.motion * sign[:, None]
         positions = replace(self.literal, remedy=CORRECT_POSITIONS, motion=motion)
         what = f"The positions of {name} seem to have the wrong sign"
@@ -212,23 +208,22 @@ class ReadingCandidates:
         if robot.is_prismatic(int(robot.actuated[joint])):
             return
         unit = np.where(self.is_joint(joint), np.pi / 180, 1.0)
-        yield replace(
-            self.literal,
-            description=f"The angles of {self.names[joint]} seem to be degrees",
-            remedy=CORRECT_POSITIONS,
+        yield self._other(
+            f"The angles of {self.names[joint]} seem to be degrees",
+            CORRECT_POSITIONS,
             motion=self.literal.motion * unit[:, None],
         )
 
     def zeroed(self, joint: int, zero: float) -> Reading:
         """Return the reading under which a joint's positions are too large by a zero [rad or m]."""
-        robot, name = self.logs.robot, self.names[joint]
+        robot = self.logs.robot
+        name = self.names[joint]
         unit = "m" if robot.is_prismatic(int(robot.actuated[joint])) else "rad"
         correction = f"{name} = {{offset = {-zero:.3g}}}"
         A = self.literal.motion[:, :-1]
-        return replace(
-            self.literal,
-            description=f"The position of {name} seems to be read {zero:.3g} {unit} too large",
-            remedy=f"Correct its zero, or say {correction} under [columns]",
+        return self._other(
+            f"The position of {name} seems to be read {zero:.3g} {unit} too large",
+            f"Correct its zero, or say {correction} under [columns]",
             motion=np.column_stack([A, zero * self.is_joint(joint)]),
             fitted_numbers=1,
         )
@@ -236,15 +231,18 @@ class ReadingCandidates:
     def turned(self, gravity: Array) -> Reading:
         """Return the reading under which gravity (3,) [m/s²] acts in another direction."""
         tilt = self.logs.robot.turned(gravity).tilt
-        return replace(
-            self.literal,
-            description="" if tilt is None else f"Gravity {tilt.text}",
-            remedy="Write it into the robot file, or export it",
+        return self._other(
+            "" if tilt is None else f"Gravity {tilt.text}",
+            "Write it into the robot file, or export it",
             gravity=gravity,
             fitted_numbers=2,
         )
 
-    def _exchange(self, i: int, j: int) -> np.ndarray:
+    def _other(self, description: str, remedy: str, **changes: Any) -> Reading:
+        """Return the literal reading with some changes, what they are, and what to do."""
+        return replace(self.literal, description=description, remedy=remedy, **changes)
+
+    def _exchange(self, i: int, j: int) -> Array:
         """Return the order of joints of which two are exchanged, (n,) int."""
         order = self.literal.order.copy()
         order[[i, j]] = j, i

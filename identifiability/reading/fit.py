@@ -17,22 +17,22 @@ from identifiability.effects import find_families
 from identifiability.effects.inertia import ActuatorInertia
 from identifiability.effects.transmission import Hysteresis
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen, remember
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.spectrum import autocorrelation_time
-from identifiability.reading.reading import Reading
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
+
+from .reading import Reading
 
 #: Most rows of the excerpt, as so many windows of so many rows, and most numbers of its columns.
 ROWS, NUMBERS = (2000, 8, 250), 8_000_000
 #: Directions of the smooth functions whose size is less than this share of the largest are left in.
 STRONG: Tolerance = 0.03
-#: Ridge of the normal equations, and smallest residual, as shares of a column and of the torque.
-RIDGE: Tolerance = 1e-9
 #: Families beside the smooth functions from which rows are adjusted.
 CONFOUNDERS = (Hysteresis.name, ActuatorInertia.name, "passive_joint_friction")
 
@@ -50,7 +50,7 @@ class JointProducts:
     square : float
     """
 
-    at: np.ndarray
+    at: Array
     gram: Array
     cross: Array
     square: float
@@ -63,7 +63,8 @@ class JointProducts:
 
 def excerpt_size(structure: Structure) -> tuple[int, int, int]:
     """Return how many rows of the logs are used at most, in how many windows of how many rows."""
-    joints, columns = len(structure.robot.joints), len(structure.base.kept)
+    joints = len(structure.robot.joints)
+    columns = len(structure.base.kept)
     affordable = NUMBERS // (4 * joints * max(columns, 1))
     rows = max(min(ROWS[0], affordable), ROWS[1])
     return rows, ROWS[1], rows // ROWS[1]
@@ -130,8 +131,10 @@ class TorqueRows:
         *,
         separate_offsets: bool = False,
     ) -> None:
-        self.structure, self.robot = structure, structure.robot
-        self.excerpt, self.parts = excerpt, parts
+        self.structure = structure
+        self.robot = structure.robot
+        self.excerpt = excerpt
+        self.parts = parts
         self.separate_offsets = separate_offsets
         joints = range(len(self.robot.joints))
         #: Base parameters whose columns act in each joint: in a tree few do.
@@ -170,11 +173,6 @@ class TorqueRows:
             parts = excerpt.X[..., None]
         return TorqueRows(structure, excerpt, parts)
 
-    def with_offsets(self) -> TorqueRows:
-        """Return the same rows, where each log has its own torque offsets."""
-        parts = self.excerpt.X[..., None]
-        return TorqueRows(self.structure, self.excerpt, parts, separate_offsets=True)
-
     @property
     def turns_gravity(self) -> bool:
         """Whether the columns are known under any gravity."""
@@ -210,7 +208,7 @@ class TorqueRows:
         for _ in range(3):
             value = self._solve_weighted(joints, weight)
             residual = np.array([joint.residual(value) for joint in joints])
-            residual = np.maximum(residual, RIDGE * scale)
+            residual = np.maximum(residual, ROUNDOFF * scale)
             weight = 1.0 / residual
         return value, residual / scale
 
@@ -219,7 +217,8 @@ class TorqueRows:
         gravity, (value, _) = self.weights(reading), self.solve(reading, adjusted=True)
         residuals = []
         for j, weight in enumerate(gravity):
-            delay, column = float(reading.delay[j]), reading.order[j]
+            delay = float(reading.delay[j])
+            column = reading.order[j]
             torque = self.torque(j, delay, adjusted=True)[:, column]
             columns = self.columns(j, adjusted=True) @ weight
             residuals.append(torque - columns @ value[self.acts[j]] / reading.factor[j])
@@ -228,10 +227,13 @@ class TorqueRows:
 
     def _products_under(self, reading: Reading, adjusted: bool) -> list[JointProducts]:
         """Return the products of each joint under a reading."""
-        gravity, joints = self.weights(reading), []
+        gravity = self.weights(reading)
+        joints = []
         grams = self.grams(gravity, adjusted=adjusted)
         for j, weight in enumerate(gravity):
-            factor, column, delay = reading.factor[j], reading.order[j], float(reading.delay[j])
+            factor = reading.factor[j]
+            column = reading.order[j]
+            delay = float(reading.delay[j])
             torque = self.torque(j, delay, adjusted=adjusted)[:, column]
             cross = self.crosses(j, delay, adjusted=adjusted)[column] @ weight
             gram = grams[j] / factor**2
@@ -242,7 +244,8 @@ class TorqueRows:
     def _solve_weighted(self, joints: list[JointProducts], weight: Array) -> Array:
         """Return the base parameters (b,) that fit all joints, each with its weight."""
         size = self.parts.shape[2]
-        gram, cross = np.zeros((size, size)), np.zeros(size)
+        gram = np.zeros((size, size))
+        cross = np.zeros(size)
         for by, joint in zip(weight, joints, strict=True):
             gram[np.ix_(joint.at, joint.at)] += by * joint.gram
             cross[joint.at] += by * joint.cross
@@ -352,15 +355,17 @@ class TorqueRows:
         return basis, 1.0 - 1.0 / np.hypot(1.0, size / weak)
 
 
-def solve_nonnegative(gram: Array, cross: Array, nonnegative: np.ndarray) -> Array:
+def solve_nonnegative(gram: Array, cross: Array, nonnegative: Array) -> Array:
     """Return the solution (b,) of normal equations; columns with a forbidden sign are left out."""
     size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    gram, cross = gram / np.outer(size, size), cross / size
+    gram = gram / np.outer(size, size)
+    cross = cross / size
     # Rounding leaves something of a column that is zero.
-    kept = np.diag(gram) > RIDGE
+    kept = np.diag(gram) > ROUNDOFF
     while True:
-        at, value = np.flatnonzero(kept), np.zeros(len(cross))
-        ridge = RIDGE * np.eye(len(at))
+        at = np.flatnonzero(kept)
+        value = np.zeros(len(cross))
+        ridge = ROUNDOFF * np.eye(len(at))
         value[at] = np.linalg.solve(gram[np.ix_(at, at)] + ridge, cross[at])
         forbidden = (value < 0) & nonnegative
         if not forbidden.any():

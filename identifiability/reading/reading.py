@@ -9,7 +9,7 @@ of these is the model of the same base parameters along other rows, or under oth
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -63,15 +63,15 @@ class Reading:
 
     description: str
     remedy: str
-    order: np.ndarray
+    order: Array
     factor: Array
     delay: Array
-    compensated: np.ndarray
+    compensated: Array
     gravity: Array
     motion: Array
-    parameters: Array = field(default_factory=lambda: np.empty(0))
+    parameters: Array = np.empty(0)
     separate_offsets: bool = False
-    offsets: Mapping[str, Array] = field(default_factory=dict)
+    offsets: Mapping[str, Array] = {}
     fitted_numbers: int = 0
     log_odds: float = 0.0
     error_ratio: float = 1.0
@@ -105,7 +105,7 @@ class Reading:
         return not np.array_equal(self.motion, np.eye(n, n + 1))
 
     @property
-    def changes_torque(self) -> np.ndarray:
+    def changes_torque(self) -> Array:
         """Joints whose torque column is read in another way, (n,) bool; offsets do not count."""
         exchanged = self.order != np.arange(len(self.order))
         changed = exchanged | (self.factor != 1.0) | (self.delay != 0.0) | self.compensated
@@ -117,7 +117,7 @@ class Reading:
         return not (self.changes_torque.any() or self.separate_offsets or self.moves_joints)
 
     @property
-    def rescaled(self) -> np.ndarray:
+    def rescaled(self) -> Array:
         """Joints whose torque column has another unit, (n,) bool."""
         return np.asarray(np.abs(self.factor) != 1.0)
 
@@ -157,7 +157,8 @@ class Reading:
         torque = np.zeros(log.tau.shape)
         if not self.compensated.any():
             return torque
-        robot, still = literal.robot, np.zeros(log.q.shape)
+        robot = literal.robot
+        still = np.zeros(log.q.shape)
         motion = complete_motion(robot, log.t, log.q, still, still)
         down, up = (
             literal.model.regressor(robot.turned(sign * robot.gravity), motion) @ self.parameters
@@ -169,7 +170,8 @@ class Reading:
 
     def _moved(self, log: Log) -> dict[str, Any]:
         """Return the corrected motion columns that the log has, (N, n) by name."""
-        A, zero = self.motion[:, :-1], self.motion[:, -1]
+        A = self.motion[:, :-1]
+        zero = self.motion[:, -1]
         measured = {name: getattr(log, name) for name in MOTION_COLUMNS}
         moved = {name: x @ A.T for name, x in measured.items() if x is not None}
         for name in POSITION_COLUMNS:

@@ -25,14 +25,16 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs.commands import of_commands
 from identifiability.logs.prepare.dataset import Dataset, move_samples
+from identifiability.logs.signals import sampling_step
 from identifiability.physical.cad_prior import combine_with_file
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.quality import MeasuredLogs
-from identifiability.reading.candidates import MOST, ReadingCandidates
-from identifiability.reading.fit import TorqueRows, excerpt_size
-from identifiability.reading.gravity import find_gravity
-from identifiability.reading.reading import Reading
-from identifiability.reading.rules import RULES
+
+from .candidates import MOST, ReadingCandidates
+from .fit import TorqueRows, excerpt_size
+from .gravity import find_gravity
+from .reading import Reading
+from .rules import RULES
 
 #: Readings that are judged by the evidence of adjusted rows.
 JUDGED = 3
@@ -74,7 +76,9 @@ class ReadingSearch:
     """
 
     def __init__(self, logs: MeasuredLogs) -> None:
-        self.logs, self.robot, self.structure = logs, logs.robot, logs.structure
+        self.logs = logs
+        self.robot = logs.robot
+        self.structure = logs.structure
         self.literal = Reading.literal(logs.robot)
         #: Rows along the literal motion.
         columns = logs.regression
@@ -112,7 +116,9 @@ class ReadingSearch:
 
     def _make_rows(self, reading: Reading) -> TorqueRows:
         if reading.separate_offsets:
-            return self.rows.with_offsets()
+            excerpt = self.rows.excerpt
+            parts = excerpt.X[..., None]
+            return TorqueRows(self.structure, excerpt, parts, separate_offsets=True)
         screened = self.screened.find_rows(reading.motion) if self.screened.is_whole else None
         return screened or move_rows(self.logs, self.logs.samples, reading.motion)
 
@@ -178,7 +184,8 @@ class ReadingSearch:
         """Yield zeros, and readings of positions, where the literal error is large enough."""
         worst = float(np.exp(self.fit(self.literal)).max())
         # Loops are closed anew for each motion, which takes long.
-        grades, closed = ESTIMATION_RULES.grades, self.robot.closed
+        grades = ESTIMATION_RULES.grades
+        closed = self.robot.closed
         # All samples would be moved in memory.
         long = any(s.long for s in self.logs.samples)
         if long or worst <= grades[closed]:
@@ -235,8 +242,7 @@ class ReadingSearch:
         """Return a reading with the delay that fits best, in samples of the log."""
         if not reading.delay.any():
             return reading
-        times = self.rows.excerpt.pieces[0].motion.t
-        step = float(np.median(np.diff(times)))
+        step = sampling_step(self.rows.excerpt.pieces[0].motion.t)
         delays = [np.round(x * reading.delay / step) * step for x in COARSE]
         return min((replace(reading, delay=delay) for delay in delays), key=self.misfit)
 
@@ -264,7 +270,8 @@ class ReadingSearch:
             whitened.append(columns / np.sqrt(variance[j]))
         R = np.linalg.qr(np.concatenate(whitened), mode="r")
         parameters = np.eye(len(self.structure.columns))
-        root, share_of_body = R @ self.structure.G, PHYSICAL_RULES.body_within
+        root = R @ self.structure.G
+        share_of_body = PHYSICAL_RULES.body_within
         both = combine_with_file(self.structure, root, R @ value, parameters, share_of_body)
         return np.asarray(both.mean)
 
@@ -287,7 +294,8 @@ class ReadingSearch:
 
         Rows are whitened: noise of derivatives says little of levels.
         """
-        excerpt, constant = self.rows.excerpt, self.rows.constant
+        excerpt = self.rows.excerpt
+        constant = self.rows.constant
         joints, samples, logs = constant.shape
         columns = excerpt.X.shape[2]
         each = np.einsum("jk,jNl->Njkl", np.eye(joints), constant)
@@ -349,7 +357,8 @@ class PositionScreen:
 
     def restart(self) -> None:
         """Forget the rows of earlier readings."""
-        self._last, self._best = None, []
+        self._last = None
+        self._best = []
 
     def find_rows(self, motion: Array) -> TorqueRows | None:
         """Return the rows of a motion, of the last reading or the best ones."""
@@ -375,7 +384,8 @@ class PositionScreen:
 
 def thin_samples(logs: MeasuredLogs) -> tuple[Dataset, ...]:
     """Return every so many samples of each log, in all as many as an excerpt has rows."""
-    most, count = excerpt_size(logs.structure)[0], len(logs.samples)
+    most = excerpt_size(logs.structure)[0]
+    count = len(logs.samples)
     steps = [max(1, len(s.tau) * count // most) for s in logs.samples]
     if max(steps) == 1 and all(s.decimation is None for s in logs.samples):
         return logs.samples

@@ -12,9 +12,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from identifiability.robot.closure import Motion, complete_motion
-    from identifiability.robot.description import Axis
-    from identifiability.robot.robot import KnownRobot, Robot, RobotLike
+    from .closure import Motion, complete_motion
+    from .description import Axis
+    from .robot import KnownRobot, Robot, RobotLike
 
 __all__ = ["Axis", "KnownRobot", "Motion", "Robot", "RobotLike", "complete_motion"]
 

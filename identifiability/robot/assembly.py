@@ -17,11 +17,19 @@ import pinocchio as pin
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
-from identifiability.foundation.names import INERTIAL_KINDS, Array, Renames, is_pattern
+from identifiability.foundation.names import (
+    INERTIAL_KINDS,
+    Array,
+    NumberByName,
+    Renames,
+    Strings,
+    is_pattern,
+)
 from identifiability.foundation.options import Expected
 from identifiability.foundation.quoting import for_toml, option_for_shell, toml_key
-from identifiability.robot.closure import Closed, count_independent, invert, newton, stretch_home
-from identifiability.robot.description import (
+
+from .closure import Closed, count_independent, invert, newton, stretch_home
+from .description import (
     ENDLESS,
     NOT_NEGATIVE,
     Bound,
@@ -32,13 +40,13 @@ from identifiability.robot.description import (
     Transmission,
     name_numbers,
 )
-from identifiability.robot.floating import BASE_JOINTS, Base, Contact, Imu, Wrench
-from identifiability.robot.inertials import describe_faults, find_faults
-from identifiability.robot.kinematics import Point, body_names
-from identifiability.robot.locate import LARGEST, SMALLEST
-from identifiability.robot.rules import RULES
-from identifiability.robot.servo import read_servo
-from identifiability.robot.sidecar import (
+from .floating import BASE_JOINTS, Base, Contact, Imu, Wrench
+from .inertials import describe_faults, find_faults
+from .kinematics import Point, body_names
+from .locate import LARGEST, SMALLEST
+from .rules import RULES
+from .servo import read_servo
+from .sidecar import (
     ImuEntry,
     LimitEntry,
     LoopEntry,
@@ -95,7 +103,7 @@ def read_locks(given: LockOption | None) -> dict[str, float | None]:
 def resolve_locks(
     path: Path,
     extra: Sidecar,
-    home: Mapping[str, float],
+    home: NumberByName,
     stated: Iterable[Coupling],
     fixed: Collection[str] = (),
 ) -> tuple[dict[str, float], list[Coupling]]:
@@ -167,7 +175,8 @@ def check_magnitudes(path: Path, stated: Stated) -> None:
     ------
     RobotError
     """
-    model, points = stated.model, [p for c in stated.cables for p in c.points]
+    model = stated.model
+    points = [p for c in stated.cables for p in c.points]
     if model.njoints < 2:
         raise RobotError(f"{path} has no joint that moves; there is nothing to identify.")
     if model.nv > MOST_JOINTS:
@@ -185,7 +194,7 @@ def check_magnitudes(path: Path, stated: Stated) -> None:
         )
 
 
-def check_nominal(path: Path, values: Mapping[str, float], rotor: str) -> None:
+def check_nominal(path: Path, values: NumberByName, rotor: str) -> None:
     """Refuse values that files state and no robot has; `rotor` is an actuator's inertia.
 
     Raises
@@ -238,7 +247,8 @@ def combine_joints(path: Path, extra: Sidecar, stated: Stated, taken: Collection
     # An export writes what a motor that mixes joints has of its own as a tendon of its name.
     motors = extra.transmission.motors if extra.transmission else ()
     found = {name: c for name, c in stated.combinations.items() if name not in motors}
-    rests, numbers = {**stated.rests}, {**stated.numbers}
+    rests = {**stated.rests}
+    numbers = {**stated.numbers}
     for entry in extra.axes:
         check_known(path, f"axes.{entry.name}.joints", entry.joints, known)
         moving = {joint: c for joint, c in entry.joints.items() if joint not in stated.locked}
@@ -261,9 +271,7 @@ def combine_joints(path: Path, extra: Sidecar, stated: Stated, taken: Collection
 # What a sidecar says of masses and centres of mass, body by body.
 
 
-def read_bounds(
-    path: Path, extra: Sidecar, bodies: tuple[str, ...], stated: Stated
-) -> tuple[Bound, ...]:
+def read_bounds(path: Path, extra: Sidecar, bodies: Strings, stated: Stated) -> tuple[Bound, ...]:
     """Return the bounds of a robot.
 
     Parameters
@@ -284,7 +292,8 @@ def read_bounds(
     frames = {f.name: f.placement for f in stated.model.frames if f.type == pin.FrameType.BODY}
     bounds = []
     for body, entry in known.items():
-        R, p = np.array(frames[body].rotation), np.array(frames[body].translation)
+        R = np.array(frames[body].rotation)
+        p = np.array(frames[body].translation)
         bounds.append(Bound((body,), entry.mass, entry.box, R, p))
     total = extra.bounds.total_mass
     if total is None:
@@ -366,7 +375,9 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
 
 def _state_home(robot: Description, extra: Sidecar) -> Array:
     """Return the home of the files, with coupled passive joints where others put them, (nq,)."""
-    home, single, passive = np.array(robot.home), robot.tree.single, {*robot.passive}
+    home = np.array(robot.home)
+    single = robot.tree.single
+    passive = {*robot.passive}
     check_known(robot.path, "home", extra.home, single)
     for name, value in extra.home.items():
         home[single[name].iq] = value
@@ -412,7 +423,10 @@ def _close_home(robot: Description, gap: float, closed: Closed, *, stated: bool)
 
     A home that is stated may be rounded; one that is far from closing them is refused.
     """
-    q, single, sites, such_as = closed.q[0], robot.tree.single, "", ""
+    q = closed.q[0]
+    single = robot.tree.single
+    sites = ""
+    such_as = ""
     closes = closed.error[0] < ROUNDOFF
     if closes and not stated and np.abs(q - robot.home).max() <= RULES.leap:
         return replace(robot, home=q, assembled=True)
@@ -458,52 +472,29 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
     ------
     RobotError
     """
-    model, names = stated.model, body_names(stated.model)
+    names = body_names(stated.model)
     bodies = tuple(names[joint - 1] for joint in stated.carriers)
     motors = tuple(extra.transmission.motors) if extra.transmission else ()
     dofs = tuple(d for j in stated.tree.joints for d in j.dofs)
-    refuse_patterns(path, (*bodies, *dofs, *stated.locked, *motors, *stated.combinations))
-    stated = combine_joints(path, extra, stated, (*bodies, *dofs, *stated.locked, *motors))
+    owners = (*dofs, *stated.locked, *motors)
+    refuse_patterns(path, (*bodies, *owners, *stated.combinations))
+    stated = combine_joints(path, extra, stated, (*bodies, *owners))
     lines = (*motors, *stated.combinations)
     extra = expand_names(path, extra, bodies, dofs, lines, stated.locked, stated.welded)
-    loops = stated.loops
-    if extra.loops is not None:
-        loops = tuple(_sidecar_loop(path, entry, stated) for entry in extra.loops)
     name = path.resolve().parent.name if path.stem == "robot" else path.stem
-    spans, speeds = stated.spans.items(), stated.speeds.items()
-    own: dict[str, Any] = {
+    said = {
         "name": name,
-        "title": extra.name or model.name or name,
+        "title": extra.name or stated.model.name or name,
         "path": path,
         "sidecar": sidecar,
-        "said": extra,
         "bodies": bodies,
-        "symbols": dict(extra.symbols),
-        "loops": tuple(x for x in loops if x.first.joint != x.second.joint),  # else locked
-        "rest": {**stated.rests, **extra.rest},
-        "spans": {n: x for n, x in spans if x[0] < x[1] and np.abs(x).max() < ENDLESS},
-        "speeds": {n: x for n, x in speeds if 0 < x < ENDLESS},
-        "tendons": tuple(name for name in stated.combinations if name in stated.numbers),
-        "guessed": tuple(extra.guessed),
-        "inertia_parts": tuple(extra.inertia_parts),
-        "prior": {name: (entry.mean, entry.sd) for name, entry in extra.prior.items()},
-        "ties": tuple({k: tuple(v) for k, v in s.tie.items()} for s in extra.symmetry),
-        "shapes": extra.shapes,
-        "reference": extra.reference,
-        "columns": Renames.of(renaming(extra.columns)),
-        "scales": _scales(path, extra, (*dofs, *stated.locked, *motors)),
-        "time_unit": extra.time.unit or "",
-        "torque": _measured_torque(extra, stated),
-        "known_torque": tuple(extra.known_torque),
-        "angles": extra.angles,
+        "scales": _scales(path, extra, owners),
         "bounds": read_bounds(path, extra, bodies, stated),
         "base": _read_base(path, extra, stated, bodies),
     }
-    robot = choose_joints(Description(**{**vars(stated), **own}), extra, stated)
-    for key in ("gain", "ratio", "sign"):
-        check_known(path, f"torque.{key}", robot.torque.table(key), ("", *robot.joints, *motors))
-    if isinstance(robot.torque.compensated, list):
-        check_known(path, "torque.compensated", robot.torque.compensated, robot.joints)
+    parts = vars(stated) | said | _state_sidecar(extra) | _state_motion(path, extra, stated)
+    robot = choose_joints(Description(**parts), extra, stated)
+    _check_torque(robot, motors)
     limits = {joint: extra.limits.get(joint, LimitEntry()) for joint in robot.joints}
     fastest = [x.v or robot.speeds.get(joint, np.inf) for joint, x in limits.items()]
     robot = replace(
@@ -522,9 +513,51 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
             robot = replace(robot, base=replace(robot.base, servo=servo))
     every = (*robot.axes, *robot.passive_axes)
     straight = (a.name for a in every if a.row is not None or not a.mixed)
-    along = [k.along for k in extra.known_torque]
-    check_known(path, "known_torque", along, straight)
+    check_known(path, "known_torque", (k.along for k in extra.known_torque), straight)
     return robot
+
+
+def _state_sidecar(extra: Sidecar) -> dict[str, Any]:
+    """Return what a sidecar says of a robot as a `Description` has it."""
+    return {
+        "said": extra,
+        "symbols": dict(extra.symbols),
+        "guessed": tuple(extra.guessed),
+        "inertia_parts": tuple(extra.inertia_parts),
+        "prior": {name: (entry.mean, entry.sd) for name, entry in extra.prior.items()},
+        "ties": tuple({k: tuple(v) for k, v in s.tie.items()} for s in extra.symmetry),
+        "shapes": extra.shapes,
+        "reference": extra.reference,
+        "columns": Renames.of(renaming(extra.columns)),
+        "time_unit": extra.time.unit or "",
+        "known_torque": tuple(extra.known_torque),
+        "angles": extra.angles,
+    }
+
+
+def _state_motion(path: Path, extra: Sidecar, stated: Stated) -> dict[str, Any]:
+    """Return loops, springs, limits and torque columns; the sidecar goes before the robot file."""
+    loops = stated.loops
+    if extra.loops is not None:
+        loops = tuple(_sidecar_loop(path, entry, stated) for entry in extra.loops)
+    spans = stated.spans.items()
+    return {
+        "loops": tuple(x for x in loops if x.first.joint != x.second.joint),  # else locked
+        "rest": {**stated.rests, **extra.rest},
+        "spans": {n: x for n, x in spans if x[0] < x[1] and np.abs(x).max() < ENDLESS},
+        "speeds": {n: x for n, x in stated.speeds.items() if 0 < x < ENDLESS},
+        "tendons": tuple(name for name in stated.combinations if name in stated.numbers),
+        "torque": _measured_torque(extra, stated),
+    }
+
+
+def _check_torque(robot: Description, motors: Strings) -> None:
+    """Refuse gains, ratios, signs or compensation of what is no actuated joint or motor."""
+    torque = robot.torque
+    for key in ("gain", "ratio", "sign"):
+        check_known(robot.path, f"torque.{key}", torque.table(key), ("", *robot.joints, *motors))
+    if isinstance(torque.compensated, list):
+        check_known(robot.path, "torque.compensated", torque.compensated, robot.joints)
 
 
 def _sidecar_loop(path: Path, entry: LoopEntry, stated: Stated) -> Loop:
@@ -535,7 +568,7 @@ def _sidecar_loop(path: Path, entry: LoopEntry, stated: Stated) -> Loop:
     return Loop(name, ends[0], ends[1], places)
 
 
-def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: tuple[str, ...]) -> Base | None:
+def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: Strings) -> Base | None:
     """Return the base of a robot that floats, with what touches it and measures it."""
     if stated.base is None:
         given = [k for k in ("imu", "contacts", "wrench") if getattr(extra, k)]
@@ -585,16 +618,15 @@ def _nominal(robot: Description, extra: Sidecar) -> dict[str, float]:
     for body, carrier in zip(robot.bodies, robot.carriers, strict=True):
         theta = robot.model.inertias[carrier].toDynamicParameters().tolist()
         values |= {f"{body}.{kind}": v for kind, v in zip(INERTIAL_KINDS, theta, strict=True)}
-    words, parts = ("damping", "frictionloss", "armature"), robot.inertia_parts
+    words = ("damping", "frictionloss", "armature")
+    parts = robot.inertia_parts
     for name in dict.fromkeys((*robot.dofs, *robot.numbers)):
         more = () if name in robot.dofs else ("stiffness",)
         own = dict.fromkeys((*words, *more), 0.0) | dict(robot.numbers.get(name, {}))
         own |= {"offset": robot.offsets[name]} if robot.offsets.get(name) else {}
         values |= {f"{name}.{part}": 0.0 for part in parts} | name_numbers(name, own, parts)
-    for (
-        name,
-        value,
-    ) in extra.nominal.items():  # one level of dry friction is that of both directions
+    # One level of dry friction is that of both directions.
+    for name, value in extra.nominal.items():
         joint, _, kind = name.rpartition(".")
         if kind == "Fc":
             values |= name_numbers(joint, {"frictionloss": value}, parts)
@@ -619,13 +651,15 @@ def _scales(path: Path, extra: Sidecar, lines: Sequence[str]) -> dict[str, tuple
 
 
 def _transmission(robot: Description, extra: Sidecar) -> Transmission | None:
-    entry, n = extra.transmission, len(robot.motor_joints)
+    entry = extra.transmission
+    n = len(robot.motor_joints)
     if entry is None:
         return None
     m = len(entry.motors)
     whole = len(entry.coupling) == m and all(len(row) == n for row in entry.coupling)
     coupling = np.array(entry.coupling, float) if whole else np.zeros((m, n))
-    ratio, offset = np.array(entry.ratio or [1.0] * m), np.array(entry.offset or [0.0] * n)
+    ratio = np.array(entry.ratio or [1.0] * m)
+    offset = np.array(entry.offset or [0.0] * n)
     fits = ratio.shape == (m,) and offset.shape == (n,) and bool(np.all(ratio))
     regular = m >= n and coupling.any(axis=1).all() and np.linalg.cond(coupling) * ROUNDOFF < 1
     if not (fits and regular):

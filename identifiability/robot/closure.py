@@ -7,7 +7,7 @@ samples; they are solved for the dependent joints of each.
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import field, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -17,12 +17,13 @@ import scipy
 
 from identifiability.foundation.errors import ClosureError, RobotError
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.values import frozen
-from identifiability.robot.description import Axis, Cable, Coupling, Description
-from identifiability.robot.floating import BATCH, eliminate
-from identifiability.robot.kinematics import WORLD, Frames, Point, Tree
-from identifiability.robot.rules import RULES
+
+from .description import Axis, Cable, Coupling, Description
+from .floating import BATCH, eliminate
+from .kinematics import WORLD, Frames, Point, Tree
+from .rules import RULES
 
 
 def stretch_home(robot: Description) -> Description:
@@ -50,7 +51,8 @@ def cable_equation(
     """Return slide less length (N,), and its Jacobian (nv, N)."""
     tree = robot.tree
     slide = tree.single[cable.name]
-    error, row = np.array(q[:, slide.iq]), np.zeros((robot.nv, len(q)))
+    error = np.array(q[:, slide.iq])
+    row = np.zeros((robot.nv, len(q)))
     row[slide.iv] = 1.0
     for first, second in pairwise(cable.points):
         along, length = _distance(tree, frames, first, second)
@@ -121,7 +123,7 @@ def solve(A: Array, b: Array) -> Array:
     return np.asarray((invert(A)[0] @ b[..., None])[..., 0])
 
 
-def passes_singular(A: Array) -> np.ndarray:
+def passes_singular(A: Array) -> Array:
     """Return whether a singular matrix lies between each one and the next, (N - 1,) bool.
 
     The determinant changes its sign there: it is taken in the directions that the columns span,
@@ -138,7 +140,7 @@ def passes_singular(A: Array) -> np.ndarray:
     # Two samples whose equations span directions that overlap less than this (a determinant
     # of cosines) are too far apart to say whether a singular pose lies between them.
     sure = np.abs(overlap) > 0.5
-    passed: np.ndarray = sure & (np.sign(overlap) * sign[1:] != sign[:-1])
+    passed: Array = sure & (np.sign(overlap) * sign[1:] != sign[:-1])
     return passed
 
 
@@ -161,11 +163,14 @@ def loop_equations(robot: Description, q: Array) -> tuple[Array, Array]:
     errors : (m, N) [m or rad]
     jacobian : (m, nv, N)
     """
-    tree, n = robot.tree, len(q)
+    tree = robot.tree
+    n = len(q)
     ends = [*((x.first, x.second) for x in robot.loops), *(c.points for c in robot.cables)]
     frames = tree.frames(q, [p.joint for points in ends for p in points])
-    errors, J = np.empty((robot.equations, n)), np.zeros((robot.equations, robot.nv, n))
-    at, redundant = 3 * len(robot.loops), robot.equations != len(robot.dependent)
+    errors = np.empty((robot.equations, n))
+    J = np.zeros((robot.equations, robot.nv, n))
+    at = 3 * len(robot.loops)
+    redundant = robot.equations != len(robot.dependent)
     for k, loop in enumerate(robot.loops):
         rows = slice(3 * k, 3 * k + 3)
         apart = tree.world_point(frames, loop.first) - tree.world_point(frames, loop.second)
@@ -178,7 +183,8 @@ def loop_equations(robot: Description, q: Array) -> tuple[Array, Array]:
         errors[rows] = apart
     for k, coupling in enumerate(robot.couplings, at):
         error, row = _coupling_error(coupling, q, robot)
-        errors[k], J[k] = error, row.T
+        errors[k] = error
+        J[k] = row.T
     for k, cable in enumerate(robot.cables, robot.equations - len(robot.cables)):
         errors[k], J[k] = cable_equation(robot, cable, frames, q)
     return errors, J
@@ -212,7 +218,8 @@ def _coupling_error(coupling: Coupling, q: Array, robot: Description) -> tuple[A
     error = robot.dof_position(q, coupling.joint)
     error = error - coupling.constant
     for of, coefficients in coupling.terms.items():
-        x, poly = robot.dof_position(q, of), np.polynomial.Polynomial(coefficients)
+        x = robot.dof_position(q, of)
+        poly = np.polynomial.Polynomial(coefficients)
         error -= poly(x)
         J[:, robot.dof_index(of)] -= poly.deriv()(x)
     return error, J
@@ -272,11 +279,10 @@ def close_loops(robot: Description, q: Array) -> Closed:
 
 def _ahead(robot: Description, here: Closed, q: Array, steps: int = 1) -> Array:
     """Return configurations (N, nq) one of some steps ahead on the way to positions (N, n)."""
-    step = np.zeros((len(q), robot.nv))
-    step[:, robot.actuated] = (q - robot.actuated_positions(here.q)) / steps
-    rhs = here.A[:, :, robot.actuated] @ step[:, robot.actuated, None]
-    step[:, robot.dependent] = -solve(here.A[:, :, robot.dependent], rhs[..., 0])
-    return robot.tree.integrate(here.q, step)
+    step = (q - robot.actuated_positions(here.q)) / steps
+    rhs = here.A[:, :, robot.actuated] @ step[..., None]
+    follow = -solve(here.A[:, :, robot.dependent], rhs[..., 0])
+    return robot.tree.integrate(here.q, _spread(robot, step, follow))
 
 
 def follow_from_home(robot: Description, q: Array) -> Closed:
@@ -376,20 +382,20 @@ class Motion:
     actuated_v: Array
     actuated_a: Array
     X: Array | None
-    kept: np.ndarray
-    dropped: np.ndarray
+    kept: Array
+    dropped: Array
     condition: float = 1.0
-    near_singular: np.ndarray = field(default_factory=lambda: np.empty(0, int))
+    near_singular: Array = np.empty(0, int)
     start: float | None = None
     smooth_v: Array | None = None
     free: Array | None = None
-    silent: np.ndarray | None = None
+    silent: Array | None = None
     touch: Array | None = None
 
     @property
     def each(self) -> dict[str, Array]:
         """What it has a row of for every sample, by name."""
-        names: tuple[str, ...] = ("t", "q", "v", "a", "kept", "X")
+        names: Strings = ("t", "q", "v", "a", "kept", "X")
         names += ("actuated_q", "actuated_v", "actuated_a")
         names += ("smooth_v", "free", "silent", "touch")
         found = {name: getattr(self, name) for name in names}
@@ -418,11 +424,11 @@ class Motion:
         sign: Array = scipy.special.erf(share)
         return sign
 
-    def freed(self, rows: Array, start: int = 0) -> Array:
-        """Return rows (N − start, n, …) from a sample on, free of what presses at contacts."""
+    def freed(self, rows: Array) -> Array:
+        """Return rows (N, n, …) free of what presses at contacts."""
         if self.free is None:
             return rows
-        N = self.free[start:].swapaxes(1, 2)
+        N = self.free.swapaxes(1, 2)
         return N @ rows if rows.ndim == N.ndim else (N @ rows[..., None])[..., 0]
 
     @property
@@ -434,7 +440,7 @@ class Motion:
         """Return the number of samples."""
         return len(self.t)
 
-    def __getitem__(self, rows: slice | np.ndarray) -> Motion:
+    def __getitem__(self, rows: slice | Array) -> Motion:
         """Return the motion at some samples."""
         parts: dict[str, Any] = {name: own[rows] for name, own in self.each.items()}
         return replace(self, **parts)
@@ -461,8 +467,7 @@ def complete_motion(
     """
     n = len(t)
     if not robot.closed:
-        v, a = np.zeros((n, robot.nv)), np.zeros((n, robot.nv))
-        v[:, robot.actuated], a[:, robot.actuated] = dq, ddq
+        v, a = (_spread(robot, x) for x in (dq, ddq))
         full = robot.configuration(q)
         none = np.empty(0, int)
         return _free(robot, Motion(t, full, v, a, q, dq, ddq, None, np.arange(n), none), touch)
@@ -483,15 +488,16 @@ def complete_motion(
             f"All samples at which the loops of {robot.name} close are singular configurations: "
             "the passive joints are not determined there; move away from them."
         )
-    rows, inverse, condition = good[regular], inverse[regular], condition[regular]
-    q, dq, ddq = q[rows], dq[rows], ddq[rows]
-    full, A = closed.q[rows], closed.A[rows]
+    rows = good[regular]
+    inverse = inverse[regular]
+    condition = condition[regular]
+    full = closed.q[rows]
+    A = closed.A[rows]
+    q, dq, ddq = (x[rows] for x in (q, dq, ddq))
     X = inverse @ A[:, :, robot.actuated]
-    v, a = np.zeros((len(rows), robot.nv)), np.zeros((len(rows), robot.nv))
-    v[:, robot.actuated], a[:, robot.actuated] = dq, ddq
-    v[:, robot.dependent] = -np.einsum("nij,nj->ni", X, dq)
+    v = _spread(robot, dq, -np.einsum("nij,nj->ni", X, dq))
     b = -loop_bias(robot, full, v)
-    a[:, robot.dependent] = np.einsum("nij,nj->ni", inverse, b) - np.einsum("nij,nj->ni", X, ddq)
+    bent = np.einsum("nij,nj->ni", inverse, b) - np.einsum("nij,nj->ni", X, ddq)
     # Near-singular from here on; within their limits the shipped robots stay below 130.
     near = condition > 1000.0
     near[1:] |= passes_singular(A[:, :, robot.dependent])
@@ -499,7 +505,7 @@ def complete_motion(
         t=t[rows],
         q=full,
         v=v,
-        a=a,
+        a=_spread(robot, ddq, bent),
         actuated_q=q,
         actuated_v=dq,
         actuated_a=ddq,
@@ -512,15 +518,26 @@ def complete_motion(
     return _free(robot, motion, None if touch is None else touch[rows])
 
 
+def _spread(robot: Description, actuated: Array, dependent: Array | None = None) -> Array:
+    """Return rates of all degrees of freedom (N, nv) from those of actuated and dependent ones."""
+    out = np.zeros((len(actuated), robot.nv))
+    out[:, robot.actuated] = actuated
+    if dependent is not None:
+        out[:, robot.dependent] = dependent
+    return out
+
+
 def _free(robot: Description, motion: Motion, touch: Array | None) -> Motion:
     """Return a motion with the rows that no unmeasured force at a contact enters."""
     if robot.base is None or not robot.base.contacts:
         return motion
     contacts = robot.base.contacts
     if touch is None:
-        closed, up = np.tile([not c.flag for c in contacts], (len(motion), 1)), None
+        closed = np.tile([not c.flag for c in contacts], (len(motion), 1))
+        up = None
     else:
-        closed, up = touch[:, 3:] > 0.5, touch[:, :3]
+        closed = touch[:, 3:] > 0.5
+        up = touch[:, :3]
     if not closed.any():
         return replace(motion, touch=touch)
     driven = robot.actuated, robot.dependent, motion.X
@@ -541,7 +558,7 @@ def project(robot: Description, motion: Motion, tree: Array) -> Array:
     """Return the torque of the actuated joints (N, n) from that of the bodies' joints (N, nv)."""
     tendons = np.zeros((len(tree), robot.nv - tree.shape[1]))  # they carry no body
     tree = np.hstack([tree, tendons]) if tendons.shape[1] else tree
-    tau: Array = tree[:, robot.actuated]
+    tau = tree[:, robot.actuated]
     if motion.X is not None:
         tau = tau - np.einsum("nij,ni->nj", motion.X, tree[:, robot.dependent])
     return tau
@@ -549,7 +566,8 @@ def project(robot: Description, motion: Motion, tree: Array) -> Array:
 
 def tree_motion(robot: Description, motion: Motion) -> tuple[Array, Array, Array]:
     """Return the motion of the joints that Pinocchio has, all but tendons."""
-    nq, nv = robot.model.nq, robot.model.nv
+    nq = robot.model.nq
+    nv = robot.model.nv
     return motion.q[:, :nq], motion.v[:, :nv], motion.a[:, :nv]
 
 
@@ -564,7 +582,8 @@ def hold_weight(robot: Description, motion: Motion, model: Any = None) -> Array:
         With other masses or another gravity.
     """
     model = robot.model if model is None else model
-    data, tree = model.createData(), np.empty((len(motion), model.nv))
+    data = model.createData()
+    tree = np.empty((len(motion), model.nv))
     for k, q in enumerate(tree_motion(robot, motion)[0]):
         tree[k] = pin.computeGeneralizedGravity(model, data, q)
     return project(robot, motion, tree)

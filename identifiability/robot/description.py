@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import field as default
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -18,14 +17,15 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from identifiability.foundation.errors import RobotError, listing, near_match
-from identifiability.foundation.names import GROUPED_KINDS, Array, Renames
+from identifiability.foundation.names import GROUPED_KINDS, Array, NumberByName, Renames, Strings
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.robot.floating import SIX, Base
-from identifiability.robot.kinematics import WORLD, Point, Tree, shortest_turn
-from identifiability.robot.locate import ROOTS, parse_xml, read_included
-from identifiability.robot.servo import Servo
-from identifiability.robot.sidecar import KnownTorque, MeasuredTorque, Sidecar
+
+from .floating import SIX, Base
+from .kinematics import WORLD, Point, Tree, shortest_turn
+from .locate import ROOTS, parse_xml, read_included
+from .servo import Servo
+from .sidecar import KnownTorque, MeasuredTorque, Sidecar
 
 # What robot files state of joints, tendons and actuators in numbers: one table of fields.
 
@@ -48,10 +48,10 @@ class Field:
         Whether it may be negative.
     """
 
-    kinds: tuple[str, ...]
+    kinds: Strings
     power: int
     urdf: str = ""
-    off: tuple[str, ...] = ()
+    off: Strings = ()
     signed: bool = False
 
 
@@ -69,9 +69,7 @@ NOT_NEGATIVE = {"m", "Ixx", "Iyy", "Izz"}.union(
 )
 
 
-def name_numbers(
-    joint: str, numbers: Mapping[str, float], inertia_parts: tuple[str, ...]
-) -> dict[str, float]:
+def name_numbers(joint: str, numbers: NumberByName, inertia_parts: Strings) -> dict[str, float]:
     """Return the parameters of a joint of which a robot file states some numbers.
 
     The inertia of an actuator is that of the first of its parts.
@@ -102,7 +100,7 @@ class Transmission:
         Joint position at motor position zero.
     """
 
-    motors: tuple[str, ...]
+    motors: Strings
     coupling: Array
     ratio: Array
     offset: Array
@@ -154,7 +152,7 @@ class Axis:
 
     name: str
     symbol: str
-    weights: Mapping[str, float]
+    weights: NumberByName
     row: Array | None
     prismatic: bool
 
@@ -205,7 +203,7 @@ class Coupling:
         bare = {of: (0.0, *map(float, poly[1:])) for of, poly in terms.items()}
         return Coupling(name, joint, constant, bare)
 
-    def held(self, locked: Mapping[str, float]) -> Coupling:
+    def held(self, locked: NumberByName) -> Coupling:
         """Return the coupling where some of the joints that are followed stand still."""
         still = [(of, poly) for of, poly in self.terms.items() if of in locked]
         constant = self.constant + sum(float(Polynomial(p)(locked[of])) for of, p in still)
@@ -285,21 +283,21 @@ class Stated:
     driven: list[str] | None
     home: Array
     posed: bool = False
-    numbers: Mapping[str, Mapping[str, float]] = default(default_factory=dict)
-    rests: Mapping[str, float] = default(default_factory=dict)
-    spans: Mapping[str, tuple[float, float]] = default(default_factory=dict)
-    speeds: Mapping[str, float] = default(default_factory=dict)
-    locked: Mapping[str, float] = default(default_factory=dict)
-    welded: Mapping[str, Array] = default(default_factory=dict)
-    combinations: Mapping[str, Mapping[str, float]] = default(default_factory=dict)
+    numbers: Mapping[str, NumberByName] = {}
+    rests: Mapping[str, float] = {}
+    spans: Mapping[str, tuple[float, float]] = {}
+    speeds: Mapping[str, float] = {}
+    locked: Mapping[str, float] = {}
+    welded: Mapping[str, Array] = {}
+    combinations: Mapping[str, NumberByName] = {}
     cables: tuple[Cable, ...] = ()
-    outside: tuple[str, ...] = ()
+    outside: Strings = ()
     meshes: tuple[Path, ...] = ()
-    gears: Mapping[str, float] = default(default_factory=dict)
-    servos: Mapping[str, Array] = default(default_factory=dict)
-    offsets: Mapping[str, float] = default(default_factory=dict)
+    gears: Mapping[str, float] = {}
+    servos: Mapping[str, Array] = {}
+    offsets: Mapping[str, float] = {}
     base: Base | None = None
-    radii: Mapping[str, float] = default(default_factory=dict)
+    radii: Mapping[str, float] = {}
 
 
 # What is known of the mass of bodies and of where their centres are.
@@ -320,18 +318,17 @@ class Bound:
         The body's frame in that of its joint, which parameters are about.
     """
 
-    bodies: tuple[str, ...]
+    bodies: Strings
     mass: tuple[float, float] | None = None
     box: tuple[tuple[float, float], ...] | None = None
-    rotation: Array = default(default_factory=lambda: np.eye(3))
-    origin: Array = default(default_factory=lambda: np.zeros(3))
+    rotation: Array = np.eye(3)
+    origin: Array = np.zeros(3)
 
 
 # `Description`: what the rest of the library needs to know of a robot file.
 
 
-def _none() -> np.ndarray:
-    return np.empty(0, int)
+_NO_PLACES = np.empty(0, int)
 
 
 @frozen
@@ -439,31 +436,31 @@ class Description(Stated):
     path: Path
     sidecar: Path | None
     said: Sidecar
-    bodies: tuple[str, ...]
+    bodies: Strings
     symbols: Mapping[str, str]
-    actuated: np.ndarray = default(default_factory=_none)
-    dependent: np.ndarray = default(default_factory=_none)
-    nominal: Mapping[str, float] = default(default_factory=dict)
-    limits: Array = default(default_factory=_none)
-    speed_limits: Array = default(default_factory=_none)
-    acceleration_limits: Array = default(default_factory=_none)
+    actuated: Array = _NO_PLACES
+    dependent: Array = _NO_PLACES
+    nominal: Mapping[str, float] = {}
+    limits: Array = _NO_PLACES
+    speed_limits: Array = _NO_PLACES
+    acceleration_limits: Array = _NO_PLACES
     transmission: Transmission | None = None
-    guessed: tuple[str, ...] = ()
-    inertia_parts: tuple[str, ...] = ("Ia",)
-    prior: Mapping[str, tuple[float, float]] = default(default_factory=dict)
-    ties: tuple[Mapping[str, tuple[str, ...]], ...] = ()
-    rest: Mapping[str, float] = default(default_factory=dict)
-    shapes: Mapping[str, float] = default(default_factory=dict)
-    reference: Mapping[str, float] = default(default_factory=dict)
+    guessed: Strings = ()
+    inertia_parts: Strings = ("Ia",)
+    prior: Mapping[str, tuple[float, float]] = {}
+    ties: tuple[Mapping[str, Strings], ...] = ()
+    rest: Mapping[str, float] = {}
+    shapes: Mapping[str, float] = {}
+    reference: Mapping[str, float] = {}
     columns: Renames = Renames()
-    scales: Mapping[str, tuple[float, float]] = default(default_factory=dict)
+    scales: Mapping[str, tuple[float, float]] = {}
     time_unit: str = ""
     torque: MeasuredTorque = MeasuredTorque()
     known_torque: tuple[KnownTorque, ...] = ()
     angles: str | None = None
-    lock_option: tuple[str, ...] = ()
+    lock_option: Strings = ()
     bounds: tuple[Bound, ...] = ()
-    tendons: tuple[str, ...] = ()
+    tendons: Strings = ()
     assembled: bool = False
     upright: Array | None = None
     servo: Servo | None = None
@@ -511,14 +508,15 @@ class Description(Stated):
     def turned(self, direction: Array) -> Self:
         """Return the robot with gravity along another direction of the file's world.
 
-        That is what a base is that stands otherwise than the file says. The file stays as it is; a
-        file that is written of the robot states it.
+        Use it for a base that is not mounted as the file says. The file stays as it is. A file that
+        is written of the robot states the new direction.
 
         Parameters
         ----------
         direction : (3,)
         """
-        size, direction = float(np.linalg.norm(self.gravity)), np.asarray(direction, float)
+        size = float(np.linalg.norm(self.gravity))
+        direction = np.asarray(direction, float)
         if not (size and direction.any()):
             return self
         model = self.model.copy()
@@ -547,18 +545,18 @@ class Description(Stated):
         return self.tree.nv
 
     @cached_property
-    def dofs(self) -> tuple[str, ...]:
+    def dofs(self) -> Strings:
         """Names of the tree's degrees of freedom in the order of ``v``."""
         named = sorted((j.iv + k, d) for j in self.tree.joints for k, d in enumerate(j.dofs))
         return tuple(d for _, d in named)
 
     @cached_property
-    def joints(self) -> tuple[str, ...]:
+    def joints(self) -> Strings:
         """Names of the actuated joints."""
         return tuple(self.dofs[k] for k in self.actuated)
 
     @property
-    def motor_joints(self) -> tuple[str, ...]:
+    def motor_joints(self) -> Strings:
         """Names of the joints that motors drive: all actuated ones but those of a floating base."""
         return self.joints if self.base is None else self.joints[SIX:]
 
@@ -581,12 +579,12 @@ class Description(Stated):
             )
 
     @property
-    def torque_units(self) -> tuple[str, ...]:
+    def torque_units(self) -> Strings:
         """N or N·m for each actuated joint."""
         return tuple("N" if self.is_prismatic(int(k)) else "N·m" for k in self.actuated)
 
     @property
-    def passive(self) -> tuple[str, ...]:
+    def passive(self) -> Strings:
         """Names of the passive degrees of freedom."""
         return tuple(self.dofs[k] for k in self.dependent)
 
@@ -671,12 +669,12 @@ class Description(Stated):
         return tuple(links)
 
     @cached_property
-    def tendon_axes(self) -> tuple[str, ...]:
+    def tendon_axes(self) -> Strings:
         """Axes along several joints of which its file can state numbers: tendons of an MJCF."""
         own = (axis.name for axis in self.axes if axis.mixed and self.mjcf)
         return tuple(dict.fromkeys((*self.tendons, *own)))
 
-    def _axis(self, name: str, weights: Mapping[str, float]) -> Axis:
+    def _axis(self, name: str, weights: NumberByName) -> Axis:
         inside = weights.keys() <= {*self.joints}
         row = np.array([weights.get(joint, 0.0) for joint in self.joints]) if inside else None
         slides = all(self.is_prismatic(self.dof_index(joint)) for joint in weights)
@@ -700,7 +698,7 @@ class Description(Stated):
         """Every passive one-dof joint; balls are left out (no friction law with one axis)."""
         return tuple(self._axis(d, {d: 1.0}) for d in self.passive if d in self.tree.single)
 
-    def column_preference(self, names: tuple[str, ...]) -> list[int]:
+    def column_preference(self, names: Strings) -> list[int]:
         """Return column indices in the order in which the grouping should try to keep them.
 
         Bodies that the sidecar names come first, each with its mass last; all else follows.

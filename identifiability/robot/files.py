@@ -10,7 +10,7 @@ import os
 import sys
 import tempfile
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -23,19 +23,14 @@ from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import find_named
 from identifiability.foundation.quoting import for_toml
-from identifiability.robot.assembly import (
-    LockOption,
-    assemble,
-    check_magnitudes,
-    read_locks,
-    resolve_locks,
-)
-from identifiability.robot.description import Coupling, Description, Stated
-from identifiability.robot.floating import BASE_JOINTS, Base, find_legs
-from identifiability.robot.kinematics import WORLD, body_names, read_tree, weld
-from identifiability.robot.locate import find_sidecar, locate_robot, read_markup
-from identifiability.robot.sidecar import Sidecar, check_known, read_sidecar
-from identifiability.robot.write import numbers, root_link, urdf_joint
+
+from .assembly import LockOption, assemble, check_magnitudes, read_locks, resolve_locks
+from .description import Coupling, Description, Stated
+from .floating import BASE_JOINTS, Base, find_legs
+from .kinematics import WORLD, Tree, body_names, read_tree, weld
+from .locate import find_sidecar, locate_robot, read_markup
+from .sidecar import Sidecar, check_known, read_sidecar
+from .write import numbers, root_link, urdf_joint
 
 
 def _find_massless(path: Path, model: Any, massless: Collection[str]) -> set[int]:
@@ -50,7 +45,8 @@ def _find_massless(path: Path, model: Any, massless: Collection[str]) -> set[int
     check_known(path, "massless", massless, bodies)
     gone = {bodies.index(link) + 1 for link in massless}
     for k in gone:
-        mass, carried = float(model.inertias[k].mass), list(model.parents).count(k)
+        mass = float(model.inertias[k].mass)
+        carried = list(model.parents).count(k)
         if mass > TINY or carried != 1 or model.joints[k].nv != 1:
             raise RobotError(
                 f"The sidecar of {path}: 'massless' names '{bodies[k - 1]}', which has a mass of "
@@ -78,7 +74,7 @@ def read_robot(
     extra = extra if base is None else extra.model_copy(update={"base": base})
     root = read_markup(path)
     if root.tag == "mujoco":  # who has a URDF does not wait for MuJoCo
-        from identifiability.robot.mjcf import state_robot  # noqa: PLC0415
+        from .mjcf import state_robot  # noqa: PLC0415
 
         stated = state_robot(path, extra)
     else:
@@ -98,57 +94,23 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
             "give that file, after xacro has expanded it."
         )
     root, top = release_root(root, extra.base)
-    reason = ""
-    with _printed_errors() as printed:
-        try:
-            model = pin.buildModelFromXML(plain_urdf(_add_base(root) if top else root, path.stem))
-        except Exception as error:  # noqa: BLE001 - a foreign parser may raise anything
-            text = str(error).rpartition("message:")[2]  # Pinocchio puts its source file before it
-            reason = " ".join(text.split()).rstrip(".")[:300] or type(error).__name__
-    if reason or printed:  # a link whose inertia is misspelt is read without any, but told of
-        reason = printed[0][:300] if printed else reason
-        raise RobotError(f"{path} cannot be read as URDF: {reason}.")
+    model = _build_model(path, _add_base(root) if top else root)
     if extra.base is None and not top and not extra.loops:
         _ask_for_base(path, model)
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
     fixed = {name for name, joint in joints.items() if joint.get("type") == "fixed"}
-    follow = {n: j.find("mimic") for n, j in joints.items() if n not in fixed}
-    instead = {*extra.locked, *(c.joint for c in extra.couplings)}
-    mimics = []
-    for name, mimic in ((n, m) for n, m in follow.items() if m is not None):
-        of, others = mimic.get("joint", ""), [n for n in joints if n != name]
-        if of in others:
-            slope, offset = float(mimic.get("multiplier", 1.0)), float(mimic.get("offset", 0.0))
-            mimics.append(Coupling(name, name, offset, {of: (0.0, slope)}))
-        elif name not in instead:
-            raise RobotError(
-                f"{path}: joint '{name}' mimics '{of}', but no other joint has that name"
-                f"{near_match(of, others)} Correct the file, or state [[couplings]] "
-                f"in the sidecar, or lock the joint (locked = {for_toml([name])})."
-            )
-    single = [model.names[j] for j in range(1, model.njoints) if model.joints[j].nv == 1]
-    locked, couplings = resolve_locks(path, extra, dict.fromkeys(single, 0.0), mimics, fixed)
+    drawn = {model.names[j]: 0.0 for j in range(1, model.njoints) if model.joints[j].nv == 1}
+    mimics = _read_mimics(path, joints, fixed, extra)
+    locked, couplings = resolve_locks(path, extra, drawn, mimics, fixed)
     model, welded = weld(model, locked)
-    friction = np.nan_to_num(model.upperDryFrictionLimit, posinf=0.0)
-    moving = [(name, model.joints[model.getJointId(name)]) for name in model.names[1:]]
-    ends = model.lowerPositionLimit, model.upperPositionLimit
-    own = [(name, joint.idx_q, joint.idx_v) for name, joint in moving if joint.nv == 1]
-    stated: dict[str, Any] = {
-        "spans": {name: tuple(float(end[q]) for end in ends) for name, q, _ in own},
-        "speeds": {name: float(model.velocityLimit[v]) for name, _, v in own},
-        "numbers": {
-            name: {"damping": float(model.damping[v]), "frictionloss": float(friction[v])}
-            for name, _, v in own
-        },
-    }
     gone = _find_massless(path, model, (*extra.massless, *(_BETWEEN if top else ())))
     for k in gone:
         model.inertias[k] = pin.Inertia.Zero()
-    gravity = np.array(model.gravity.linear)
-    if top:  # of a base that floats the proper acceleration is known, of which gravity is a part
+    base = Base("", top, np.array(model.gravity.linear)) if top else None
+    if top:  # gravity is part of the acceleration that is measured on a floating base
         model.gravity.linear = np.zeros(3)
-    coupled = {c.joint for c in couplings}
     tree = read_tree(path, model)
+    coupled = {c.joint for c in couplings}
     return Stated(
         model=model,
         tree=tree,
@@ -158,9 +120,75 @@ def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
         driven=[name for name in tree.single if name not in coupled],
         locked=locked,
         welded=welded,
-        base=Base("", top, gravity) if top else None,
-        **stated,
+        base=base,
+        **_read_limits(model, tree),
     )
+
+
+def _build_model(path: Path, root: ET.Element) -> Any:
+    """Return the Pinocchio model of a URDF.
+
+    Raises
+    ------
+    RobotError
+        If it cannot be read. A link whose inertia is misspelt is read without any, but printed.
+    """
+    reason = ""
+    with _printed_errors() as printed:
+        try:
+            model = pin.buildModelFromXML(plain_urdf(root, path.stem))
+        except Exception as error:  # noqa: BLE001 - a foreign parser may raise anything
+            text = str(error).rpartition("message:")[2]  # Pinocchio puts its source file before it
+            reason = " ".join(text.split()).rstrip(".") or type(error).__name__
+    for said in (*printed, *filter(None, [reason])):
+        raise RobotError(f"{path} cannot be read as URDF: {said[:300]}.")
+    return model
+
+
+def _read_mimics(
+    path: Path, joints: Mapping[str, ET.Element], fixed: Collection[str], extra: Sidecar
+) -> list[Coupling]:
+    """Return the mimic joints of a URDF as couplings.
+
+    Raises
+    ------
+    RobotError
+        If one mimics a joint that is not there, and the sidecar says nothing of it.
+    """
+    instead = {*extra.locked, *(c.joint for c in extra.couplings)}
+    found = []
+    for name, joint in joints.items():
+        mimic = joint.find("mimic")
+        if mimic is None or name in fixed:
+            continue
+        of = mimic.get("joint", "")
+        others = [n for n in joints if n != name]
+        if of in others:
+            slope = float(mimic.get("multiplier", 1.0))
+            found.append(Coupling(name, name, float(mimic.get("offset", 0.0)), {of: (0.0, slope)}))
+        elif name not in instead:
+            raise RobotError(
+                f"{path}: joint '{name}' mimics '{of}', but no other joint has that name"
+                f"{near_match(of, others)} Correct the file, or state [[couplings]] "
+                f"in the sidecar, or lock the joint (locked = {for_toml([name])})."
+            )
+    return found
+
+
+def _read_limits(model: Any, tree: Tree) -> dict[str, Any]:
+    """Return limits, damping and dry friction of the joints with one axis, as `Stated` has them."""
+    single = tree.single
+    low = model.lowerPositionLimit
+    high = model.upperPositionLimit
+    friction = np.nan_to_num(model.upperDryFrictionLimit, posinf=0.0)
+    return {
+        "spans": {name: (float(low[j.iq]), float(high[j.iq])) for name, j in single.items()},
+        "speeds": {name: float(model.velocityLimit[j.iv]) for name, j in single.items()},
+        "numbers": {
+            name: {"damping": float(model.damping[j.iv]), "frictionloss": float(friction[j.iv])}
+            for name, j in single.items()
+        },
+    }
 
 
 #: The root link that stands for the world: what is fixed to it is bolted down.
@@ -201,7 +229,9 @@ _BETWEEN = tuple(f"{joint} link" for joint in BASE_JOINTS[:-1])
 
 def _add_base(root: ET.Element) -> ET.Element:
     """Return a URDF whose root link hangs on three slides and three hinges."""
-    made, above, first = copy.deepcopy(root), "world of the base", root_link(root)
+    made = copy.deepcopy(root)
+    above = "world of the base"
+    first = root_link(root)
     ET.SubElement(made, "link", name=above)
     for k, (joint, below) in enumerate(zip(BASE_JOINTS, (*_BETWEEN, first), strict=True)):
         if below != first:
@@ -264,7 +294,8 @@ def plain_urdf(root: ET.Element, name: str) -> str:
     plain = _keep_needed(root)
     plain.set("name", root.get("name") or name)
     for joint in plain.findall("joint"):
-        kind, limit = joint.get("type"), joint.find("limit")
+        kind = joint.get("type")
+        limit = joint.find("limit")
         if kind not in ("continuous", "revolute", "prismatic"):
             continue
         endless = kind == "continuous" or limit is None

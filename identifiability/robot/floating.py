@@ -11,18 +11,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import field
 from typing import Literal
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from identifiability.foundation.linalg import NEARLY
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.values import frozen
-from identifiability.robot.kinematics import Frames, Point, Tree
-from identifiability.robot.rules import RULES
-from identifiability.robot.servo import Servo
+
+from .kinematics import Frames, Point, Tree
+from .rules import RULES
+from .servo import Servo
 
 #: The joints of a base that floats, slides first: rows of its force and of its moment about its
 #: origin, along its own axes.
@@ -80,7 +80,7 @@ class Wrench:
     name: str
     point: Point
     rotation: Array
-    columns: tuple[str, ...]
+    columns: Strings
 
 
 @frozen
@@ -99,11 +99,11 @@ class Imu:
         Those of these of which corrections are fitted.
     """
 
-    rotation: Array = field(default_factory=lambda: np.eye(3))
-    place: Array = field(default_factory=lambda: np.zeros(3))
-    acc_bias: Array = field(default_factory=lambda: np.zeros(3))
-    gyro_bias: Array = field(default_factory=lambda: np.zeros(3))
-    fit: tuple[str, ...] = ()
+    rotation: Array = np.eye(3)
+    place: Array = np.zeros(3)
+    acc_bias: Array = np.zeros(3)
+    gyro_bias: Array = np.zeros(3)
+    fit: Strings = ()
 
 
 @frozen
@@ -187,10 +187,10 @@ def eliminate(
     tree: Tree,
     base: Base,
     q: Array,
-    closed: np.ndarray,
+    closed: Array,
     up: Array | None,
-    driven: tuple[np.ndarray, np.ndarray, Array | None],
-) -> tuple[Array, np.ndarray]:
+    driven: tuple[Array, Array, Array | None],
+) -> tuple[Array, Array]:
     """Return the combinations of rows that no force of closed contacts enters.
 
     With the Jacobian of the closed contacts J = [J_b, J_j], of the base and of the other joints,
@@ -240,10 +240,11 @@ def eliminate(
     return N, silent
 
 
-def _null_space(J: Array) -> tuple[Array, np.ndarray]:
+def _null_space(J: Array) -> tuple[Array, Array]:
     """Return N of Jacobians (N, m, n), and the rows of which nothing is left."""
     n = J.shape[2]
-    Jb, Jj = J[:, :, :SIX], J[:, :, SIX:]
+    Jb = J[:, :, :SIX]
+    Jj = J[:, :, SIX:]
     inverse, weak = _pinv(Jj, RULES.leg_stretched)
     stiff = Jb - Jj @ (inverse @ Jb)  # motions of the base to which the legs cannot yield
     large = np.abs(stiff).max(initial=0.0) > NEARLY
@@ -261,7 +262,7 @@ def _null_space(J: Array) -> tuple[Array, np.ndarray]:
     return N, silent
 
 
-def _pinv(A: Array, smallest: float) -> tuple[Array, np.ndarray]:
+def _pinv(A: Array, smallest: float) -> tuple[Array, Array]:
     """Return pseudo-inverses of matrices (N, m, n), and where a singular value is near none.
 
     A singular value that is none at all is no direction; one between it and `smallest` of the
@@ -277,7 +278,7 @@ def _pinv(A: Array, smallest: float) -> tuple[Array, np.ndarray]:
     return (V.swapaxes(1, 2) * inverse[:, None, :]) @ U.swapaxes(1, 2), weak
 
 
-def closed_contacts(contacts: Sequence[Contact], t: Array, flags: Array) -> np.ndarray:
+def closed_contacts(contacts: Sequence[Contact], t: Array, flags: Array) -> Array:
     """Return when contacts may press, (N, c) bool, from when they are said to (N, c)."""
     step = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
     reaches = [int(np.ceil(c.margin / step)) for c in contacts]

@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from identifiability.foundation.errors import listing
-from identifiability.foundation.linalg import NEARLY
-from identifiability.foundation.names import Array
-from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.linalg import NEARLY, TINY
+from identifiability.foundation.names import Array, NumberByName
 from identifiability.foundation.values import frozen
-from identifiability.robot.locate import read_markup
+
+from .locate import read_markup
 
 #: Attributes of an inertia in a URDF, and their places in the tensor.
 _URDF_MOMENTS = {
@@ -33,12 +33,6 @@ _URDF_MOMENTS = {
 _FULL_MOMENTS = dict(
     zip(("M11", "M22", "M33", "M12", "M13", "M23"), _URDF_MOMENTS.values(), strict=True)
 )
-
-#: Square of a radius of gyration that is none, but for rounding [m²].
-_ROUNDED: Tolerance = 1e-12
-
-#: Bodies of which a sentence quotes numbers; of more it lists the names.
-MOST_QUOTED = 6
 
 
 @frozen
@@ -56,7 +50,7 @@ class StatedInertial:
 
     body: str
     mass: float
-    moments: Mapping[str, float]
+    moments: NumberByName
     tensor: Array
 
     @property
@@ -65,7 +59,7 @@ class StatedInertial:
         if self.mass < 0:
             return f"{self.body} (mass {self.mass:g} kg is negative)"
         least, *_, largest = np.linalg.eigvalsh(self.tensor)
-        slack = NEARLY * np.abs(self.tensor).max() + _ROUNDED * self.mass
+        slack = NEARLY * np.abs(self.tensor).max() + TINY * self.mass
         if least < -slack:
             why = "a principal moment is negative"
         elif 2.0 * largest > np.trace(self.tensor) + slack:
@@ -108,7 +102,8 @@ def read_inertials(root: ET.Element) -> list[StatedInertial]:
 
 def _read_urdf(inertial: ET.Element) -> tuple[float, dict[str, float]]:
     """Return mass and moments of an ``<inertial>`` of a URDF."""
-    mass, inertia = inertial.find("mass"), inertial.find("inertia")
+    mass = inertial.find("mass")
+    inertia = inertial.find("inertia")
     weight = 0.0 if mass is None else float(mass.get("value", "0"))
     if inertia is None:
         return weight, {}
@@ -140,8 +135,8 @@ def describe_faults(faults: Mapping[str, str]) -> str:
     """Return a sentence on the bodies that cannot exist, or nothing."""
     if not faults:
         return ""
-    quoted = [*faults.values()][:MOST_QUOTED]
-    others = listing([*faults][MOST_QUOTED:], len(faults))
+    quoted = [*faults.values()][:6]  # of the others it lists the names
+    others = listing([*faults][6:], len(faults))
     more = f"; and likewise {others}" * bool(others)
     count = "a body" if len(faults) == 1 else f"{len(faults)} bodies"
     return f"The robot file states {count} that cannot exist: {'; '.join(quoted)}{more}."

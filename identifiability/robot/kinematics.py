@@ -6,7 +6,7 @@ of many samples have the samples last.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -17,7 +17,7 @@ import scipy
 
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.linalg import NEARLY
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, NumberByName, Strings
 from identifiability.foundation.values import frozen
 
 # Vectors and turns of many samples at once, samples last.
@@ -95,7 +95,7 @@ class Joint:
         Where its coordinates start in Pinocchio's ``q`` and ``v``.
     """
 
-    dofs: tuple[str, ...]
+    dofs: Strings
     kind: JointType
     parent: int
     rotation: Array
@@ -186,15 +186,11 @@ class Tree:
 
     def chain(self, joint: int) -> list[int]:
         """Return the joints from the root to `joint`."""
-        path: list[int] = []
+        path = []
         while joint != WORLD:
             path.append(joint)
             joint = self.joints[joint].parent
         return path[::-1]
-
-    def ancestors(self, joints: Iterable[int]) -> list[int]:
-        """Return every joint that moves one of `joints`, parents first."""
-        return sorted({k for j in joints for k in self.chain(j)})
 
     def integrate(self, q: Array, step: Array) -> Array:
         """Return ``q ⊕ step`` for tangent steps (N, nv); ball joints turn in their own frame."""
@@ -217,10 +213,13 @@ class Tree:
         axes: dict[int, Array] = {}
         origin: dict[int, Array] = {}
         q = np.ascontiguousarray(q.T)
-        for k in self.ancestors(joints):
-            j, fixed = self.joints[k], self._aligned[k]
+        # Parents come before what they move.
+        for k in sorted({k for j in joints for k in self.chain(j)}):
+            j = self.joints[k]
+            fixed = self._aligned[k]
             if j.parent == WORLD:
-                R, p = fixed.turn[:, :, None], fixed.shift[:, None]
+                R = fixed.turn[:, :, None]
+                p = fixed.shift[:, None]
             else:
                 above = axes[j.parent].reshape(3, -1)
                 R = (fixed.turn @ above).reshape(3, 3, -1)
@@ -267,7 +266,8 @@ class Tree:
     ) -> None:
         """Add the same of what is behind a joint and just at a place of the world, (3, N) [m]."""
         for k in self.chain(joint):
-            j, R = self.joints[k], frames.axes[k]
+            j = self.joints[k]
+            R = frames.axes[k]
             if j.kind == "prismatic":
                 out[:, j.iv] += sign * R[2]
                 continue
@@ -284,7 +284,8 @@ class Tree:
     def add_turn_jacobian(self, frames: Frames, joint: int, out: Array) -> None:
         """Add how joints turn what is behind one to `out` (3, nv, N), world axes."""
         for k in self.chain(joint):
-            j, R = self.joints[k], frames.axes[k]
+            j = self.joints[k]
+            R = frames.axes[k]
             if j.kind == "revolute":
                 out[:, j.iv] += R[2]
             elif j.kind in ("ball", "free"):
@@ -298,7 +299,8 @@ def _move(j: Joint, q: Array, R: Array, p: Array) -> tuple[Array, Array]:
     if j.kind == "prismatic":
         return R, p + R[2] * q[j.iq]
     if j.kind == "revolute":
-        c, s = np.cos(q[j.iq]), np.sin(q[j.iq])
+        c = np.cos(q[j.iq])
+        s = np.sin(q[j.iq])
         out = np.empty((3, 3, q.shape[1]))
         out[0] = c * R[0] + s * R[1]
         out[1] = c * R[1] - s * R[0]
@@ -321,7 +323,9 @@ def read_tree(path: Path, model: Any) -> Tree:
 
 
 def _read_joint(path: Path, model: Any, index: int, still: Array) -> Joint:
-    part, place, name = model.joints[index], model.jointPlacements[index], model.names[index]
+    part = model.joints[index]
+    place = model.jointPlacements[index]
+    name = model.names[index]
     kind = part.shortname().removeprefix("JointModel")
     type_ = {"Spherical": "ball", "FreeFlyer": "free"}.get(kind, "")
     axis = np.zeros(3)
@@ -350,7 +354,7 @@ def _read_joint(path: Path, model: Any, index: int, still: Array) -> Joint:
     )
 
 
-def body_names(model: Any) -> tuple[str, ...]:
+def body_names(model: Any) -> Strings:
     """Return the body behind each joint of a Pinocchio model."""
     names = []
     for index in range(1, model.njoints):
@@ -362,7 +366,7 @@ def body_names(model: Any) -> tuple[str, ...]:
     return tuple(names)
 
 
-def weld(model: Any, locked: Mapping[str, float]) -> tuple[Any, dict[str, Array]]:
+def weld(model: Any, locked: NumberByName) -> tuple[Any, dict[str, Array]]:
     """Return a Pinocchio model without the locked joints, and what hangs behind them.
 
     Parameters
@@ -381,10 +385,13 @@ def weld(model: Any, locked: Mapping[str, float]) -> tuple[Any, dict[str, Array]
     """
     if not locked:
         return model, {}
-    q, still = pin.neutral(model), {model.getJointId(name) for name in locked}
+    q = pin.neutral(model)
+    still = {model.getJointId(name) for name in locked}
     for name, value in locked.items():
         q[model.joints[model.getJointId(name)].idx_q] = value
-    data, bodies, welded = model.createData(), body_names(model), {}
+    data = model.createData()
+    bodies = body_names(model)
+    welded = {}
     pin.forwardKinematics(model, data, q)
     for index in sorted(still):
         place = data.oMi[_host(model, still, index)].actInv(data.oMi[index])

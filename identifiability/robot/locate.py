@@ -11,6 +11,7 @@ import math
 import xml.etree.ElementTree as ET
 from collections import Counter
 from importlib import resources
+from io import BytesIO
 from pathlib import Path
 
 from identifiability.foundation.errors import RobotError, near_match
@@ -47,7 +48,8 @@ def place_sidecar(path: Path, taken: Path | None = None) -> Path:
     taken : Path, optional
         A sidecar that must not be replaced.
     """
-    own, shared = own_sidecar(path), path.with_suffix(".toml")
+    own = own_sidecar(path)
+    shared = path.with_suffix(".toml")
     others = (path.with_suffix(ending) for ending in ENDINGS if ending != path.suffix.lower())
     read = any(p.is_file() and not own_sidecar(p).is_file() for p in others)
     mine = taken is None or taken.resolve() != shared.resolve()
@@ -194,7 +196,9 @@ class _Builder:
     """
 
     def __init__(self, path: Path, room: int) -> None:
-        self.path, self.room, self.level = path, room, 0
+        self.path = path
+        self.room = room
+        self.level = 0
         self.tree = ET.TreeBuilder()
 
     def doctype(self, *_declared: str | None) -> None:
@@ -264,10 +268,7 @@ def parse_xml(path: Path, roots: tuple[str, ...], room: int = MOST_ELEMENTS) -> 
     try:
         check_files(path, path, most=MOST_TEXT)
         parser = ET.XMLParser(target=_Builder(path, room))
-        content = memoryview(read_bytes(path))
-        for start in range(0, len(content), _PIECE):
-            parser.feed(bytes(content[start : start + _PIECE]))
-        root: ET.Element = parser.close()
+        root = ET.parse(BytesIO(read_bytes(path)), parser).getroot()
     except (ET.ParseError, OSError, ValueError, LookupError) as error:
         reason = getattr(error, "strerror", None) or error
         raise RobotError(f"{path} cannot be read as MJCF or URDF: {reason}.") from None
@@ -277,10 +278,6 @@ def parse_xml(path: Path, roots: tuple[str, ...], room: int = MOST_ELEMENTS) -> 
             f"{' or '.join(f'<{r}>' for r in roots)}."
         )
     return root
-
-
-#: Bytes that are parsed before the limits are looked at again.
-_PIECE = 65_536
 
 
 def expand_includes(path: Path, root: ET.Element, found: list[Path], room: int) -> int:
@@ -333,7 +330,9 @@ def _check_size(path: Path, root: ET.Element) -> None:
     """
     movable = {"joint", "freejoint"}
     attached = _count_attached(path, root)
-    level, bodies, elements = [(root, 1)], 0, 0
+    level = [(root, 1)]
+    bodies = 0
+    elements = 0
     for _ in range(DEEPEST):
         below = []
         for element, times in level:
@@ -465,7 +464,7 @@ def read_included(path: Path) -> tuple[ET.Element, list[Path]]:
 def drop_repeated(root: ET.Element) -> None:
     """Take out of a URDF what is stated again where readers take the first; MuJoCo refuses it."""
     for element in (*root.findall("joint"), *root.iter("inertial")):
-        seen: set[str] = set()
+        seen = set()
         for child in list(element):
             if child.tag in seen:
                 element.remove(child)

@@ -11,6 +11,7 @@ import warnings
 from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,15 +21,16 @@ import pinocchio as pin
 from numpy.polynomial import Polynomial
 
 from identifiability.foundation.errors import RobotError, listing, near_match
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, NumberByName, Strings
 from identifiability.foundation.values import frozen
-from identifiability.robot.assembly import resolve_locks
-from identifiability.robot.description import FIELDS, Cable, Coupling, Loop, Stated
-from identifiability.robot.floating import BASE_JOINTS, SIX, Base
-from identifiability.robot.inertials import describe_faults, find_faults
-from identifiability.robot.kinematics import WORLD, Joint, Point, Tree, read_tree, weld
-from identifiability.robot.locate import check_files, file_text, read_markup
-from identifiability.robot.sidecar import Sidecar
+
+from .assembly import resolve_locks
+from .description import FIELDS, Cable, Coupling, Loop, Stated
+from .floating import BASE_JOINTS, SIX, Base
+from .inertials import describe_faults, find_faults
+from .kinematics import WORLD, Joint, Point, Tree, read_tree, weld
+from .locate import check_files, file_text, read_markup
+from .sidecar import Sidecar
 
 _EQ, _OBJ, _OFF, _TRN = mujoco.mjtEq, mujoco.mjtObj, mujoco.mjtDisableBit, mujoco.mjtTrn
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
@@ -90,11 +92,12 @@ def replace_free_joints(spec: Any, floating: str | None = None) -> None:
     """
     for key in list(spec.keys):
         spec.delete(key)
-    for joint in [j for j in spec.joints if int(j.type) == FREE and floating in (None, j.name)]:
+    for joint in [j for j in spec.joints if j.type == FREE and floating in (None, j.name)]:
         body = joint.parent
         spec.delete(joint)
         if floating is not None:
-            body.pos, body.quat = np.zeros(3), np.eye(4)[0]
+            body.pos = np.zeros(3)
+            body.quat = np.eye(4)[0]
             body.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
             add_base(body)
 
@@ -128,7 +131,8 @@ def refused(path: Path) -> Iterator[None]:
     except (ValueError, RuntimeError, MemoryError, OSError, mujoco.FatalError) as error:
         text = " ".join(str(error).split())
         text = re.sub(r"(XML )?Error: |(?<=Element) name '',| id -?\d+,", "", text)
-        quoted, text = re.search(r"'([^']+)'", text), text.rstrip(".")[:300]
+        quoted = re.search(r"'([^']+)'", text)
+        text = text.rstrip(".")[:300]
         known = {e.get(key) or "" for e in read_markup(path).iter() for key in ("name", "class")}
         lost = quoted and quoted[1] not in {*known, "hinge", "slide"} and text[:6] != "Schema"
         end = near_match(quoted[1], known) if quoted and lost else "."
@@ -154,9 +158,9 @@ def _is_idle(compiler: Any, geom: Any) -> bool:
     """Whether a geom is read from another file and has no share in the inertia of what moves."""
     if geom.hfieldname or not (geom.meshname or geom.type == mujoco.mjtGeom.mjGEOM_SDF):
         return bool(geom.hfieldname)
-    body, how = geom.parent, int(compiler.inertiafromgeom)
-    stated = body.explicitinertial and how != int(_FROM.mjINERTIAFROMGEOM_TRUE)
-    if stated or how == int(_FROM.mjINERTIAFROMGEOM_FALSE):
+    body = geom.parent
+    stated = body.explicitinertial and compiler.inertiafromgeom != _FROM.mjINERTIAFROMGEOM_TRUE
+    if stated or compiler.inertiafromgeom == _FROM.mjINERTIAFROMGEOM_FALSE:
         return True
     while body is not None and not body.joints:
         body = body.parent
@@ -173,7 +177,8 @@ def _forget_room(spec: Any) -> None:
 
 def _forget_looks(spec: Any, more: str) -> None:
     """Remove what would be read from other files and has no share in the motion, and `more`."""
-    geoms, sites = list(spec.geoms), list(spec.sites)  # each look at them takes a while
+    geoms = list(spec.geoms)
+    sites = list(spec.sites)  # each look at them takes a while
     for element in (*geoms, *sites, *spec.tendons, *spec.meshes):
         element.material = ""
     used = {e.meshname for e in (*geoms, *sites)} | {f.name for f in spec.flexes}
@@ -207,7 +212,7 @@ def _name_all(spec: Any) -> None:
 # reaches has no share in its torque.
 
 
-_ON_JOINT = (int(_TRN.mjTRN_JOINT), int(_TRN.mjTRN_JOINTINPARENT))
+_ON_JOINT = (_TRN.mjTRN_JOINT, _TRN.mjTRN_JOINTINPARENT)
 
 
 def _word(kind: Any) -> str:
@@ -215,7 +220,7 @@ def _word(kind: Any) -> str:
     return str(kind.name.rpartition("_")[2])
 
 
-def find_outside(m: Any, extra: Sidecar, ties: Sequence[set[int]]) -> tuple[str, ...]:
+def find_outside(m: Any, extra: Sidecar, ties: Sequence[set[int]]) -> Strings:
     """Return the bodies of a compiled scene at which trees begin that no actuated joint reaches.
 
     A tree hangs on the world by joints. It is reached where an actuator (or what the sidecar
@@ -229,7 +234,7 @@ def find_outside(m: Any, extra: Sidecar, ties: Sequence[set[int]]) -> tuple[str,
     ties : sequence of set
         Trees that are tied together, those of the sidecar's loops first.
     """
-    at_joint = {m.joint(j).name: int(m.body_treeid[m.jnt_bodyid[j]]) for j in range(m.njnt)}
+    at_joint = {m.joint(j).name: m.body_treeid[m.jnt_bodyid[j]] for j in range(m.njnt)}
     named = {*extra.locked, *(j for c in extra.couplings for j in (c.joint, c.of, *c.terms))}
     reached = {at_joint.get(name, -1) for name in (*named, *(extra.actuated or ()))}
     reached = reached.union(*ties[: len(extra.loops or ())])
@@ -237,13 +242,17 @@ def find_outside(m: Any, extra: Sidecar, ties: Sequence[set[int]]) -> tuple[str,
         for kind, at in zip(m.actuator_trntype.tolist(), m.actuator_trnid, strict=True):
             reached |= _trees(m, _word(_TRN(kind)), at)
     elif extra.actuated is None:
-        single = np.flatnonzero(np.isin(m.jnt_type, (HINGE, SLIDE)))
-        reached |= _trees(m, "JOINT", single)
+        reached |= _trees(m, "JOINT", _find_single(m))
     reached.discard(-1)
     while more := {k for tie in ties if tie & reached for k in tie - reached} - {-1}:
         reached |= more
     first = {int(tree): b for b, tree in reversed([*enumerate(m.body_treeid)]) if tree >= 0}
     return tuple(m.body(b).name for k, b in sorted(first.items()) if reached and k not in reached)
+
+
+def _find_single(m: Any) -> Array:
+    """Return the joints of a compiled model that have one axis, by index."""
+    return np.flatnonzero(np.isin(m.jnt_type, (HINGE, SLIDE)))
 
 
 def _trees(m: Any, kind: str, which: Iterable[int]) -> set[int]:
@@ -270,7 +279,8 @@ def find_ties(m: Any, extra: Sidecar) -> list[set[int]]:
     pairs = [(body.get(x.body1, 0), body.get(x.body2, 0)) for x in extra.loops or ()]
     found = [_trees(m, "BODY", pair) for pair in pairs]
     for k in np.flatnonzero(m.eq_active0).tolist():
-        ends, eq = m.eq_objtype[k], _EQ(m.eq_type[k])  # joints and tendons are in the latter alone
+        ends = m.eq_objtype[k]
+        eq = _EQ(m.eq_type[k])  # joints and tendons are in the latter alone
         kind = _word(_OBJ(ends) if ends else eq)
         found.append(_trees(m, kind, (m.eq_obj1id[k], m.eq_obj2id[k])))
     return found + [_trees(m, "TENDON", [t]) for t in range(m.ntendon)]
@@ -300,7 +310,7 @@ def find_floating(
         )
     if not found:
         return None
-    joint = int(found[0].jntadr[0])
+    joint = found[0].jntadr[0]
     if joint in m.actuator_trnid[np.isin(m.actuator_trntype, _ON_JOINT), 0]:
         raise RobotError(
             f"{path}: the free joint '{m.joint(joint).name}' cannot be actuated; only joints with "
@@ -334,7 +344,7 @@ class Actuator:
     """
 
     name: str
-    arms: Mapping[str, float]
+    arms: NumberByName
     tendon: str
     straight: bool
     gear: float
@@ -343,7 +353,7 @@ class Actuator:
     bias: Array
     force: Array
     command: Array
-    numbers: Mapping[str, float]
+    numbers: NumberByName
 
     @property
     def joint(self) -> str:
@@ -371,8 +381,9 @@ def read_actuators(m: Any) -> list[Actuator]:
     found = []
     first_controls = getattr(m, "actuator_ctrladr", range(m.nu))  # of several; MuJoCo 4 and later
     for a, control in enumerate(first_controls):
-        kind, target = int(m.actuator_trntype[a]), int(m.actuator_trnid[a, 0])
-        pulls = kind == int(_TRN.mjTRN_TENDON)
+        kind = int(m.actuator_trntype[a])
+        target = m.actuator_trnid[a, 0]
+        pulls = kind == _TRN.mjTRN_TENDON
         arms = {m.joint(target).name: 1.0} if kind in _ON_JOINT else {}
         found.append(
             Actuator(
@@ -383,7 +394,7 @@ def read_actuators(m: Any) -> list[Actuator]:
                 gear=float(m.actuator_gear[a, 0]),
                 law=_law(m, a),
                 gain=float(m.actuator_gainprm[a, 0]),
-                bias=m.actuator_biasprm[a, :3] * (int(m.actuator_biastype[a]) == _AFFINE),
+                bias=m.actuator_biasprm[a, :3] * (m.actuator_biastype[a] == _AFFINE),
                 force=m.actuator_forcerange[a] if m.actuator_forcelimited[a] else ENDLESS_SPAN,
                 command=m.actuator_ctrlrange[control]
                 if m.actuator_ctrllimited[control]
@@ -398,8 +409,8 @@ def _law(m: Any, a: int) -> str:
     """Return what an actuator holds: a position, a speed or a torque; nothing of any other."""
     gain, (_, stiff, damp) = float(m.actuator_gainprm[a, 0]), m.actuator_biasprm[a, :3]
     bias = int(m.actuator_biastype[a])
-    fixed = int(m.actuator_gaintype[a]) == int(mujoco.mjtGain.mjGAIN_FIXED)
-    plain = int(m.actuator_dyntype[a]) == int(mujoco.mjtDyn.mjDYN_NONE)
+    fixed = m.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
+    plain = m.actuator_dyntype[a] == mujoco.mjtDyn.mjDYN_NONE
     if not (fixed and plain and gain and bias in (_NO_BIAS, _AFFINE)):
         return ""
     if bias == _NO_BIAS or not (stiff or damp):
@@ -445,7 +456,7 @@ def find_drives(actuators: Sequence[Actuator], locked: Collection[str]) -> list[
     A joint may have several actuators, say one that holds a position and one that damps. One that
     pulls at several joints that move drives none of them alone.
     """
-    names: list[str] = []
+    names = []
     for a in actuators:
         moving = [joint for joint in a.arms if joint not in locked]
         names += [a.tendon] if a.straight else moving if len(moving) == 1 else []
@@ -468,28 +479,26 @@ _BENT = (
 
 def tendon_parts(m: Any, t: int) -> range:
     """Return what a tendon of a compiled model runs through, by index."""
-    start = int(m.tendon_adr[t])
-    return range(start, start + int(m.tendon_num[t]))
+    start = m.tendon_adr[t]
+    return range(start, start + m.tendon_num[t])
 
 
 def straight(m: Any, t: int) -> bool:
     """Whether a tendon of a compiled model runs straight between sites."""
-    return {int(m.wrap_type[w]) for w in tendon_parts(m, t)} == {int(_WRAP.mjWRAP_SITE)}
+    return all(m.wrap_type[w] == _WRAP.mjWRAP_SITE for w in tendon_parts(m, t))
 
 
 def find_arms(m: Any, t: int) -> dict[str, float]:
     """Return the joints that a tendon runs along, with their coefficients; none of a bent one."""
     arms: dict[str, float] = defaultdict(float)
     for w in tendon_parts(m, t):
-        if int(m.wrap_type[w]) != int(_WRAP.mjWRAP_JOINT):
+        if m.wrap_type[w] != _WRAP.mjWRAP_JOINT:
             return {}
-        arms[m.joint(int(m.wrap_objid[w])).name] += float(m.wrap_prm[w])
+        arms[m.joint(m.wrap_objid[w]).name] += float(m.wrap_prm[w])
     return {joint: c for joint, c in arms.items() if c}
 
 
-def read_forces(
-    path: Path, m: Any, actuators: Sequence[Actuator], locked: Mapping[str, float]
-) -> Forces:
+def read_forces(path: Path, m: Any, actuators: Sequence[Actuator], locked: NumberByName) -> Forces:
     """Return the forces along the joints of a compiled model; none moves a locked joint.
 
     Raises
@@ -498,14 +507,13 @@ def read_forces(
         If there are others than along single joints, or they are not linear in speed or position.
     """
     _refuse_fields(path, m)
-    off = int(m.opt.disableflags)
     flags = {word: [getattr(_OFF, f"mjDSBL_{x}") for x in f.off] for word, f in FIELDS.items()}
-    idle = {word for word, bits in flags.items() if any(off & int(bit) for bit in bits)}
+    idle = {word for word, bits in flags.items() if any(m.opt.disableflags & x for x in bits)}
     pull: dict[str, float] = defaultdict(float)
     found: dict[str, dict[str, float]] = {a.tendon: {} for a in actuators if a.straight}
-    rests: dict[str, float] = {}
-    combinations: dict[str, dict[str, float]] = {}
-    single = {m.joint(int(j)).name for j in np.flatnonzero(np.isin(m.jnt_type, (HINGE, SLIDE)))}
+    rests = {}
+    combinations = {}
+    single = {m.joint(j).name for j in _find_single(m)}
     for title, arms, given, start, taut in _lines(m, actuators):
         numbers = {word: x for word, x in given.items() if x and word not in idle}
         moving = {j: c for j, c in arms.items() if j not in locked}
@@ -531,7 +539,7 @@ def read_forces(
 
 #: What acts along a sum of joints, or a straight tendon: its name, coefficients, numbers by word,
 #: where it is relaxed, and whether it is such a tendon.
-Line = tuple[str, Mapping[str, float], Mapping[str, float], float, bool]
+Line = tuple[str, NumberByName, NumberByName, float, bool]
 
 #: Numbers by what they act along, then by word; where springs are relaxed; coefficients of tendons
 #: along several joints.
@@ -540,12 +548,13 @@ Forces = tuple[dict[str, dict[str, float]], dict[str, float], dict[str, dict[str
 
 def _lines(m: Any, actuators: Sequence[Actuator]) -> Iterator[Line]:
     """Yield what acts along joints, tendons and actuators."""
-    for x in (m.joint(j) for j in range(m.njnt)):
+    for x in map(m.joint, range(m.njnt)):
         own = {word: float(getattr(x, word).flat[0]) for word in _WORDS}
         yield x.name, {x.name: 1.0}, own, float(m.qpos_spring[x.qposadr[0]]), False
     rests = {"": 0.0}
     for t in range(m.ntendon):
-        name, rest = m.tendon(t).name, float(m.tendon_lengthspring[t, 0])
+        name = m.tendon(t).name
+        rest = float(m.tendon_lengthspring[t, 0])
         rests[name] = rest
         yield name, find_arms(m, t), _numbers(m, "tendon", t), rest, straight(m, t)
     for a in actuators:
@@ -574,7 +583,7 @@ def _refuse_fields(path: Path, m: Any) -> None:
     if len(slack):
         raise _refusal(path, f"the tendon '{m.tendon(slack[0]).name}' is slack between two lengths")
     if len(lifted):
-        raise _refusal(path, f"the body '{m.body(int(lifted[0])).name}' has gravcomp")
+        raise _refusal(path, f"the body '{m.body(lifted[0]).name}' has gravcomp")
     if m.opt.density or m.opt.viscosity:
         raise _refusal(path, "<option> gives the air a density or viscosity")
     if m.nflex or np.any(m.body_plugin >= 0):
@@ -601,55 +610,32 @@ _ALIGNED = {
 
 
 def state_robot(path: Path, extra: Sidecar) -> Stated:
-    """Return what an MJCF states, without what is not the robot's, with what is locked welded.
+    """Return what an MJCF states of the robot in its scene; locked joints are welded.
 
     Raises
     ------
     RobotError
         If it has a part that neither the regressor nor the nominal values can hold.
     """
-    with refused(path):
-        spec = read_spec(path)
-        scene = m = spec.compile()
-    ties, fixed = find_ties(scene, extra), extra.base == "fixed"
-    outside = find_outside(scene, extra, ties)
-    floating = None if fixed else find_floating(path, scene, outside, ties)
-    if floating is None and extra.base == "floating":
-        raise RobotError(
-            f'{path} has no free joint, and its sidecar says base = "floating"; give the body that '
-            "floats a <freejoint/>."
-        )
-    meshes = mesh_files(path, spec)
-    with refused(path):
-        if outside or fixed or floating is not None:
-            m = read_spec(path, outside, fixed=fixed, floating=floating).compile()
-    home, actuators = _home(scene, m), read_actuators(m)
-    joints = [m.joint(j) for j in np.flatnonzero(np.isin(m.jnt_type, [HINGE, SLIDE]))]
+    scene, m, floating, left = _compile_robot(path, extra)
+    home = _home(scene, m)
+    joints = [m.joint(j) for j in _find_single(m)]
     drawn = {j.name: float(home[j.qposadr[0]]) for j in joints}
     locked, couplings = resolve_locks(path, extra, drawn, _couplings(m))
     model, welded = weld(_build_tree(m), locked)
     tree = read_tree(path, model)
+    base = _set_gravity(model, m, floating)
     # Copies: more frames are added below, which moves those that the model holds.
     frames = {f.name: f.copy() for f in model.frames if f.type == pin.FrameType.BODY}
-
-    def point(body: int, position: Array) -> Point:
-        frame = frames[m.body(body).name]
-        return Point(frame.parentJoint - 1, frame.placement.act(np.array(position)))
-
-    still = int(m.opt.disableflags) & int(_OFF.mjDSBL_GRAVITY)
-    gravity, base = np.zeros(3) if still else np.array(m.opt.gravity), None
-    model.gravity.linear = gravity
-    if floating is not None:  # the proper acceleration is known, of which gravity is a part
-        base, model.gravity.linear = Base("", floating, gravity), np.zeros(3)
+    point = partial(_place, m, frames)
+    actuators = read_actuators(m)
     forces, rests, combinations = read_forces(path, m, actuators, locked)
     acting = [t for t in range(m.ntendon) if straight(m, t) and m.tendon(t).name in forces]
-    through = [[m.site(int(m.wrap_objid[w])) for w in tendon_parts(m, t)] for t in acting]
-    ends = [tuple(point(int(s.bodyid[0]), s.pos) for s in sites) for sites in through]
-    cables = [Cable(m.tendon(t).name, points) for t, points in zip(acting, ends, strict=True)]
+    cables = tuple(_read_cable(m, t, point) for t in acting)
     limited = [(j.name, j.range) for j in joints if j.limited[0]]
     limited += [(m.tendon(t).name, m.tendon_range[t]) for t in acting if m.tendon_limited[t]]
     kept = np.ones(m.nq, bool)
-    kept[[int(m.joint(name).qposadr[0]) for name in locked]] = False
+    kept[[m.joint(name).qposadr[0] for name in locked]] = False
     return Stated(
         model=model,
         tree=add_slides(tree, cables, model.nq),
@@ -665,23 +651,74 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
         locked=locked,
         welded=welded,
         combinations=combinations,
-        cables=tuple(cables),
-        outside=outside,
-        meshes=meshes,
+        cables=cables,
         gears=find_gears(actuators),
         servos=find_servos(actuators),
         offsets=find_offsets(actuators),
         base=base,
         radii=_name_frames(model, m, frames),
+        **left,
     )
+
+
+def _compile_robot(path: Path, extra: Sidecar) -> tuple[Any, Any, str | None, dict[str, Any]]:
+    """Return the compiled scene, the compiled robot, and the free joint that it floats on, if any.
+
+    The last item holds two fields of `Stated`: the bodies that are left out, and the mesh files.
+
+    Raises
+    ------
+    RobotError
+    """
+    with refused(path):
+        spec = read_spec(path)
+        scene = spec.compile()
+    ties = find_ties(scene, extra)
+    fixed = extra.base == "fixed"
+    outside = find_outside(scene, extra, ties)
+    floating = None if fixed else find_floating(path, scene, outside, ties)
+    if floating is None and extra.base == "floating":
+        raise RobotError(
+            f'{path} has no free joint, and its sidecar says base = "floating"; give the body that '
+            "floats a <freejoint/>."
+        )
+    meshes = mesh_files(path, spec)
+    robot = scene
+    if outside or fixed or floating is not None:
+        with refused(path):
+            robot = read_spec(path, outside, fixed=fixed, floating=floating).compile()
+    return scene, robot, floating, {"outside": outside, "meshes": meshes}
+
+
+def _set_gravity(model: Any, m: Any, floating: str | None) -> Base | None:
+    """Give a Pinocchio model the gravity of a compiled MJCF; return the floating base, if any.
+
+    The model of a floating base has no gravity: gravity is part of the measured acceleration.
+    """
+    still = m.opt.disableflags & _OFF.mjDSBL_GRAVITY
+    gravity = np.zeros(3) if still else np.array(m.opt.gravity)
+    model.gravity.linear = gravity if floating is None else np.zeros(3)
+    return None if floating is None else Base("", floating, gravity)
+
+
+def _place(m: Any, frames: Mapping[str, Any], body: int, position: Array) -> Point:
+    """Return a point of a body, which is in its frame, as a point of the tree."""
+    frame = frames[m.body(body).name]
+    return Point(frame.parentJoint - 1, frame.placement.act(np.array(position)))
+
+
+def _read_cable(m: Any, t: int, point: Places) -> Cable:
+    """Return a tendon that runs straight between sites."""
+    sites = [m.site(m.wrap_objid[w]) for w in tendon_parts(m, t)]
+    return Cable(m.tendon(t).name, tuple(point(s.bodyid[0], s.pos) for s in sites))
 
 
 def _name_frames(model: Any, m: Any, frames: Mapping[str, Any]) -> dict[str, float]:
     """Give the model a frame for every site and geom with a name; return radii of spheres."""
-    parts = [*(m.site(k) for k in range(m.nsite)), *(m.geom(k) for k in range(m.ngeom))]
+    parts = [*map(m.site, range(m.nsite)), *map(m.geom, range(m.ngeom))]
     for part in (part for part in parts if part.name):
-        body = frames[m.body(int(part.bodyid[0])).name]
-        place = body.placement * pin.SE3(_rotation(part.quat), np.array(part.pos))
+        body = frames[m.body(part.bodyid[0]).name]
+        place = body.placement * _placed(part)
         model.addFrame(pin.Frame(part.name, body.parentJoint, 0, place, pin.FrameType.OP_FRAME))
     balls = [g for g in parts[m.nsite :] if g.type[0] == mujoco.mjtGeom.mjGEOM_SPHERE]
     return {g.name: float(g.size[0]) for g in balls if g.name}
@@ -693,35 +730,50 @@ def _build_tree(m: Any) -> Any:
     title = m.names.partition(b"\0")[0].decode()
     model.name = "" if title == "MuJoCo Model" else title  # which it calls one without a name
     places: list[tuple[int, Any]] = []  # of bodies: joint, and place in its frame
-    for b in range(m.nbody):
-        body = m.body(b)
-        joint, at = places[int(body.parentid[0])] if b else (0, pin.SE3.Identity())
-        at = at * pin.SE3(_rotation(body.quat), np.array(body.pos))
-        before, last = 0, np.zeros(3)
-        for x in (m.joint(int(body.jntadr[0]) + k) for k in range(int(body.jntnum[0]))):
-            kind, axis, anchor = int(x.type[0]), np.array(x.axis), np.array(x.pos)
-            at = at * pin.SE3(np.eye(3), anchor - last)
-            part: Any = pin.JointModelSpherical()
-            if kind == FREE:  # its position is the body's place in the world
-                part, at = pin.JointModelFreeFlyer(), pin.SE3.Identity()
-            elif kind in _ALIGNED:
-                drawn = float(x.qpos0[0])
-                back = -drawn * axis if kind == SLIDE else np.zeros(3)
-                turned = pin.exp3(-drawn * axis) if kind == HINGE and drawn else np.eye(3)
-                at = at * pin.SE3(turned, back)
-                along = np.flatnonzero(axis == 1.0)
-                part = _ALIGNED[kind][along[0]]() if len(along) else _ALIGNED[kind][3](axis)
+    for body in map(m.body, range(m.nbody)):
+        joint, at = places[body.parentid[0]] if places else (0, pin.SE3.Identity())
+        at = at * _placed(body)
+        frame = 0
+        anchor = np.zeros(3)
+        for x in (m.joint(body.jntadr[0] + k) for k in range(body.jntnum[0])):
+            at = at * pin.SE3(np.eye(3), x.pos - anchor)
+            part, turned = _read_joint(x)
+            # The position of a free joint is the body's place in the world.
+            at = at * turned if x.type[0] != FREE else pin.SE3.Identity()
             joint = model.addJoint(joint, part, at, x.name)
-            before, last, at = model.addJointFrame(joint), anchor, pin.SE3.Identity()
-        at = at * pin.SE3(np.eye(3), -last)
+            frame = model.addJointFrame(joint)
+            anchor = np.array(x.pos)
+            at = pin.SE3.Identity()
+        at = at * pin.SE3(np.eye(3), -anchor)
         places.append((joint, at))
-        model.addBodyFrame(body.name, joint, at, before)
-        Q = _rotation(body.iquat)
-        inertia = Q @ np.diag(body.inertia) @ Q.T
+        model.addBodyFrame(body.name, joint, at, frame)
         if joint:
+            Q = _rotation(body.iquat)
+            inertia = Q @ np.diag(body.inertia) @ Q.T
             given = pin.Inertia(float(body.mass[0]), np.array(body.ipos), inertia)
             model.appendBodyToJoint(joint, given, at)
     return model
+
+
+def _read_joint(x: Any) -> tuple[Any, Any]:
+    """Return a joint as one of Pinocchio, and where it stands at zero from where it is drawn."""
+    kind = int(x.type[0])
+    if kind == FREE:
+        return pin.JointModelFreeFlyer(), pin.SE3.Identity()
+    if kind not in _ALIGNED:
+        return pin.JointModelSpherical(), pin.SE3.Identity()
+    axis = np.array(x.axis)
+    along = np.flatnonzero(axis == 1.0)
+    part = _ALIGNED[kind][along[0]]() if len(along) else _ALIGNED[kind][3](axis)
+    back = -float(x.qpos0[0]) * axis
+    if kind == SLIDE:
+        return part, pin.SE3(np.eye(3), back)
+    return part, pin.SE3(pin.exp3(back) if back.any() else np.eye(3), np.zeros(3))
+
+
+def _placed(part: Any) -> Any:
+    """Return the place of a part of a compiled MJCF in the frame of its body."""
+    return pin.SE3(_rotation(part.quat), np.array(part.pos))
 
 
 def _rotation(quat: Array) -> Array:
@@ -734,10 +786,12 @@ def _home(scene: Any, m: Any) -> Array:
     """Return the keyframe ``home`` of a scene, else the first one, else its pose, (nq,) of m."""
     keys = [scene.key(k).name for k in range(scene.nkey)]
     chosen = keys.index("home") if "home" in keys else 0
-    stated, q = np.array(scene.key_qpos[chosen] if keys else scene.qpos0), np.array(m.qpos0)
-    there = {scene.joint(j).name: int(scene.jnt_qposadr[j]) for j in range(scene.njnt)}
-    for joint in (m.joint(j) for j in range(m.njnt)):
-        size, at = len(joint.qpos0), int(joint.qposadr[0])
+    stated = np.array(scene.key_qpos[chosen] if keys else scene.qpos0)
+    q = np.array(m.qpos0)
+    there = {scene.joint(j).name: scene.jnt_qposadr[j] for j in range(scene.njnt)}
+    for joint in map(m.joint, range(m.njnt)):
+        size = len(joint.qpos0)
+        at = joint.qposadr[0]
         own = q[at : at + size]
         if joint.name in there:
             own[:] = stated[there[joint.name] : there[joint.name] + size]
@@ -748,7 +802,8 @@ def _home(scene: Any, m: Any) -> Array:
 
 def add_slides(tree: Tree, cables: Sequence[Cable], nq: int) -> Tree:
     """Return a tree with a slide that carries nothing for each tendon, after its own joints."""
-    axis, still = np.eye(3)[2], np.zeros(3)
+    axis = np.eye(3)[2]
+    still = np.zeros(3)
     slides = [
         Joint((t.name,), "prismatic", WORLD, np.eye(3), still, axis, nq + k, tree.nv + k)
         for k, t in enumerate(cables)
@@ -758,9 +813,8 @@ def add_slides(tree: Tree, cables: Sequence[Cable], nq: int) -> Tree:
 
 def _equalities(m: Any) -> Iterator[Any]:
     """Yield the equalities that hold, unless flags turn them off."""
-    off = int(m.opt.disableflags)
-    if not off & (int(_OFF.mjDSBL_EQUALITY) | int(_OFF.mjDSBL_CONSTRAINT)):
-        yield from (m.equality(k) for k in np.flatnonzero(m.eq_active0).tolist())
+    if not m.opt.disableflags & (_OFF.mjDSBL_EQUALITY | _OFF.mjDSBL_CONSTRAINT):
+        yield from map(m.equality, np.flatnonzero(m.eq_active0).tolist())
 
 
 def _couplings(m: Any) -> list[Coupling]:
@@ -770,7 +824,7 @@ def _couplings(m: Any) -> list[Coupling]:
         curve = Polynomial(eq.data[:5])
         (joint, start), *others = (
             (m.joint(j).name, float(m.qpos0[m.jnt_qposadr[j]]))
-            for j in (int(eq.obj1id[0]), int(eq.obj2id[0]))
+            for j in (eq.obj1id[0], eq.obj2id[0])
             if j >= 0
         )
         terms = {of: curve(Polynomial([-zero, 1.0])).coef.tolist() for of, zero in others}
@@ -783,9 +837,9 @@ def _loops(path: Path, m: Any, point: Places) -> list[Loop]:
     loops: list[Loop] = []
     for eq in _equalities(m):
         kind = int(eq.type[0])
-        if kind in (int(_EQ.mjEQ_CONNECT), int(_EQ.mjEQ_WELD)):
+        if kind in (_EQ.mjEQ_CONNECT, _EQ.mjEQ_WELD):
             loops += _read_closure(m, eq, point, eq.name or f"closure{len(loops) + 1}")
-        elif kind != int(_EQ.mjEQ_JOINT):
+        elif kind != _EQ.mjEQ_JOINT:
             raise RobotError(
                 f"{path} closes a loop with <{_word(_EQ(kind)).lower()}>; only <connect>, <weld> "
                 "and <joint> equalities are supported: close the loop at a joint with <connect>."
@@ -795,13 +849,16 @@ def _loops(path: Path, m: Any, point: Places) -> list[Loop]:
 
 def _read_closure(m: Any, eq: Any, point: Places, name: str) -> list[Loop]:
     """Return a <connect> as a loop, and a <weld> as three: points off one line fix a body."""
-    weld, at = int(eq.type[0]) == int(_EQ.mjEQ_WELD), eq.data
-    bodies, turns = [int(eq.obj1id[0]), int(eq.obj2id[0])], [np.eye(3), np.eye(3)]
+    weld = eq.type[0] == _EQ.mjEQ_WELD
+    at = eq.data
+    bodies = [eq.obj1id[0], eq.obj2id[0]]
+    turns = [np.eye(3), np.eye(3)]
     # The place of the second body of a weld in the first, and a point of the second.
     ends = [at[3:6], at[:3]] if weld else [at[:3], at[3:6]]
-    if int(m.eq_objtype[eq.id]) == int(_OBJ.mjOBJ_SITE):
+    if m.eq_objtype[eq.id] == _OBJ.mjOBJ_SITE:
         sites = [m.site(k) for k in bodies]
-        bodies, ends = [int(s.bodyid[0]) for s in sites], [s.pos for s in sites]
+        bodies = [s.bodyid[0] for s in sites]
+        ends = [s.pos for s in sites]
         turns = [_rotation(s.quat) for s in sites]
     elif weld:
         turns[0] = _rotation(at[6:10])

@@ -18,16 +18,17 @@ import pinocchio as pin
 from identifiability.foundation import handed
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.linalg import TINY
-from identifiability.foundation.names import INERTIAL_KINDS, Array, Renames
+from identifiability.foundation.names import INERTIAL_KINDS, Array, NumberByName, Renames, Strings
 from identifiability.foundation.options import Expected, FilePath, Positive, checked
 from identifiability.foundation.output import check_ending, temporary_folder
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
-from identifiability.robot.assembly import LockOption, read_locks
-from identifiability.robot.description import Description
-from identifiability.robot.files import read_robot
-from identifiability.robot.kinematics import WORLD, least_eigenvalue
-from identifiability.robot.table import write_table
+
+from .assembly import LockOption, read_locks
+from .description import Description
+from .files import read_robot
+from .kinematics import WORLD, least_eigenvalue
+from .table import write_table
 
 # The ten parameters of a body from its mass, centre and moments of inertia.
 
@@ -55,7 +56,8 @@ def ten_parameters(mass: float, centre: Point, inertia: Moments) -> Array:
     RobotError
         If no real body has them.
     """
-    c, about = np.asarray(centre, float), np.asarray(inertia, float)
+    c = np.asarray(centre, float)
+    about = np.asarray(inertia, float)
     about = np.diag(about) if about.shape == (3,) else about
     given = [mass, *c.ravel(), *about.ravel()]
     if c.shape != (3,) or about.shape != (3, 3) or not np.isfinite(given).all():
@@ -74,8 +76,7 @@ def ten_parameters(mass: float, centre: Point, inertia: Moments) -> Array:
 
 def possible(theta: Array) -> bool:
     """Whether some real body has these ten parameters."""
-    least: float = least_eigenvalue(theta)
-    return least >= -TINY * float(np.abs(theta).max())
+    return least_eigenvalue(theta) >= -TINY * float(np.abs(theta).max())
 
 
 # Robots that are changed in code: other numbers in a copy of the file, or another file.
@@ -99,7 +100,7 @@ def new_place(name: str, ending: str) -> Path:
     return folder / f"{name}{ending}"
 
 
-def write(robot: Any, values: Mapping[str, float], path: str | Path) -> Path:
+def write(robot: Any, values: NumberByName, path: str | Path) -> Path:
     """Write a robot with other standard parameters; see `Robot.save`.
 
     Raises
@@ -112,7 +113,7 @@ def write(robot: Any, values: Mapping[str, float], path: str | Path) -> Path:
     return written
 
 
-def write_copy(robot: Any, values: Mapping[str, float]) -> Path:
+def write_copy(robot: Any, values: NumberByName) -> Path:
     """Write a robot with other parameters where nobody looks, with the ladder beside it."""
     ending = ".xml" if robot.mjcf else ".urdf"
     path = new_place(robot.name, ending)
@@ -125,17 +126,18 @@ def write_copy(robot: Any, values: Mapping[str, float]) -> Path:
     return path
 
 
-def last_bodies(robot: Description) -> tuple[str, ...]:
+def last_bodies(robot: Description) -> Strings:
     """Return the bodies that carry no other: where a load can hang."""
     parents = {link.parent for link in robot.links}
     return tuple(b for k, b in enumerate(robot.bodies) if k not in parents)
 
 
-def tool_bodies(robot: Description) -> tuple[str, ...]:
+def tool_bodies(robot: Description) -> Strings:
     """Return the bodies on which a load is looked for: the last ones, on which most loops end."""
     owner = {link.last: body for body, link in zip(robot.bodies, robot.links, strict=True)}
     points = [p.joint for loop in robot.loops for p in (loop.first, loop.second)]
-    ends, last = Counter(owner[joint] for joint in points if joint != WORLD), last_bodies(robot)
+    ends = Counter(owner[joint] for joint in points if joint != WORLD)
+    last = last_bodies(robot)
     most = max((ends[body] for body in last), default=0)
     return tuple(body for body in last if ends[body] == most)
 
@@ -348,7 +350,7 @@ class Robot(Description):
         return Robot.from_dh(table, new_place(name, ".urdf") if out is None else out)
 
     @checked
-    def with_values(self, values: Annotated[Mapping[str, float], _VALUES]) -> Robot:
+    def with_values(self, values: Annotated[NumberByName, _VALUES]) -> Robot:
         """Return the robot with other standard parameters, such as ``{"joint1.Fv": 0.3}``.
 
         This robot and its file stay as they are; the other one's file is gone when the program
@@ -459,7 +461,8 @@ class Robot(Description):
 
     def __repr__(self) -> str:
         """Return what it is, in one line."""
-        driven, floats = len(self.motor_joints), "" if self.base is None else " and its base floats"
+        driven = len(self.motor_joints)
+        floats = "" if self.base is None else " and its base floats"
         still = 0 if self.base is None else len(self.joints) - driven
         moving = f"{driven} of {len(self.dofs) - still} joints have motors{floats}"
         return f"<Robot {self.title or self.name}: {moving}, {self.path.name}>"

@@ -9,7 +9,7 @@ sidecar, whose table goes before them, in ``[servo]``.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +17,11 @@ import numpy as np
 
 from identifiability.foundation.errors import RobotError, listing
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.rounding import REACH
 from identifiability.foundation.values import frozen
-from identifiability.robot.sidecar import ServoEntry, by_name
+
+from .sidecar import ServoEntry, by_name
 
 #: What states gains that a robot file does not.
 SIDECAR = "the sidecar"
@@ -73,8 +74,8 @@ class Servo:
     assumed: bool = True
     found: str = ""
     rolled: Any = None
-    play: Array = field(default_factory=lambda: np.zeros(0))
-    doubt: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    play: Array = np.zeros(0)
+    doubt: Array = np.zeros((0, 0))
 
     @property
     def gain(self) -> Array:
@@ -82,7 +83,7 @@ class Servo:
         return np.where(self.kp > 0, self.kp, np.where(self.kv > 0, self.kv, 1.0))
 
     @property
-    def unknown(self) -> np.ndarray:
+    def unknown(self) -> Array:
         """Where logs shall tell gains, (n,) bool."""
         return np.isnan(self.kp) | np.isnan(self.kv)
 
@@ -93,7 +94,8 @@ class Servo:
         """
         most = gains.get("limit", np.zeros(len(self.kp)))
         most = np.where(most > 0, most, np.inf)
-        low, high = np.maximum(self.low, -most), np.minimum(self.high, most)
+        low = np.maximum(self.low, -most)
+        high = np.minimum(self.high, most)
         return replace(
             self, kp=gains.get("kp", self.kp), kv=gains.get("kv", self.kv), low=low, high=high
         )
@@ -177,7 +179,7 @@ def state_delay(delays: Array, logs: Sequence[str] = ()) -> str:
 
 
 def read_servo(
-    path: Path, entry: ServoEntry | None, stated: Mapping[str, Array], joints: tuple[str, ...]
+    path: Path, entry: ServoEntry | None, stated: Mapping[str, Array], joints: Strings
 ) -> Servo | None:
     """Return the servos that sidecar and robot file state; None where they state none.
 
@@ -207,7 +209,8 @@ def read_servo(
         said = getattr(entry, key)
         table = said if isinstance(said, dict) else {} if said is None else {"*": said}
         for joint, x in by_name(path, f"servo.{key}", table, joints).items():
-            own, value = found[joints.index(joint)], np.nan if x == FIT else float(x)
+            own = found[joints.index(joint)]
+            value = np.nan if x == FIT else float(x)
             own[k:] = (-value, value) if key == "limit" else (value, *own[k + 1 :])
             if key == "kp" and np.isnan(own[1]) and x != FIT:
                 own[1] = 0.0  # none stated is none

@@ -36,7 +36,17 @@ from identifiability.foundation.names import (
     is_pattern,
     specificity,
 )
-from identifiability.robot.locate import LARGEST, LONGEST_NAME, find_sidecar, locate_robot
+
+from .locate import LARGEST, LONGEST_NAME, find_sidecar, locate_robot
+
+
+class Strict(BaseModel):
+    """A table of a file: no other keys, no infinite numbers, no endless texts."""
+
+    model_config = ConfigDict(
+        extra="forbid", allow_inf_nan=False, defer_build=True, str_max_length=LONGEST_NAME
+    )
+
 
 # `MeasuredTorque`: what the numbers in torque columns are: in what, of which side and sign.
 
@@ -52,10 +62,8 @@ Side = Literal["joint", "link", "motor"]
 # it.
 
 
-class KnownTorque(BaseModel):
+class KnownTorque(Strict):
     """Torque that is supplied beside the motor's, and taken off the measured one."""
-
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
     along: str = key("A joint, passive or not, or a coupled motor.")
     table: list[tuple[float, float]] = key(
@@ -117,12 +125,6 @@ Triple = tuple[float, float, float]
 T = TypeVar("T")
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(
-        extra="forbid", allow_inf_nan=False, defer_build=True, str_max_length=LONGEST_NAME
-    )
-
-
 def _unique(given: list[T]) -> list[T]:
     names = [getattr(x, "name", getattr(x, "frame", x)) for x in given]
     if len(set(names)) != len(names):
@@ -157,7 +159,7 @@ Numbers = dict[str, Value]
 ByJoint: TypeAlias = T | dict[str, T] | None
 
 
-class ColumnEntry(_Strict):
+class ColumnEntry(Strict):
     """Positions and commands of a joint in the logs, in ticks, degrees or normalised units."""
 
     scale: Factor = key("What one is [rad or m].", 1.0)
@@ -180,7 +182,7 @@ def _checked(rules: dict[str, str | ColumnEntry]) -> dict[str, str | ColumnEntry
     return rules
 
 
-class LoopEntry(_Strict):
+class LoopEntry(Strict):
     """A point of one body that coincides with a point of another: a closed chain."""
 
     name: str = key("Its name in reports.", "")
@@ -190,7 +192,7 @@ class LoopEntry(_Strict):
     point2: Triple = key("The point in its frame [m].", (0.0, 0.0, 0.0))
 
 
-class _CouplingEntry(_Strict):
+class _CouplingEntry(Strict):
     """A joint that moves as a polynomial of others, beside what the robot file says."""
 
     name: str = key("Its name in reports.", "")
@@ -206,7 +208,7 @@ class _CouplingEntry(_Strict):
         return self
 
 
-class _TransmissionEntry(_Strict):
+class _TransmissionEntry(Strict):
     """Motors that are coupled: motor = ratio ∘ (coupling · (q − offset))."""
 
     motors: Names = key("Their names, also more than there are joints.")
@@ -215,7 +217,7 @@ class _TransmissionEntry(_Strict):
     offset: list[float] | None = key("Joint positions where motors are at zero.", None)
 
 
-class AxisEntry(_Strict):
+class AxisEntry(Strict):
     """A combination of joints on which effects can be (jaws.Fv, jaws.K …).
 
     Fixed tendons of an MJCF along several joints are axes by their own names.
@@ -226,13 +228,13 @@ class AxisEntry(_Strict):
     rest: float | None = key("Where a spring on it is relaxed; without it at home.", None)
 
 
-class _BaseParametersEntry(_Strict):
+class _BaseParametersEntry(Strict):
     """How dependent columns are grouped."""
 
     bodies: Names = key("Bodies whose columns are kept first when columns are grouped.", [])
 
 
-class LimitEntry(_Strict):
+class LimitEntry(Strict):
     """Motion limits of an actuated joint, for motions that are designed."""
 
     q: Span | None = key("Position [rad or m].", None)
@@ -242,13 +244,13 @@ class LimitEntry(_Strict):
     power: Length | None = key("Power [W].", None)
 
 
-class _TimeEntry(_Strict):
+class _TimeEntry(Strict):
     """The clock of logs."""
 
     unit: Literal["s", "ms", "us", "ns"] | None = key("Of `t`; else what can only be meant.", None)
 
 
-class MeasuredTorque(_Strict):
+class MeasuredTorque(Strict):
     """What torque columns hold: τ = sign · gain · ratio · value.
 
     Measured at the `joint` with all of its rotor, at the `motor`'s rotor, or at the `link` behind
@@ -295,7 +297,7 @@ class MeasuredTorque(_Strict):
         return "; ".join(f"{key} = {value}" for key, value in said.items())
 
 
-class ServoEntry(_Strict):
+class ServoEntry(Strict):
     """Position servos, where logs hold commands and no torque.
 
     τ = kp (q_cmd − q) + kv (dq_cmd − dq) + τ_ff. One number is of all joints, a table by joint;
@@ -309,7 +311,7 @@ class ServoEntry(_Strict):
     rate: Length | None = key("At which it measures and acts [Hz]; 1000 if nobody says it.", None)
 
 
-class ImuEntry(_Strict):
+class ImuEntry(Strict):
     """How an inertial sensor is mounted on a base that floats.
 
     It reads a = R (a₀ + dω/dt × r + ω × (ω × r)) + b where the base's origin accelerates by a₀.
@@ -324,7 +326,7 @@ class ImuEntry(_Strict):
     )
 
 
-class ContactEntry(_Strict):
+class ContactEntry(Strict):
     """Where the ground presses on a robot that floats, with a force that nobody measures.
 
     Without flag the contact never opens.
@@ -339,7 +341,7 @@ class ContactEntry(_Strict):
     margin: Gain = key("How much longer on both sides it may be [s].", 0.02)
 
 
-class WrenchEntry(_Strict):
+class WrenchEntry(Strict):
     """A force, and a moment, on a robot that floats which is measured."""
 
     frame: str = key("A body, site or geom, along whose axes it is.")
@@ -352,35 +354,35 @@ class WrenchEntry(_Strict):
         return self
 
 
-class _SymmetryEntry(_Strict):
+class _SymmetryEntry(Strict):
     """Columns that equal parts let us add."""
 
     name: str = key("Its name in reports.", "")
     tie: dict[str, list[str]] = key("What is equal.", ..., {"leg.my": ["leg1.my", "leg2.my"]})
 
 
-class BodyBoundsEntry(_Strict):
+class BodyBoundsEntry(Strict):
     """What is known of a body, or of all whose names fit."""
 
     mass: Masses | None = key("Least and largest mass [kg].", None)
     box: tuple[Span, Span, Span] | None = key("Of its centre, along its frame's axes [m].", None)
 
 
-class BoundsEntry(_Strict):
+class BoundsEntry(Strict):
     """What a real robot of this kind can have."""
 
     total_mass: Masses | None = key("Of all moving bodies, without payload [kg].", None)
     bodies: dict[str, BodyBoundsEntry] = {}
 
 
-class _PriorEntry(_Strict):
+class _PriorEntry(Strict):
     """A normal prior of a standard parameter; others are nominal ± prior_relative × their size."""
 
     mean: float = key("In SI units.")
     sd: Length = key("In SI units.")
 
 
-class Sidecar(_Strict):
+class Sidecar(Strict):
     """What the robot file cannot say."""
 
     name: str = key("The robot's name.", "")
@@ -527,10 +529,10 @@ def expand_names(
     locked: Collection[str],
     welded: Collection[str],
 ) -> Sidecar:
-    """Return a sidecar in which every name that a pattern stands for is written out.
+    """Return a sidecar in which the names that fit a pattern stand in its place.
 
-    What is said of locked joints and of what hangs behind them is left out, and so are sums of
-    symmetry of which a part is locked, as they are no longer equal.
+    Entries about locked joints, and about bodies behind them, are left out. A sum of symmetry is
+    left out if one of its parts is locked: the parts are no longer equal.
 
     Parameters
     ----------
@@ -549,50 +551,65 @@ def expand_names(
     RobotError
         If it names what the robot does not have.
     """
-    moving, gone = (*joints, *lines), {*locked, *welded}
-
-    def parameters(key: str, table: Mapping[str, T]) -> dict[str, T]:
-        """Return a table of parameters by name; kinds of inertia are bodies'."""
-        out: dict[str, T] = {}
-        for text in sorted(table, key=specificity):
-            owner, _, kind = text.rpartition(".")
-            kinds = find_named(kind, INERTIAL_KINDS) if is_pattern(kind) else [kind]
-            known: Collection[str] = (*bodies, *moving, BASE)
-            if is_pattern(text):
-                inertial = is_pattern(kind) or kind in INERTIAL_KINDS or kind[:8] == "payload_"
-                known = bodies if inertial else moving
-            behind = gone if is_pattern(owner) else locked
-            found = by_name(path, key, {owner if kinds else text: table[text]}, known, behind)
-            out |= {f"{name}.{k}": value for name, value in found.items() for k in kinds}
-        return out
-
+    moving = (*joints, *lines)
+    gone = {*locked, *welded}
     known_bodies = (*bodies, *welded)
     check_known(path, "symbols", extra.symbols, (*known_bodies, *moving, *locked))
     check_known(path, "base_parameters", extra.base_parameters.bodies, known_bodies)
     check_known(path, "guessed", extra.guessed, known_bodies)
     check_known(path, "rest", extra.rest, (*joints, *locked))
+
+    def parameters(key: str, table: Mapping[str, T]) -> dict[str, T]:
+        return _expand_parameters(path, key, table, bodies, moving, locked, gone)
+
+    def left(names: Iterable[str]) -> list[str]:
+        return [name for name in names if name not in gone]
+
     ties = []
     for entry in extra.symmetry:
-        if any(name.rpartition(".")[0] in gone for names in entry.tie.values() for name in names):
-            continue
-        tie = {
-            whole: [*parameters("symmetry", dict.fromkeys(names, True))]
-            for whole, names in entry.tie.items()
-        }
-        ties.append(entry.model_copy(update={"tie": tie}))
-    tables = {
-        key: parameters(key, getattr(extra, key))
-        for key in ("nominal", "prior", "shapes", "reference")
-    }
-    first = [body for body in extra.base_parameters.bodies if body not in gone]
-    own: dict[str, Any] = {
+        owners = [name.rpartition(".")[0] for names in entry.tie.values() for name in names]
+        if owners == left(owners):
+            tie = {k: [*parameters("symmetry", dict.fromkeys(x))] for k, x in entry.tie.items()}
+            ties.append(entry.model_copy(update={"tie": tie}))
+    first = left(extra.base_parameters.bodies)
+    own = {
         "base_parameters": extra.base_parameters.model_copy(update={"bodies": first}),
         "limits": by_name(path, "limits", extra.limits, joints, locked),
         "prior_share": by_name(path, "prior_share", extra.prior_share, bodies, gone),
         "symmetry": ties,
-        "guessed": [body for body in extra.guessed if body not in gone],
+        "guessed": left(extra.guessed),
         "known_torque": [known for known in extra.known_torque if known.along not in gone],
     }
+    for word in ("nominal", "prior", "shapes", "reference"):
+        own[word] = parameters(word, getattr(extra, word))
     for word in ("home", "rest", "symbols"):
-        own[word] = {name: x for name, x in getattr(extra, word).items() if name not in gone}
-    return extra.model_copy(update={**tables, **own})
+        table = getattr(extra, word)
+        own[word] = {name: table[name] for name in left(table)}
+    return extra.model_copy(update=own)
+
+
+def _expand_parameters(
+    path: Path,
+    key: str,
+    table: Mapping[str, T],
+    bodies: Collection[str],
+    moving: Collection[str],
+    locked: Collection[str],
+    gone: Collection[str],
+) -> dict[str, T]:
+    """Return a table of parameters in which the names that fit a pattern stand in its place.
+
+    Parameters of inertia belong to bodies, all others to moving joints and axes.
+    """
+    out: dict[str, T] = {}
+    for text in sorted(table, key=specificity):
+        owner, _, kind = text.rpartition(".")
+        kinds = find_named(kind, INERTIAL_KINDS) if is_pattern(kind) else [kind]
+        known: Collection[str] = (*bodies, *moving, BASE)
+        if is_pattern(text):
+            inertial = is_pattern(kind) or kind in INERTIAL_KINDS or kind[:8] == "payload_"
+            known = bodies if inertial else moving
+        behind = gone if is_pattern(owner) else locked
+        found = by_name(path, key, {owner if kinds else text: table[text]}, known, behind)
+        out |= {f"{name}.{k}": value for name, value in found.items() for k in kinds}
+    return out

@@ -39,21 +39,22 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import pinocchio as pin
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from identifiability.foundation.documents import Span, first_problem, read_document, toml_text
 from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import TINY
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.output import check_apart, check_ending, write_text, write_together
 from identifiability.foundation.quoting import fits_xml, for_xml, for_xml_comment
-from identifiability.robot.assembly import position_limits
-from identifiability.robot.description import Coupling, Description
-from identifiability.robot.kinematics import WORLD, Joint, Point
-from identifiability.robot.locate import is_computed
-from identifiability.robot.sidecar import Sidecar, Triple
-from identifiability.robot.write import numbers, turn_base, urdf_inertial, urdf_joint
+
+from .assembly import position_limits
+from .description import Coupling, Description
+from .kinematics import WORLD, Joint
+from .locate import is_computed
+from .sidecar import Named, Sidecar, Strict, Triple
+from .write import numbers, turn_base, urdf_inertial, urdf_joint
 
 #: The link on which the first ones stand.
 BASE = "base"
@@ -62,7 +63,6 @@ BASE = "base"
 Distance = Annotated[float, Field(ge=-1e6, le=1e6)]
 
 
-Name = Annotated[str, Field(min_length=1)]
 #: A number in the file's unit, or a text such as ``-pi/2``.
 Angle = (
     float
@@ -70,16 +70,12 @@ Angle = (
 )
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
-
-
-class Row(_Strict):
+class Row(Strict):
     """A link."""
 
-    name: Name
+    name: Named
     parent: str | None = None
-    joint: Name | None = None
+    joint: Named | None = None
     type: Literal["revolute", "prismatic"] = "revolute"
     a: Distance = 0.0
     alpha: Angle = 0.0
@@ -94,10 +90,10 @@ class Row(_Strict):
     inertia: dict[Literal["xx", "yy", "zz", "xy", "xz", "yz"], float] | None = None
 
 
-class Table(_Strict):
+class Table(Strict):
     """The whole file."""
 
-    name: Name = "robot"
+    name: Named = "robot"
     convention: Literal["standard", "modified", "frames"]
     angles: Literal["rad", "deg"] = "rad"
     gravity: Triple = (0.0, 0.0, -9.81)
@@ -125,13 +121,14 @@ class Table(_Strict):
         """Return the frame of a row in that of its parent, with its joint at zero."""
         if self.convention == "frames":
             return pin.SE3(pin.rpy.rpyToMatrix(*row.rpy), np.array(row.position))
-        roll, yaw = self.turn(row.alpha), self.turn(row.theta)
+        roll = self.turn(row.alpha)
+        yaw = self.turn(row.theta)
         x = pin.SE3(pin.rpy.rpyToMatrix(roll, 0.0, 0.0), np.array([row.a, 0.0, 0.0]))
         z = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([0.0, 0.0, row.d]))
         return x * z if self.convention == "modified" else z * x
 
 
-def write_table(table: str | Path | Mapping[str, Any], out: str | Path) -> tuple[str, ...]:
+def write_table(table: str | Path | Mapping[str, Any], out: str | Path) -> Strings:
     """Write the URDF of a table and the sidecar beside it; return what the table left open.
 
     Parameters
@@ -183,7 +180,8 @@ def _check(source: str, table: Table) -> None:
     framed = table.convention == "frames"
     odd = ("a", "alpha", "d", "theta") if framed else ("position", "rpy", "axis")
     ends = [f"{r.name}_end" for r in table.links if r.joint and table.convention == "standard"]
-    links, joints = [BASE, *ends], list[str]()
+    links = [BASE, *ends]
+    joints = list[str]()
     for row in table.links:
         above = [name for name in links if name not in ends]
         problem = ""
@@ -216,14 +214,17 @@ def _urdf(table: Table, base: str = BASE) -> ET.Element:
     """Return the URDF: a link and a joint a row, of standard rows the frame behind the joint."""
     top = ET.Element("robot", name=table.name)
     ET.SubElement(top, "link", name=base)
-    before, ends = base, {base: base}
+    before = base
+    ends = {base: base}
     for row in table.links:
         parent = ends[before if row.parent is None else row.parent]
-        place, inside = table.place(row), pin.SE3.Identity()
+        place = table.place(row)
+        inside = pin.SE3.Identity()
         split = table.convention == "standard" and row.joint is not None
         if split:
             place, inside = inside, place
-        before, ends[row.name] = row.name, f"{row.name}_end" if split else row.name
+        before = row.name
+        ends[row.name] = f"{row.name}_end" if split else row.name
         _inertial(ET.SubElement(top, "link", name=row.name), row, inside)
         kind: str = "fixed" if row.joint is None else row.type
         kind = "continuous" if kind == "revolute" and row.range is None else kind
@@ -266,7 +267,7 @@ def ends_of(robot: Description, ground: str) -> list[list[tuple[str, Array]]]:
     """Return of every loop its two bodies and the points in the frames of their joints."""
     behind = {link.last: body for body, link in zip(robot.bodies, robot.links, strict=True)}
     behind[WORLD] = ground
-    points: list[tuple[Point, Point]] = [(loop.first, loop.second) for loop in robot.loops]
+    points = [(loop.first, loop.second) for loop in robot.loops]
     return [[(behind[p.joint], p.position) for p in pair] for pair in points]
 
 
@@ -366,10 +367,13 @@ def links_between(robot: Description) -> dict[str, str]:
 
 def converted_urdf(robot: Description) -> ET.Element:
     """Return the file, with placeholders for inertias; loops stand in the sidecar."""
-    rows, ground, between = list[Row](), ground_of(robot), links_between(robot)
+    rows = list[Row]()
+    ground = ground_of(robot)
+    between = links_between(robot)
     for body, above, joints in body_joints(robot, ground):
         for joint in joints:
-            name, span = joint.dofs[0], position_limits(robot, joint.dofs, {})[0]
+            name = joint.dofs[0]
+            span = position_limits(robot, joint.dofs, {})[0]
             size = TINY if name in between else 1.0  # simulators refuse none
             stated = {
                 "name": between.get(name, body),

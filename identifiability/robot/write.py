@@ -21,14 +21,15 @@ import pinocchio as pin
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import OutputError, RobotError
 from identifiability.foundation.linalg import TINY
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, NumberByName, Strings
 from identifiability.foundation.output import write_together
 from identifiability.foundation.quoting import for_xml, for_xml_comment, toml_comment
-from identifiability.robot.closure import rest_along
-from identifiability.robot.description import FIELDS, Axis, Description
-from identifiability.robot.floating import BASE_JOINTS
-from identifiability.robot.kinematics import least_eigenvalue, shortest_turn
-from identifiability.robot.locate import (
+
+from .closure import rest_along
+from .description import FIELDS, Axis, Description
+from .floating import BASE_JOINTS
+from .kinematics import least_eigenvalue, shortest_turn
+from .locate import (
     MOST_ELEMENTS,
     drop_repeated,
     expand_includes,
@@ -36,8 +37,8 @@ from identifiability.robot.locate import (
     place_sidecar,
     read_bytes,
 )
-from identifiability.robot.servo import FOUND, Servo
-from identifiability.robot.sidecar import read_sidecar
+from .servo import FOUND, Servo
+from .sidecar import read_sidecar
 
 # The text of a robot file, of which only what changed is written anew: comments, order and
 # indentation stay, so that a comparison with the file that was read shows the numbers alone.
@@ -52,8 +53,10 @@ _ATTRIBUTE = re.compile(rf"(\s+)([^\s=/>]+)(\s*=\s*)({_QUOTED})")
 
 def read_elements(content: bytes) -> ET.Element:
     """Return the root element of a file; names with prefixes stay as they are written."""
-    builder, parser = ET.TreeBuilder(), expat.ParserCreate()
-    parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
+    builder = ET.TreeBuilder()
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = builder.start
+    parser.EndElementHandler = builder.end
     parser.CharacterDataHandler = builder.data
     parser.Parse(content, True)
     return builder.close()
@@ -65,7 +68,8 @@ def edited(old: str, new: str, comment: str) -> str:
     Tags of one element are found by their order and names; they take with them what stands before.
     A comment is added at the head.
     """
-    was, now = _PIECE.findall(old), _PIECE.findall(new)
+    was = _PIECE.findall(old)
+    now = _PIECE.findall(new)
     keys = ([_key(*piece) for piece in pieces] for pieces in (was, now))
     for i, j, size in SequenceMatcher(None, next(keys), next(keys)).get_matching_blocks():
         for (before, tag, said), k in zip(was[i : i + size], range(j, j + size), strict=True):
@@ -76,7 +80,7 @@ def edited(old: str, new: str, comment: str) -> str:
     return "".join(map("".join, now)) + (_PIECE.sub("", old) or "\n")
 
 
-def _key(before: str, tag: str, said: str) -> tuple[str, ...]:
+def _key(before: str, tag: str, said: str) -> Strings:
     """Return what tells a tag from others: the text before, its own name, and its element's."""
     names = [value for _, key, _, value in _ATTRIBUTE.findall(said) if key == "name"]
     return re.sub(_ASIDE, "", before, flags=re.DOTALL).strip(), tag, *names
@@ -190,7 +194,7 @@ def affine_law(gain: float, bias: Array) -> dict[str, str]:
 
 
 def write_servos(
-    top: ET.Element, joints: Sequence[str], servo: Servo, offsets: Mapping[str, float]
+    top: ET.Element, joints: Sequence[str], servo: Servo, offsets: NumberByName
 ) -> None:
     """Write position servos of joints in place of what drives them.
 
@@ -205,7 +209,8 @@ def write_servos(
             element.remove(old)
     place = actuators[0] if actuators else ET.SubElement(top, "actuator")
     for k, joint in enumerate(joints):
-        kp, off = float(servo.kp[k]), offsets.get(joint, 0.0)
+        kp = float(servo.kp[k])
+        off = offsets.get(joint, 0.0)
         law = affine_law(kp or float(servo.kv[k]), np.array([-off, -kp, -servo.damping[k]]))
         own = {"name": names[joint], "joint": joint, "gear": "1"}
         new = ET.SubElement(place, "general", own | law)
@@ -278,9 +283,7 @@ def _parts(element: ET.Element, *tags: str) -> list[ET.Element]:
 # Write what is along several joints into an MJCF, as fixed tendons.
 
 
-def write_axes(
-    top: ET.Element, robot: Description, stated: Mapping[str, Mapping[str, float]]
-) -> None:
+def write_axes(top: ET.Element, robot: Description, stated: Mapping[str, NumberByName]) -> None:
     """Write friction, rotor and spring of tendons, motors that mix joints, and stated axes.
 
     A tendon of the file keeps its place; another axis becomes one where it has any number.
@@ -335,8 +338,8 @@ def write_robot(
     robot: Description,
     path: str | Path,
     bodies: Mapping[str, Array],
-    joints: Mapping[str, Mapping[str, float]],
-    tables: Mapping[str, Mapping[str, float]],
+    joints: Mapping[str, NumberByName],
+    tables: Mapping[str, NumberByName],
     comment: str = "",
 ) -> Path | None:
     """Write a robot file with other numbers, and its sidecar: both or none.
@@ -381,7 +384,7 @@ def write_robot(
 def edited_text(
     robot: Description,
     bodies: Mapping[str, Array],
-    joints: Mapping[str, Mapping[str, float]],
+    joints: Mapping[str, NumberByName],
     comment: str = "",
 ) -> str:
     """Return the text of a robot's file with other numbers; all else stays as it stands.
@@ -411,39 +414,11 @@ def edited_text(
     for body, theta in share_out(robot, bodies).items():
         write_body = write_inertial if robot.mjcf else _write_urdf_inertial
         write_body(top, body, *own_inertial(robot, body, theta))
-    elements = {e.get("name"): e for e in _joints(top)}
-    degrees = robot.mjcf and not in_radians(top)
-    every = [e for part in top.iter("default") for e in part.iter("joint")]
-    defaults = {word for e in every for word in e.attrib}
-    slides = {cable.name for cable in robot.cables}
-    offsets = {name: x for name, own in joints.items() for w, x in own.items() if w == "offset"}
+    offsets = {name: own["offset"] for name, own in joints.items() if "offset" in own}
     joints = {name: {w: x for w, x in own.items() if w != "offset"} for name, own in joints.items()}
-    for name, stated in joints.items():
-        if name not in robot.tendon_axes and name not in (*slides, *BASE_JOINTS):
-            element = elements[name]
-            own = {w: x for w, x in stated.items() if x or w in {*defaults, *element.attrib}}
-            _write_joint(element, robot, name, own if robot.mjcf else stated, degrees=degrees)
+    _write_joints(top, robot, joints)
     if robot.mjcf:
-        clear_mjcf(top)
-        write_axes(top, robot, joints)
-        if robot.upright is not None:
-            write_option(top, "gravity", numbers(robot.gravity))
-        if offsets:
-            write_offsets(top, robot.path, offsets)
-        servo = robot.known_servo
-        if servo is not None:
-            # At this step MuJoCo moves it as rollouts do: dry friction does not creep, and rotors
-            # lack what late positions and implicit damping are taken for.
-            write_option(top, "timestep", "0.001")
-            write_option(top, "integrator", "implicitfast")
-            write_servos(top, robot.joints, servo, offsets)
-            for name, lead, damping in zip(robot.joints, servo.lead, servo.damping, strict=True):
-                seen = 0.0005 * (joints[name]["damping"] + damping) - lead
-                elements[name].attrib |= {
-                    "armature": f"{max(joints[name]['armature'] - seen, 0.0):.17g}",
-                    "solreffriction": "0.002 1",
-                    "solimpfriction": "0.9999 0.9999",
-                }
+        _write_forces(top, robot, joints, offsets)
     else:
         turn_base(top, robot.gravity)
     old = content.decode("utf-8-sig", errors="replace")
@@ -452,6 +427,51 @@ def edited_text(
     step = re.search(r"\n([ \t]+)<", old)
     ET.indent(top, step[1] if step else "  ")
     return edited(old, for_xml(top).replace(" />", "/>"), comment)
+
+
+def _write_joints(top: ET.Element, robot: Description, joints: Mapping[str, NumberByName]) -> None:
+    """Write friction, rotor and spring of joints; a zero only replaces a number of the file."""
+    elements = {e.get("name"): e for e in _joints(top)}
+    degrees = robot.mjcf and not in_radians(top)
+    every = [e for part in top.iter("default") for e in part.iter("joint")]
+    defaults = {word for e in every for word in e.attrib}
+    others = {*robot.tendon_axes, *BASE_JOINTS, *(cable.name for cable in robot.cables)}
+    for name, stated in joints.items():
+        if name not in others:
+            element = elements[name]
+            own = {w: x for w, x in stated.items() if x or w in {*defaults, *element.attrib}}
+            _write_joint(element, robot, name, own if robot.mjcf else stated, degrees=degrees)
+
+
+def _write_forces(
+    top: ET.Element,
+    robot: Description,
+    joints: Mapping[str, NumberByName],
+    offsets: NumberByName,
+) -> None:
+    """Write gravity, tendons, torque offsets and servos into an MJCF."""
+    clear_mjcf(top)
+    write_axes(top, robot, joints)
+    if robot.upright is not None:
+        write_option(top, "gravity", numbers(robot.gravity))
+    if offsets:
+        write_offsets(top, robot.path, offsets)
+    servo = robot.known_servo
+    if servo is None:
+        return
+    # At this step MuJoCo moves it as rollouts do: dry friction does not creep, and rotors lack
+    # what late positions and implicit damping are taken for.
+    write_option(top, "timestep", "0.001")
+    write_option(top, "integrator", "implicitfast")
+    write_servos(top, robot.joints, servo, offsets)
+    elements = {e.get("name"): e for e in _joints(top)}
+    for name, lead, damping in zip(robot.joints, servo.lead, servo.damping, strict=True):
+        seen = 0.0005 * (joints[name]["damping"] + damping) - lead
+        elements[name].attrib |= {
+            "armature": f"{max(joints[name]['armature'] - seen, 0.0):.17g}",
+            "solreffriction": "0.002 1",
+            "solimpfriction": "0.9999 0.9999",
+        }
 
 
 def _check_template(robot: Description, top: ET.Element) -> None:
@@ -495,10 +515,12 @@ def own_inertial(robot: Description, body: str, theta: Array) -> tuple[float, Ar
             "export a physically feasible result."
         )
     own = pin.Inertia.FromDynamicParameters(theta)
-    centre, inertia = own.lever, own.inertia
+    centre = own.lever
+    inertia = own.inertia
     # The library's frame is the joint's; the file's may be shifted or turned against it.
     frame = robot.model.frames[robot.model.getFrameId(body, pin.FrameType.BODY)].placement
-    R, p = np.array(frame.rotation), np.array(frame.translation)
+    R = np.array(frame.rotation)
+    p = np.array(frame.translation)
     return mass, R.T @ (centre - p), thicken(R.T @ inertia @ R)
 
 
@@ -535,7 +557,8 @@ def turn_base(top: ET.Element, gravity: Array) -> None:
     step = shortest_turn(gravity, DOWN) if gravity.any() else np.zeros(3)
     if np.linalg.norm(step) < TINY:
         return
-    taken, first = {e.get("name") for e in top}, root_link(top)
+    taken = {e.get("name") for e in top}
+    first = root_link(top)
     ground = "ground"
     while ground in taken:
         ground = f"{ground}_"
@@ -553,7 +576,7 @@ def _write_joint(
     joint: ET.Element,
     robot: Description,
     name: str,
-    stated: Mapping[str, float],
+    stated: NumberByName,
     *,
     degrees: bool,
 ) -> None:
@@ -569,7 +592,7 @@ def _write_joint(
         joint.set("springref", f"{np.degrees(rest) if turned and degrees else rest:.17g}")
 
 
-def _sidecar_text(robot: Description, tables: Mapping[str, Mapping[str, float]]) -> str | None:
+def _sidecar_text(robot: Description, tables: Mapping[str, NumberByName]) -> str | None:
     """Return the template's sidecar with other tables of numbers, or None if none is needed."""
     given = {} if robot.sidecar is None else tomllib.loads(robot.sidecar.read_text("utf-8-sig"))
     servo = robot.known_servo
@@ -594,7 +617,7 @@ def _check_beside(beside: Path, path: Path, *, needed: bool) -> None:
         raise OutputError(f"'{beside}' {problem} '{path}'; give another name, or move it away.")
 
 
-def write_offsets(top: ET.Element, path: Path, offsets: Mapping[str, float]) -> None:
+def write_offsets(top: ET.Element, path: Path, offsets: NumberByName) -> None:
     """Write constant torque of commands into the actuators of an MJCF, as their bias.
 
     Parameters
@@ -606,7 +629,7 @@ def write_offsets(top: ET.Element, path: Path, offsets: Mapping[str, float]) -> 
     offsets : mapping
         By what an actuator drives [N·m or N].
     """
-    from identifiability.robot.mjcf import read_actuators, read_spec, refused  # noqa: PLC0415
+    from .mjcf import read_actuators, read_spec, refused  # noqa: PLC0415
 
     elements = [e for part in top.findall("actuator") for e in part]
     left = dict(offsets)
@@ -647,7 +670,8 @@ def share_out(robot: Description, bodies: Mapping[str, Array]) -> dict[str, Arra
             host = robot.bodies[robot.carriers.index(index)]
             hosts.setdefault(host, []).append(body)
     for host, behind in hosts.items():
-        part, load = 1.0, sum(robot.welded[body] for body in behind)
+        part = 1.0
+        load = sum(robot.welded[body] for body in behind)
         room = least_eigenvalue(out[host])
         while room > 0 and least_eigenvalue(out[host] - part * load) <= 0.0:
             part *= 0.5

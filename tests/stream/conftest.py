@@ -19,7 +19,7 @@ def sizes(monkeypatch):
     def chosen(piece=700, shortest=1500, rows=400, characters=30_000):
         monkeypatch.setattr(rows_of, "LONG", 0)
         monkeypatch.setattr(rows_of.divide_rows, "__defaults__", (shortest,))
-        monkeypatch.setattr(dataset, "PIECE", piece)
+        monkeypatch.setattr(dataset, "WINDOW", piece)
         monkeypatch.setattr(dataset, "MARGINS", 0)
         monkeypatch.setattr(tables, "PIECE_CELLS", 10 * rows)
         monkeypatch.setattr(tables, "PIECE_LETTERS", characters)

@@ -15,6 +15,7 @@ They stand for torque where no joint has effort.
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -26,16 +27,11 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing, near_match
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Array, numbered
+from identifiability.foundation.names import Array, Strings, numbered
 from identifiability.foundation.quoting import path_for_shell
 from identifiability.logs.form import PLAIN
-from identifiability.logs.formats.reader import (
-    Whole,
-    check_unpacked,
-    hash_files,
-    list_files,
-    reader,
-)
+
+from .reader import Whole, check_unpacked, hash_files, list_files, reader
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -53,32 +49,11 @@ _MCAP_MAGIC, _MCAP_CHUNK, _BAG_HEADER = 8, 6, 4096
 #: What ROS 2 and ROS 1 call the type.
 JOINT_STATE = ("sensor_msgs/msg/JointState", "sensor_msgs/JointState")
 
-#: Types of commands, and the fields of their names, positions and velocities.
-COMMANDS = {
-    "control_msgs/msg/JointTrajectoryControllerState": ("joint_names", "reference", ""),
-    "control_msgs/msg/MultiDOFCommand": ("dof_names", "values", "values_dot"),
-    "std_msgs/msg/Float64MultiArray": ("", "data", ""),
-}
+_TABLES = tomllib.loads(Path(__file__).with_name("bags.toml").read_text(encoding="utf-8"))
 
-#: What of messages about a base that floats is a column of logs: where a vector is, and its name.
-BASE = {
-    "sensor_msgs/msg/Imu": (
-        ("linear_acceleration", "base.acc", "xyz"),
-        ("angular_velocity", "base.gyro", "xyz"),
-    ),
-    "nav_msgs/msg/Odometry": (
-        ("pose.pose.position", "odom.position", "xyz"),
-        ("pose.pose.orientation", "odom.orientation", "xyzw"),
-    ),
-    "geometry_msgs/msg/PoseStamped": (
-        ("pose.position", "pose.position", "xyz"),
-        ("pose.orientation", "pose.orientation", "xyzw"),
-    ),
-    "geometry_msgs/msg/WrenchStamped": (
-        ("wrench.force", "{topic}.force", "xyz"),
-        ("wrench.torque", "{topic}.torque", "xyz"),
-    ),
-}
+#: Fields of commands, and vectors about a base that floats, by type of message.
+COMMANDS: Mapping[str, Sequence[str]] = _TABLES["commands"]
+BASE: Mapping[str, Sequence[Sequence[str]]] = _TABLES["base"]
 
 #: Field of the message for every channel of a log.
 FIELDS = {"q": "position", "dq": "velocity", "tau": "effort"}
@@ -164,7 +139,8 @@ def _mcap_chunks(file: BinaryIO) -> Iterator[int]:
     """Yield the stated sizes of chunks: records of type 6, whose size stands behind two times."""
     file.seek(_MCAP_MAGIC)
     while len(head := file.read(9)) == 9:
-        kind, length = head[0], int.from_bytes(head[1:], "little")
+        kind = head[0]
+        length = int.from_bytes(head[1:], "little")
         begin = file.read(min(length, 24))
         if kind == _MCAP_CHUNK and len(begin) == 24:
             yield int.from_bytes(begin[16:], "little")
@@ -245,7 +221,7 @@ def _table(messages: Iterable[tuple[Sequence[str], Mapping[str, Any]]]) -> pd.Da
     """
     import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
 
-    groups: dict[tuple[str, ...], tuple[list[int], list[Array]]] = {}
+    groups: dict[Strings, tuple[list[int], list[Array]]] = {}
     for k, (names, channels) in enumerate(messages):
         told = {kind: x for kind, x in channels.items() if len(x) == len(names)}
         at, own = groups.setdefault(tuple(f"{n}.{kind}" for kind in told for n in names), ([], []))
@@ -286,7 +262,8 @@ def _add_base(reader: Any, frame: pd.DataFrame) -> None:
     for topic, kind in topics.items():
         if [*topics.values()].count(kind) > 1 and "{topic}" not in BASE[kind][0][1]:
             continue
-        when, rows = list[float](), list[list[float]]()
+        when = list[float]()
+        rows = list[list[float]]()
         for _, message in _messages(reader, topic, BASE):
             when.append(_stamp(message) * 1e-9 - frame.attrs["start"])
             rows.append([attrgetter(f"{of}.{a}")(message) for of, _, ax in BASE[kind] for a in ax])
@@ -314,7 +291,8 @@ def _read_states(
     LogError
         If none tells of all joints of the robot, or of position and effort.
     """
-    clocks, groups = list[tuple[int, int]](), dict[frozenset[str], Sequence[str]]()
+    clocks = list[tuple[int, int]]()
+    groups = dict[frozenset[str], Sequence[str]]()
 
     def told() -> Iterator[tuple[Sequence[str], Mapping[str, Any]]]:
         for recorded, message in messages:
@@ -324,39 +302,71 @@ def _read_states(
 
     table = _table(told())
     times = np.array(clocks, np.int64).reshape(-1, 2)
-    rename = known.columns.apply
     if len(groups) > 1:
-        called = {rename(n): f"{n}.q" for n in sorted(frozenset().union(*groups))}
-        sides = (known.motors, known.joints)
-        needed = next(([called[j] for j in x] for x in sides if x and {*x} <= {*called}), [])
-        whole = table[needed].notna().all(axis=1).to_numpy() & bool(needed)
-        if not whole.any():
-            first, other, *_ = groups.values()
-            raise LogError(
-                f"{source} tell of different joints ({listing(first)}; then {listing(other)}), and "
-                "no message of all joints that are needed: if they are called otherwise, add "
-                "--map 'OLD=NEW', and lock what does not move (a gripper, say), --lock JOINT=VALUE."
-            )
-        table, times = table[whole], times[whole]
+        whole = _find_whole(table, groups, known, source)
+        table = table[whole]
+        times = times[whole]
     table = table.dropna(axis=1, how="all")
-    pairs = [str(name).rsplit(".", 1) for name in table]
-    driven = {joint for joint, kind in pairs if kind == "tau"}
-    lacking = [k for k in ("q", "tau") if not any(kind == k for _, kind in pairs)]
+    table = table[_driven(table, known, source, commanded=commanded)]
+    stamp = times[:, 0] if times[:, 0].min() > 0 else times[:, 1]
+    order = np.argsort(stamp, kind="stable")
+    frame = table.iloc[order].reset_index(drop=True)
+    frame.insert(0, "t", (stamp[order] - stamp.min()) * 1e-9)
+    frame.attrs["start"] = float(stamp.min()) * 1e-9  # on the clock of the stamps
+    frame.attrs["recorded"] = times[order, 1]
+    frame.attrs["mixed"] = len(groups) > 1
+    return frame
+
+
+def _find_whole(
+    table: pd.DataFrame,
+    groups: Mapping[frozenset[str], Sequence[str]],
+    known: Conventions,
+    source: str,
+) -> Array:
+    """Return which messages tell of all joints of the robot, (N,) bool.
+
+    Raises
+    ------
+    LogError
+        If none does.
+    """
+    called = {known.columns.apply(n): f"{n}.q" for n in sorted(frozenset().union(*groups))}
+    sides = (known.motors, known.joints)
+    needed = next(([called[j] for j in x] for x in sides if x and {*x} <= {*called}), [])
+    whole = table[needed].notna().all(axis=1).to_numpy() & bool(needed)
+    if not whole.any():
+        first, other, *_ = groups.values()
+        raise LogError(
+            f"{source} tell of different joints ({listing(first)}; then {listing(other)}), and "
+            "no message of all joints that are needed: if they are called otherwise, add "
+            "--map 'OLD=NEW', and lock what does not move (a gripper, say), --lock JOINT=VALUE."
+        )
+    return whole
+
+
+def _driven(table: pd.DataFrame, known: Conventions, source: str, *, commanded: bool) -> list[str]:
+    """Return the columns of joints that have effort, and positions of the robot's joints.
+
+    Raises
+    ------
+    LogError
+        If there is no position or effort.
+    """
+    pairs = {str(name): str(name).rsplit(".", 1) for name in table}
+    driven = {joint for joint, kind in pairs.values() if kind == "tau"}
+    lacking = [k for k in ("q", "tau") if all(kind != k for _, kind in pairs.values())]
     if lacking and (lacking != ["tau"] or not commanded):
         raise LogError(
             f"{source} have no {FIELDS[lacking[0]]} in some or all messages; record a topic that "
             "has position and effort, or commands beside position."
         )
     own = {*known.motors, *known.joints, *known.locked}
-    stamp = times[:, 0] if times[:, 0].min() > 0 else times[:, 1]
-    order = np.argsort(stamp, kind="stable")
-    kept = [lacking or j in driven or (k == "q" and rename(j) in own) for j, k in pairs]
-    frame = table.loc[:, np.array(kept, bool)].iloc[order].reset_index(drop=True)
-    frame.insert(0, "t", (stamp[order] - stamp.min()) * 1e-9)
-    frame.attrs["start"] = float(stamp.min()) * 1e-9  # on the clock of the stamps
-    frame.attrs["recorded"] = times[order, 1]
-    frame.attrs["mixed"] = len(groups) > 1
-    return frame
+
+    def counts(joint: str, kind: str) -> bool:
+        return joint in driven or (kind == "q" and known.columns.apply(joint) in own)
+
+    return [name for name, pair in pairs.items() if lacking or counts(*pair)]
 
 
 @reader(

@@ -16,18 +16,11 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import numbered
+from identifiability.foundation.names import Array, numbered
 from identifiability.logs.form import PLAIN, Form, find_form
-from identifiability.logs.formats.reader import (
-    TIMES,
-    UNPACKED,
-    Whole,
-    check_unpacked,
-    count_zipped,
-    hash_files,
-    reader,
-)
 from identifiability.logs.names import check_names, guess_column
+
+from .reader import TIMES, UNPACKED, Whole, check_unpacked, count_zipped, hash_files, reader
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -102,7 +95,8 @@ def _count_matlab(path: Path) -> int:
     After a header of 128 bytes each element has its type and size (MATLAB's MAT-File Format).
     Older files, which do not compress, have another header.
     """
-    found, most = 0, max(UNPACKED, TIMES * path.stat().st_size)
+    found = 0
+    most = max(UNPACKED, TIMES * path.stat().st_size)
     with path.open("rb") as file:
         mark = file.read(_MAT_HEADER)[-2:]
         order = _ORDERS.get(mark)
@@ -117,7 +111,8 @@ def _count_matlab(path: Path) -> int:
 
 def _count_deflated(content: bytes, most: int) -> int:
     """Return the bytes to which a zlib stream unpacks; counting stops beyond a number of bytes."""
-    unpacking, found = zlib.decompressobj(), 0
+    unpacking = zlib.decompressobj()
+    found = 0
     while content and found <= most and not unpacking.eof:
         found += len(unpacking.decompress(content, _STEP))
         content = unpacking.unconsumed_tail
@@ -174,7 +169,7 @@ def _read_sheets(path: Path) -> dict[str, pd.DataFrame]:
     size = count_zipped(path)
     check_unpacked(path, size, SHEETS)
     left = CELLS + size // 4  # a filled cell takes more bytes
-    found: dict[str, pd.DataFrame] = {}
+    found = {}
     book = load_workbook(path, read_only=True, data_only=True, keep_links=False)
     try:
         for sheet in book.worksheets:
@@ -201,8 +196,9 @@ def _read_cells(path: Path, sheet: Any, most: int) -> tuple[list[list[object]], 
         If there are more cells than allowed.
     """
     sheet.reset_dimensions()
-    rows: list[list[object]] = []
-    width, left = 0, most
+    rows = []
+    width = 0
+    left = most
     for row in sheet.iter_rows(values_only=True):
         left -= 1 + len(row)
         cells = [None if _is_empty(cell) else cell for cell in row]
@@ -247,8 +243,8 @@ def frame_of(arrays: Mapping[str, Any], source: str) -> pd.DataFrame:
     if not times:
         raise LogError(Finding("arrays.time", source, arrays=listing(sorted(flat)) or "none"))
     length = max(len(shaped[k]) for k in times)
-    columns: dict[str, Any] = {}
-    lost: list[str] = []
+    columns = {}
+    lost = []
     for name, given in shaped.items():
         array = given
         if array.ndim == 2 and len(array) != length and array.shape[1] == length:
@@ -310,7 +306,7 @@ def stack_arrays(
     return pd.DataFrame({"t": times, **columns})
 
 
-def _shape(array: np.ndarray) -> str:
+def _shape(array: Array) -> str:
     return "×".join(map(str, array.shape)) or "a number"
 
 
@@ -319,9 +315,9 @@ def _is_time(name: str) -> bool:
     return guess is not None and guess.kind == "t"
 
 
-def _flatten(arrays: Mapping[str, Any], above: str = "") -> dict[str, np.ndarray]:
+def _flatten(arrays: Mapping[str, Any], above: str = "") -> dict[str, Array]:
     """Return all arrays by their names, those in mappings with the mapping's before them."""
-    out: dict[str, np.ndarray] = {}
+    out: dict[str, Array] = {}
     for name, value in arrays.items():
         if isinstance(value, Mapping):
             out |= _flatten(value, f"{above}{name}.")
@@ -330,7 +326,7 @@ def _flatten(arrays: Mapping[str, Any], above: str = "") -> dict[str, np.ndarray
     return out
 
 
-def _shortened(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+def _shortened(arrays: Mapping[str, Array]) -> dict[str, Array]:
     """Return arrays by the last part of their names, where that says which."""
     last = [name.rpartition(".")[2] for name in arrays]
     if len(set(last)) < len(last):
@@ -338,7 +334,7 @@ def _shortened(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     return dict(zip(last, arrays.values(), strict=True))
 
 
-def _joint_names(arrays: Mapping[str, np.ndarray]) -> list[str]:
+def _joint_names(arrays: Mapping[str, Array]) -> list[str]:
     """Return the names of the joints, if an array holds them."""
     for key, array in arrays.items():
         if key.rpartition(".")[2].casefold() in NAMES and array.dtype.kind in "UO":

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,13 +19,14 @@ import numpy as np
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import numbered
+from identifiability.foundation.names import Array, numbered
 from identifiability.foundation.quoting import path_for_shell
 from identifiability.logs.form import PLAIN
-from identifiability.logs.formats.parquet import check_parquet
-from identifiability.logs.formats.reader import Whole, reader
 from identifiability.logs.names import KINDS
 from identifiability.logs.rules import RULES
+
+from .parquet import check_parquet
+from .reader import Whole, reader
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -91,8 +92,16 @@ def list_episodes(path: str | Path) -> list[Path]:
         )
     held = last + 1 if first == last else _count_held(folder)
     if last - first >= held:
-        said = {"count": count, "held": held, "name": folder.name, "last": max(held - 1, 0)}
-        raise LogError(Finding("dataset.episodes", folder, **said))
+        raise LogError(
+            Finding(
+                "dataset.episodes",
+                folder,
+                count=count,
+                held=held,
+                name=folder.name,
+                last=max(held - 1, 0),
+            )
+        )
     return [Path(f"{folder}:{k}") for k in range(first, last + 1)]
 
 
@@ -141,7 +150,8 @@ def read_episode(path: str | Path) -> pd.DataFrame:
     # In v2 each has a file of its own: else a thousand files are opened a thousand times.
     files = [str(f) for f in (folder / "data").glob(f"*/episode_{number:06d}.parquet")]
     data = ds.dataset(files or folder / "data", format="parquet")
-    _check_files(data.files)
+    for file in data.files:
+        check_parquet(Path(file))
     wanted = [name for name in FEATURES if name in data.schema.names]
     lacking = {"timestamp", "episode_index", "observation.state"} - {*data.schema.names}
     if lacking:
@@ -149,22 +159,11 @@ def read_episode(path: str | Path) -> pd.DataFrame:
     rows = data.to_table(columns=["timestamp", *wanted], filter=ds.field("episode_index") == number)
     if not rows.num_rows:
         raise LogError(f"{folder} has no row of episode {number}; its files are not complete.")
-    columns: dict[str, Any] = {"t": _times(rows["timestamp"], info)}
+    columns = {"t": _times(rows["timestamp"], info)}
     for feature in wanted:
         values = np.array(rows[feature].to_pylist(), float).reshape(rows.num_rows, -1)
         columns |= zip(_columns(feature, values.shape[1], info), values.T, strict=True)
     return pd.DataFrame(columns)
-
-
-def _check_files(files: Iterable[str]) -> None:
-    """Refuse Parquet files whose values take far more memory than they have bytes.
-
-    Raises
-    ------
-    LogError
-    """
-    for file in files:
-        check_parquet(Path(file))
 
 
 def _read_info(folder: Path) -> Mapping[str, Any]:
@@ -178,7 +177,7 @@ def _read_info(folder: Path) -> Mapping[str, Any]:
     return dict(info)
 
 
-def _times(given: Any, info: Mapping[str, Any]) -> np.ndarray:
+def _times(given: Any, info: Mapping[str, Any]) -> Array:
     """Return times [s]; those of single precision that count samples, to the last digit."""
     t = np.array(given.to_pylist(), float).reshape(-1)
     fps = info.get("fps")

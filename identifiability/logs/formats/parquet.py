@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from identifiability.logs.formats.reader import check_unpacked
 from identifiability.logs.names import check_names
+
+from .reader import check_unpacked
 
 #: Bytes of a value in memory, and bytes that the values of any file may take.
 VALUE, LEAST = 8, 256_000_000
@@ -29,7 +30,8 @@ def check_parquet(path: Path) -> list[str]:
     from pyarrow.parquet import ParquetFile  # noqa: PLC0415 - only who reads Parquet pays for it
 
     with ParquetFile(path, pre_buffer=False) as file:
-        metadata, schema = file.metadata, file.schema
+        metadata = file.metadata
+        schema = file.schema
         names = [str(schema.column(k).path) for k in range(len(schema))]
         check_names(str(path), names)
         values = stated = 0

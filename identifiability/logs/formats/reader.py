@@ -178,8 +178,9 @@ def check_unpacked(path: Path, unpacked: int, least: int = UNPACKED) -> None:
     """
     size = path.stat().st_size
     if unpacked > max(least, TIMES * size):
-        sizes = {"size": size / 1e6, "unpacked": unpacked / 1e6, "times": TIMES}
-        raise LogError(Finding("file.unpacked", path, **sizes))
+        raise LogError(
+            Finding("file.unpacked", path, size=size / 1e6, unpacked=unpacked / 1e6, times=TIMES)
+        )
 
 
 def count_zipped(path: Path) -> int:

@@ -7,7 +7,7 @@ is to know of it as a whole. A long log is prepared piece by piece, and its rows
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any
@@ -15,21 +15,22 @@ from typing import Any
 import numpy as np
 
 from identifiability.foundation.engines import Engine, Serial, Steps
-from identifiability.foundation.errors import ClosureError, LogError, RobotError
+from identifiability.foundation.errors import ClosureError, LogError, RobotError, listing
 from identifiability.foundation.findings import Finding, of_key
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.options import checked
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.base import AFTER, UP
-from identifiability.logs.prepare.preparation import Plan, Preparation, joint_log, make_plan
-from identifiability.logs.rows import divide_rows, find_range, forget, gather, is_long
+from identifiability.logs.rows import WINDOW, divide_rows, find_range, forget, gather, is_long
 from identifiability.logs.rules import RULES
 from identifiability.logs.signals import is_constant, never_moves
 from identifiability.robot import KnownRobot, Motion, Robot, complete_motion
 from identifiability.robot.closure import known_torque, project
 from identifiability.robot.floating import SIX, closed_contacts, wrench_torque
+
+from .preparation import Plan, Preparation, joint_log, make_plan
 
 # `Survey`: what there is to know of a prepared log as a whole.
 #
@@ -39,9 +40,6 @@ from identifiability.robot.floating import SIX, closed_contacts, wrench_torque
 
 #: Rows of a log, from the first to the last (exclusive).
 Rows = tuple[int, int]
-
-#: Rows that a note lists.
-LISTED = 5
 
 
 @frozen
@@ -69,16 +67,16 @@ class Survey:
     low: Array
     high: Array
     torque_range: Array
-    rows: np.ndarray = field(default_factory=lambda: np.zeros(1, int))
+    rows: Array = np.zeros(1, int)
 
 
-def stands_still(surveys: Sequence[Survey]) -> np.ndarray:
+def stands_still(surveys: Sequence[Survey]) -> Array:
     """Return which actuated joints are at one place in these logs, (n,) bool."""
     low = np.min([s.low for s in surveys], axis=0)
     high = np.max([s.high for s in surveys], axis=0)
     # The joints that stand for a base are at zero wherever it goes.
     based = (low[0] == 0.0) & (high[0] == 0.0) & ~never_moves(low[2], high[2])
-    still: np.ndarray = never_moves(low[0], high[0]) & ~based
+    still: Array = never_moves(low[0], high[0]) & ~based
     return still
 
 
@@ -87,14 +85,14 @@ def robot_moves(surveys: Sequence[Survey]) -> bool:
     return not stands_still(surveys).all()
 
 
-def torque_varies(surveys: Sequence[Survey]) -> np.ndarray:
+def torque_varies(surveys: Sequence[Survey]) -> Array:
     """Return at which actuated joints the measured torque changes in these logs, (n,) bool."""
     low = np.min([s.torque_range[0] for s in surveys], axis=0)
     high = np.max([s.torque_range[1] for s in surveys], axis=0)
     return ~is_constant(low, high)
 
 
-def find_signal(surveys: Sequence[Survey]) -> np.ndarray:
+def find_signal(surveys: Sequence[Survey]) -> Array:
     """Return at which actuated joints logs have something to explain, (n,) bool.
 
     The robot moves, and the torque of that joint changes.
@@ -138,15 +136,15 @@ class Piece:
         return x if self.decimation is None else self.decimation.apply(x)
 
     @cached_property
-    def _lost(self) -> np.ndarray | None:
+    def _lost(self) -> Array | None:
         """Where torque is no data, (N, n) bool; None for nowhere."""
         lost = self.weight <= 0
         return lost if lost.any() else None
 
     @property
-    def moves(self) -> np.ndarray:
+    def moves(self) -> Array:
         """Where, at its outputs, torque of each joint is data, (m, n) bool."""
-        found: np.ndarray = self.weight[self.at] > 0
+        found: Array = self.weight[self.at] > 0
         return found
 
     @property
@@ -230,17 +228,17 @@ class Dataset:
     motion: Motion
     tau: Array
     decimation: signals.Decimation | None
-    notes: tuple[str, ...]
+    notes: Strings
     sha256: str
     own: Rows | None = None
     cutoff: float | None = None
     band: float | None = None
     instrument: Motion | None = None
     lost: int = 0
-    breaks: np.ndarray = field(default_factory=lambda: np.empty(0, int))
-    hints: tuple[str, ...] = ()
+    breaks: Array = np.empty(0, int)
+    hints: Strings = ()
     path: str = ""
-    weight: Array = field(default_factory=lambda: np.ones((1, 1)))
+    weight: Array = np.ones((1, 1))
 
     def __post_init__(self) -> None:
         """Count every row alike where nobody says otherwise."""
@@ -262,7 +260,8 @@ class Dataset:
         if not self.long:
             return [self]
         reach = 0 if self.decimation is None else self.decimation.reach
-        kept, parts = self.motion.kept, []
+        kept = self.motion.kept
+        parts = []
         for a, b in divide_rows(len(kept)):
             part = self.take(slice(max(0, a - reach), b + reach))
             parts.append(replace(part, own=(int(kept[a]), int(kept[b - 1]) + 1)))
@@ -272,15 +271,7 @@ class Dataset:
     def beside(self) -> Dataset | None:
         """The samples along the second record of the motion."""
         other = self.instrument
-        return (
-            None
-            if other is None
-            else replace(
-                self,
-                motion=other,
-                instrument=None,
-            )
-        )
+        return None if other is None else replace(self, motion=other, instrument=None)
 
     @cached_property
     def outputs(self) -> int:
@@ -298,14 +289,17 @@ class Dataset:
     @cached_property
     def runs(self) -> list[tuple[int, int, int]]:
         """Stretches of samples that make outputs without a gap, (start, stop, outputs) each."""
-        d, kept = self.decimation, self.motion.kept
+        d = self.decimation
+        kept = self.motion.kept
         if d is None:
             return [(0, len(kept), len(kept))]
-        edges, out = [0], []
+        edges = [0]
+        out = []
         for a, b in divide_rows(len(kept) - 1):
             edges += (a + 1 + np.flatnonzero(np.diff(kept[a : b + 1]) > 1)).tolist()
         for start, stop in pairwise([*edges, len(kept)]) if len(kept) else ():
-            row, shift = int(kept[start]), start - int(kept[start])
+            row = int(kept[start])
+            shift = start - int(kept[start])
             low, high = self.own or (0, row + stop - start)
             # Multiples of the factor, so that it does not matter in which parts a log is read.
             first = -(-max(row + d.reach, low) // d.factor) * d.factor
@@ -318,10 +312,13 @@ class Dataset:
     @cached_property
     def survey(self) -> Survey:
         """What there is to know of the whole log."""
-        m, n = self.motion, self.tau.shape[1]
-        rows, ends = np.zeros(n, int), [np.full((2, n), [[np.inf], [-np.inf]])]
+        m = self.motion
+        n = self.tau.shape[1]
+        rows = np.zeros(n, int)
+        ends = [np.full((2, n), [[np.inf], [-np.inf]])]
         for p in self.pieces(1024):
-            raw, where = p.raw, p.moves
+            raw = p.raw
+            where = p.moves
             rows = rows + where.sum(0)
             # As measured: what is low-passed changes beside rows that are no data.
             low = raw.min(0, initial=np.inf, where=where)
@@ -347,16 +344,19 @@ class Dataset:
         step = max(1, size // factor)
         for start, _, count in self.runs:
             for first in range(0, count, step):
-                begin, few = start + first * factor, min(step, count - first)
+                begin = start + first * factor
+                few = min(step, count - first)
                 rows = slice(begin, begin + (few - 1) * factor + more + 1)
                 yield Piece(self.motion[rows], self.tau[rows], d, self.weight[rows])
                 if self.long:
                     forget()
 
-    def take(self, rows: slice | np.ndarray) -> Dataset:
+    def take(self, rows: slice | Array) -> Dataset:
         """Return some of the samples."""
         other = None if self.instrument is None else self.instrument[rows]
-        motion, tau, weight = self.motion[rows], self.tau[rows], self.weight[rows]
+        motion = self.motion[rows]
+        tau = self.tau[rows]
+        weight = self.weight[rows]
         return replace(
             self,
             motion=motion,
@@ -369,13 +369,13 @@ class Dataset:
         """Return every `step`-th sample, without decimation."""
         return replace(self.take(slice(None, None, step)), decimation=None)
 
-    def output_times(self, at: slice | np.ndarray = slice(None)) -> Array:
+    def output_times(self, at: slice | Array = slice(None)) -> Array:
         """Return the times of samples after decimation [s], all by default."""
         times: Array = self.motion.t[self.at_outputs[at]]
         return times
 
     @property
-    def at_outputs(self) -> np.ndarray:
+    def at_outputs(self) -> Array:
         """The samples of the motion at which the outputs are."""
         factor, reach = (1, 0) if (d := self.decimation) is None else (d.factor, d.reach)
         rows = [start + reach + factor * np.arange(count) for start, _, count in self.runs]
@@ -383,53 +383,28 @@ class Dataset:
 
     def describe(self, joints: Sequence[str], total: int) -> list[Finding]:
         """Return what was done with the samples of a log with `total` of them."""
-        m, s, notes = self.motion, self.survey, []
+        m = self.motion
+        notes = []
         if len(m.dropped):
-            first = ", ".join(str(k + 1) for k in m.dropped[:LISTED])
-            first += " …" if len(m.dropped) > LISTED else ""
+            where = listing(map(str, m.dropped + 1), 5)
             notes.append(
-                Finding(
-                    "unclosed",
-                    self.name,
-                    rows=len(m.dropped),
-                    all=total,
-                    where=first,
-                )
+                Finding("unclosed", self.name, rows=len(m.dropped), all=total, where=where)
             )
         if m.singular:
-            at = {"first": int(m.near_singular[0]) + 1, "condition": m.condition}
+            first = int(m.near_singular[0]) + 1
             notes.append(
-                Finding(
-                    "singular",
-                    self.name,
-                    rows=m.singular,
-                    **at,
-                )
+                Finding("singular", self.name, rows=m.singular, first=first, condition=m.condition)
             )
         if self.lost:
-            notes.append(
-                Finding(
-                    "beside_gaps",
-                    self.name,
-                    rows=self.lost,
-                    all=total,
-                )
-            )
-        rest = dict(zip(joints, (s.outputs - s.rows).tolist(), strict=True))
-        rest = {j: k for j, k in rest.items() if k > 0}
+            notes.append(Finding("beside_gaps", self.name, rows=self.lost, all=total))
+        rests = self.survey.outputs - self.survey.rows
+        rest = {j: k for j, k in zip(joints, rests.tolist(), strict=True) if k > 0}
         if rest:
-            where = ", ".join(f"{j} {percent(k / s.outputs)}" for j, k in rest.items())
-            columns = tuple(f"{j}.tau" for j in rest)
+            shares = (f"{j} {percent(k / self.survey.outputs)}" for j, k in rest.items())
             rows = sum(rest.values())
-            notes.append(
-                Finding(
-                    "standing",
-                    self.name,
-                    rows=rows,
-                    columns=columns,
-                    where=where,
-                )
-            )
+            columns = tuple(f"{j}.tau" for j in rest)
+            where = ", ".join(shares)
+            notes.append(Finding("standing", self.name, rows=rows, columns=columns, where=where))
         return notes
 
 
@@ -455,44 +430,39 @@ def _prepare_rows(rows: tuple[Log, int, Rows], robot: Robot, plan: Plan) -> Data
     touch = _touch(robot, log)
     touch = None if touch is None else touch[part]
     motion = complete_motion(robot, log.t[part], q[part], dq[part], ddq[part], touch)
+    at = own[0] - origin + motion.kept
     smooth = plan.smooth_speed(log, origin)
     if smooth is not None:
-        motion = replace(motion, smooth_v=smooth[part][motion.kept])
-    tau = log.tau[part][motion.kept] - _known_torque(robot, log.name, motion)
+        motion = replace(motion, smooth_v=smooth[at])
+    tau = log.tau[at] - _known_torque(robot, log.name, motion)
     if robot.base is not None and log.base is not None:
-        tau = motion.freed(tau + _pushed(robot, motion, log.base[part][motion.kept]))
-    dwells = None if plan.dwells is None else plan.dwells.find(dq)[part][motion.kept]
+        tau = motion.freed(tau + _pushed(robot, motion, log.base[at]))
+    silent = np.zeros(tau.shape, bool) if plan.dwells is None else plan.dwells.find(dq)[at]
     if robot.base is not None:
-        dwells = _silent(motion, dwells)
+        silent = _silent(motion, silent)
     if log.unmeasured is not None:
-        lacking = plan.lacking(log.unmeasured)[part][motion.kept]
-        dwells = lacking if dwells is None else dwells | lacking
-    lost = 0
+        silent = silent | plan.lacking(log.unmeasured)[at]
+    left = np.ones(len(tau), bool)
+    breaks = np.empty(0, int)
     if plan.grid is not None:
-        left = ~plan.grid.left_out(origin, origin + len(log))[part][motion.kept]
-        lost = int((~left).sum())
-        motion, tau = motion[left], tau[left]
-        dwells = None if dwells is None else dwells[left]
-    indices = ("kept", "dropped", "near_singular")
-    motion = replace(
-        motion,
-        **{k: getattr(motion, k) + own[0] for k in indices},
-        start=log.start,
-    )
+        left = ~plan.grid.left_out(origin, origin + len(log))[at]
+        breaks = plan.grid.breaks
+        motion = motion[left]
+    places = {k: getattr(motion, k) + own[0] for k in ("kept", "dropped", "near_singular")}
     return Dataset(
         log.name,
-        motion,
-        tau,
+        replace(motion, **places, start=log.start),
+        tau[left],
         plan.decimation,
         (),
         log.sha256,
         cutoff=plan.cutoff,
         band=plan.band,
-        lost=lost,
-        breaks=np.empty(0, int) if plan.grid is None else plan.grid.breaks,
+        lost=int((~left).sum()),
+        breaks=breaks,
         hints=plan.hints,
         path=log.path,
-        weight=np.ones((1, 1)) if dwells is None else 1.0 - dwells,
+        weight=1.0 - silent[left],
     )
 
 
@@ -509,20 +479,20 @@ def _touch(robot: Robot, log: Log) -> Array | None:
 def _pushed(robot: Robot, motion: Motion, record: Array) -> Array:
     """Return the torque of the actuated joints that measured wrenches make, (N, n)."""
     assert robot.base is not None
-    at, tree = AFTER + len(robot.base.contacts), np.zeros((len(motion), robot.nv))
+    at = AFTER + len(robot.base.contacts)
+    tree = np.zeros((len(motion), robot.nv))
     for k, wrench in enumerate(robot.base.wrenches):
         values = record[:, at + 6 * k : at + 6 * (k + 1)]
         tree += wrench_torque(robot.tree, motion.q, wrench, values)
     return project(robot, motion, tree)
 
 
-def _silent(motion: Motion, dwells: np.ndarray | None) -> np.ndarray:
-    """Return where rows are no data, (N, n) bool: the base never stands, and contacts hide some.
+def _silent(motion: Motion, dwells: Array) -> Array:
+    """Return which rows are no data, (N, n) bool: dwells of joints, and rows that contacts hide.
 
-    What a joint at rest supplies is nobody's data, also where the base's rows are made of it.
+    The base never dwells: its rows count at all times.
     """
-    n = motion.actuated_q.shape[1]
-    found = np.zeros((len(motion), n), bool) if dwells is None else np.array(dwells)
+    found = np.array(dwells)
     found[:, :SIX] = False
     return found if motion.silent is None else found | motion.silent
 
@@ -537,7 +507,8 @@ def _known_torque(robot: Robot, name: str, motion: Motion) -> Array:
 
 def join_motions(motions: Sequence[Motion]) -> Motion:
     """Return motions one after the other."""
-    first, none = motions[0], np.empty(0, int)
+    first = motions[0]
+    none = np.empty(0, int)
     rows = [m.each for m in motions]
     known = [name for name in rows[0] if all(name in own for own in rows)]
     joined: dict[str, Any] = {name: np.concatenate([own[name] for own in rows]) for name in known}
@@ -570,8 +541,8 @@ def check_left(name: str, left: int, total: int, notes: Sequence[str]) -> None:
 # From a `Log` to a `Dataset`.
 
 
-#: Samples that are prepared at a time, at least; and in units of what filters draw on.
-PIECE, MARGINS = 16_384, 4
+#: Samples that are prepared at a time, at least in units of what filters draw on.
+MARGINS = 4
 
 
 @checked
@@ -598,10 +569,12 @@ def prepare_log(
     ------
     LogError, ClosureError
     """
-    how, total = how or Preparation(), len(log)
+    how = how or Preparation()
+    total = len(log)
     plan = make_plan(robot, log, how)
-    reach, rows = plan.reach, []
-    for a, b in divide_rows(total, max(PIECE, MARGINS * reach)):
+    reach = plan.reach
+    rows = []
+    for a, b in divide_rows(total, max(WINDOW, MARGINS * reach)):
         low = max(0, a - reach)
         rows.append((log.rows(low, min(total, b + reach)), low, (a, b)))
     work = partial(
@@ -623,14 +596,14 @@ def prepare_log(
         plan = replace(plan, factor=plan.factor - 1)
         found = replace(found, decimation=plan.decimation)
     if plan.decimation is not None:
-        what = {"factor": plan.factor, "rate": 1.0 / (plan.step * plan.factor)}
         notes.append(
             Finding(
                 "decimated",
                 log.name,
                 rows=len(log),
                 columns=("all",),
-                **what,
+                factor=plan.factor,
+                rate=1.0 / (plan.step * plan.factor),
             )
         )
     return replace(found, notes=tuple(notes))
@@ -639,7 +612,7 @@ def prepare_log(
 def _join(parts: Iterator[Dataset]) -> Dataset:
     """Return rows one after the other."""
     first: list[Dataset] = []
-    told: list[tuple[np.ndarray, np.ndarray, float, int]] = []  # little, as parts are many
+    told = []  # little, as parts are many
 
     def arrays() -> Iterator[dict[str, Array]]:
         for part in parts:
@@ -651,7 +624,7 @@ def _join(parts: Iterator[Dataset]) -> Dataset:
                 yield {**motion.each, "tau": part.tau, "weight": part.weight}
 
     found = gather(arrays())
-    own: dict[str, Any] = {k: found.pop(k) for k in ("tau", "weight") if found}
+    own = {k: found.pop(k) for k in ("tau", "weight") if found}
     dropped, singular, condition, lost = zip(*told, strict=True)
     motion = replace(
         first[0].motion,
@@ -697,7 +670,8 @@ def move_samples(robot: Robot, given: Dataset, by: Array) -> Dataset:
     ClosureError
         If loops do not close at some.
     """
-    old, A = given.motion, by[:, :-1]
+    old = given.motion
+    A = by[:, :-1]
     actuated = (x @ A.T for x in (old.actuated_q, old.actuated_v, old.actuated_a))
     new = complete_motion(robot, old.t, next(actuated) - by[:, -1], *actuated)
     if len(new) < len(old):

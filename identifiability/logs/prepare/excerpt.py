@@ -14,18 +14,17 @@ import numpy as np
 
 from identifiability.logs import Log, signals
 from identifiability.logs.log import join_logs
-from identifiability.logs.prepare.dataset import Dataset, prepare_log
-from identifiability.logs.prepare.preparation import Preparation
 from identifiability.logs.rules import RULES
 from identifiability.logs.spectrum import bandwidth_of_windows
 from identifiability.robot import Robot
+
+from .dataset import Dataset, prepare_log
+from .preparation import Preparation
 
 #: Samples after decimation that a diagnosis looks at in one log, and in all that are fitted; more
 #: are thinned to stretches.
 MOST_SAMPLES, MOST_IN_ALL = 3000, 4000
 STRETCH = 300
-#: Of a file so many times as many samples are read, in longer stretches.
-READ = 40
 
 
 def prepare_excerpt(
@@ -46,9 +45,10 @@ def prepare_excerpt(
     if how is None:
         factor = find_factor(log)
         how = Preparation(decimate=factor) if factor > 1 else Preparation()
-    if log.long:
-        long = len(log) > READ * most
-        windows = spread(len(log), READ * STRETCH, most // STRETCH) if long else [(0, len(log))]
+    # So many times as many samples are read, in longer stretches.
+    read = 40
+    if log.long and len(log) > read * most:
+        windows = spread(len(log), read * STRETCH, most // STRETCH)
         log = join_logs([log.rows(a, b) for a, b in windows])
     return thin(prepare_log(robot, log, how), most)
 
@@ -98,7 +98,8 @@ def thin(samples: Dataset, most: int = MOST_SAMPLES) -> Dataset:
     """Return evenly spaced stretches of samples that are more than a diagnosis needs."""
     if samples.outputs <= most:
         return samples
-    d, length = samples.decimation, STRETCH
+    d = samples.decimation
+    length = STRETCH
     length = length if d is None else length * d.factor + 2 * d.reach
     windows = spread(len(samples.tau), length, most // STRETCH)
     rows = np.concatenate([np.arange(a, b) for a, b in windows])

@@ -21,11 +21,12 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs import Log, signals
 from identifiability.logs.base import UP
-from identifiability.logs.prepare.dataset import Dataset
-from identifiability.logs.prepare.preparation import joint_log
 from identifiability.logs.rules import RULES
 from identifiability.logs.spectrum import bandwidth_of_windows, noise_level, resolution
 from identifiability.robot import Motion, Robot, complete_motion
+
+from .dataset import Dataset
+from .preparation import joint_log
 
 #: Position, velocity and acceleration of the actuated joints at all N rows of a log, each (N, n),
 #: and which record it is.
@@ -33,9 +34,6 @@ SecondRecord: TypeAlias = "tuple[Sequence[Array] | Array, str]"
 
 #: Noise may have so many times the power that differences see.
 LOUDER: Tolerance = 1.5
-
-#: Samples in which a period is looked for.
-ENOUGH = 4096
 
 
 def add_instrument(
@@ -117,16 +115,14 @@ def complete_along(robot: Robot, measured: Motion, other: Sequence[Array] | Arra
     return replace(measured, **mixed)
 
 
-# A motion that was made again, on another clock.
-
-
 # A Fourier series of all that was measured, and the smoothed motion.
 
 
 def _fit_series(log: Log, channels: Sequence[Array], noise: Sequence[Array]) -> SecondRecord | None:
     """Return the series that explains all channels up to their noise; None if none does."""
     t = log.t - log.t[0]
-    step = -(-len(t) // ENOUGH)
+    # A period is looked for in some thousand samples.
+    step = -(-len(t) // 4096)
     # Harmonics that are tried.
     for harmonics in (5, 10, 20, 40):
         # The shortest period of a harmonic has four samples.
@@ -183,7 +179,8 @@ def noise_again(log: Log, rng: np.random.Generator) -> Log:
     def more(x: Array) -> Array:
         return np.asarray(x + _noise(x, log.t) * rng.standard_normal(x.shape))
 
-    dq, base = None if log.dq is None else more(log.dq), log.base
+    dq = None if log.dq is None else more(log.dq)
+    base = log.base
     if base is not None:
         base = np.column_stack([more(base[:, : UP.start]), base[:, UP.start :]])
     return replace(log, q=more(log.q), dq=dq, base=base)

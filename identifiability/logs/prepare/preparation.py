@@ -16,7 +16,7 @@ from scipy.special import bdtrc
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.options import Count, Derivatives, Positive, check_fields
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
@@ -60,7 +60,7 @@ class Smoothing:
 
     cutoff: float
     sd: Array
-    raw: np.ndarray
+    raw: Array
 
     @staticmethod
     def choose(windows: Sequence[Array], dt: float) -> Smoothing | None:
@@ -125,7 +125,7 @@ class DwellRule:
     """
 
     creep: Array
-    slow: np.ndarray
+    slow: Array
     beside: int
     turning: int = 0
 
@@ -134,13 +134,10 @@ class DwellRule:
         """Samples on each side that decide whether a joint dwells."""
         return int(self.slow.max()) + max(self.beside, self.turning) + 1
 
-    def masking(self, stands: bool) -> DwellRule:
-        """Return the rule by which reversals are data unless a joint ever stands."""
-        return replace(self, turning=max(1, self.beside) if stands else 0)
-
-    def find(self, dq: Array) -> np.ndarray:
+    def find(self, dq: Array) -> Array:
         """Return where each joint dwells, (N, n) bool; dq (N, n) are the speeds that are used."""
-        out, speed = np.zeros(dq.shape, bool), np.abs(dq)
+        out = np.zeros(dq.shape, bool)
+        speed = np.abs(dq)
         for creep, slow in zip(self.creep, self.slow, strict=True):
             for j, least in enumerate(slow.tolist()):
                 out[:, j] |= _lasting(speed[:, j] <= creep[j], least)
@@ -151,18 +148,18 @@ class DwellRule:
         return out | _reached(_reversals(dq), self.turning) if self.turning else out
 
 
-def _reversals(dq: Array) -> np.ndarray:
+def _reversals(dq: Array) -> Array:
     """Return the samples behind which the speeds dq (N, n) cross zero, (N, n) bool."""
     turns = np.zeros(dq.shape, bool)
     turns[:-1] = np.sign(dq[:-1]) != np.sign(dq[1:])
     return turns
 
 
-def _lasting(x: np.ndarray, window: int) -> np.ndarray:
+def _lasting(x: Array, window: int) -> Array:
     """Return where x (N,) bool is true for at least a window about some sample."""
     size = 2 * (window // 2) + 1  # an opening, in a time that does not grow with the window
     slow = minimum_filter1d(x.astype(np.uint8), size, mode="constant")
-    kept: np.ndarray = maximum_filter1d(slow, size, mode="constant") > 0
+    kept: Array = maximum_filter1d(slow, size, mode="constant") > 0
     return kept
 
 
@@ -188,13 +185,13 @@ class Stays:
     speeds: tuple[Array, ...]
     creep: Array
     typical: Array
-    never: np.ndarray
+    never: Array
 
     @staticmethod
     def of(plan: Plan, windows: Sequence[Log], origins: Sequence[int]) -> Stays:
         """Return those in windows whose first samples are these rows of the whole log."""
         parts = [plan.derive(w, k) for w, k in zip(windows, origins, strict=True)]
-        q, dq, ddq = (np.concatenate(x) for x in zip(*parts, strict=True))
+        q, dq, ddq = map(np.concatenate, zip(*parts, strict=True))
         creep = RULES.creep * np.abs(dq).max(0)
         moving = np.where(np.abs(dq) > creep, np.abs(ddq), np.nan)
         never = signals.never_moves(q.min(0), q.max(0)) | np.isnan(moving).all(0)
@@ -208,7 +205,8 @@ class Stays:
 
     def rule(self, rare: int = 1) -> DwellRule:
         """Return the rule of what so few in as many reversals again last as long as."""
-        step, cutoff = self.plan.step, self.plan.cutoff
+        step = self.plan.step
+        cutoff = self.plan.cutoff
         # Rayleigh distributed: a share p of reversals is slower than in proportion to its root;
         # slower ones of Gaussian motion are 5 %: √(−2 ln .95) [Rice 1944].
         slowest = 0.32 / np.sqrt(rare) * np.where(self.never, np.inf, self.typical)
@@ -222,7 +220,9 @@ class Stays:
 
     def count(self, rare: int = 1) -> tuple[int, int]:
         """Return how many stays of all joints there are by a rule, and how many reversals."""
-        rule, stays, reversals = replace(self.rule(rare), beside=0), 0, 0
+        rule = replace(self.rule(rare), beside=0)
+        stays = 0
+        reversals = 0
         for v in self.speeds:
             dwells = rule.find(v)[:, ~self.never]
             stays += int(
@@ -286,11 +286,11 @@ class Plan:
     cutoff: float | None
     dwells: DwellRule | None
     factor: int
-    notes: tuple[str, ...]
+    notes: Strings
     stale: StaleRule | None = None
     grid: Grid | None = None
     smoothing: Smoothing | None = None
-    hints: tuple[str, ...] = ()
+    hints: Strings = ()
     band: float | None = None
 
     @property
@@ -349,7 +349,9 @@ class Plan:
         if self.cutoff is None:
             assert log.dq is not None
             assert log.ddq is not None
-            q, dq, ddq = log.q, log.dq, log.ddq
+            q = log.q
+            dq = log.dq
+            ddq = log.ddq
         else:
             q, (dq, ddq) = np.array(log.q), np.zeros((2, *log.q.shape))
             for rows, at in self._stretches(len(log), origin):
@@ -358,13 +360,16 @@ class Plan:
                     v = signals.differentiate(x, self.step)
                 else:
                     v = signals.lowpass(fill(log.dq[rows], at), self.step, self.cutoff)
-                q[rows], dq[rows] = x[at], v[at]
+                q[rows] = x[at]
+                dq[rows] = v[at]
                 ddq[rows] = signals.differentiate(v, self.step)[at]
             still = signals.never_moves(log.q.min(0), log.q.max(0))
             dq[:, still] = ddq[:, still] = 0.0
         if log.base is None:
             return q, dq, ddq
-        q, dq, ddq = np.array(q), np.array(dq), np.array(ddq)
+        q = np.array(q)
+        dq = np.array(dq)
+        ddq = np.array(ddq)
         for rows, at in self._stretches(len(log), origin):
             # Not low-passed: it enters the columns linearly, and those are, as torque is.
             record = fill(log.base[rows, :6], at)
@@ -389,7 +394,7 @@ class Plan:
             out[rows] = self.smoothing.apply(fill(log.dq[rows], at), self.step)[at]
         return out
 
-    def _stretches(self, rows: int, origin: int) -> Iterator[tuple[slice, np.ndarray]]:
+    def _stretches(self, rows: int, origin: int) -> Iterator[tuple[slice, Array]]:
         """Yield the stretches without a long gap of so many rows from `origin` on, but short ones.
 
         With how many steps after its first each row of them was sampled.
@@ -401,7 +406,7 @@ class Plan:
             if b - a >= self.grid.least:
                 yield slice(a, b), self.grid.places(origin + a, origin + b)
 
-    def lacking(self, unmeasured: np.ndarray) -> np.ndarray:
+    def lacking(self, unmeasured: Array) -> Array:
         """Return where torque is no data, from where it was not measured, (N, n) bool.
 
         A decimation filter mixes it with what is beside. What lacks less than an output's step is
@@ -413,9 +418,9 @@ class Plan:
         return _reached(short, self.factor)
 
 
-def _reached(x: np.ndarray, reach: int) -> np.ndarray:
+def _reached(x: Array, reach: int) -> Array:
     """Return (N, n) bool true within some samples of where it is."""
-    out: np.ndarray = maximum_filter1d(x, 2 * min(reach, len(x)) + 1, axis=0)
+    out: Array = maximum_filter1d(x, 2 * min(reach, len(x)) + 1, axis=0)
     return out
 
 
@@ -432,7 +437,7 @@ def joint_log(robot: Robot, log: Log) -> Log:
     gear = robot.transmission
     motors = has_motors(robot, log)
     log = log.select(robot.motor_joints or BASE_JOINTS[:1], gear.motors if gear else ())
-    if gear is None or not motors:
+    if not (gear and motors):
         return _on_base(robot, log)
     q, tau = gear.joint_side(log.q, log.tau)
 
@@ -440,28 +445,21 @@ def joint_log(robot: Robot, log: Log) -> Log:
         return None if x is None else gear.joint_rate(x)
 
     q_ref = None if log.q_ref is None else gear.joint_side(log.q_ref, log.tau)[0]
-    log = replace(
+    gone = log.unmeasured
+    changed = replace(
         log,
         joints=robot.motor_joints,
+        q=q,
+        dq=rate(log.dq),
+        ddq=rate(log.ddq),
         tau=tau,
         q_ref=q_ref,
-    )
-    if log.unmeasured is not None:  # torque of a joint is what all its motors give
-        log = replace(log, unmeasured=log.unmeasured @ (gear.coupling != 0))
-    log = replace(
-        log,
         dq_ref=rate(log.dq_ref),
         tau_ff=None,
+        # Torque of a joint is what all its motors give.
+        unmeasured=None if gone is None else gone @ (gear.coupling != 0),
     )
-    return _on_base(
-        robot,
-        replace(
-            log,
-            q=q,
-            dq=rate(log.dq),
-            ddq=rate(log.ddq),
-        ),
-    )
+    return _on_base(robot, changed)
 
 
 def _on_base(robot: Robot, log: Log) -> Log:
@@ -479,7 +477,8 @@ def _on_base(robot: Robot, log: Log) -> Log:
             f"{log.name} was read without what it says of the base, which floats: read it with "
             "Conventions.of(robot), or give its file."
         )
-    before, own = np.zeros((len(log), SIX)), len(robot.motor_joints)
+    before = np.zeros((len(log), SIX))
+    own = len(robot.motor_joints)
     found = log.each(lambda x: np.hstack([before, x[:, :own]]), joints=robot.joints)
     return replace(found, base=log.base)
 
@@ -529,7 +528,8 @@ class Windows:
         stretches = []
         for log, origin in zip(self.logs, self.origins, strict=True):
             for a, b in grid.stretches(origin, origin + len(log)):
-                part, filled = log.rows(a, b), partial(fill, at=grid.places(origin + a, origin + b))
+                part = log.rows(a, b)
+                filled = partial(fill, at=grid.places(origin + a, origin + b))
                 stretches.append(part.each(filled, t=filled(part.t)))
         return stretches
 
@@ -554,7 +554,8 @@ def plan_gaps(plan: Plan, gaps: Gaps, samples: int) -> Plan:
         )
     if grid is None:
         return replace(plan, hints=tuple(hints))
-    notes, split = [*plan.notes], np.isin(gaps.rows + 1, grid.breaks)
+    notes = [*plan.notes]
+    split = np.isin(gaps.rows + 1, grid.breaks)
     if len(grid.after) and plan.cutoff is not None:
         longest = float(gaps.length[~split].max())
         notes.append(
@@ -566,8 +567,9 @@ def plan_gaps(plan: Plan, gaps: Gaps, samples: int) -> Plan:
             )
         )
     if len(grid.breaks):
-        told = {"where": gaps.tell(split), "parts": len(grid.breaks) + 1}
-        hints.append(Finding("split", gaps.name, **told))
+        hints.append(
+            Finding("split", gaps.name, where=gaps.tell(split), parts=len(grid.breaks) + 1)
+        )
     return replace(
         plan,
         grid=grid,
@@ -677,12 +679,14 @@ def choose_cutoff(
 
 def _with_band(robot: Robot, logs: Sequence[Windows], how: Preparation) -> CommonPreparation:
     """Return the preparation with one band of what is differentiated, from windows of each log."""
-    spectra: list[Spectrum] = []
+    spectra = []
     for raw in logs:
         windows = [joint_log(robot, w) for w in raw.even(0.5 / RULES.cutoff_lowest)]
-        source, order = ([w.q for w in windows], 2)
+        source = [w.q for w in windows]
+        order = 2
         if windows[0].dq is not None:
-            source, order = [w.dq for w in windows if w.dq is not None], 1
+            source = [w.dq for w in windows if w.dq is not None]
+            order = 1
         spectra += spectra_of(source, raw.gaps.step, order)
     sliding = [robot.is_prismatic(int(k)) for k in robot.actuated]
     band = choose_band(spectra, sliding, how.cutoff)
@@ -734,7 +738,8 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
     """
     filtered = _is_filtered(log, how)
     raw = Windows.of(log, mend=filtered)
-    windows, stale = [joint_log(robot, w) for w in raw.logs], raw.stale
+    windows = [joint_log(robot, w) for w in raw.logs]
+    stale = raw.stale
     notes = ["motor positions and torques were converted to the joint side"]
     notes *= has_motors(robot, raw.logs[0])
     check_units(robot, windows)
@@ -775,8 +780,11 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
         stays = Stays.of(plan, windows, raw.origins)
         stands = how.stands if isinstance(how, CommonPreparation) else None
         stands = ever_stand([stays]) if stands is None else stands
-        # What friction does as a joint turns, a rollout does, too, and calibrated torque lacks.
-        dwells = stays.rule().masking(stands and not of_commands(log))
+        dwells = stays.rule()
+        # Reversals are data unless a joint ever stands. What friction does as a joint turns, a
+        # rollout does, too, and calibrated torque lacks.
+        if stands and not of_commands(log):
+            dwells = replace(dwells, turning=max(1, dwells.beside))
     return replace(
         plan,
         dwells=dwells,
@@ -831,7 +839,9 @@ def _state_own_band(log: Log, dt: float, how: Preparation) -> tuple[Finding, ...
 
 
 def _plan_filter(log: Log, gaps: Gaps, plan: Plan, how: Preparation) -> Plan:
-    dt, jitter, cutoff = gaps.step, "", _motion_cutoff(gaps, how)
+    dt = gaps.step
+    jitter = ""
+    cutoff = _motion_cutoff(gaps, how)
     if gaps.jitter > RULES.small:
         jitter = f" (time stamps jitter by {100 * gaps.jitter:.0f} % of a step; taken as even)"
     if not _lets_through(log, gaps, cutoff):

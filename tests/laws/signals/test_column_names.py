@@ -10,7 +10,7 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Renames
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.names import DIMENSIONS, RULES, find_unit, guess_column, words_of
+from identifiability.logs.names import DIMENSIONS, SIZES, WORDS, find_unit, guess_column, words_of
 
 ARM = tuple(f"panda_joint{k}" for k in (1, 2, 3))
 UR = ("shoulder_pan_joint", "elbow_joint", "wrist_3_joint")
@@ -164,11 +164,11 @@ def test_words_and_units():
 def test_a_word_stands_in_one_row_of_the_table_alone():
     """Of names of joints' columns, of the base's, and of units: what reads two ways reads none."""
     for rows in (
-        [r for r in RULES if not r.unit and not r.channel.startswith("base.")],
-        [r for r in RULES if r.channel.startswith("base.")],
-        [r for r in RULES if r.unit],
+        [row for channel, row in WORDS.items() if not channel.startswith("base.")],
+        [row for channel, row in WORDS.items() if channel.startswith("base.")],
+        [row for units in SIZES.values() for row in units],
     ):
-        words = [word for row in rows for word in row.words]
+        words = [word for row in rows for word in row.split()]
         assert len(words) == len(set(words))
 
 

@@ -179,7 +179,7 @@ def test_a_long_file_with_gaps_is_read_as_a_short_one(two, tmp_path, monkeypatch
     kept = find_base_parameters(two, model).kept
     whole = prepare_log(two, Log.read(path), how)
     one = gather_information(Regression(two, model, (whole,), kept))
-    monkeypatch.setattr(dataset, "PIECE", 700)
+    monkeypatch.setattr(dataset, "WINDOW", 700)
     monkeypatch.setattr(dataset, "MARGINS", 0)
     monkeypatch.setattr(log_rows, "LONG", 0)
     parts = prepare_log(two, Log.read(path), how, engine=Serial())

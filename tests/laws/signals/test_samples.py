@@ -126,7 +126,7 @@ def test_the_survey_says_whether_there_is_anything_to_explain(two):
     np.testing.assert_array_equal(whole.high[0], m.actuated_q.max(0))
     (said,) = data.describe(two.joints, 56)
     assert "6 of 56 samples" in said
-    assert "4, 5, 6, 7, 8 …" in said
+    assert "4, 5, 6, 7, 8 and 1 more" in said
     # The first joint's torque changes, the second one's does not; no torque matters at rest.
     assert find_signal([whole]).tolist() == [True, False]
     assert find_signal(parts).tolist() == [True, False]

@@ -140,7 +140,7 @@ def test_blocks_do_not_matter(monkeypatch):
     good = np.concatenate([friction(k) + noise(0.05, k) for k in range(4)])
     bad = good.copy()
     bad[[0, 331, 1400, 1402, 2000, 3999]] += 200.0
-    monkeypatch.setattr(spikes, "BLOCK", 1000)
+    monkeypatch.setattr(spikes, "PIECE", 1000)
     assert [s.row for s in find_spikes(bad)] == [0, 331, 1400, 1402, 2000, 3999]
 
 
