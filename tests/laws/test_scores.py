@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.fit import scatter_scores
-from identifiability.regression.information import Information
+
+from .numbers.made import ar1, gather
 
 SAMPLES, BLOCK = 2400, 8
 
@@ -17,18 +17,14 @@ def columns():
     return np.stack([np.ones(SAMPLES), np.sin(0.02 * t), np.where(t % 2, 1.0, -1.0)], 1)
 
 
-def information_of(W, tau):
-    return Information.of_rows("abc", W[:, None], tau[:, None], np.zeros(len(tau), int), BLOCK)
-
-
 @pytest.mark.parametrize("rho", [pytest.param(0.0, marks=pytest.mark.everything), 0.8])
 def test_each_column_gets_its_own(rho):
     rng, W, trials = np.random.default_rng(5), columns(), 300
     time = (1 + rho) / (1 - rho)
     values, claimed, white = [], [], []
     for _ in range(trials):
-        noise = lfilter([np.sqrt(1 - rho**2)], [1, -rho], rng.standard_normal(SAMPLES + 100))[100:]
-        information = information_of(W, W @ [1.0, 2.0, 3.0] + noise)
+        noise = ar1(rng, rho, SAMPLES + 100)[100:]
+        information = gather(W[:, None], W[:, None] @ [1.0, 2.0, 3.0] + noise, BLOCK)
         fit = estimate(information, "ols")
         values.append(fit.value)
         claimed.append(scatter_scores(information, fit, time).sd)

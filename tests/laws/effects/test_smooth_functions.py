@@ -91,7 +91,6 @@ def test_shapes_of_functions_are_from_the_motion(polar, pair, move):
     for k, joint in enumerate(("lift", "reach")):
         assert shapes["function_of_velocity", joint] == pytest.approx(v[k])
         assert shapes["function_of_position", joint] == pytest.approx(x[k])
-        assert shapes["function_of_position_and_velocity", joint] == pytest.approx(x[k])
         assert shapes["function_of_time", joint] == pytest.approx(2.5)
         assert shapes["function_of_other_velocity", joint] == 2.0 - k
     # At the axis of a motor that mixes joints too, but for what belongs to a joint.

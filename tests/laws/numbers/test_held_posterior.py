@@ -1,10 +1,8 @@
 """A posterior of what a model leaves free: that of all parameters, given what it holds."""
 
 import numpy as np
-import pytest
 
 from identifiability.physical.fitted_model import Fixed, LeastSquares, PhysicalSet
-from identifiability.posterior.ensemble import sample_posterior
 from identifiability.posterior.target import Prior, Target
 
 #: The second parameter is held at 0.7; the third and the fifth are tied.
@@ -42,17 +40,6 @@ def test_the_covariance_without_constraints_is_that_of_the_plane():
     np.testing.assert_allclose(
         t.root @ t.root.T, covariance - gain @ FIXED.rows @ covariance, atol=1e-12
     )
-
-
-@pytest.mark.parametrize("variance", [None, 0.3])
-def test_every_draw_keeps_what_is_held_and_its_signs(variance):
-    t = target((True, False, True, False, True), variance)
-    start = np.array([0.5, 0.7, 0.4, 0.0, 0.4])
-    draws = sample_posterior(t, start, np.random.default_rng(0), draws=20, walkers=4).flat()
-    assert (draws[:, 1] == 0.7).all()
-    np.testing.assert_allclose(draws[:, 2], draws[:, 4], atol=1e-12)
-    assert (draws[:, [0, 2, 4]] >= 0).all()
-    assert (draws[:, [0, 2, 3]].std(0) > 0.01).all()
 
 
 def test_coordinates_and_parameters_of_the_plane_are_one_to_one():

@@ -43,23 +43,6 @@ def test_moves_zero_and_tie_columns_and_later_moves_act_on_the_leaders():
     np.testing.assert_array_equal(again.group, [0, ZERO, 0, ZERO, ZERO])
 
 
-def test_rows_that_lead_to_a_smaller_model_are_independent():
-    start = Partition.of("abc")
-
-    def rows(move):
-        return start.rows_to(start.apply(move))
-
-    np.testing.assert_array_equal(rows(Move(Kind.DROP, ("b",))), [[0, 1, 0]])
-    tie = Move(Kind.TIE, tie=(("a", "b", "c"),))
-    np.testing.assert_array_equal(rows(tie), [[-1, 1, 0], [-1, 0, 1]])
-    ring = Move(Kind.TIE, tie=(("a", "b"), ("b", "c"), ("c", "a")))
-    np.testing.assert_array_equal(rows(ring), rows(tie))
-    after = start.apply(tie)
-    assert len(after.rows_to(after.apply(tie))) == 0
-    both = Move(Kind.ZERO, ("a",), tie=(("b", "c"),))
-    np.testing.assert_array_equal(rows(both), [[1, 0, 0], [0, -1, 1]])
-
-
 # Which step is used
 
 
@@ -173,14 +156,6 @@ def test_suggestions_are_tried_merges_first_then_zeros_then_ties():
     tie = Move(Kind.TIE, tie=(("a.Fc+", "c.m"),))
     steps, _ = walked([1.0, 1.0, 0.0, 1.0], Plan(suggested=(tie, zero, PAIR), pairs=(PAIR,)))
     assert [s.move for s in steps[1:4]] == [PAIR, zero, tie]
-
-
-def test_what_the_user_forces_goes_first_and_what_is_kept_never():
-    forced = Move(Kind.FORCED, ("a.Fc-",))
-    steps, _ = walked([1.0, 3.0, 0.0, 1.5], Plan(forced=(forced,), kept=frozenset(["b.m"])))
-    assert steps[1].move is forced
-    assert all("b.m" in names for names in lives(steps))
-    assert lives(steps)[-1] == {"b.m"}
 
 
 # From information

@@ -112,9 +112,9 @@ def test_the_share_of_torque_is_the_columns_size_times_the_value():
 
 
 def test_the_papers_rule_is_ten_times_the_smallest_white_deviation():
-    white = np.array([0.001, 0.0099, 0.0101])
-    found = verdicts([1.0, 1.0, 1.0], [0.001, 0.3, 0.01], white=white, noise=1e3)
-    assert [v.paper_rule for v in found] == [True, True, False]
+    white, known = np.array([0.001, 0.0099, 0.0101, 1e-5]), [True, True, True, False]
+    found = verdicts(np.ones(4), [0.001, 0.3, 0.01, 1e-5], white=white, known=known, noise=1e3)
+    assert [v.paper_rule for v in found] == [True, True, False, False]
     assert "10× rule" not in found[0].reason
     assert "The 10× rule, which knows no autocorrelation, passes it." in found[1].reason
     assert "The 10× rule, which knows no autocorrelation, rejects it." in found[2].reason

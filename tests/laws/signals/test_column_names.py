@@ -126,13 +126,6 @@ def test_a_rule_of_the_form_that_is_proposed_helps(form):
     assert log.tau[0].tolist() == [5, 6, 7]
 
 
-def test_joints_that_the_log_does_not_have_are_proposed_for_locking():
-    hand = (*ARM, "panda_finger_joint1")
-    columns = ["t", *each("fer_joint{j}.{k}", (1, 2, 3), ("q", "tau"))]
-    with pytest.raises(LogError, match=r"no column panda_finger_joint1\.q, .* --lock 'panda_f"):
-        read(columns, hand, Renames.of({r"fer_joint(\d)": r"panda_joint\1"}))
-
-
 def test_names_that_stand_in_the_log_decide():
     """As ``rostopic echo -p`` writes joint states: in the order of the message."""
     frame = pd.DataFrame({"%time": 0.01 * np.arange(30), "field.name0": "elbow",
