@@ -8,7 +8,7 @@ import pytest
 
 from identifiability.foundation.linalg import TINY
 from identifiability.logs.prepare import Dataset
-from identifiability.robot import Robot, complete_motion
+from identifiability.robot import complete_motion
 from identifiability.workflows.excite.criteria import (
     Known,
     LogDet,
@@ -18,17 +18,6 @@ from identifiability.workflows.excite.criteria import (
 )
 from identifiability.workflows.excite.limits import INNER, Limits, find_limits
 from identifiability.workflows.excite.search import DRAWS, OPEN, Objective, Series, search
-
-
-@pytest.fixture(scope="module")
-def two():
-    return Robot.load("two-link")
-
-
-@pytest.fixture(scope="module")
-def five_bar():
-    return Robot.load("five-bar")
-
 
 # --- criteria ---------------------------------------------------------------------------------
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from identifiability.foundation.errors import RobotError
+from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import find_base_parameters
 from identifiability.robot import Robot, complete_motion
@@ -173,9 +173,11 @@ def test_rows_change_as_little_as_the_motion_does(tmp_path):
 
 def test_what_a_sidecar_says_of_contacts_is_checked(tmp_path):
     text = machine(QUADRUPED)
-    with pytest.raises(RobotError, match=r"names 'leg0_fot', .* did you mean 'leg0_foot'"):
+    with pytest.raises(
+        IdentifiabilityError, match=r"names 'leg0_fot', .* did you mean 'leg0_foot'"
+    ):
         load(tmp_path, text, "[[contacts]]\nframe = 'leg0_fot'")
-    with pytest.raises(RobotError, match="no free joint, and its sidecar"):
+    with pytest.raises(IdentifiabilityError, match="no free joint, and its sidecar"):
         load(tmp_path, machine(QUADRUPED, base=""), 'base = "floating"')
     fixed = load(tmp_path, text, 'base = "fixed"\n[[contacts]]\nframe = "leg0_foot"')
     assert len(fixed.joints) == 12
@@ -192,5 +194,5 @@ def test_what_floats_beside_a_robot_is_left_out_and_two_robots_are_refused(tmp_p
         '<joint name="flap"/><geom size=".1" mass="1"/></body></body>'
     )
     text = machine(ARM, objects=other).replace("</actuator>", '<motor joint="flap"/></actuator>')
-    with pytest.raises(RobotError, match="drone, trunk float"):
+    with pytest.raises(IdentifiabilityError, match="drone, trunk float"):
         load(tmp_path, text)

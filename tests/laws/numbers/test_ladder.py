@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.foundation.errors import ModelError
+from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Parameter
 from identifiability.regression.reduction import (
     LadderEntry,
@@ -82,13 +82,17 @@ def test_a_pattern_is_all_that_fit_it_and_a_name_goes_before_it(base):
     assert (tie.units[2], tie.labels[2]) == ("N·m", "Fc+(arm) = Fc-(arm)")
     np.testing.assert_array_equal(tie.expand(np.array([1.0, 2.0, 3.0])), [1, 2, 3, 3])
     assert keep.columns == ("arm.mx", "arm.Fc+")
-    with pytest.raises(ModelError, match=r"names the parameter 'leg\*', which is not there"):
+    with pytest.raises(
+        IdentifiabilityError, match=r"names the parameter 'leg\*', which is not there"
+    ):
         submodels(base, {"name": "e", "zero": ["leg*"]})
 
 
 def test_only_the_first_model_names_effects():
     two = LadderEntry(models=[{"name": "a"}, {"name": "b", "effects": ["rigid_body"]}])
-    with pytest.raises(ModelError, match="The model 'b' names effects, but a ladder reduces one"):
+    with pytest.raises(
+        IdentifiabilityError, match="The model 'b' names effects, but a ladder reduces one"
+    ):
         ladder_model(two)
     one = LadderEntry(models=[{"name": "a", "effects": ["rigid_body"]}])
     assert ladder_model(one).names == ("rigid_body",)

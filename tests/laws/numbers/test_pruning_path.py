@@ -7,7 +7,6 @@ from identifiability.estimation.estimate import estimate
 from identifiability.estimation.evidence import LEVELS, Score
 from identifiability.workflows.prune.elimination import (
     Plan,
-    Remaining,
     Step,
     best_step,
     find_path,
@@ -132,23 +131,6 @@ def test_levels_of_the_same_size_are_merged_and_levels_that_differ_are_not():
     assert refusal.move is PAIR
     assert refusal.gain.value < -LEVELS.nats
     assert refusal.reason.startswith("The predictive log density of unseen stretches would fall by")
-
-
-def test_a_suggestion_is_refused_if_density_falls_by_two_nats_and_surely():
-    """Or it costs so little of the fit that the judge need not be asked."""
-    move, seen = Move(Kind.TIE, tie=(("b.m", "c.m"),)), set()
-    for seed in range(60):
-        information = gather(*problem([1.0, 1.0, 1.0, 1.25], 320, seed), size=10, columns=COLUMNS)
-        whitened = whiten_regression(information, estimate(information, "ols"))
-        fit, start = whitened, whitened.start
-        before, after = fit.along([(None, start), (move, start.apply(move))])
-        small = Remaining.of(fit).cost(move) <= 2 * LEVELS.nats * whitened.unit
-        gain = after.score.gain(before.score)
-        stands = gain.value >= -max(LEVELS.nats, gain.se)
-        _, refused = walk(fit, Plan(suggested=(move,)))
-        assert (refused == []) == (small or stands)
-        seen.add((small, stands))
-    assert {(False, True), (False, False), (True, True)} <= seen
 
 
 def test_suggestions_are_tried_merges_first_then_zeros_then_ties():

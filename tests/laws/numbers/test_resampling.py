@@ -36,13 +36,13 @@ def test_blocks_of_several_logs_are_joined_within_each():
     assert merge_blocks(information, 1e9).log.tolist() == [0, 1]
 
 
-def test_a_refit_is_weighted_least_squares_on_the_drawn_rows():
+def test_refits_are_weighted_least_squares_on_the_drawn_rows():
     W, tau = rows()
     information = gather(W, tau, size=8)
     weights = np.array([30.0, 0.1])
     counts = np.random.default_rng(1).multinomial(24, np.full(24, 1 / 24), size=5)
     fit = replace(estimate(information), weights=weights)
-    values = fit.estimator.refit(information, fit, counts)
+    values = bootstrap(information, fit, np.random.default_rng(1), replicates=5)
     for value, drawn in zip(values, counts, strict=True):
         repeat = np.sqrt(np.repeat(drawn, 8))[:, None] * np.sqrt(weights)
         expected = np.linalg.lstsq(
@@ -81,9 +81,9 @@ def test_deviations_are_those_of_the_replicates():
     np.testing.assert_allclose(spread_of(one_wild), found, rtol=1e-2)
 
 
-def constant(residual, size):
-    """Return the information of one constant column and its fit."""
-    W = np.ones((len(residual), 1, 1))
+def single(residual, size, column=1.0):
+    """Return the information of one column, constant by default, and its fit."""
+    W = np.broadcast_to(column, len(residual))[:, None, None]
     information = gather(W, residual[:, None], size=size)
     return information, estimate(information, "ols")
 
@@ -101,24 +101,26 @@ def by_hand(residual, length):
 
 @pytest.mark.parametrize("rho", [0.0, 0.99])
 def test_the_scatter_of_scores_is_that_of_sums_over_stretches(rho):
+    """Of slow noise a column that alternates sees next to nothing, and a constant one much."""
     residual = ar1(np.random.default_rng(7), rho, 960)[:, 0]
-    found = scatter_scores(*constant(residual, 8), time=8.0)
-    assert found.stretches == 24
-    np.testing.assert_allclose(found.sd, [by_hand(residual, 40)], rtol=1e-6)
+    for column in (1.0, np.tile([1.0, -1.0], 480)):
+        found = scatter_scores(*single(residual, 8, column), time=8.0)
+        assert found.stretches == 24
+        np.testing.assert_allclose(found.sd, [by_hand(column * residual, 40)], rtol=1e-6)
 
 
 def test_a_stretch_is_five_memories_long_while_twelve_are_left():
     residual = np.random.default_rng(0).normal(size=960)
     for time, stretches in ((1.6, 120), (8.0, 24), (16.0, 12), (1e4, 12)):
-        assert scatter_scores(*constant(residual, 8), time).stretches == stretches
+        assert scatter_scores(*single(residual, 8), time).stretches == stretches
     # Eleven say nothing.
-    assert scatter_scores(*constant(residual, 960 // 12), 1.0).stretches == 12
-    assert scatter_scores(*constant(residual[:880], 880 // 11), 1.0) is None
+    assert scatter_scores(*single(residual, 960 // 12), 1.0).stretches == 12
+    assert scatter_scores(*single(residual[:880], 880 // 11), 1.0) is None
 
 
 def test_intervals_of_few_stretches_are_students():
     residual = np.random.default_rng(0).normal(size=960)
-    found = scatter_scores(*constant(residual, 8), 16.0)
+    found = scatter_scores(*single(residual, 8), 16.0)
     factor = t.ppf(0.975, 11) / norm.ppf(0.975)
     assert factor == pytest.approx(1.123, abs=1e-3)
     np.testing.assert_allclose(found.widened, found.sd * factor)

@@ -36,7 +36,7 @@ def test_the_robust_deviation_is_that_of_scores_whatever_resampling_says():
 
 def test_a_log_of_few_memories_holds_the_truth_as_often_as_promised():
     """A log of 27 autocorrelation times: eight blocks of five are not there."""
-    held, judged, N, rho = [], 0, 250, 0.8
+    held, drawn, judged, N, rho = [], [], 0, 250, 0.8
     for rng in np.random.default_rng(3).spawn(50):
         t = np.arange(N) / N
         waves = [np.sin(2 * np.pi * (k + 1) * t + rng.uniform(0, 6)) for k in range(4)]
@@ -47,9 +47,12 @@ def test_a_log_of_few_memories_holds_the_truth_as_often_as_promised():
         found = Fit.of(information, fit, rng, 100)
         judged += not any(found.why_unjudged(Thresholds()))
         held.append(np.abs(fit.value - 1) <= 1.96 * found.robust)
+        if found.bootstrap is not None:
+            drawn.append(found.bootstrap / found.scores.sd)
     share = np.mean(held, axis=1)
     error = share.std(ddof=1) / np.sqrt(len(share))
     assert judged >= 45
+    assert 0.8 < np.median(drawn) < 1.25  # resampling agrees
     assert 0.90 - 3 * error < share.mean()
 
 

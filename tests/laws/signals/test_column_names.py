@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability.foundation.errors import LogError
+from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Renames
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
@@ -107,7 +107,7 @@ REFUSED = {
 @pytest.mark.parametrize("case", REFUSED)
 def test_what_is_not_certain_is_refused_with_the_remedy(case):
     columns, joints, sentence = REFUSED[case]
-    with pytest.raises(LogError, match=sentence):
+    with pytest.raises(IdentifiabilityError, match=sentence):
         read(columns, joints)
 
 
@@ -116,7 +116,7 @@ def test_a_rule_of_the_form_that_is_proposed_helps(form):
     fer = [f"fer_joint{k}" for k in (1, 2, 3)]
     kinds = ("q", "tau") if form == "{j}.{k}" else ("position", "effort")
     columns = ["t", *each(form, (*fer, "fer_finger_joint1"), kinds)]
-    with pytest.raises(LogError) as refusal:
+    with pytest.raises(IdentifiabilityError) as refusal:
         read(columns, ARM)
     assert "--map 'OLD=panda_joint1'" in str(refusal.value)
     rules = dict(zip(fer, ARM, strict=True))
@@ -183,7 +183,7 @@ def test_a_command_is_read_as_a_measurement_is(name, kind, factor):
 
 @pytest.mark.parametrize("kind", DIMENSIONS)
 def test_a_refused_unit_has_one_article_that_fits(kind):
-    with pytest.raises(LogError) as refused:
+    with pytest.raises(IdentifiabilityError) as refused:
         find_unit("N" if kind == "t" else "s").check(kind, "x", "run.csv")
     said = str(refused.value)
     assert re.search(r" is (an [aeiou]|a [^aeiou])\w+", said), said

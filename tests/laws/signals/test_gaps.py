@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from identifiability.foundation.engines import Serial
-from identifiability.foundation.errors import LogError
+from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs import Log
 from identifiability.logs import rows as log_rows
 from identifiability.logs.gaps import Gaps, fill
@@ -19,16 +19,10 @@ from identifiability.logs.spectrum import bandwidth_of_windows, noise_level
 from identifiability.regression.information import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import find_base_parameters
-from identifiability.robot import Robot
 from identifiability.workflows.diagnose.forward import _starts
 
 #: Step [s], cut-off [Hz]: half of its period is 25.8 steps.
 DT, CUTOFF = 0.002, 9.7
-
-
-@pytest.fixture(scope="module")
-def two():
-    return Robot.load("two-link")
 
 
 def frame(rows, *, derivatives=False, jitter=0.0):
@@ -139,7 +133,7 @@ def test_a_late_stamp_is_no_gap_and_an_uneven_clock_is_refused(two):
     assert any("jitter by 90 % of a step" in note for note in s.notes)
     assert not any("lost samples" in note for note in s.notes)
     log = Log.from_frame(frame(np.cumsum(np.tile([1, 1, 9], 700))), "log")
-    with pytest.raises(LogError, match="log is sampled so unevenly"):
+    with pytest.raises(IdentifiabilityError, match="log is sampled so unevenly"):
         prepare_log(two, log)
 
 
@@ -280,5 +274,5 @@ def test_gaps_that_are_many_are_refused_unless_they_are_whole_steps():
         log = Log.from_frame(frame(np.cumsum(1.0 + np.where(np.arange(3000) % 2, more, 0.0))))
         found = Gaps.of("log", log.clock, [log.t])
         assert len(found) > 0.25 * len(log)
-        with pytest.raises(LogError, match="so unevenly") if refused else nullcontext():
+        with pytest.raises(IdentifiabilityError, match="so unevenly") if refused else nullcontext():
             found.check(len(log))
