@@ -39,7 +39,8 @@ def test_values_are_least_squares_on_all_rows_and_sigma_is_that_of_khalil_and_do
     assert fit.rss.sum() == pytest.approx(rss[0], rel=1e-10)
     residual = tau.ravel() - flat @ fit.value
     count = gather_information(regression).rows  # torque of joints that dwell is no data
-    variance = residual @ residual / (count - flat.shape[1])
+    assert fit.dof == count - flat.shape[1]
+    variance = residual @ residual / fit.dof
     sigma = np.sqrt(variance * np.diag(np.linalg.inv(flat.T @ flat)))
     np.testing.assert_allclose(fit.sigma, sigma, rtol=1e-6)
     np.testing.assert_allclose(fit.sigma_percent, 100 * sigma / np.abs(fit.value), rtol=1e-6)
@@ -57,17 +58,6 @@ def test_chunks_and_blocks_do_not_matter(regression):
     # What is slow is seen from blocks, so weights may differ a little; not as much as matters.
     a, b = estimate(whole), estimate(gather_information(regression, blocks=75))
     assert (np.abs(a.value - b.value) < 0.1 * a.sigma).all()
-
-
-def test_two_logs_add_up_to_their_union(rps, paper_model, base, simulated):
-    logs = [prepare_log(rps, simulated("3-rps", t, seed)) for t, seed in (("601", 0), ("595", 1))]
-    both = gather_information(Regression(rps, paper_model, tuple(logs), base.kept))
-    parts = [gather_information(Regression(rps, paper_model, (s,), base.kept)) for s in logs]
-    grams = [R.T @ R for R in (x.factor() for x in (both, *parts))]
-    length = np.sqrt(np.diag(grams[0]))
-    added = (grams[1] + grams[2]) / np.outer(length, length)
-    np.testing.assert_allclose(added, grams[0] / np.outer(length, length), atol=1e-12)
-    assert sorted(set(both.log.tolist())) == [0, 1]
 
 
 def seen_rows(samples=600, seed=3):

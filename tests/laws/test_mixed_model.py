@@ -292,14 +292,6 @@ def test_what_is_in_every_joint_is_named_as_that(arm):
     assert ("quadratic_friction", EVERYWHERE) in [t.key for t in model.search()]
 
 
-def test_what_unseen_motion_does_not_have_is_not_kept(arm):
-    found = missing_in(arm, 3, 0.6, ("elbow", 3.0, CURVES["quadratic_friction"]))
-    model = found.model()
-    terms = model.search()
-    assert terms
-    assert model.confirm(terms, found.products(missing_in(arm, 4, 0.6).seen)) == ()
-
-
 @pytest.mark.parametrize("until", [1.0, 0.7])
 def test_without_other_logs_the_last_part_of_the_only_one_must_have_what_is_named(arm, until):
     effect = "elbow", 3.0, CURVES["quadratic_friction"]

@@ -78,6 +78,8 @@ def test_every_sample_is_predicted_by_the_fit_that_has_not_seen_it_over_several_
         rms = np.sqrt(((torque[:, :, None] - expected) ** 2).mean(0))
         np.testing.assert_allclose(whole.joint_rms(raw=measured), rms)
         np.testing.assert_allclose(whole.joint_error(raw=measured), rms / torque.std(0)[:, None])
+    each = whole.joint_error() ** 2  # none counts more than another, whatever its unit
+    np.testing.assert_allclose(whole.error_over_joints(), np.sqrt(each.mean(0)))
     wrong = np.abs(tau[:, :, None] - expected).sum((0, 1))
     np.testing.assert_allclose(whole.relative_error(), wrong / np.abs(tau - tau.mean()).sum())
     wrong = np.abs(tau[:, :, None] - W @ values[0]).sum((0, 1))
@@ -92,3 +94,20 @@ def test_every_sample_is_predicted_by_the_fit_that_has_not_seen_it_over_several_
     assert not plain.surely_better(0, 1)  # nothing is held that could tell
     one = predict(rows, values[0])
     np.testing.assert_allclose(one.relative_error(), plain.relative_error())
+
+
+def test_a_joint_whose_torque_never_varies_has_no_say():
+    rng = np.random.default_rng(8)
+    tau = np.stack([rng.normal(size=200), np.full(200, 3.0)], 1)
+    off = rng.normal(size=(200, 2, 2)) * [[0.1, 0.2], [50.0, 90.0]]
+    found = prediction(tau, tau[:, :, None] - off, (200,))
+    np.testing.assert_allclose(found.error_over_joints(), found.joint_error()[0])
+    assert np.isnan(found.joint_error()[1]).all()
+    still = prediction(np.ones((50, 2)), np.zeros((50, 2, 1)), (50,))
+    assert np.isnan(still.error_over_joints()).all()
+
+
+def test_a_constant_torque_has_the_error_one_over_joints():
+    tau = np.random.default_rng(9).normal(size=(300, 3)) * [1.0, 10.0, 100.0] + 5
+    predicted = np.broadcast_to(tau.mean(0)[:, None], (300, 3, 1))
+    assert prediction(tau, predicted, (300,)).error_over_joints() == pytest.approx([1.0])

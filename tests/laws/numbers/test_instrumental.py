@@ -143,6 +143,15 @@ def faint(rng, samples=400):
     return exact, W, exact @ TRUTH + SIZE * rng.normal(size=(samples, 2))
 
 
+def test_intervals_hold_what_weak_directions_leave_biased():
+    trials, held = 40, []
+    for seed in range(trials):
+        rows = planted(np.random.default_rng([seed, 17]), 400, idle=True)
+        fit = PLAIN.fit(compress(*rows))
+        held.append(np.abs(fit.value - TRUTH) <= 1.96 * fit.sigma)
+    assert np.mean(held, 0).min() > 0.95 - 4 * np.sqrt(0.95 * 0.05 / trials)
+
+
 def test_intervals_hold_a_motion_that_is_half_noise():
     trials, held, short = 60, [], []
     for seed in range(trials):
