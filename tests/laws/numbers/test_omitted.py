@@ -190,6 +190,20 @@ def test_a_label_that_the_unpruned_model_leaves_open_is_not_disputed(motion):
     assert np.isnan(found.disputed).all()
 
 
+def test_logs_that_tell_all_leave_the_distance_from_the_label_itself(motion):
+    kept, rng = [0, 5, 9, 10], np.random.default_rng(3)
+    theta = FILE + body_scatter(structure_of(FILE)) * rng.standard_normal(12)
+    found, fit = known_by_logs(motion, submodel_of(kept), theta, quiet(motion))
+    np.testing.assert_allclose(found.sigma, np.abs(fit.value - theta[kept]), rtol=1e-4)
+
+
+def test_logs_that_tell_nothing_leave_what_the_file_knows(motion):
+    kept, noise = [0, 5, 9, 10, 11], quiet(motion, size=1e7)
+    found, _ = known_by_logs(motion, submodel_of(kept), FILE, noise)
+    alone, _ = left_out(motion, FILE, submodel_of(kept))
+    np.testing.assert_allclose(found.sigma, alone.sigma, rtol=1e-3)
+
+
 def test_sigma_is_the_rms_distance_whatever_the_noise_and_follows_the_robot():
     """Robots drawn as the file allows, logs of them with noise that leaves some things open."""
     rng, kept, size = np.random.default_rng(4), [0, 5, 9, 10], 5.0

@@ -116,7 +116,6 @@ def test_the_survey_says_whether_there_is_anything_to_explain(two):
     tau = np.stack([np.linspace(-1, 4, 50), np.full(50, 3.0)], 1)
     data = Dataset("log", m, tau, None, (), "")
     whole, parts = data.survey, [data.take(slice(20)).survey, data.take(slice(20, None)).survey]
-    assert (whole.kept, whole.outputs, whole.start, whole.stop) == (50, 50, t[0], t[-1])
     (said,) = data.describe(two.joints, 56)
     assert "6 of 56 samples" in said
     assert "4, 5, 6, 7, 8 …" in said
