@@ -39,3 +39,15 @@ def test_coordinates_and_parameters_of_the_plane_are_one_to_one():
     phi = t.to_phi(eta)
     np.testing.assert_allclose(phi @ FIXED.rows.T, np.broadcast_to(FIXED.value, (7, 2)), atol=1e-12)
     np.testing.assert_allclose(t.to_eta(phi), eta, atol=1e-12)
+
+
+def test_directions_that_the_data_do_not_see_have_no_gain_and_take_no_residual():
+    """Three parameters, two of whose combinations are seen in four rows."""
+    rng = np.random.default_rng(0)
+    R, z = rng.normal(size=(4, 2)) @ [[1.0, 0.0, 2.0], [0.0, 1.0, -1.0]], rng.normal(size=4)
+    region = PhysicalSet(np.empty((0, 10), int), np.zeros(3, bool))
+    data, prior = LeastSquares(R, z, 7.0, 50.0), Prior(np.zeros(3), np.arange(1.0, 4.0))
+    found = Target(data, prior, region).diagonal
+    assert np.count_nonzero(found.gain) == 2
+    outside = z - R @ np.linalg.lstsq(R, z, rcond=None)[0]
+    np.testing.assert_allclose(found.rss_min, 7.0 + outside @ outside)
