@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability.foundation.errors import ClosureError
+from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.robot import Robot, complete_motion
 from identifiability.robot.closure import newton
 from identifiability.simulation import random_trajectory, shipped_trajectory
@@ -70,5 +70,7 @@ def test_positions_out_of_reach_are_dropped_and_named(rps):
     motion = complete_motion(rps, t, q, dq, ddq)
     assert motion.dropped.tolist() == [7, 30]
     assert len(motion) == 98
-    with pytest.raises(ClosureError, match=r"close at none of the 100 samples.*slider1 = 0\.7"):
+    with pytest.raises(
+        IdentifiabilityError, match=r"close at none of the 100 samples.*slider1 = 0\.7"
+    ):
         complete_motion(rps, t, 1000 * q, dq, ddq)

@@ -28,22 +28,19 @@ def rows(regression):
     return W, tau
 
 
-def test_the_estimate_equals_least_squares_on_all_rows(regression, rows):
+def test_values_are_least_squares_on_all_rows_and_sigma_is_that_of_khalil_and_dombre(
+    regression, rows
+):
     W, tau = rows
     flat = W.reshape(-1, W.shape[2])
     expected, rss, _, _ = np.linalg.lstsq(flat, tau.ravel(), rcond=None)
     fit = estimate(gather_information(regression), "ols")
     np.testing.assert_allclose(fit.value, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
     assert fit.rss.sum() == pytest.approx(rss[0], rel=1e-10)
-
-
-def test_sigma_is_the_formula_of_khalil_and_dombre(regression, rows):
-    W, tau = rows
-    flat = W.reshape(-1, W.shape[2])
-    fit = estimate(gather_information(regression), "ols")
     residual = tau.ravel() - flat @ fit.value
     count = gather_information(regression).rows  # torque of joints that dwell is no data
-    variance = residual @ residual / (count - flat.shape[1])
+    assert fit.dof == count - flat.shape[1]
+    variance = residual @ residual / fit.dof
     sigma = np.sqrt(variance * np.diag(np.linalg.inv(flat.T @ flat)))
     np.testing.assert_allclose(fit.sigma, sigma, rtol=1e-6)
     np.testing.assert_allclose(fit.sigma_percent, 100 * sigma / np.abs(fit.value), rtol=1e-6)
@@ -55,27 +52,9 @@ def test_chunks_and_blocks_do_not_matter(regression):
     assert len(few.counts) <= 7
     grams = [R.T @ R for R in (few.factor(), whole.factor())]
     np.testing.assert_allclose(*grams, rtol=1e-10, atol=1e-10 * np.abs(grams[1]).max())
-    a, b = estimate(whole, "ols"), estimate(few, "ols")
-    np.testing.assert_allclose(a.value, b.value, rtol=1e-9)
-    np.testing.assert_allclose(a.sigma, b.sigma, rtol=1e-9)
     # What is slow is seen from blocks, so weights may differ a little; not as much as matters.
     a, b = estimate(whole), estimate(gather_information(regression, blocks=75))
     assert (np.abs(a.value - b.value) < 0.1 * a.sigma).all()
-
-
-def test_two_logs_add_up_to_their_union(rps, paper_model, base, simulated):
-    logs = [prepare_log(rps, simulated("3-rps", t, seed)) for t, seed in (("601", 0), ("595", 1))]
-    both = gather_information(Regression(rps, paper_model, tuple(logs), base.kept))
-    parts = [gather_information(Regression(rps, paper_model, (s,), base.kept)) for s in logs]
-    grams = [R.T @ R for R in (x.factor() for x in (both, *parts))]
-    length = np.sqrt(np.diag(grams[0]))
-    added = (grams[1] + grams[2]) / np.outer(length, length)
-    np.testing.assert_allclose(added, grams[0] / np.outer(length, length), atol=1e-12)
-    assert sorted(set(both.log.tolist())) == [0, 1]
-    swapped = gather_information(Regression(rps, paper_model, tuple(logs[::-1]), base.kept))
-    a, b = estimate(both), estimate(swapped)
-    np.testing.assert_allclose(a.value, b.value, rtol=1e-7)
-    np.testing.assert_allclose(a.sigma, b.sigma, rtol=1e-7)
 
 
 def seen_rows(samples=600, seed=3):
@@ -88,16 +67,19 @@ def seen_rows(samples=600, seed=3):
     return W, tau
 
 
+@pytest.mark.parametrize("instrumented", [False, True])
 @pytest.mark.parametrize("size", [2, 50])  # few samples a block, and more than columns
-def test_every_view_of_blocks_over_seen_columns_equals_the_rows(size):
+def test_every_view_of_blocks_over_seen_columns_equals_the_rows(size, instrumented):
+    """Whether a second record of the motion stands beside the columns or not."""
     W, tau = seen_rows()
-    log = np.repeat([0, 1], 300)
-    information = Information.of_rows("abcde", W, tau, log, size)
-    assert [p.columns.tolist() for p in information.parts] == [[0, 1, 2, 3, 4], [0, 1], [4]]
+    log, second = np.repeat([0, 1], 300), np.sin(W) if instrumented else None
+    information = Information.of_rows("abcde", W, tau, log, size, second)
+    own = [p.columns[p.columns < 5].tolist() for p in information.parts]
+    assert own == [[0, 1, 2, 3, 4], [0, 1], [4]]
     M = np.array([[1, 0], [1, 0], [0, 1.0], [0, 0], [0, 1]])
     held = np.array([0, 0, 0, 3.0, 0])
     reduced = information.reduce(M, "xy", held)
-    assert [p.columns.tolist() for p in reduced.parts] == [[0, 1], [0], [1]]
+    assert [p.columns[p.columns < 2].tolist() for p in reduced.parts] == [[0, 1], [0], [1]]
     merged = information.merge(np.arange(0, 600 // size, 3))
     weights = np.array([1.0, 0.1, 4.0])
     rows = np.concatenate([W, tau[:, :, None]], 2)
@@ -115,9 +97,11 @@ def test_every_view_of_blocks_over_seen_columns_equals_the_rows(size):
         np.testing.assert_array_equal(np.tril(R, -1), 0.0)
         blocks = found.products(weights, every, every)
         ends = np.cumsum(found.counts)
-        for block, stop, count in zip(blocks, ends, found.counts, strict=True):
+        sums = [part.sums @ own for part, own in found.of_actuators(every)]
+        for k, (stop, count) in enumerate(zip(ends, found.counts, strict=True)):
             own = Z[stop - count : stop]
             inside = np.einsum("a,tai,taj->ij", weights, own, own)
-            np.testing.assert_allclose(block, inside, **scale)
+            np.testing.assert_allclose(blocks[k], inside, **scale)
+            np.testing.assert_allclose([x[k] for x in sums], own.sum(0), **scale)
         squares = np.einsum("tai,tai->ai", Z, Z)
         np.testing.assert_allclose(found.squares(every), squares, **scale)

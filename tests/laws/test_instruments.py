@@ -56,24 +56,6 @@ def test_the_solution_with_instruments_equals_that_of_the_rows(rows, size):
     np.testing.assert_allclose(from_information(reduced, WEIGHTS), expected, rtol=1e-9)
 
 
-def test_beside_instruments_the_columns_say_what_they_say_alone(rows):
-    V, W, tau = rows
-    arguments = ("abcde", W, tau, np.zeros(600, int), 50)
-    alone, beside = Information.of_rows(*arguments), Information.of_rows(*arguments, V)
-    assert not alone.instrumented
-    for one, other in (
-        (alone, beside),
-        (alone.reduce(M, "xy", HELD), beside.reduce(M, "xy", HELD)),
-    ):
-        R, S = one.factor(WEIGHTS), other.factor(WEIGHTS)
-        np.testing.assert_allclose(S.T @ S, R.T @ R, rtol=1e-9, atol=1e-9 * np.abs(R).max() ** 2)
-        every = np.eye(one.size + 1)
-        a, b = (x.products(WEIGHTS, every, every) for x in (one, other))
-        np.testing.assert_allclose(b, a, rtol=1e-9, atol=1e-9 * np.abs(a).max())
-        squares = [x.squares(every) for x in (one, other)]
-        np.testing.assert_allclose(squares[1], squares[0], rtol=1e-9, atol=1e-9)
-
-
 @pytest.fixture
 def regression(rps, paper_model, noisy_log, exact_log):
     base = find_base_parameters(rps, paper_model)

@@ -5,13 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability.robot import Robot, complete_motion
+from identifiability.robot import complete_motion
 from identifiability.workflows.excite.limits import Workspace, find_limits, survey
-
-
-@pytest.fixture(scope="module")
-def five_bar():
-    return Robot.load("five-bar")
 
 
 def still(robot, q):

@@ -141,29 +141,9 @@ def test_gains_are_marginal_likelihoods_averaged_over_shapes_sizes_and_signs(row
         assert found.odds == pytest.approx(np.log(odds.mean()) - group.price, abs=1e-4)
 
 
-def test_products_add_up_over_stretches_and_blocks(rows):
-    Z, y = rows
-    whole = products_of(Z, y)
-    parts = []
-    for a, b in ((0, 30), (30, N)):
-        runs = JointRuns(
-            tuple(
-                tuple((max(s, a) - a, min(e, b) - a) for s, e in own if max(s, a) < min(e, b))
-                for own in RUNS
-            )
-        )
-        parts.append((Z[a:b], y[a:b], runs, (0, b - a)))
-    cut = JointRuns(
-        tuple(
-            tuple(r for s, e in own for r in ([(s, e)] if not s < 30 < e else [(s, 30), (30, e)]))
-            for own in RUNS
-        )
-    )
+def test_products_add_up_over_blocks(rows):
+    whole = products_of(*rows)
     every = np.arange(whole.size + 1)
-    both = sum(products_of(*part).between(every[:, None], every) for part in parts)
-    np.testing.assert_allclose(
-        both, products_of(Z, y, cut).between(every[:, None], every), atol=1e-9
-    )
     halves = sum(whole.take(np.array([k])).between(every[:, None], every) for k in (0, 1))
     np.testing.assert_allclose(halves, whole.between(every[:, None], every))
 
@@ -212,8 +192,8 @@ def arm():
     return robot, frame, structure
 
 
-def missing_in(arm, seed, rho, effect=None, gone=0.0):
-    """What may be missing in a drawn log with noise of 3 %."""
+def drawn(arm, seed, rho, effect=None, until=1.0):
+    """Return the regression of a drawn log with noise of 3 %, and an effect in its first part."""
     robot, frame, structure = arm
     f = frame.copy()
     for k, joint in enumerate(robot.joints):
@@ -223,9 +203,14 @@ def missing_in(arm, seed, rho, effect=None, gone=0.0):
         joint, size, curve = effect
         x = curve(*(frame[f"{joint}.{k}"].to_numpy() for k in ("q", "dq", "tau")))
         sd = 0.03 * frame[f"{joint}.tau"].std()
-        f[f"{joint}.tau"] += size * sd * x / np.sqrt(np.mean(x**2))
-    regression = structure.regression([prepare_log(robot, Log.from_frame(f, "a"))])
-    found = Missing.of(regression, find_families(None), structure.present)
+        acts = np.arange(len(f)) < until * len(f)
+        f[f"{joint}.tau"] += size * sd * acts * x / np.sqrt(np.mean(x**2))
+    return structure.regression([prepare_log(robot, Log.from_frame(f, "a"))])
+
+
+def missing_in(arm, seed, rho, effect=None, gone=0.0):
+    """What may be missing in a drawn log, of which some rows are gone."""
+    found = Missing.of(drawn(arm, seed, rho, effect), find_families(None), arm[2].present)
     if gone:
         rng, data = np.random.default_rng(seed), found.seen.data.copy()
         length = int(gone * len(data) / 20)
@@ -307,29 +292,10 @@ def test_what_is_in_every_joint_is_named_as_that(arm):
     assert ("quadratic_friction", EVERYWHERE) in [t.key for t in model.search()]
 
 
-def test_what_unseen_motion_does_not_have_is_not_kept(arm):
-    found = missing_in(arm, 3, 0.6, ("elbow", 3.0, CURVES["quadratic_friction"]))
-    model = found.model()
-    terms = model.search()
-    assert terms
-    assert model.confirm(terms, found.products(missing_in(arm, 4, 0.6).seen)) == ()
-
-
 @pytest.mark.parametrize("until", [1.0, 0.7])
 def test_without_other_logs_the_last_part_of_the_only_one_must_have_what_is_named(arm, until):
-    robot, frame, structure = arm
-    f, x = (
-        frame.copy(),
-        CURVES["quadratic_friction"](*(frame[f"elbow.{k}"] for k in ("q", "dq", "tau"))),
-    )
-    for k, joint in enumerate(robot.joints):
-        sd = 0.03 * frame[f"{joint}.tau"].std()
-        f[f"{joint}.tau"] += sd * ar1((len(f), 1), 0.6, np.random.default_rng([3, k]))[:, 0]
-        if joint == "elbow":
-            acts = np.arange(len(f)) < until * len(f)
-            f[f"{joint}.tau"] += 3.0 * sd * acts * x / np.sqrt(np.mean(x**2))
-    regression = structure.regression([prepare_log(robot, Log.from_frame(f, "a"))])
-    named = find_missing(structure, regression).named
+    effect = "elbow", 3.0, CURVES["quadratic_friction"]
+    named = find_missing(arm[2], drawn(arm, 3, 0.6, effect, until)).named
     assert ("quadratic_friction" in {t.group.family for t in named}) == (until == 1.0)
 
 

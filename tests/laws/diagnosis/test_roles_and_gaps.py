@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from identifiability.foundation.errors import LogError
+from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset
 from identifiability.logs.prepare.excerpt import thin
 from identifiability.logs.signals import Decimation
 from identifiability.quality.recordings import Recordings
-from identifiability.robot import Robot, complete_motion
+from identifiability.robot import complete_motion
 from identifiability.workflows.diagnose.forward import ForwardGap
 from identifiability.workflows.roles import assign_roles, require_held_out
 
@@ -52,13 +52,12 @@ def test_the_last_quarter_of_the_only_log_verifies():
     assert "last 25 % of a" in found.verified_on
     short = divided([log("a", 399)])
     assert rows(short.fitted) == [(0, 398)]  # what is too short is fitted as a whole
-    with pytest.raises(LogError, match="at least 400 samples"):
+    with pytest.raises(IdentifiabilityError, match="at least 400 samples"):
         require_held_out(short)
     assert len(divided([log("a", 400)]).held_out[0]) >= 90
 
 
-def test_long_logs_are_looked_at_in_even_stretches():
-    two = Robot.load("two-link")
+def test_long_logs_are_looked_at_in_even_stretches(two):
     for factor, n in ((1, 3000), (1, 3001), (4, 40_000)):
         t = 0.001 * np.arange(n)
         q = np.stack([np.sin(t), np.cos(t)], 1)

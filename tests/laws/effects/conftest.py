@@ -126,12 +126,12 @@ def move():
 
 @pytest.fixture(scope="session")
 def columns():
-    """A function (robot, motion, effect) -> {parameter name: (unit, column (N, n))}."""
+    """A function (robot, motion, text) -> {parameter name: (unit, column (N, n))} of an effect."""
 
-    def of(robot, motion, effect):
-        W = Model((effect,)).regressor(robot, motion)
-        parameters = effect.parameters(robot)
-        assert all(p.group == effect.name for p in parameters)
+    def of(robot, motion, text):
+        model = Model.of(text)
+        W, parameters = model.regressor(robot, motion), model.parameters(robot)
+        assert {(p.group,) for p in parameters} == {model.names}
         return {p.name: (p.unit, W[:, :, k]) for k, p in enumerate(parameters)}
 
     return of

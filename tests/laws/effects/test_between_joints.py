@@ -3,15 +3,8 @@
 import numpy as np
 import pytest
 
-from identifiability.effects.measurement import (
-    ClockError,
-    TimeDelay,
-    TorqueLeak,
-    TorqueScale,
-    VelocityLeak,
-    nominal_torque,
-)
-from identifiability.foundation.errors import ModelError
+from identifiability.effects.measurement import nominal_torque
+from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.regression.regression import Model
 from identifiability.robot import Robot
 
@@ -22,8 +15,8 @@ def test_a_leak_is_the_torque_or_the_speed_of_the_other_joint(polar, move, colum
     m = move(polar, T)
     tau = nominal_torque(polar, m)
     for effect, kind, source, units in (
-        (TorqueLeak(), "from", tau, ("m", "1/m")),  # a hinge from a slide, and back
-        (VelocityLeak(), "by", m.actuated_v, ("N·s", "N·s/rad")),
+        ("torque_leak", "from", tau, ("m", "1/m")),  # a hinge from a slide, and back
+        ("velocity_leak", "by", m.actuated_v, ("N·s", "N·s/rad")),
     ):
         found = columns(polar, m, effect)
         assert [(n, unit) for n, (unit, _) in found.items()] == [
@@ -36,18 +29,20 @@ def test_a_leak_is_the_torque_or_the_speed_of_the_other_joint(polar, move, colum
 
 def test_the_shape_of_a_leak_is_the_number_of_its_joint():
     arm = Robot.load("six-dof-arm")
-    units = {p.name: p.unit for p in VelocityLeak(5.0, "joint_2").parameters(arm)}
+    units = {p.name: p.unit for p in Model.of("velocity_leak@joint_2:5").parameters(arm)}
     assert units == {"joint_2.by_joint_5": "N·m·s/rad"}
-    typical = [p.kind for p in TorqueLeak().parameters(arm)]
+    typical = [p.kind for p in Model.of("torque_leak").parameters(arm)]
     assert typical[:3] == ["from_joint_2", "from_joint_1", "from_joint_2"]
     for number in (2.0, 7.0, 1.5, -1.0):
-        with pytest.raises(ModelError, match=r"comes from joint .*; give the number of another"):
-            VelocityLeak(number, "joint_2").parameters(arm)
+        with pytest.raises(
+            IdentifiabilityError, match=r"comes from joint .*; give the number of another"
+        ):
+            Model.of(f"velocity_leak@joint_2:{number}").parameters(arm)
 
 
 def test_a_scale_is_a_share_of_the_joints_own_torque(polar, move, columns):
     m = move(polar, T)
-    found, tau = columns(polar, m, TorqueScale()), nominal_torque(polar, m)
+    found, tau = columns(polar, m, "torque_scale"), nominal_torque(polar, m)
     for k, joint in enumerate(("lift", "reach")):
         unit, column = found[f"{joint}.scale"]
         assert unit == "1"
@@ -58,7 +53,8 @@ def test_a_scale_is_a_share_of_the_joints_own_torque(polar, move, columns):
 def test_a_clock_that_is_wrong_is_a_delay_that_cannot_be(polar, move):
     """Neither may be negative, so that one name says in which direction."""
     m = move(polar, T)
-    W, V = (Model((e,)).regressor(polar, m) for e in (TimeDelay(), ClockError()))
+    models = Model.of("time_delay"), Model.of("clock_error")
+    W, V = (model.regressor(polar, m) for model in models)
     np.testing.assert_array_equal(W, -V)
-    every = [p for e in (TimeDelay(), ClockError()) for p in e.parameters(polar)]
+    every = [p for model in models for p in model.parameters(polar)]
     assert [(p.kind, p.nonnegative) for p in every] == [("delay", True)] * 2 + [("lead", True)] * 2

@@ -3,21 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability.effects import find_effect
-from identifiability.effects.effect import Part, Placed
-from identifiability.effects.friction import (
-    CoulombAsymmetry,
-    CoulombFriction,
-    PassiveJointFriction,
-    QuadraticFriction,
-    StribeckFriction,
-    ViscousFriction,
-)
-from identifiability.effects.inertia import ActuatorInertia, RigidBody
-from identifiability.effects.measurement import TorqueOffset
-from identifiability.effects.springs import JointStiffness
-from identifiability.effects.transmission import LoadDependentFriction, PositionRipple
-from identifiability.foundation.errors import ModelError
+from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.regression.regression import Model
 
 G = 9.81
@@ -52,12 +38,12 @@ def test_friction_inertia_and_offset_on_a_hinge_and_a_slide(polar, move, columns
     v, a = m.actuated_v, m.actuated_a
     one = np.ones_like(v)
     for effect, kind, units, force in (
-        (ViscousFriction(), "Fv", ("N·m·s/rad", "N·s/m"), v),
-        (CoulombFriction(), "Fc", ("N·m", "N"), np.sign(v)),
-        (QuadraticFriction(), "Fq", ("N·m·s²/rad²", "N·s²/m²"), np.where(v < 0, -(v**2), v**2)),
-        (ActuatorInertia(), "Ia", ("kg·m²", "kg"), a),
-        (TorqueOffset(), "off", ("N·m", "N"), one),
-        (JointStiffness(), "K", ("N·m/rad", "N/m"), m.actuated_q - [0.3, -0.15]),  # from home
+        ("viscous_friction", "Fv", ("N·m·s/rad", "N·s/m"), v),
+        ("coulomb_friction", "Fc", ("N·m", "N"), np.sign(v)),
+        ("quadratic_friction", "Fq", ("N·m·s²/rad²", "N·s²/m²"), np.where(v < 0, -(v**2), v**2)),
+        ("actuator_inertia", "Ia", ("kg·m²", "kg"), a),
+        ("torque_offset", "off", ("N·m", "N"), one),
+        ("joint_stiffness", "K", ("N·m/rad", "N/m"), m.actuated_q - [0.3, -0.15]),  # from home
     ):
         check(columns(polar, m, effect), per_joint(kind, units, force))
 
@@ -68,14 +54,14 @@ def test_each_direction_has_a_positive_level_and_standing_still_has_none(polar, 
         (m.actuated_v < 0) * -1.0
     )  # fmt: skip
     check(
-        columns(polar, m, CoulombAsymmetry()),
+        columns(polar, m, "coulomb_asymmetry"),
         {
             "lift.Fc+": ("N·m", forward[0]), "lift.Fc-": ("N·m", backward[0]),
             "reach.Fc+": ("N", forward[1]), "reach.Fc-": ("N", backward[1]),
         },
     )  # fmt: skip
     for name in ("coulomb_friction", "coulomb_asymmetry", "stribeck_friction", "viscous_friction"):
-        W = Model((find_effect(name),)).regressor(polar, m)
+        W = Model.of(name).regressor(polar, m)
         assert not W[0].any(), name  # the first sample stands still
 
 
@@ -83,12 +69,12 @@ def test_stribeck_friction_falls_by_e_at_its_velocity(polar, move, columns):
     m = move(polar, T)
     v = m.actuated_v
     force = np.sign(v) * np.exp(-np.abs(v) / 0.07)
-    check(columns(polar, m, StribeckFriction(0.07)), per_joint("Fs", ("N·m", "N"), force))
-    only = columns(polar, m, StribeckFriction(0.07, "reach"))
+    check(columns(polar, m, "stribeck_friction@*:0.07"), per_joint("Fs", ("N·m", "N"), force))
+    only = columns(polar, m, "stribeck_friction@reach:0.07")
     check(only, {"reach.Fs": ("N", along_joints(force)[1])})
     # Without a velocity: a tenth of the speed limit, which is 2 rad/s and 0.3 m/s where unknown.
     force = np.sign(v) * np.exp(-np.abs(v) / np.array([0.2, 0.03]))
-    check(columns(polar, m, StribeckFriction()), per_joint("Fs", ("N·m", "N"), force))
+    check(columns(polar, m, "stribeck_friction"), per_joint("Fs", ("N·m", "N"), force))
 
 
 def test_a_spring_of_the_file_pulls_to_where_the_file_says_it_is_relaxed(
@@ -98,7 +84,7 @@ def test_a_spring_of_the_file_pulls_to_where_the_file_says_it_is_relaxed(
     robot = make(text)
     m = move(robot, T)
     force = m.actuated_q - np.array([0.5, -0.15])
-    check(columns(robot, m, JointStiffness()), per_joint("K", ("N·m/rad", "N/m"), force))
+    check(columns(robot, m, "joint_stiffness"), per_joint("K", ("N·m/rad", "N/m"), force))
     assert robot.nominal["lift.K"] == 40.0
 
 
@@ -110,12 +96,12 @@ def test_springs_and_rotors_of_passive_joints_are_felt_through_their_gears(
     m = move(robot, T)
     q, v, a = m.actuated_q, m.actuated_v, m.actuated_a
     swing, rise = -2 + 0.6 * q, 0.5 + 0.4 * q
-    found = columns(robot, m, JointStiffness())
+    found = columns(robot, m, "joint_stiffness")
     assert list(found) == ["turn.K", "swing.K"]
     np.testing.assert_allclose(found["turn.K"][1], q, atol=1e-12)  # home is zero
     stretched = 0.1 - 2 * q + 0.3 * q**2 - 0.2
     np.testing.assert_allclose(found["swing.K"][1], swing * stretched, atol=1e-9)
-    found = columns(robot, m, ActuatorInertia())
+    found = columns(robot, m, "actuator_inertia")
     assert [(n, unit) for n, (unit, _) in found.items()] == [
         ("turn.Ia", "kg·m²"),
         ("rise.Ia", "kg"),
@@ -134,34 +120,10 @@ def test_ripple_starts_at_home_and_repeats_with_its_period(polar, move, columns)
             "reach.Rs": ("N", sine[1]), "reach.Rc": ("N", cosine[1]),
         }  # fmt: skip
 
-    check(columns(polar, m, PositionRipple(0.08)), expected(0.08))
+    check(columns(polar, m, "position_ripple@*:0.08"), expected(0.08))
     # Without a period: a sixth of the range (3.6 rad), or 3 cm where there is no range.
-    check(columns(polar, m, PositionRipple()), expected(np.array([0.6, 0.03])))
-    shifted = PositionRipple(0.08, "reach")
-    assert list(columns(polar, m, shifted)) == ["reach.Rs", "reach.Rc"]
-
-
-def test_rigid_body_columns_are_those_of_lagrange(polar, move, columns):
-    """A point of mass m at (x, z) of a link, and its inertia about the link's origin."""
-    m = move(polar, T)
-    (th, r), (w, rate), (wd, acc) = m.actuated_q.T, m.actuated_v.T, m.actuated_a.T
-    zero, rho = np.zeros_like(th), 0.4 + r
-    sled_mass = rho**2 * wd + 2 * rho * rate * w + G * rho * np.cos(th)
-    expected = {
-        "rail.mx": ("kg·m", (G * np.cos(th), zero)),
-        "rail.mz": ("kg·m", (-G * np.sin(th), zero)),
-        "rail.Iyy": ("kg·m²", (wd, zero)),
-        "sled.m": ("kg", (sled_mass, acc - rho * w**2 + G * np.sin(th))),
-        "sled.mx": ("kg·m", (2 * rho * wd + 2 * rate * w + G * np.cos(th), -(w**2))),
-        "sled.mz": ("kg·m", (-acc - G * np.sin(th), -wd)),
-        "sled.Iyy": ("kg·m²", (wd, zero)),
-    }
-    for name, (unit, column) in columns(polar, m, RigidBody()).items():
-        if name in expected:
-            assert unit == expected[name][0]
-        np.testing.assert_allclose(
-            column, np.stack(expected.get(name, ("", (zero, zero)))[1], 1), atol=1e-12, err_msg=name
-        )
+    check(columns(polar, m, "position_ripple"), expected(np.array([0.6, 0.03])))
+    assert list(columns(polar, m, "position_ripple@reach:0.08")) == ["reach.Rs", "reach.Rc"]
 
 
 def test_the_files_masses_give_the_torque_by_hand(polar, gear, pair, move, by_hand):
@@ -171,8 +133,8 @@ def test_the_files_masses_give_the_torque_by_hand(polar, gear, pair, move, by_ha
         (pair, lambda m: by_hand.pair(m.actuated_q, m.actuated_a)),
     ):
         m = move(robot, T)
-        W = Model((RigidBody(),)).regressor(robot, m)
-        phi = [robot.nominal[p.name] for p in RigidBody().parameters(robot)]
+        W = Model.of("rigid_body").regressor(robot, m)
+        phi = [robot.nominal[p.name] for p in Model.of("rigid_body").parameters(robot)]
         np.testing.assert_allclose(W @ np.array(phi), torque(m), atol=1e-9)
 
 
@@ -183,11 +145,11 @@ def test_load_dependent_friction_is_a_share_of_the_rigid_torque(
     m = move(polar, T)
     load = by_hand.polar(m.t, m.actuated_q, m.actuated_v, m.actuated_a)
     force = np.abs(load) * np.sign(m.actuated_v)
-    check(columns(polar, m, LoadDependentFriction()), per_joint("Fl", ("1", "1"), force))
+    check(columns(polar, m, "load_dependent_friction"), per_joint("Fl", ("1", "1"), force))
     m = move(gear, T)  # what the passive bodies weigh is a load as well
     load = by_hand.gear(m.actuated_q, m.actuated_v, m.actuated_a)
     check(
-        columns(gear, m, LoadDependentFriction()),
+        columns(gear, m, "load_dependent_friction"),
         {"turn.Fl": ("1", np.abs(load) * np.sign(m.actuated_v))},
     )
 
@@ -197,7 +159,7 @@ def test_friction_of_passive_joints_is_felt_through_their_gears(gear, move, colu
     q, v = m.actuated_q, m.actuated_v
     swing, rise = -2 + 0.6 * q, 0.5 + 0.4 * q  # how fast each follows
     check(
-        columns(gear, m, PassiveJointFriction()),
+        columns(gear, m, "passive_joint_friction"),
         {
             "swing.Fv": ("N·m·s/rad", swing**2 * v),
             "swing.Fc": ("N·m", swing * np.sign(swing * v)),
@@ -205,25 +167,20 @@ def test_friction_of_passive_joints_is_felt_through_their_gears(gear, move, colu
             "rise.Fc": ("N", rise * np.sign(rise * v)),
         },
     )
-    check(columns(gear, m, ViscousFriction()), {"turn.Fv": ("N·m·s/rad", v)})
 
 
 @pytest.mark.parametrize(
     ("effect", "kind", "unit", "law"),
     [
-        (ViscousFriction(), "Fv", "N·m·s/rad", lambda x, v, a: v),
-        (CoulombFriction(), "Fc", "N·m", lambda x, v, a: np.sign(v)),
-        (CoulombAsymmetry(), "Fc", "N·m", lambda x, v, a: np.sign(v)),
-        (QuadraticFriction(), "Fq", "N·m·s²/rad²", lambda x, v, a: np.abs(v) * v),
-        (ActuatorInertia(), "Jr", "kg·m²", lambda x, v, a: a),
-        (ActuatorInertia(), "Js", "kg·m²", lambda x, v, a: a),
-        (StribeckFriction(0.3), "Fs", "N·m", lambda x, v, a: np.sign(v) * np.exp(-np.abs(v) / 0.3)),
+        ("viscous_friction", "Fv", "N·m·s/rad", lambda x, v, a: v),
+        ("coulomb_friction", "Fc", "N·m", lambda x, v, a: np.sign(v)),
+        ("actuator_inertia", "Jr", "kg·m²", lambda x, v, a: a),
+        ("actuator_inertia", "Js", "kg·m²", lambda x, v, a: a),
         # The larger speed limit of the joints that it drives is 4 rad/s.
-        (StribeckFriction(), "Fs", "N·m", lambda x, v, a: np.sign(v) * np.exp(-np.abs(v) / 0.4)),
-        (JointStiffness(), "K", "N·m/rad", lambda x, v, a: x),
-        (PositionRipple(0.4), "Rs", "N·m", lambda x, v, a: np.sin(2 * np.pi * x / 0.4)),
-        (PositionRipple(0.4), "Rc", "N·m", lambda x, v, a: np.cos(2 * np.pi * x / 0.4)),
-        (PositionRipple(), "Rs", "N·m", lambda x, v, a: np.sin(12 * x)),  # no range: π/6
+        ("stribeck_friction", "Fs", "N·m", lambda x, v, a: np.sign(v) * np.exp(-np.abs(v) / 0.4)),
+        ("joint_stiffness", "K", "N·m/rad", lambda x, v, a: x),
+        ("position_ripple@*:0.4", "Rc", "N·m", lambda x, v, a: np.cos(2 * np.pi * x / 0.4)),
+        ("position_ripple", "Rs", "N·m", lambda x, v, a: np.sin(12 * x)),  # no range: π/6
     ],
 )
 def test_a_motor_that_mixes_joints_acts_along_its_own_coordinate(
@@ -247,7 +204,7 @@ def test_the_load_of_a_mixing_motor_is_the_torque_that_it_alone_would_carry(
 ):
     m = move(pair, T)
     load = by_hand.pair(m.actuated_q, m.actuated_a)
-    unit, column = columns(pair, m, LoadDependentFriction())["m2.Fl"]
+    unit, column = columns(pair, m, "load_dependent_friction")["m2.Fl"]
     carried = np.abs(load @ MIXED) / 5.0  # |row|² = 5: of row · f exactly f is carried
     assert unit == "1"
     np.testing.assert_allclose(
@@ -257,29 +214,29 @@ def test_the_load_of_a_mixing_motor_is_the_torque_that_it_alone_would_carry(
 
 def test_offsets_and_delays_are_at_joints_and_not_at_mixing_motors(pair):
     for name in ("torque_offset", "time_delay"):
-        owners = [p.owner for p in find_effect(name).parameters(pair)]
+        owners = [p.owner for p in Model.of(name).parameters(pair)]
         assert owners == ["a", "b"]
 
 
 def test_an_effect_placed_at_some_joints_has_the_columns_that_it_has_there(polar, move, columns):
     m = move(polar, T)
-    ripple, spring = PositionRipple(0.08), PositionRipple(0.2)
-    placed = Placed([Part(ripple, "reach", ("Rc",)), Part(spring, "lift"), Part(ripple, "lift")])
-    every, other = columns(polar, m, ripple), columns(polar, m, spring)
-    W = Model((placed,)).regressor(polar, m)
+    fine, coarse = (
+        columns(polar, m, "position_ripple@*:0.08"),
+        columns(polar, m, "position_ripple@*:0.2"),
+    )
+    placed = Model.of("position_ripple.Rc@reach:0.08", "position_ripple@lift:0.2",
+                      "position_ripple@lift:0.08")  # fmt: skip
     names = [p.name for p in placed.parameters(polar)]
     assert names == ["reach.Rc", "lift.Rs", "lift.Rc", "lift.Rs", "lift.Rc"]
-    expected = [every["reach.Rc"], other["lift.Rs"], other["lift.Rc"], every["lift.Rs"],
-                every["lift.Rc"]]  # fmt: skip
-    for k, (_, column) in enumerate(expected):
-        np.testing.assert_array_equal(W[:, :, k], column)
-    with pytest.raises(ModelError, match=r"acts at lift, reach\."):
-        Placed([Part(ripple, "rail")]).parameters(polar)
+    expected = [(fine if k in (0, 3, 4) else coarse)[name][1] for k, name in enumerate(names)]
+    np.testing.assert_array_equal(placed.regressor(polar, m), np.stack(expected, axis=2))
+    with pytest.raises(IdentifiabilityError, match=r"acts at lift, reach\."):
+        Model.of("viscous_friction@rail").parameters(polar)
 
 
 def test_the_columns_of_a_model_are_those_of_its_effects_side_by_side(polar, move):
     m = move(polar, T)
-    effects = [find_effect(n) for n in ("joint_stiffness", "rigid_body", "coulomb_asymmetry")]
-    alone = [Model((e,)).regressor(polar, m) for e in effects]
-    W = Model(tuple(effects)).regressor(polar, m)
+    effects = "joint_stiffness", "rigid_body", "coulomb_asymmetry"
+    alone = [Model.of(e).regressor(polar, m) for e in effects]
+    W = Model.of(*effects).regressor(polar, m)
     np.testing.assert_array_equal(W, np.concatenate(alone, axis=2))

@@ -4,16 +4,7 @@ import numpy as np
 import pytest
 
 from identifiability.effects import find_family
-from identifiability.effects.friction import FrictionDrift, RisingFriction, SigmoidFriction
-from identifiability.effects.springs import PositionFriction, PositionTorque
-from identifiability.effects.transmission import (
-    Backlash,
-    GearRipple,
-    Hysteresis,
-    follow_with_play,
-    gear_ratio,
-    split_runs,
-)
+from identifiability.effects.transmission import follow_with_play, gear_ratio, split_runs
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.regression import Model
 
@@ -40,16 +31,16 @@ def test_composed_clips_are_the_slider_step_by_step(way, count):
 def test_rising_and_sigmoid_friction_are_their_formulas(polar, move, columns):
     m = move(polar, T)
     v = m.actuated_v
-    found = columns(polar, m, RisingFriction(0.2, "reach"))
+    found = columns(polar, m, "rising_friction@reach:0.2")
     (unit, column) = found["reach.Fr"]
     assert unit == "N"
     np.testing.assert_allclose(column[:, 1], -np.sign(v[:, 1]) * np.exp(-np.abs(v[:, 1]) / 0.2))
     assert not column[:, 0].any()
-    (unit, column) = columns(polar, m, SigmoidFriction(0.3, "lift"))["lift.Ft"]
+    (unit, column) = columns(polar, m, "sigmoid_friction@lift:0.3")["lift.Ft"]
     assert unit == "N·m"
     np.testing.assert_allclose(column[:, 0], np.tanh(v[:, 0] / 0.3))
     # Without a speed: that of Stribeck friction, a tenth of a typical one (a hinge turns at 2).
-    (_, column) = columns(polar, m, SigmoidFriction())["lift.Ft"]
+    (_, column) = columns(polar, m, "sigmoid_friction")["lift.Ft"]
     np.testing.assert_allclose(column[:, 0], np.tanh(v[:, 0] / 0.2))
 
 
@@ -65,7 +56,7 @@ def test_rising_friction_and_coulomb_friction_never_push(polar, move):
 def test_hysteresis_is_three_springs_that_slip(polar, move, columns):
     m = move(polar, T)
     x, v = m.actuated_q[:, 1], m.actuated_v[:, 1]
-    found = columns(polar, m, Hysteresis(0.02, "reach"))
+    found = columns(polar, m, "hysteresis@reach:0.02")
     assert [(n, unit) for n, (unit, _) in found.items()] == [
         ("reach.H1", "N"), ("reach.H2", "N"), ("reach.H3", "N"),
     ]  # fmt: skip
@@ -82,14 +73,14 @@ def test_hysteresis_is_three_springs_that_slip(polar, move, columns):
 def test_a_way_is_not_remembered_across_missing_samples(polar, move):
     m = move(polar, T)[np.r_[0:150, 200:400]]
     assert [len(rows) for rows in split_runs(m)] == [150, 200]
-    model = Model((Hysteresis(0.05, "reach"),))
+    model = Model.of("hysteresis@reach:0.05")
     late = model.regressor(polar, move(polar, T)[np.arange(200, 400)])
     np.testing.assert_array_equal(model.regressor(polar, m)[150:], late)
 
 
 def test_backlash_takes_the_load_away_after_a_reversal(polar, move, columns, by_hand):
     m = move(polar, T)
-    (unit, column) = columns(polar, m, Backlash(0.03, "lift"))["lift.Bl"]
+    (unit, column) = columns(polar, m, "backlash@lift:0.03")["lift.Bl"]
     assert unit == "1"
     load = by_hand.polar(m.t, m.actuated_q, m.actuated_v, m.actuated_a)[:, 0]
     x, v = m.actuated_q[:, 0], m.actuated_v[:, 0]
@@ -101,8 +92,8 @@ def test_backlash_takes_the_load_away_after_a_reversal(polar, move, columns, by_
 
 def test_friction_along_the_position_is_its_splines_against_the_motion(polar, move, columns):
     m = move(polar, T)
-    found = columns(polar, m, PositionFriction(0.4, "lift"))
-    plain = columns(polar, m, PositionTorque(0.4, "lift"))
+    found = columns(polar, m, "position_friction@lift:0.4")
+    plain = columns(polar, m, "position_torque@lift:0.4")
     assert list(found) == [name.replace(".B", ".P") for name in plain]
     way = np.sign(m.actuated_v[:, :1])
     for (_, column), (_, spline) in zip(found.values(), plain.values(), strict=True):
@@ -113,7 +104,7 @@ def test_friction_along_the_position_is_its_splines_against_the_motion(polar, mo
 
 def test_friction_drifts_with_the_time_of_the_log(polar, move, columns):
     m = move(polar, T)
-    found, v = columns(polar, m, FrictionDrift()), m.actuated_v
+    found, v = columns(polar, m, "friction_drift"), m.actuated_v
     assert found["reach.dv"][0] == "N/m"
     np.testing.assert_allclose(found["reach.dv"][1][:, 1], m.t * v[:, 1])
     np.testing.assert_allclose(found["lift.dc"][1][:, 0], m.t * np.sign(v[:, 0]))
@@ -133,5 +124,5 @@ def test_ripple_of_a_motor_has_the_period_of_its_gear(polar, pair, move, columns
     for c in candidates:
         shapes[c.place].append(2 * np.pi / c.shape)
     assert shapes == {"a": pytest.approx([10, 20, 40, 60]), "m2": pytest.approx([20, 40, 80, 120])}
-    (_, column) = columns(pair, m, GearRipple(None, "a"))["a.Ms"]
+    (_, column) = columns(pair, m, "gear_ripple@a")["a.Ms"]
     np.testing.assert_allclose(column[:, 0], np.sin(10 * (m.actuated_q[:, 0] - 0.2)), atol=1e-12)

@@ -5,7 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from identifiability import Robot, simulate
 from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.simulation import shipped_trajectory
 from identifiability.simulation.forces import (
     HIDDEN,
     Hidden,
@@ -41,10 +43,7 @@ def u(x):
 @pytest.mark.parametrize(
     ("name", "law"),
     [
-        ("torque_offset", lambda v, x, load: np.ones_like(v)),
         ("coulomb_asymmetry", lambda v, x, load: np.abs(np.sign(v))),
-        ("quadratic_friction", lambda v, x, load: v * np.abs(v)),
-        ("joint_stiffness", lambda v, x, load: x),
         ("free_spring", lambda v, x, load: 0.7 * x.max(0) - x),
         ("gravity_spring", lambda v, x, load: np.sin(x + 0.8)),
         (
@@ -54,7 +53,6 @@ def u(x):
                 - 0.4 * np.tanh(3 * (2 * (x - x.min(0)) / np.ptp(x, axis=0) - 0.6))
             ),
         ),
-        ("load_dependent_friction", lambda v, x, load: np.abs(load) * np.sign(v)),
         ("rising_friction", lambda v, x, load: -np.sign(v) * np.exp(-np.abs(v) / 0.3 / rms(v))),
         ("sigmoid_friction", lambda v, x, load: np.tanh(v / 0.4 / rms(v))),
         (
@@ -102,28 +100,21 @@ def test_a_late_a_leaking_and_a_drifting_sensor(polar, move):
     inner = np.r_[1:199, 200:400]  # on a straight line to its ends
     ratio = late[inner] / -slope[inner]
     np.testing.assert_allclose(ratio, ratio[0], rtol=1e-6)
-    assert rms(late) == pytest.approx(0.1 * rms(tau[:, 0]))
     assert ratio[0] > 0  # later, not earlier
-    np.testing.assert_allclose(
-        found("torque_leak", 0.2), 0.2 * tau[:, 1] * rms(tau[:, 0]) / rms(tau[:, 1])
-    )
-    np.testing.assert_allclose(found("clock_error", 0.1), -late)
-    np.testing.assert_allclose(found("torque_scale", 0.1), 0.1 * tau[:, 0])
-    speed = move.dq[:, 1]
-    np.testing.assert_allclose(
-        found("velocity_leak", 0.2), 0.2 * speed * rms(tau[:, 0]) / rms(speed)
-    )
     since = np.r_[T[:200], T[200:] - T[200]]  # the time of each motion by itself
-    for name, force in (
-        ("torque_drift", since - 0.4 * since.max()), ("friction_drift", since * move.dq[:, 0]),
-    ):  # fmt: skip
+    warming = -np.exp(-(t - t[0]) / (0.5 * np.ptp(t)))
+    for name, force in {
+        "time_delay": late,
+        "clock_error": -late,
+        "torque_leak": tau[:, 1],
+        "torque_scale": tau[:, 0],
+        "velocity_leak": move.dq[:, 1],
+        "torque_drift": since - 0.4 * since.max(),
+        "friction_drift": since * move.dq[:, 0],
+        "thermal_drift": warming - warming.mean(),
+    }.items():
         expected = 0.2 * force * rms(tau[:, 0]) / rms(force)
         np.testing.assert_allclose(found(name, 0.2), expected, atol=1e-12)
-    drift = 1 - np.exp(-(t - t[0]) / (0.5 * np.ptp(t)))
-    drift -= drift.mean()
-    np.testing.assert_allclose(
-        found("thermal_drift", 0.2), 0.2 * drift * rms(tau[:, 0]) / rms(drift)
-    )
 
 
 def test_presliding_and_play_follow_a_reversal():
@@ -153,28 +144,12 @@ def test_hidden_friction_of_passive_joints_is_dry_and_viscous_alike(gear, move):
     np.testing.assert_allclose(found[:, 0], 0.1 * 7.0 * at_motor / rms(at_motor), rtol=1e-9)
 
 
-def test_a_hidden_tilt_or_load_is_the_difference_that_it_makes(polar, move, by_hand):
-    """The load is a point at the last body's centre of mass."""
-    from identifiability.simulation import MujocoRobot
-
-    rigid = MujocoRobot(polar).inverse_dynamics(move.q, move.dq, move.ddq)
-    tau = rigid.tau
-    (th, r), (w, rate), (wd, acc) = move.q.T, move.dq.T, move.ddq.T
-    g, s = 9.81, 1e-3
-    rho, z = 0.5 + r, -0.03
-    lift = 3 * (0.2 * np.sin(th) + 0.05 * np.cos(th)) + 2 * (rho * np.sin(th) + z * np.cos(th))
-    # Gravity turned by s about (.6, .8, 0): −.8 s g along x.
-    tilt = 0.8 * s * g * np.stack([-lift, 2 * np.cos(th)], 1)
-    load = np.stack([
-        (rho**2 + z**2) * wd + 2 * rho * rate * w - z * acc
-        + g * (rho * np.cos(th) - z * np.sin(th)),
-        acc - rho * w**2 - z * wd + g * np.sin(th),
-    ], 1)  # fmt: skip
-    for name, change in (("gravity_tilt", tilt), ("payload", load)):
-        found = hidden_torque(polar, move, rigid, tau, Hidden(name, 0.05))
-        size = 0.05 * np.sqrt(np.mean(tau**2)) / np.sqrt(np.mean(change**2))
-        np.testing.assert_allclose(found, size * change, atol=1e-7 * np.abs(found).max())
-    del by_hand
+@pytest.mark.parametrize("name", ["gravity_tilt", "payload"])
+def test_a_hidden_tilt_or_load_is_a_share_of_the_torque_of_all_joints(name):
+    robot = Robot.load("two-link")
+    motion = shipped_trajectory(robot, "a")
+    plain, changed = (simulate(robot, motion, hide=h).tau for h in ((), [f"{name}=0.05"]))
+    assert rms((changed - plain).ravel()) == pytest.approx(0.05 * rms(plain.ravel()))
 
 
 def test_what_is_hidden_is_said_with_joints_and_share():

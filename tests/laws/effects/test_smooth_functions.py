@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability.effects import FAMILIES, Part, Placed
-from identifiability.effects.functions import FunctionOfVelocity, splines, straight_beyond
+from identifiability.effects import FAMILIES
+from identifiability.effects.functions import splines, straight_beyond
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.regression import Model
 
 T = np.linspace(0, 2.5, 400)
 
 
-def function_of(what, largest, joint):
-    return FAMILIES[f"function_of_{what}"].at(largest, joint)
+def function_of(what, largest):
+    return Model.of(f"function_of_{what}@lift:{largest}")
 
 
 @pytest.mark.parametrize("pieces", [3, 4])
@@ -48,8 +48,8 @@ def spanned(columns, target):
 def test_a_function_of_velocity_is_odd_or_even(polar, move):
     """What turns with the motion, and what does not, are columns apart."""
     m = move(polar, T)
-    effect, back = function_of("velocity", 0.8, "lift"), replace(m, v=-m.v)
-    W, again = (Model((Placed([Part(effect, "lift")]),)).regressor(polar, x) for x in (m, back))
+    model = function_of("velocity", 0.8)
+    W, again = (model.regressor(polar, x) for x in (m, replace(m, v=-m.v)))
     np.testing.assert_allclose(again[:, 0], W[:, 0] * np.repeat([-1.0, 1.0], [4, 3]), atol=1e-12)
 
 
@@ -61,22 +61,21 @@ def test_each_function_is_one_of_what_its_name_says(polar, move, by_hand):
     load = by_hand.polar(m.t, m.actuated_q, m.actuated_v, m.actuated_a)[:, 0]
     other = m.actuated_v[:, 1]
     other = np.sign(other) * np.sqrt(np.minimum(np.abs(other) / 0.3, 1.0))
-    for effect, count, target in (
-        (function_of("velocity", 0.8, "lift"), 7, root**2 - root - np.sign(v)),
-        (function_of("load", 90.0, "lift"), 6, (load / 90) ** 2),
-        (function_of("time", 2.5, "lift"), 6, m.t**2 - m.t),
-        (function_of("position", 0.6, "lift"), 6, (x + 0.1) ** 2),
-        (function_of("other_velocity", 2.0, "lift"), 6, other**2 + other),
-        (function_of("position_and_velocity", 0.6, "lift"), 15, x**2 * v - np.sign(v) * x),
-        (function_of("velocity_and_load", 90.0, "lift"), 15, load**2 * np.sign(v)),
+    for model, count, target in (
+        (function_of("velocity", 0.8), 7, root**2 - root - np.sign(v)),
+        (function_of("load", 90.0), 6, (load / 90) ** 2),
+        (function_of("time", 2.5), 6, m.t**2 - m.t),
+        (function_of("position", 0.6), 6, (x + 0.1) ** 2),
+        (function_of("other_velocity", 2.0), 6, other**2 + other),
+        (function_of("position_and_velocity", 0.6), 15, x**2 * v - np.sign(v) * x),
+        (function_of("velocity_and_load", 90.0), 15, load**2 * np.sign(v)),
     ):
-        W = Model((Placed([Part(effect, "lift")]),)).regressor(polar, m)
+        W = model.regressor(polar, m)
         assert W.shape[2] == count
         assert not W[:, 1].any()
-        even = isinstance(effect, FunctionOfVelocity)
-        whole = W[:, 0, 4:] if even else W[:, 0, : 5 if count == 15 else 6]
+        whole = W[:, 0, 4:] if count == 7 else W[:, 0, : 5 if count == 15 else 6]
         np.testing.assert_allclose(whole.sum(1), 1.0)
-        assert spanned(W[:, 0], target) < 1e-9 * np.abs(target).max(), effect.name
+        assert spanned(W[:, 0], target) < 1e-9 * np.abs(target).max(), model
         assert spanned(W[:, 0], np.sin(40 * T)) > 0.5
 
 
@@ -91,7 +90,6 @@ def test_shapes_of_functions_are_from_the_motion(polar, pair, move):
     for k, joint in enumerate(("lift", "reach")):
         assert shapes["function_of_velocity", joint] == pytest.approx(v[k])
         assert shapes["function_of_position", joint] == pytest.approx(x[k])
-        assert shapes["function_of_position_and_velocity", joint] == pytest.approx(x[k])
         assert shapes["function_of_time", joint] == pytest.approx(2.5)
         assert shapes["function_of_other_velocity", joint] == 2.0 - k
     # At the axis of a motor that mixes joints too, but for what belongs to a joint.
@@ -117,8 +115,7 @@ def test_the_time_of_the_session_is_asked_for_where_logs_share_a_clock(polar, mo
 
 
 def test_a_function_of_the_session_goes_on_from_log_to_log(polar, move):
-    m, effect = move(polar, T), function_of("session_time", 12.5, "lift")
-    model = Model((Placed([Part(effect, "lift")]),))
+    m, model = move(polar, T), function_of("session_time", 12.5)
     first, last, later = (
         model.regressor(polar, replace(m, start=start))[:, 0] for start in (0.0, 10.0, 20.0)
     )

@@ -62,16 +62,15 @@ def pushed():
     return Log("pushed", log.joints, log.t, log.q, tau, log.dq, log.ddq, "")
 
 
-def test_a_sign_of_the_users_own_binds_every_stage(drag, move):
-    two_link = Robot.load("two-link")
-    structure = Structure.of(two_link, Model.of(*EFFECTS))
+def test_a_sign_of_the_users_own_binds_every_stage(drag, move, two):
+    structure = Structure.of(two, Model.of(*EFFECTS))
     at = structure.columns.index("elbow.Fz")
     signed = drag is Cubic
     assert structure.nonnegative[at] == signed
     assert structure.base.nonnegative[structure.base.names.index("elbow.Fz")] == signed
     assert physical_set(structure).nonnegative[at] == signed
-    m = move(two_link, 0.01 * np.arange(50))
-    candidates, _ = list_candidates(two_link, (FAMILIES["cubic_drag"],), (), [m], fixed=False)
+    m = move(two, 0.01 * np.arange(50))
+    candidates, _ = list_candidates(two, (FAMILIES["cubic_drag"],), (), [m], fixed=False)
     assert {c.positive for c in candidates} == {signed}
 
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.foundation.errors import ModelError
+from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Parameter
 from identifiability.regression.reduction import (
     LadderEntry,
@@ -62,23 +62,9 @@ def test_nominal_is_the_value_of_the_whole_group(base):
     np.testing.assert_allclose(Structure(ROBOT, Model(()), base).nominal_base, [3.5, 0.3, 1.0, 0.0])
 
 
-def test_tied_parameters_share_one_value(base):
-    submodel = submodels(base, {"name": "r", "tie": {"arm.Fc": ["arm.Fc+", "arm.Fc-"]}})[1]
-    assert submodel.columns == ("arm.m", "arm.mx", "arm.Fc")
-    assert submodel.units == ("kg", "kg·m", "N·m")
-    np.testing.assert_array_equal(submodel.expand(np.array([1.0, 2.0, 3.0])), [1, 2, 3, 3])
-    assert submodel.labels[2] == "Fc+(arm) = Fc-(arm)"
-
-
-def test_kept_parameters_alone_are_left_and_models_start_where_they_say(base):
-    first, second, third = submodels(
-        base, {"name": "a", "zero": ["arm.mx"]}, {"name": "b", "from": "full", "keep": ["arm.mx"]}
-    )
-    assert len(first) == 4
-    assert second.columns == ("arm.m", "arm.Fc+", "arm.Fc-")
-    assert third.columns == ("arm.mx",)
-    following = submodels(base, {"name": "a", "zero": ["arm.mx"]}, {"name": "b", "zero": ["arm.m"]})
-    assert following[2].columns == ("arm.Fc+", "arm.Fc-")
+def test_a_model_starts_from_the_one_before(base):
+    third = submodels(base, {"name": "a", "zero": ["arm.mx"]}, {"name": "b", "zero": ["arm.m"]})[2]
+    assert third.columns == ("arm.Fc+", "arm.Fc-")
 
 
 def test_a_pattern_is_all_that_fit_it_and_a_name_goes_before_it(base):
@@ -93,14 +79,20 @@ def test_a_pattern_is_all_that_fit_it_and_a_name_goes_before_it(base):
     assert hold.columns == ("arm.m",)
     np.testing.assert_array_equal(hold.fixed, [0, 0.3, 0.5, 2.0])
     assert tie.columns == ("arm.m", "arm.mx", "arm.Fc")
+    assert (tie.units[2], tie.labels[2]) == ("N·m", "Fc+(arm) = Fc-(arm)")
+    np.testing.assert_array_equal(tie.expand(np.array([1.0, 2.0, 3.0])), [1, 2, 3, 3])
     assert keep.columns == ("arm.mx", "arm.Fc+")
-    with pytest.raises(ModelError, match=r"names the parameter 'leg\*', which is not there"):
+    with pytest.raises(
+        IdentifiabilityError, match=r"names the parameter 'leg\*', which is not there"
+    ):
         submodels(base, {"name": "e", "zero": ["leg*"]})
 
 
 def test_only_the_first_model_names_effects():
     two = LadderEntry(models=[{"name": "a"}, {"name": "b", "effects": ["rigid_body"]}])
-    with pytest.raises(ModelError, match="The model 'b' names effects, but a ladder reduces one"):
+    with pytest.raises(
+        IdentifiabilityError, match="The model 'b' names effects, but a ladder reduces one"
+    ):
         ladder_model(two)
     one = LadderEntry(models=[{"name": "a", "effects": ["rigid_body"]}])
     assert ladder_model(one).names == ("rigid_body",)

@@ -106,35 +106,6 @@ def test_white_deviations_stay_those_of_independent_residuals():
     np.testing.assert_allclose(fit.sigma, np.sqrt(np.diag(bread @ meat @ bread)), rtol=0.1)
 
 
-def test_sums_follow_the_information_wherever_it_goes():
-    rng = np.random.default_rng(5)
-    W, tau = rng.normal(size=(230, 2, 4)), rng.normal(size=(230, 2))
-    M = rng.normal(size=(4, 2))
-    held = rng.normal(size=4)
-
-    def sums_of(information):
-        every = np.eye(information.size + 1)
-        return [part.sums @ own for part, own in information.of_actuators(every)]
-
-    def by_hand(a, at, rows, right):
-        both = np.column_stack([rows[:, a], right[:, a]])
-        return np.add.reduceat(both, at)
-
-    information = gather(W, tau, 10, (130, 100))
-    at = np.arange(0, 230, 10)
-    small = information.reduce(M, ["a", "b"], held)
-    for a in range(2):
-        full = by_hand(a, at, W, tau)
-        np.testing.assert_allclose(sums_of(information)[a], full, atol=1e-9)
-        np.testing.assert_allclose(sums_of(information.take(at < 60))[a], full[at < 60], atol=1e-9)
-        merged = information.merge(np.array([0, 5, 13, 20]))
-        np.testing.assert_allclose(
-            sums_of(merged)[a], by_hand(a, at[[0, 5, 13, 20]], W, tau), atol=1e-9
-        )
-        reduced = by_hand(a, at, W @ M, tau - W @ held)
-        np.testing.assert_allclose(sums_of(small)[a], reduced, atol=1e-9)
-
-
 @pytest.mark.parametrize("rho", [(0.0, 0.0), (0.9, 0.9), (0.98, 0.0)])
 def test_the_posterior_covers_every_parameter_and_weights_do_no_harm(rho):
     """60 logs of 750 samples; limits are three Monte-Carlo errors below what the study finds."""

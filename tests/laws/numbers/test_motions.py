@@ -56,21 +56,6 @@ def test_logs_of_one_robot_are_seldom_said_to_differ_and_then_add_nothing(logs):
         assert (m.between.max() > 0) == bool(m.moved.any())
 
 
-def test_the_parameter_that_differs_in_a_log_is_named():
-    named = []
-    for seed in range(30):
-        odd = seed % 3
-        m, _ = compare(shifted(3, odd, [0, 0, 0.5, 0]), [5, seed])
-        named.append(m.moved[2] and m.p.argmin() == 2 and m.values[:, 2].argmax() == odd)
-    assert np.mean(named) >= 0.9
-
-
-def test_values_of_each_log_are_those_of_its_own_fit():
-    m, _ = compare(shifted(3, 1, [0.0, 0.0, 2.0, 0.0]), 3)
-    off = (m.values - shifted(3, 1, [0.0, 0.0, 2.0, 0.0])) / m.sd
-    assert np.abs(off).max() < 4.5
-
-
 @pytest.mark.everything
 def test_the_interval_holds_another_motions_values_where_motions_scatter():
     held, plain = [], []

@@ -9,7 +9,7 @@ from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.fit import LeftOut, ScoreScatter, body_scatter, find_left_out
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.verdict import Class, judge
+from identifiability.estimation.verdict import judge
 from identifiability.foundation.names import GROUPED_KINDS
 from identifiability.foundation.rounding import REACH
 from identifiability.regression.reduction import Submodel
@@ -133,27 +133,20 @@ def out(sigma, *, unknown=False, disputed=np.nan):
 
 def test_the_interval_of_the_label_and_the_verdict_know_what_is_left_out():
     sure = verdict_of(out(0.1))
-    assert sure.verdict is Class.IDENTIFIABLE
+    assert sure.verdict == "identifiable"
     np.testing.assert_allclose(np.diff(sure.interval95), 2 * 1.96 * np.hypot(0.01, 0.1), rtol=1e-4)
     np.testing.assert_allclose(np.diff(sure.data_interval95), 2 * 1.96 * 0.01, rtol=1e-4)
     assert "p + 0.5·q, known to ±1 %" in sure.reason
     assert (sure.terms["omitted"], sure.projected, sure.nominal) == (0.1, 1.05, 1.1)
-    assert verdict_of(out(0.3)).verdict is Class.SIGN_ONLY
-    assert verdict_of(out(2.0)).verdict is Class.NOT_IDENTIFIABLE
+    assert verdict_of(out(0.3)).verdict == "sign only"
+    assert verdict_of(out(2.0)).verdict == "not identifiable"
 
 
-def test_little_left_out_is_not_spoken_of():
-    assert "stands for" not in verdict_of(out(0.004)).reason
-
-
-def test_a_verdict_is_conditional_where_the_file_knows_no_inertias():
+def test_a_verdict_says_what_nobody_knows_and_what_the_unpruned_model_finds_instead():
     assert "states no inertias" in verdict_of(out(0.0, unknown=True)).reason
-    assert "states no inertias" not in verdict_of(out(0.0)).reason
-
-
-def test_a_verdict_says_what_the_unpruned_model_finds_instead():
     assert "unpruned model puts it at 4.2: " in verdict_of(out(0.1, disputed=4.2)).reason
-    assert "puts it at" not in verdict_of(out(0.1)).reason
+    little = verdict_of(out(0.004)).reason
+    assert not any(words in little for words in ("stands for", "states no", "puts it at"))
 
 
 def quiet(motion, seed=0, size=1e-6):
@@ -165,13 +158,6 @@ def known_by_logs(motion, submodel, theta, noise, nominal=FILE):
     every = gather(motion, motion @ theta + noise, columns=NAMES)
     fit, full = (find_estimator("ols").fit(i) for i in (submodel.reduce(every), every))
     return find_left_out(structure_of(nominal), submodel, every, fit, full), fit
-
-
-def test_logs_that_tell_all_leave_the_distance_from_the_label_itself(motion):
-    kept, rng = [0, 5, 9, 10], np.random.default_rng(3)
-    theta = FILE + body_scatter(structure_of(FILE)) * rng.standard_normal(12)
-    found, fit = known_by_logs(motion, submodel_of(kept), theta, quiet(motion))
-    np.testing.assert_allclose(found.sigma, np.abs(fit.value - theta[kept]), rtol=1e-4)
 
 
 @pytest.mark.parametrize("size", [1e-6, 0.3])
@@ -202,6 +188,13 @@ def test_a_label_that_the_unpruned_model_leaves_open_is_not_disputed(motion):
     theta = FILE + np.where(np.arange(12) == 3, 40.0, 0.0)
     found, _ = known_by_logs(motion, submodel, theta, quiet(motion, size=1e7))
     assert np.isnan(found.disputed).all()
+
+
+def test_logs_that_tell_all_leave_the_distance_from_the_label_itself(motion):
+    kept, rng = [0, 5, 9, 10], np.random.default_rng(3)
+    theta = FILE + body_scatter(structure_of(FILE)) * rng.standard_normal(12)
+    found, fit = known_by_logs(motion, submodel_of(kept), theta, quiet(motion))
+    np.testing.assert_allclose(found.sigma, np.abs(fit.value - theta[kept]), rtol=1e-4)
 
 
 def test_logs_that_tell_nothing_leave_what_the_file_knows(motion):

@@ -50,32 +50,18 @@ def sums(W, tau, x):
     return float((((tau - W @ x) ** 2) @ WEIGHTS).sum())
 
 
-@pytest.mark.parametrize("logs", [(), (64, 64, 64, 64, 64)])
-def test_every_fold_is_fitted_to_its_rest_and_predicted(rows, logs):
-    W, tau = rows
-    folds = folds_of(rows, logs)
-    fit = after(folds)
-    np.testing.assert_allclose(fit.values[0], solve(W, tau), rtol=1e-6)
-    test = np.repeat(folds.folds.test, 8)
-    assert folds.folds.count == (5 if logs else 10)
-    for f, train in enumerate(np.repeat(folds.folds.train, 8, axis=1)):
-        x = solve(W[train], tau[train])
-        np.testing.assert_allclose(fit.values[1 + f], x, rtol=1e-6)
-        own = ((tau[test == f] - W[test == f] @ x) ** 2).sum(0)
-        np.testing.assert_allclose(fit.score.squares[f], own, rtol=1e-6)
+DROP, TIE = Move(Kind.DROP, ("p2",)), Move(Kind.TIE, tie=(("p0", "p1"),))
 
 
-@pytest.mark.parametrize(
-    "move", [None, Move(Kind.DROP, ("p2",)), Move(Kind.TIE, tie=(("p0", "p2"),))]
-)
-def test_densities_are_the_judges(rows, move):
+@pytest.mark.parametrize("moves", [(), (DROP,), (TIE,), (TIE, DROP)])
+def test_densities_are_the_judges(rows, moves):
     folds = folds_of(rows)
     information = gather(*rows, size=8)
     full = estimate(information, "ols")
     noise = replace(full, variance=1.0 / WEIGHTS, times=np.ones(2))
     fixed = HeldOut.of(information, noise, folds.folds)
     # The variance of noise of weight 1 is the fit's own: 1 where weights are those of the noise.
-    fit = after(replace(folds, unit=1.0), *([] if move is None else [move]))
+    fit = after(replace(folds, unit=1.0), *moves)
     M = fit.partition.matrix
     own = estimate(information.reduce(M, [f"c{j}" for j in range(M.shape[1])]), "ols")
     expected = score_of(fixed, replace(own, weights=WEIGHTS), M)
@@ -99,10 +85,7 @@ def test_fits_by_instruments_are_the_estimators_own():
     np.testing.assert_allclose(dropped.values[0][0], 0.0, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    "move", [Move(Kind.DROP, ("p2",)), Move(Kind.TIE, tie=(("p0", "p2"),)),
-             Move(Kind.DROP, ("p0", "p2"))],
-)  # fmt: skip
+@pytest.mark.parametrize("move", [DROP, TIE, Move(Kind.DROP, ("p0", "p2"))])
 def test_a_constraint_costs_what_refitting_with_it_costs(rows, move):
     W, tau = rows
     folds = folds_of(rows)
@@ -158,26 +141,3 @@ def test_fits_along_a_whole_path_are_those_from_the_rows(seed, drawn):
             np.testing.assert_allclose(fit.values[f + 1], x, atol=1e-8 * np.abs(x).max())
             compared += 1
     assert compared > 200
-
-
-def test_nested_models_are_fitted_together_as_they_are_one_by_one():
-    """Down from a tie, two columns at once among them; 12 columns alike in fours."""
-    rng = np.random.default_rng(5)
-    W = rng.normal(size=(160, 2, 12)) + 30 * np.repeat(rng.normal(size=(160, 2, 3)), 4, 2)
-    W[:, 0, :4] = 0.0  # what the first joint does not move
-    tau = W @ np.linspace(0.0, 2.0, 12) + rng.normal(size=(160, 2))
-    information = gather(W, tau, size=2)
-    folds = whiten_regression(information, estimate(information, "ols"))
-    drops = (("p3",), ("p0", "p1"), ("p7", "p8"), *((f"p{j}",) for j in (2, 4, 5, 6, 9, 10, 11)))
-    path = [(None, folds.start)]
-    for move in (Move(Kind.TIE, tie=(("p0", "p1"),)), *(Move(Kind.DROP, d) for d in drops)):
-        path.append((move, path[-1][1].apply(move)))
-    start, left = folds, Remaining.of(folds)
-    size = np.abs(left.values).max()
-    for found, one in zip(start.along(path), path, strict=True):
-        left = left if one[0] is None else left.after(one[0])[0]
-        np.testing.assert_allclose(found.values[0], left.values, rtol=0, atol=1e-9 * size)
-        (_, alone) = start.along([path[0], one])
-        np.testing.assert_allclose(found.values, alone.values, rtol=0, atol=1e-9 * size)
-        np.testing.assert_allclose(found.score.squares, alone.score.squares, rtol=1e-7)
-        np.testing.assert_allclose(found.score.density, alone.score.density, rtol=1e-6)

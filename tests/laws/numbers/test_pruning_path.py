@@ -7,7 +7,6 @@ from identifiability.estimation.estimate import estimate
 from identifiability.estimation.evidence import LEVELS, Score
 from identifiability.workflows.prune.elimination import (
     Plan,
-    Remaining,
     Step,
     best_step,
     find_path,
@@ -41,23 +40,6 @@ def test_moves_zero_and_tie_columns_and_later_moves_act_on_the_leaders():
     np.testing.assert_array_equal(wider.group, [0, 0, 2, 0, 0])
     again = gone.apply(Move(Kind.TIE, tie=(("a", "b", "c"),)))  # what is zero stays so
     np.testing.assert_array_equal(again.group, [0, ZERO, 0, ZERO, ZERO])
-
-
-def test_rows_that_lead_to_a_smaller_model_are_independent():
-    start = Partition.of("abc")
-
-    def rows(move):
-        return start.rows_to(start.apply(move))
-
-    np.testing.assert_array_equal(rows(Move(Kind.DROP, ("b",))), [[0, 1, 0]])
-    tie = Move(Kind.TIE, tie=(("a", "b", "c"),))
-    np.testing.assert_array_equal(rows(tie), [[-1, 1, 0], [-1, 0, 1]])
-    ring = Move(Kind.TIE, tie=(("a", "b"), ("b", "c"), ("c", "a")))
-    np.testing.assert_array_equal(rows(ring), rows(tie))
-    after = start.apply(tie)
-    assert len(after.rows_to(after.apply(tie))) == 0
-    both = Move(Kind.ZERO, ("a",), tie=(("b", "c"),))
-    np.testing.assert_array_equal(rows(both), [[1, 0, 0], [0, -1, 1]])
 
 
 # Which step is used
@@ -151,36 +133,11 @@ def test_levels_of_the_same_size_are_merged_and_levels_that_differ_are_not():
     assert refusal.reason.startswith("The predictive log density of unseen stretches would fall by")
 
 
-def test_a_suggestion_is_refused_if_density_falls_by_two_nats_and_surely():
-    """Or it costs so little of the fit that the judge need not be asked."""
-    move, seen = Move(Kind.TIE, tie=(("b.m", "c.m"),)), set()
-    for seed in range(60):
-        information = gather(*problem([1.0, 1.0, 1.0, 1.25], 320, seed), size=10, columns=COLUMNS)
-        whitened = whiten_regression(information, estimate(information, "ols"))
-        fit, start = whitened, whitened.start
-        before, after = fit.along([(None, start), (move, start.apply(move))])
-        small = Remaining.of(fit).cost(move) <= 2 * LEVELS.nats * whitened.unit
-        gain = after.score.gain(before.score)
-        stands = gain.value >= -max(LEVELS.nats, gain.se)
-        _, refused = walk(fit, Plan(suggested=(move,)))
-        assert (refused == []) == (small or stands)
-        seen.add((small, stands))
-    assert {(False, True), (False, False), (True, True)} <= seen
-
-
 def test_suggestions_are_tried_merges_first_then_zeros_then_ties():
     zero = Move(Kind.ZERO, ("b.m",))
     tie = Move(Kind.TIE, tie=(("a.Fc+", "c.m"),))
     steps, _ = walked([1.0, 1.0, 0.0, 1.0], Plan(suggested=(tie, zero, PAIR), pairs=(PAIR,)))
     assert [s.move for s in steps[1:4]] == [PAIR, zero, tie]
-
-
-def test_what_the_user_forces_goes_first_and_what_is_kept_never():
-    forced = Move(Kind.FORCED, ("a.Fc-",))
-    steps, _ = walked([1.0, 3.0, 0.0, 1.5], Plan(forced=(forced,), kept=frozenset(["b.m"])))
-    assert steps[1].move is forced
-    assert all("b.m" in names for names in lives(steps))
-    assert lives(steps)[-1] == {"b.m"}
 
 
 # From information

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from identifiability.estimation.estimate import estimate
 from identifiability.regression.reduction import Submodel
 from identifiability.report.answers.common import hint_note
 from identifiability.workflows.prune import elimination
@@ -31,20 +30,6 @@ def full_model(k=4):
 
 
 # Models
-
-
-def test_a_model_expands_to_base_parameters_and_reduces_the_regression(rows):
-    W, tau = rows
-    submodel = full_model().without(["b"]).tied("a=d", ["a", "d"])
-    submodel = Submodel(**{**vars(submodel), "fixed": np.array([0.0, -1.5, 0.0, 0.0])})
-    assert submodel.columns == ("a=d", "c")
-    np.testing.assert_array_equal(submodel.nonnegative, [True, False])
-    np.testing.assert_array_equal(submodel.expand(np.array([2.0, 3.0])), [2, -1.5, 3, 2])
-    fit = estimate(submodel.reduce(gather(W, tau, columns=NAMES)), "ols")
-    flat = np.stack([W[:, :, 0] + W[:, :, 3], W[:, :, 2]], axis=2).reshape(-1, 2)
-    expected = np.linalg.lstsq(flat, (tau + 1.5 * W[:, :, 1]).ravel(), rcond=None)[0]
-    np.testing.assert_allclose(fit.value, expected, rtol=1e-7)
-    assert submodel.expand(np.ones((2, 5))).shape == (4, 5)
 
 
 def test_equal_parameters_of_which_one_cannot_be_negative_cannot_be_negative():

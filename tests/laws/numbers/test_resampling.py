@@ -9,10 +9,7 @@ from scipy.stats import norm, t
 from identifiability.estimation.estimate import estimate
 from identifiability.estimation.fit import Fit, bootstrap, merge_blocks, scatter_scores, spread_of
 
-from .made import gather
-
-#: Weights that tell the actuators apart.
-ODD = np.array([1.0, 3.0])
+from .made import ar1, gather
 
 
 def rows(samples=192, seed=0, noise=(0.1, 1.0)):
@@ -29,18 +26,6 @@ def test_blocks_are_joined_to_equal_ones_of_the_length_that_is_wanted():
                            (1e9, [192])):  # fmt: skip
         merged = merge_blocks(information, length)
         np.testing.assert_array_equal(merged.counts, counts)
-        grams = [R.T @ R for R in (merged.factor(ODD), information.factor(ODD))]
-        np.testing.assert_allclose(*grams, rtol=1e-12, atol=1e-9)
-
-
-def test_a_joined_block_holds_the_samples_between_its_edges_and_no_others():
-    W, tau = rows()
-    merged = merge_blocks(gather(W, tau, size=8), 48)
-    Z = np.concatenate([W, tau[:, :, None]], axis=2)
-    found = merged.products(ODD, np.eye(4), np.eye(4))
-    for block, (a, b) in enumerate(((0, 48), (48, 96), (96, 144), (144, 192))):
-        gram = np.einsum("a,tai,taj->ij", ODD, Z[a:b], Z[a:b])
-        np.testing.assert_allclose(found[block], gram, atol=1e-9)
 
 
 def test_blocks_of_several_logs_are_joined_within_each():
@@ -51,30 +36,19 @@ def test_blocks_of_several_logs_are_joined_within_each():
     assert merge_blocks(information, 1e9).log.tolist() == [0, 1]
 
 
-def test_a_refit_is_weighted_least_squares_on_the_drawn_rows():
+def test_refits_are_weighted_least_squares_on_the_drawn_rows():
     W, tau = rows()
     information = gather(W, tau, size=8)
     weights = np.array([30.0, 0.1])
     counts = np.random.default_rng(1).multinomial(24, np.full(24, 1 / 24), size=5)
     fit = replace(estimate(information), weights=weights)
-    values = fit.estimator.refit(information, fit, counts)
+    values = bootstrap(information, fit, np.random.default_rng(1), replicates=5)
     for value, drawn in zip(values, counts, strict=True):
         repeat = np.sqrt(np.repeat(drawn, 8))[:, None] * np.sqrt(weights)
         expected = np.linalg.lstsq(
             (W * repeat[..., None]).reshape(-1, 3), (tau * repeat).ravel(), rcond=None
         )[0]
         np.testing.assert_allclose(value, expected, rtol=1e-8)
-
-
-def test_the_bootstrap_refits_with_the_weights_of_the_fit():
-    information = gather(*rows(), size=8)
-    fit = estimate(information, "wls")
-    assert fit.weights[0] > 20 * fit.weights[1]
-    merged = merge_blocks(information, 16)
-    found = bootstrap(merged, fit, np.random.default_rng(3), replicates=40)
-    counts = np.random.default_rng(3).multinomial(12, np.full(12, 1 / 12), size=40)
-    expected = fit.estimator.refit(merged, fit, counts)
-    np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
 def test_columns_that_the_fit_dropped_stay_zero_in_every_replicate():
@@ -107,9 +81,9 @@ def test_deviations_are_those_of_the_replicates():
     np.testing.assert_allclose(spread_of(one_wild), found, rtol=1e-2)
 
 
-def constant(residual, size):
-    """Return the information of one constant column and its fit."""
-    W = np.ones((len(residual), 1, 1))
+def single(residual, size, column=1.0):
+    """Return the information of one column, constant by default, and its fit."""
+    W = np.broadcast_to(column, len(residual))[:, None, None]
     information = gather(W, residual[:, None], size=size)
     return information, estimate(information, "ols")
 
@@ -125,32 +99,28 @@ def by_hand(residual, length):
     return np.sqrt((sums**2).sum() / (1 - 1 / B)) / N
 
 
-@pytest.mark.parametrize("rho", [0.0, 0.9, 0.99])
+@pytest.mark.parametrize("rho", [0.0, 0.99])
 def test_the_scatter_of_scores_is_that_of_sums_over_stretches(rho):
-    rng, residual = np.random.default_rng(7), np.zeros(960)
-    white = rng.normal(size=960)
-    for k in range(960):
-        residual[k] = (rho * residual[k - 1] if k else 0.0) + white[k]
-    found = scatter_scores(*constant(residual, 8), time=8.0)
-    assert found.stretches == 24
-    np.testing.assert_allclose(found.sd, [by_hand(residual, 40)], rtol=1e-6)
+    """Of slow noise a column that alternates sees next to nothing, and a constant one much."""
+    residual = ar1(np.random.default_rng(7), rho, 960)[:, 0]
+    for column in (1.0, np.tile([1.0, -1.0], 480)):
+        found = scatter_scores(*single(residual, 8, column), time=8.0)
+        assert found.stretches == 24
+        np.testing.assert_allclose(found.sd, [by_hand(column * residual, 40)], rtol=1e-6)
 
 
-@pytest.mark.parametrize(("time", "stretches"), [(1.6, 120), (8.0, 24), (16.0, 12), (1e4, 12)])
-def test_a_stretch_is_five_memories_long_while_twelve_are_left(time, stretches):
+def test_a_stretch_is_five_memories_long_while_twelve_are_left():
     residual = np.random.default_rng(0).normal(size=960)
-    assert scatter_scores(*constant(residual, 8), time).stretches == stretches
-
-
-def test_eleven_stretches_say_nothing():
-    residual = np.random.default_rng(0).normal(size=960)
-    assert scatter_scores(*constant(residual, 960 // 12), 1.0).stretches == 12
-    assert scatter_scores(*constant(residual[:880], 880 // 11), 1.0) is None
+    for time, stretches in ((1.6, 120), (8.0, 24), (16.0, 12), (1e4, 12)):
+        assert scatter_scores(*single(residual, 8), time).stretches == stretches
+    # Eleven say nothing.
+    assert scatter_scores(*single(residual, 960 // 12), 1.0).stretches == 12
+    assert scatter_scores(*single(residual[:880], 880 // 11), 1.0) is None
 
 
 def test_intervals_of_few_stretches_are_students():
     residual = np.random.default_rng(0).normal(size=960)
-    found = scatter_scores(*constant(residual, 8), 16.0)
+    found = scatter_scores(*single(residual, 8), 16.0)
     factor = t.ppf(0.975, 11) / norm.ppf(0.975)
     assert factor == pytest.approx(1.123, abs=1e-3)
     np.testing.assert_allclose(found.widened, found.sd * factor)

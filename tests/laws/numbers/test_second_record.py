@@ -9,14 +9,13 @@ from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.spectrum import noise_level, resolution
-from identifiability.robot import Robot
 
 STEP = 0.005
 NOISE = (2e-3, 2e-2, 0.3)
 
 
 def motion(periodic, samples=2000):
-    """Return position, velocity and acceleration (N, 2), of the two joints of a robot."""
+    """Return position, velocity and acceleration (N, 2), of the two joints of a two."""
     t = STEP * np.arange(samples)
     rates = 2 * np.pi / (STEP * samples / 2) * np.array([1, 2, 3, 5])
     if not periodic:
@@ -30,23 +29,18 @@ def motion(periodic, samples=2000):
     return t, q, dq, ddq
 
 
-@pytest.fixture(scope="module")
-def robot():
-    return Robot.load("two-link")
-
-
-def noisy(robot, periodic, seed=0, level=1.0):
+def noisy(two, periodic, seed=0, level=1.0):
     t, *exact = motion(periodic)
     rng = np.random.default_rng(seed)
     q, dq, ddq = (
         x + level * s * rng.normal(size=x.shape) for x, s in zip(exact, NOISE, strict=True)
     )
     tau = rng.normal(size=q.shape)
-    return Log("run", robot.joints, t, q, tau, dq, ddq, ""), exact
+    return Log("run", two.joints, t, q, tau, dq, ddq, ""), exact
 
 
-def record(robot, log, how=None, **options):
-    return add_instrument(robot, log, prepare_log(robot, log, how), **options)
+def record(two, log, how=None, **options):
+    return add_instrument(two, log, prepare_log(two, log, how), **options)
 
 
 def errors(samples, exact, rows):
@@ -58,17 +52,17 @@ def errors(samples, exact, rows):
     ]
 
 
-def test_noise_is_what_high_differences_leave(robot):
-    log, _ = noisy(robot, periodic=False)
+def test_noise_is_what_high_differences_leave(two):
+    log, _ = noisy(two, periodic=False)
     for x, level in zip((log.q, log.dq, log.ddq), NOISE, strict=True):
         np.testing.assert_allclose(noise_level(x), level, rtol=0.1)
     assert noise_level(motion(True)[1]).max() < 1e-9
 
 
 @pytest.mark.parametrize(("periodic", "words"), [(True, "Fourier series"), (False, "smoothed")])
-def test_the_errors_of_the_second_record_are_small_and_its_own(robot, periodic, words):
-    log, exact = noisy(robot, periodic)
-    samples = record(robot, log, Preparation(keep_rest=True))
+def test_the_errors_of_the_second_record_are_small_and_its_own(two, periodic, words):
+    log, exact = noisy(two, periodic)
+    samples = record(two, log, Preparation(keep_rest=True))
     assert words in samples.notes[-1]
     for first, second in errors(samples, exact, samples.motion.kept):
         inner = slice(100, -100)  # the smoothed motion is poor at the ends
@@ -78,34 +72,34 @@ def test_the_errors_of_the_second_record_are_small_and_its_own(robot, periodic, 
 
 
 @pytest.mark.parametrize("step", [1e-5, 1e-2])  # the coarse one stands still for samples
-def test_encoders_of_any_step_have_the_noise_of_their_step(robot, step):
-    log, _ = noisy(robot, periodic=True, level=0.0)
+def test_encoders_of_any_step_have_the_noise_of_their_step(two, step):
+    log, _ = noisy(two, periodic=True, level=0.0)
     coarse = replace(log, q=step * np.rint(log.q / step), dq=None, ddq=None)
     if step > 1e-3:  # of finer ones differences see the noise
         np.testing.assert_allclose(resolution(coarse.q), step, rtol=1e-6)
     assert not resolution(motion(True)[1]).any()
-    assert record(robot, coarse) is not None
+    assert record(two, coarse) is not None
 
 
-def test_positions_alone_have_a_series_or_nothing(robot):
+def test_positions_alone_have_a_series_or_nothing(two):
     for periodic in (True, False):
-        log, _ = noisy(robot, periodic)
+        log, _ = noisy(two, periodic)
         log = replace(log, dq=None, ddq=None)
-        assert (record(robot, log) is not None) == periodic
+        assert (record(two, log) is not None) == periodic
 
 
-def test_a_smoothed_motion_that_fills_the_band_is_no_second_record(robot):
-    log, _ = noisy(robot, periodic=False)
+def test_a_smoothed_motion_that_fills_the_band_is_no_second_record(two):
+    log, _ = noisy(two, periodic=False)
     sparse = log.rows(0, len(log))
     every = slice(None, None, 40)
     thin = {k: getattr(sparse, k)[every] for k in ("t", "q", "tau", "dq", "ddq")}
-    assert record(robot, replace(sparse, **thin)) is None
+    assert record(two, replace(sparse, **thin)) is None
 
 
-def test_an_exact_motion_needs_none_unless_it_is_asked_for(robot):
-    log, exact = noisy(robot, periodic=True, level=0.0)
-    assert record(robot, log) is None
-    samples = record(robot, log, Preparation(keep_rest=True), always=True)
+def test_an_exact_motion_needs_none_unless_it_is_asked_for(two):
+    log, exact = noisy(two, periodic=True, level=0.0)
+    assert record(two, log) is None
+    samples = record(two, log, Preparation(keep_rest=True), always=True)
     for _, second in errors(samples, exact, samples.motion.kept):
         assert np.abs(second).max() < 1e-6
 
@@ -121,14 +115,14 @@ def test_a_closed_chain_closes_along_the_second_record(rps, noisy_log):
     assert len(thin.instrument) == len(thin.motion)
 
 
-def test_commands_are_read_unless_they_have_gaps(robot, tmp_path):
-    log, _ = noisy(robot, periodic=True)
+def test_commands_are_read_unless_they_have_gaps(two, tmp_path):
+    log, _ = noisy(two, periodic=True)
     frame = replace(log, q_ref=log.q + 1.0).to_frame()
     frame.to_csv(tmp_path / "run.csv", index=False)
     found = Log.read(tmp_path / "run.csv")
     assert found.channels == ("q", "dq", "ddq", "tau", "q_ref")
     np.testing.assert_allclose(found.rows(5, 9).q_ref, log.q[5:9] + 1.0)
-    frame.loc[:3, f"{robot.joints[0]}.q_ref"] = np.nan  # no command yet
+    frame.loc[:3, f"{two.joints[0]}.q_ref"] = np.nan  # no command yet
     frame.to_csv(tmp_path / "late.csv", index=False)
     late = Log.read(tmp_path / "late.csv")
     assert late.channels == ("q", "dq", "ddq", "tau")

@@ -12,7 +12,6 @@ from identifiability.logs.prepare.preparation import choose_cutoff
 from identifiability.regression.information import gather_information
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot
 
 RATE = 500.0
 #: Errors of the records: none, an encoder, white noise.
@@ -23,11 +22,6 @@ ERRORS = {
 }
 
 
-@pytest.fixture(scope="module")
-def two():
-    return Robot.load("two-link")
-
-
 def stop_and_go(rest: float = 0.6):
     """Return times (N,), the positions of a joint, and where it stands: a stop at each reversal."""
     move, still = np.arange(0, 0.8, 1 / RATE), round(rest * RATE)
@@ -36,6 +30,11 @@ def stop_and_go(rest: float = 0.6):
     stands = np.tile(np.arange(len(parts[0])) >= len(move), 6)
     q = np.concatenate(parts)
     return np.arange(len(q)) / RATE, q, stands
+
+
+def swing(t):
+    """Return the positions of a joint that never stands."""
+    return 0.6 * np.sin(2 * np.pi * 0.9 * t)
 
 
 def samples_of(two, t, q, other, how=None, **channels):
@@ -59,7 +58,7 @@ def test_beside_a_joint_that_stands_all_reversals_are_no_data(two, error):
     t, q, stands = stop_and_go()
     rng = np.random.default_rng(1)
     make = ERRORS[error]
-    s = samples_of(two, t, make(q, rng), make(0.6 * np.sin(2 * np.pi * 0.9 * t), rng))
+    s = samples_of(two, t, make(q, rng), make(swing(t), rng))
     found, other = (s.weight == 0)[s.motion.kept].T
     reach = round(1.2 * RATE / s.cutoff)  # what the filters mix with a dwell, and a little more
     beside = np.convolve(stands, np.ones(2 * reach + 1), "same") > 0.5
@@ -78,7 +77,7 @@ def test_what_the_filters_mix_with_a_stop_on_the_way_is_no_data(two):
     t, q, stands = stop_and_go()
     onward = np.cumsum(np.abs(np.diff(q, prepend=0.0)))
     how = Preparation(cutoff=5.0)
-    s = samples_of(two, t, onward, 0.6 * np.sin(2 * np.pi * 0.9 * t), how)
+    s = samples_of(two, t, onward, swing(t), how)
     mixed = 2 * (round(0.5 * RATE / s.cutoff) - 2) + 1
     near = np.convolve(stands, np.ones(mixed), "same") > 0.5
     assert near.sum() > stands.sum() + 5 * (mixed - 1)
@@ -95,7 +94,7 @@ def test_reversals_are_data_where_no_joint_ever_stands(two):
 def test_recorded_speeds_tell_without_positions(two, noise):
     t, q, stands = stop_and_go(1.5)
     rng = np.random.default_rng(2)
-    both = np.stack([q, 0.6 * np.sin(2 * np.pi * 0.9 * t)])
+    both = np.stack([q, swing(t)])
     dq = np.gradient(both, t, axis=1)
     ddq = np.gradient(dq, t, axis=1)
     dq = dq + noise * dq.std(1, keepdims=True) * rng.standard_normal(dq.shape)
@@ -143,12 +142,11 @@ def test_a_log_that_is_cut_in_two_has_the_same_data(two):
 @pytest.mark.parametrize("decimated", [False, True])
 def test_torque_of_a_dwelling_joint_is_in_no_row_and_that_of_others_is(two, decimated):
     t, q, _ = stop_and_go()
-    swing = 0.6 * np.sin(2 * np.pi * 0.9 * t)
     structure = Structure.of(two, Model.of("rigid_body", "viscous_friction", "coulomb_friction"))
     rng = np.random.default_rng(4)
     found = []
     for size in (0.0, 50.0):
-        s = samples_of(two, t, q, swing)
+        s = samples_of(two, t, q, swing(t))
         tau = s.tau.copy()
         tau[:, 0] += size * (s.weight == 0)[:, 0] * rng.standard_normal(len(tau))
         assert s.decimation is not None
@@ -164,7 +162,7 @@ def test_torque_of_a_dwelling_joint_is_in_no_row_and_that_of_others_is(two, deci
 
 def test_a_joint_that_never_moves_says_nothing_and_nothing_fails(two):
     t = np.arange(0, 6, 0.01)
-    s = samples_of(two, t, np.full(len(t), 0.3), 0.6 * np.sin(2 * np.pi * 0.9 * t))
+    s = samples_of(two, t, np.full(len(t), 0.3), swing(t))
     assert (s.weight == 0)[:, 0].all()
     assert not (s.weight == 0)[:, 1].any()
     assert s.survey.rows.tolist() == [0, s.outputs]

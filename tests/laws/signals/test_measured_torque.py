@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from identifiability.effects import find_family
-from identifiability.foundation.errors import LogError
+from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.regression.regression import Model
@@ -64,12 +64,16 @@ def test_currents_stand_for_torques_where_their_gain_is_known(load):
     assert notes == ("torques are currents times what the sidecar says (a: 11, b: 7)",)
     both = table().assign(**{"a.current": 1.0, "b.current": 1.0})
     np.testing.assert_allclose(torques(both, load())[0], table().filter(like="tau").to_numpy())
-    with pytest.raises(LogError, match=r"currents and no torques of b; .*gain = {b = …}"):
+    with pytest.raises(
+        IdentifiabilityError, match=r"currents and no torques of b; .*gain = {b = …}"
+    ):
         torques(table("current"), load("[torque]\ngain = {a = 11}\n"))
 
 
 def test_torque_of_the_motor_needs_the_ratio_of_its_gear(load):
-    with pytest.raises(LogError, match=r"torque of b was measured at the motor.*ratio = {b = …}"):
+    with pytest.raises(
+        IdentifiabilityError, match=r"torque of b was measured at the motor.*ratio = {b = …}"
+    ):
         torques(table(), load('[torque]\nside = "motor"\nratio = {a = 100}\n'))
     tau, _ = torques(table(), load('[torque]\nside = "motor"\nratio = 100\n'))
     np.testing.assert_allclose(tau, 100 * table().filter(like="tau").to_numpy())

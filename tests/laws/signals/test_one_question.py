@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from identifiability.cli import app
-from identifiability.foundation.errors import LogError
+from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Renames, find_named
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
@@ -42,7 +42,7 @@ def named(joints, **rules):
 
 def asked(frame, known):
     """Return the question about a table."""
-    with pytest.raises(LogError) as refused:
+    with pytest.raises(IdentifiabilityError) as refused:
         Log.from_frame(frame, "run", known)
     return str(refused.value)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability.foundation.errors import LogError
+from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs import Log
 from identifiability.logs.table_reader import unify_rates
 
@@ -132,11 +132,13 @@ def test_single_empty_cells_are_broken_rows_still_but_of_torque_they_leave_an_eq
     unmeasured = Log.from_frame(frame, "log").unmeasured
     assert np.argwhere(unmeasured).tolist() == [[17, 0]]
     frame.loc[17, "a.q"] = np.nan
-    with pytest.raises(LogError, match=r"column 'a.q' is not a finite number in 1 of 1000"):
+    with pytest.raises(
+        IdentifiabilityError, match=r"column 'a.q' is not a finite number in 1 of 1000"
+    ):
         Log.from_frame(frame, "log")
     text = merged(topic(t, "q"), topic(t, "tau")).astype({"b.tau": object})
     text.loc[:600, "b.tau"] = "none"
-    with pytest.raises(LogError, match=r"column 'b.tau' is not a finite number"):
+    with pytest.raises(IdentifiabilityError, match=r"column 'b.tau' is not a finite number"):
         Log.from_frame(text, "log")
 
 

@@ -11,7 +11,6 @@ from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.logs.prepare.preparation import choose_cutoff
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Spectrum, choose_band
-from identifiability.robot import Robot
 
 
 def swing(t, hertz=1.0, size=0.5):
@@ -146,29 +145,26 @@ def log_of(rate, hertz, name, seed=0, **channels):
     return Log(name, ("shoulder", "elbow"), t, q, 3 * q, **{**none, **channels}, sha256=name)
 
 
-def test_all_logs_have_the_cut_off_of_the_widest_band():
-    robot = Robot.load("two-link")
+def test_all_logs_have_the_cut_off_of_the_widest_band(two):
     slow, fast = log_of(100.0, 0.7, "slow"), log_of(200.0, 1.4, "fast")
-    how = choose_cutoff(robot, [slow, fast], None)
+    how = choose_cutoff(two, [slow, fast], None)
     assert how.outputs == pytest.approx(14.0, abs=0.6)
-    assert prepare_log(robot, slow, how).cutoff == how.cutoff
-    assert prepare_log(robot, slow).band == pytest.approx(7.0, abs=0.6)
-    assert choose_cutoff(robot, [slow], Preparation(cutoff=3.0)).cutoff == 3.0
+    assert prepare_log(two, slow, how).cutoff == how.cutoff
+    assert prepare_log(two, slow).band == pytest.approx(7.0, abs=0.6)
+    assert choose_cutoff(two, [slow], Preparation(cutoff=3.0)).cutoff == 3.0
     measured = replace(slow, dq=slow.q, ddq=slow.q)
-    assert choose_cutoff(robot, [measured], None).cutoff is None
+    assert choose_cutoff(two, [measured], None).cutoff is None
 
 
-def test_the_measured_velocity_decides_where_it_is_what_is_differentiated():
-    robot = Robot.load("two-link")
+def test_the_measured_velocity_decides_where_it_is_what_is_differentiated(two):
     log = log_of(200.0, 1.0, "log")
     noisy = log.q + 0.02 * np.random.default_rng(5).standard_normal(log.q.shape)
     dq = np.gradient(log.q, log.t, axis=0)
-    assert choose_cutoff(robot, [replace(log, q=noisy)], None).outputs < 6
-    assert choose_cutoff(robot, [replace(log, q=noisy, dq=dq)], None).outputs > 9
+    assert choose_cutoff(two, [replace(log, q=noisy)], None).outputs < 6
+    assert choose_cutoff(two, [replace(log, q=noisy, dq=dq)], None).outputs > 9
 
 
-def test_repeated_values_are_mended_and_said():
-    robot = Robot.load("two-link")
+def test_repeated_values_are_mended_and_said(two):
     log = log_of(100.0, 1.0, "log")
     rows = np.flatnonzero(np.random.default_rng(6).random(len(log)) < 0.08)
     q, tau = np.array(log.q), np.array(log.tau)
@@ -178,7 +174,7 @@ def test_repeated_values_are_mended_and_said():
     rule = StaleRule.of([hurt])
     assert set(rule.share) == {"q"}
     assert np.abs(rule.mend(hurt).q - log.q).max() < 0.1 * np.abs(q - log.q).max()
-    samples, clean = prepare_log(robot, hurt), prepare_log(robot, log)
+    samples, clean = prepare_log(two, hurt), prepare_log(two, log)
     assert samples.cutoff == pytest.approx(clean.cutoff)
     assert f"position in {100 * rule.share['q']:.2g} %" in " ".join(samples.notes)
     error = np.abs(samples.motion.actuated_a - clean.motion.actuated_a)

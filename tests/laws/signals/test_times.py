@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability.foundation.errors import LogError
+from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.signals import held_since
@@ -48,7 +48,9 @@ def test_steps_of_up_to_half_a_second_are_seconds(step):
 
 @pytest.mark.parametrize("step", [100.0, 200.0, 1e5])
 def test_what_may_be_either_is_asked(step):
-    with pytest.raises(LogError, match=r"may be \w+ \(.* Hz\) or \w+ \(.*--set time_unit"):
+    with pytest.raises(
+        IdentifiabilityError, match=r"may be \w+ \(.* Hz\) or \w+ \(.*--set time_unit"
+    ):
         read(table(step))
     since = read(table(1e5).assign(t=1_700_000_000 * 10**9 + np.rint(table(1e5)["t"]).astype(int)))
     assert "the times are in ns" in since.notes[0]
@@ -107,13 +109,15 @@ def test_dates_and_durations_are_times(form):
 def test_what_is_no_time_is_refused_as_before():
     frame = table()
     for bad in (frame["t"].astype(str) + " h", pd.Series(["x"] * len(frame))):
-        with pytest.raises(LogError, match="column 't' is not a finite number in 600 of 600 rows"):
+        with pytest.raises(
+            IdentifiabilityError, match="column 't' is not a finite number in 600 of 600 rows"
+        ):
             read(frame.assign(t=bad))
     spoilt = (pd.Timestamp("2026-01-01") + pd.to_timedelta(frame["t"], unit="s")).astype(str)
     spoilt[7] = "soon"
-    with pytest.raises(LogError, match="column 't' is not a finite number"):
+    with pytest.raises(IdentifiabilityError, match="column 't' is not a finite number"):
         read(frame.assign(t=spoilt))
-    with pytest.raises(LogError, match="holds datetime64"):
+    with pytest.raises(IdentifiabilityError, match="holds datetime64"):
         read(frame.assign(**{"a.q": pd.Timestamp("2026-01-01")}))
 
 
