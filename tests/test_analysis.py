@@ -6,12 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import Analysis, Preparation, analyze, diagnose
+from identifiability import Analysis, Noise, Preparation, Robot, analyze, diagnose
 from identifiability.estimation.verdict import Class
 from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.report.answers.commands import export_line
-from identifiability.robot import Robot
-from identifiability.simulation import Noise
 from identifiability.workflows.export.workflow import save_robot
 
 

@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import analyze
+from identifiability import IdentifiabilityError, Robot, analyze
 from identifiability.estimation.verdict import Flag
-from identifiability.foundation.errors import RobotError
 from identifiability.physical.feasibility import certify
 from identifiability.physical.fitted_model import (
     FittedModel,
@@ -20,7 +19,6 @@ from identifiability.physical.project import project
 from identifiability.posterior.diagnostics import diagnose_convergence
 from identifiability.posterior.ensemble import sample_posterior
 from identifiability.posterior.target import Prior, Target
-from identifiability.robot import Robot
 from identifiability.robot.locate import locate_robot
 from identifiability.workflows.analyze.belief import (
     START_MARGIN,
@@ -117,7 +115,7 @@ def test_a_prior_that_cannot_be_is_refused_with_a_sentence(arm, tmp_path, prior,
     robot = Robot.load("two-link", sidecar(tmp_path, prior))
     full = arm.full
     model = fitted(arm, full, robot)
-    with pytest.raises(RobotError, match=sentence):
+    with pytest.raises(IdentifiabilityError, match=sentence):
         state_prior(model.structure, model.data)
     belief = believe(arm, full, {"walkers": 2, "draws": 4, "warmup": 1}, robot)
     assert belief.physical is None

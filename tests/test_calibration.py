@@ -6,10 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import stats
-from typer.testing import CliRunner
 
 from identifiability import analyze
-from identifiability.cli import app
 from identifiability.estimation.noise import JointNoise, JointRuns
 from identifiability.foundation.rounding import REACH
 from identifiability.workflows.calibrate.world import (
@@ -87,28 +85,11 @@ def test_robust_intervals_hold_the_truth_where_white_ones_do_not(analysis, red):
 
 
 @pytest.mark.pictures
-def test_the_command_writes_a_report(simulated_session, tmp_path):
+def test_the_command_writes_a_report(simulated_session, succeeds, tmp_path):
     log = simulated_session("two-link", "a", 0, samples=300).write(tmp_path / "log.csv")
     report, data = tmp_path / "calibration.html", tmp_path / "calibration.json"
-    run = CliRunner().invoke(
-        app,
-        [
-            "calibrate",
-            "two-link",
-            str(log),
-            "--quick",
-            "--set",
-            "workers=1",
-            "--replicates",
-            "16",
-            "-v",
-            "--report",
-            str(report),
-            "--json",
-            str(data),
-        ],
-    )
-    assert run.exit_code == 0, run.output
+    words = ["two-link", log, "--quick", "--set", "workers=1", "--replicates", 16, "-v"]
+    run = succeeds("calibrate", *words, "--report", report, "--json", data)
     said = " ".join(run.stdout.split())
     assert "Of 95 % intervals of no torque offset, " in said
     assert "of what is called identifiable is off by more than half." in said

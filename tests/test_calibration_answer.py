@@ -6,12 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability import analyze
+from identifiability import Noise, analyze, calibrate
 from identifiability.foundation.rounding import Share
 from identifiability.physical.pseudo_inertia import margin, natural_scale
 from identifiability.regression.reduction import LadderEntry, ModelEntry
-from identifiability.simulation import Noise
-from identifiability.workflows.calibrate.calibration import calibrate, decide
+from identifiability.workflows.calibrate.calibration import decide
 from identifiability.workflows.calibrate.world import TrueRobots, make_possible
 
 from .laws.numbers.made import ar1

@@ -9,9 +9,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import Case, Noise, Robot, analyze, diagnose, prune, simulate
-from identifiability.foundation.errors import LogError
-from identifiability.foundation.options import OptionError
+from identifiability import (
+    Case,
+    IdentifiabilityError,
+    Noise,
+    Robot,
+    analyze,
+    diagnose,
+    prune,
+    simulate,
+)
 from identifiability.regression import structure
 from identifiability.regression.regression import LogPart
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
@@ -112,7 +119,7 @@ def test_all_logs_can_be_fitted(two_logs):
         found = verb(robot, logs, "none")
         assert [s.name for s in found.samples] == ["a", "b"]
         assert not found.validation
-    with pytest.raises(LogError, match="nothing is held out"):
+    with pytest.raises(IdentifiabilityError, match="nothing is held out"):
         diagnose(robot, logs, "none")
 
 
@@ -151,5 +158,5 @@ def test_a_case_is_sent_without_its_results(two_logs):
 
 def test_a_case_has_its_own_logs(two_logs):
     robot, logs = two_logs
-    with pytest.raises(OptionError, match="A case has its own"):
+    with pytest.raises(IdentifiabilityError, match="A case has its own"):
         analyze(Case(robot, logs), logs)

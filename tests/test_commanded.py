@@ -10,15 +10,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identifiability import Log, Robot, analyze, diagnose, predict, prune
+from identifiability import (
+    IdentifiabilityError,
+    Log,
+    Preparation,
+    Robot,
+    analyze,
+    diagnose,
+    predict,
+    prune,
+)
 from identifiability.foundation.documents import toml_text
-from identifiability.foundation.errors import IdentifiabilityError, LogError, RobotError
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.names import INERTIAL_KINDS
-from identifiability.foundation.options import OptionError
 from identifiability.logs.commands import held_mean
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.preparation import choose_cutoff, make_plan
 from identifiability.physical.cad_prior import combine_with_file, thick_inertia
 from identifiability.physical.pseudo_inertia import BASIS
@@ -110,7 +116,7 @@ def test_a_motor_is_no_servo_and_a_sidecar_states_one_by_joint_and_pattern(arm):
 def test_servos_that_cannot_be_are_refused_in_one_sentence(tmp_path, text, said):
     shutil.copy(MODELS / "two-link" / "robot.xml", tmp_path / "arm.xml")
     (tmp_path / "arm.toml").write_text(text)
-    with pytest.raises(RobotError, match=said) as error:
+    with pytest.raises(IdentifiabilityError, match=said) as error:
         Robot.load(tmp_path / "arm.xml")
     assert "\n" not in str(error.value)
 
@@ -146,12 +152,12 @@ def test_commands_hold_until_the_next_comes(arm, frames):
 
 
 def test_a_log_with_neither_torque_nor_command_is_refused(arm, frames):
-    with pytest.raises(LogError, match=r"no column shoulder\.cmd, elbow\.cmd"):
+    with pytest.raises(IdentifiabilityError, match=r"no column shoulder\.cmd, elbow\.cmd"):
         read(arm, frames[1][["t", "shoulder.q", "elbow.q"]])
 
 
 def test_commands_without_gains_are_refused(frames):
-    with pytest.raises(LogError, match=r'nothing states the gains.*kp = "fit"'):
+    with pytest.raises(IdentifiabilityError, match=r'nothing states the gains.*kp = "fit"'):
         read(Robot.load("two-link"), frames[1])
 
 
@@ -330,7 +336,7 @@ def test_bodies_are_within_a_share_of_the_file_where_there_is_no_torque(arm, fra
     unsure = fit_rollouts(arm, [read(arm, frames[1])], file_shares(arm)).delay_errors[0]
     assert 1e-6 < unsure < 2e-4
     np.testing.assert_allclose(late["shoulder.Fv"], 1200 * unsure, rtol=0.5)
-    with pytest.raises(OptionError, match="say the same twice"):
+    with pytest.raises(IdentifiabilityError, match="say the same twice"):
         analyze(arm, frames[1], prior=0.1, cad_prior=1.0)
 
 
@@ -388,7 +394,7 @@ def test_what_the_sidecar_states_of_a_body_or_a_parameter_counts_beside_the_log(
     assert near.sd[own] == pytest.approx(wide.sd[own] / 20, rel=1e-6)
     assert (near.mean[of], near.sd[of]) == pytest.approx((3.0, 0.01), rel=0.01)
     (tmp_path / "arm.toml").write_text("[prior_share]\nnone = 0.1\n")
-    with pytest.raises(RobotError, match="prior_share"):
+    with pytest.raises(IdentifiabilityError, match="prior_share"):
         Robot.load(tmp_path / "arm.urdf")
 
 
@@ -427,7 +433,7 @@ def test_gains_that_contradict_the_motion_are_refused(arm, frames, tmp_path, fac
     shutil.copy(arm.path, tmp_path / "arm.xml")
     kp, kv = (dict(zip(arm.joints, factor * x, strict=True)) for x in (arm.servo.kp, arm.servo.kv))
     (tmp_path / "arm.toml").write_text(toml_text({"servo": {"kp": kp, "kv": kv}}))
-    with pytest.raises(LogError, match=said):
+    with pytest.raises(IdentifiabilityError, match=said):
         analyze(tmp_path / "arm.xml", frames[1], quick=True)
 
 
@@ -446,7 +452,7 @@ def test_gains_that_nobody_states_are_found_and_one_known_body_fixes_their_scale
     arm, unstated, frames, tmp_path
 ):
     assert unstated.servo.unknown.all()
-    with pytest.raises(RobotError, match="logs of commands shall tell"):
+    with pytest.raises(IdentifiabilityError, match="logs of commands shall tell"):
         move(unstated, frames[1])
     log = read(arm, frames[0])
     shares = file_shares(unstated)
@@ -500,5 +506,5 @@ def test_limits_tell_kv_from_friction_of_a_file_without_rotors(arm, bare):
 def test_positions_need_joints_alike_and_servos_for_commands(arm, frames):
     with pytest.raises(IdentifiabilityError, match="states the gains"):
         move("two-link", frames[1])
-    with pytest.raises(RobotError, match="the same joints"):
+    with pytest.raises(IdentifiabilityError, match="the same joints"):
         predict(arm, Robot.load("quadruped"), frames[1], forward=True)

@@ -3,20 +3,15 @@
 import numpy as np
 import pytest
 
+from identifiability import IdentifiabilityError, Log, Model, Robot, prepare_log, simulate
 from identifiability.effects import find_effect
-from identifiability.foundation.errors import ModelError
-from identifiability.logs import Log
-from identifiability.logs.prepare import prepare_log
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import random_motion
-from identifiability.robot import Robot
 from identifiability.simulation import (
     Campaign,
     MujocoRobot,
     PrescribedMotion,
     random_trajectory,
     shipped_trajectory,
-    simulate,
 )
 
 
@@ -46,7 +41,9 @@ def test_friction_dissipates(robot, motion):
 
 
 def test_an_unknown_effect_is_named_with_its_near_match():
-    with pytest.raises(ModelError, match="'viscous_frition', did you mean 'viscous_friction'"):
+    with pytest.raises(
+        IdentifiabilityError, match="'viscous_frition', did you mean 'viscous_friction'"
+    ):
         Model.of("viscous_frition")
 
 

@@ -6,17 +6,20 @@ import numpy as np
 import pytest
 import scipy
 
+from identifiability import (
+    Log,
+    Model,
+    Motion,
+    Noise,
+    Robot,
+    analyze,
+    gather_information,
+    prepare_log,
+)
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.fit import scatter_scores
-from identifiability.logs import Log
-from identifiability.logs.prepare import prepare_log
 from identifiability.logs.prepare.instruments import add_instrument
-from identifiability.regression.information import gather_information
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.robot import Motion, Robot
-from identifiability.simulation import Noise
-from identifiability.workflows.analyze import analyze
 
 SEEDS, PERIODS = 6, 10
 MODEL = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")

@@ -6,11 +6,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from identifiability import analyze, diagnose
+from identifiability import Log, Robot, analyze, diagnose, simulate
 from identifiability.estimation.noise import JointNoise, rich_noise
-from identifiability.logs import Log
-from identifiability.robot import Robot
-from identifiability.simulation import PrescribedMotion, random_trajectory, simulate
+from identifiability.simulation import PrescribedMotion, random_trajectory
 
 LINK = """<link name="{}"><inertial><origin xyz="{} 0 {}"/><mass value="{}"/>
 <inertia ixx="0.004" iyy="{}" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>"""

@@ -9,10 +9,8 @@ import pytest
 from IPython.core.interactiveshell import InteractiveShell
 from traitlets.config import Config
 
-from identifiability import analyze, plot
+from identifiability import analyze, calibrate, plot, prune
 from identifiability.report.results import answer_first
-from identifiability.workflows.calibrate.calibration import calibrate
-from identifiability.workflows.prune import prune
 
 
 class Tags(HTMLParser):

@@ -17,15 +17,19 @@ import numpy as np
 import typer
 
 import identifiability
+from identifiability import (
+    Analysis,
+    Robot,
+    analyze,
+    calibrate,
+    compare,
+    inspect,
+    payload,
+    prune,
+    simulate,
+)
 from identifiability.cli import app
-from identifiability.robot import Robot
-from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory, simulate
-from identifiability.workflows.analyze import Analysis, analyze
-from identifiability.workflows.calibrate.calibration import calibrate
-from identifiability.workflows.compare import compare
-from identifiability.workflows.inspect import inspect
-from identifiability.workflows.payload import payload
-from identifiability.workflows.prune import prune
+from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory
 
 PIN = Path(__file__).with_name("public_api.txt")
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from identifiability import Model
+from identifiability import Model, Robot
 from identifiability.regression.reduction import DEFAULT_EFFECTS as FULL
 from identifiability.regression.reduction import USUAL_EFFECTS as USUAL
 from identifiability.regression.reduction import build_ladder, default_ladder
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot
 from identifiability.workflows.diagnose.workflow import usual_effects as diagnose_model
 
 

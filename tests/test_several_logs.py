@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import Log, analyze
-from identifiability.robot import Robot
-from identifiability.simulation import Noise, PrescribedMotion, random_trajectory, simulate
+from identifiability import Log, Noise, Robot, analyze, simulate
+from identifiability.simulation import PrescribedMotion, random_trajectory
 from identifiability.workflows.analyze.result import compare_logs
 
 

@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 
-from identifiability.foundation.errors import RobotError
+from identifiability import IdentifiabilityError, Model, Robot, simulate
 from identifiability.foundation.names import INERTIAL_KINDS
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import random_motion
-from identifiability.robot import Robot
-from identifiability.simulation import PrescribedMotion, simulate
+from identifiability.simulation import PrescribedMotion
 from identifiability.workflows.export import write_parameters
 from identifiability.workflows.export.workflow import save_robot
 
@@ -72,7 +70,7 @@ def test_the_template_is_unchanged(rps, tmp_path):
 
 
 def test_a_body_without_mass_is_refused_by_name(rps, tmp_path):
-    with pytest.raises(RobotError, match="'platform' has a mass of -1 kg"):
+    with pytest.raises(IdentifiabilityError, match="'platform' has a mass of -1 kg"):
         write_parameters(rps, {"platform.m": -1.0}, tmp_path / "copy.xml")
     assert not (tmp_path / "copy.xml").exists()
 
@@ -95,5 +93,7 @@ def test_what_a_robot_file_cannot_hold_stands_in_the_sidecar_and_is_listed(rps, 
 
 
 def test_a_parameter_of_nothing_is_refused_with_the_near_match(rps, tmp_path):
-    with pytest.raises(RobotError, match=r"no parameter 'slidr1\.Fv'.*did you mean 'slider1"):
+    with pytest.raises(
+        IdentifiabilityError, match=r"no parameter 'slidr1\.Fv'.*did you mean 'slider1"
+    ):
         save_robot(rps, {"slidr1.Fv": 3.0}, tmp_path / "copy.xml")

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from identifiability import analyze, prune
-from identifiability.logs import Log, rows
+from identifiability import Log, analyze, diagnose, prune
+from identifiability.logs import rows
 from identifiability.quality.mends import mend_log
-from identifiability.workflows.diagnose import diagnose
 
 ROW = 301  # counted from 1
 

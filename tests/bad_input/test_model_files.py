@@ -6,8 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from identifiability import Model, Robot, analyze, prune, simulate
-from identifiability.foundation.errors import ModelError
+from identifiability import IdentifiabilityError, Model, Robot, analyze, prune, simulate
 from identifiability.regression.reduction import build_ladder, ladder_text, model_entry, read_ladder
 from identifiability.regression.structure import Structure, random_motion
 from identifiability.simulation import shipped_trajectory
@@ -94,7 +93,7 @@ def test_a_place_may_be_a_pattern_and_a_named_place_goes_before_it():
     ],
 )
 def test_effects_that_cannot_live_there_are_refused(text, sentence):
-    with pytest.raises(ModelError, match=sentence):
+    with pytest.raises(IdentifiabilityError, match=sentence):
         Model.of("rigid_body", text).parameters(Robot.load("two-link"))
 
 

@@ -6,12 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from identifiability import Log, Robot, analyze, prepare_log, simulate
 from identifiability.estimation.verdict import Class
-from identifiability.logs import Log
-from identifiability.logs.prepare import prepare_log
-from identifiability.robot import Robot, complete_motion
-from identifiability.simulation import PrescribedMotion, shipped_trajectory, simulate
-from identifiability.workflows.analyze import analyze
+from identifiability.robot import complete_motion
+from identifiability.simulation import PrescribedMotion, shipped_trajectory
 
 
 def at_rest(frame, rng=None, noise=0.0):

@@ -3,14 +3,18 @@
 import numpy as np
 import pytest
 
-from identifiability.estimation.estimate import estimate
-from identifiability.logs import Log, signals
-from identifiability.logs.prepare import Preparation, prepare_log
-from identifiability.regression.information import gather_information
-from identifiability.regression.regression import Model
+from identifiability import (
+    Log,
+    Model,
+    Preparation,
+    Robot,
+    Trajectory,
+    estimate,
+    gather_information,
+    prepare_log,
+)
+from identifiability.logs import signals
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot
-from identifiability.simulation import Trajectory
 
 MODEL = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identifiability import IdentifiabilityError, Model, Preparation, Robot, prepare_log, simulate
 from identifiability.effects import (
     FAMILIES,
     Family,
@@ -14,13 +15,9 @@ from identifiability.effects import (
     forget,
     register,
 )
-from identifiability.foundation.errors import ModelError
-from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.columns import list_candidates
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, random_motion
-from identifiability.robot import Robot
-from identifiability.simulation import shipped_trajectory, simulate
+from identifiability.simulation import shipped_trajectory
 
 
 def hidden_part(robot, text):
@@ -72,7 +69,9 @@ def test_every_joint_of_every_robot_has_candidates_or_a_reason(robot):
 
 
 def test_an_unknown_family_is_named_with_its_near_match():
-    with pytest.raises(ModelError, match="'stribek_friction', did you mean 'stribeck_friction'"):
+    with pytest.raises(
+        IdentifiabilityError, match="'stribek_friction', did you mean 'stribeck_friction'"
+    ):
         find_families(["stribek_friction"])
 
 

@@ -5,11 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import Robot
+from identifiability import Model, Preparation, Robot, prepare_log
 from identifiability.effects import find_effect
 from identifiability.effects.effect import Part, Placed
-from identifiability.logs.prepare import Preparation, prepare_log
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.simulation import Campaign, PrescribedMotion, random_trajectory
 from identifiability.simulation.forward import ForwardRobot

@@ -5,20 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import analyze, prune
+from identifiability import Model, Noise, Robot, analyze, diagnose, prepare_log, prune, simulate
 from identifiability.effects.base import horizontal_axes
 from identifiability.effects.nominal import gravity_torque
-from identifiability.logs.prepare import prepare_log
 from identifiability.logs.prepare.preparation import choose_cutoff
 from identifiability.quality import MeasuredLogs
 from identifiability.reading import choose_reading
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot, complete_motion
+from identifiability.robot import complete_motion
 from identifiability.robot.description import Tilt
 from identifiability.robot.kinematics import turn
-from identifiability.simulation import Campaign, Noise, random_trajectory, simulate
-from identifiability.workflows.diagnose import diagnose
+from identifiability.simulation import Campaign, random_trajectory
 
 MODEL = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 

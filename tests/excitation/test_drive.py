@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from identifiability import excite
-from identifiability.robot import Robot, complete_motion
-from identifiability.simulation import PrescribedMotion, simulate
+from identifiability import Robot, excite, simulate
+from identifiability.robot import complete_motion
+from identifiability.simulation import PrescribedMotion
 from identifiability.workflows.excite.limits import Drive, find_limits
 
 QUICK = {"evaluations": 400, "samples": 200, "duration": 4.0}

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability.foundation.errors import RobotError
-from identifiability.robot import Robot
+from identifiability import IdentifiabilityError, Robot
 from identifiability.workflows.excite.limits import Limits, find_limits
 from identifiability.workflows.excite.search import Series
 
@@ -66,7 +65,7 @@ def test_limits_come_from_the_robot_and_are_replaced_by_a_file(tmp_path):
 def test_wrong_limits_are_refused_in_one_sentence(tmp_path, text, sentence):
     file = tmp_path / "limits.toml"
     file.write_text(text)
-    with pytest.raises(RobotError, match=sentence.replace("[", r"\[")) as error:
+    with pytest.raises(IdentifiabilityError, match=sentence.replace("[", r"\[")) as error:
         find_limits(Robot.load("3-rps"), file)
     assert "\n" not in str(error.value)
 

@@ -3,18 +3,15 @@
 import numpy as np
 import pytest
 
-from identifiability import analyze, simulate
-from identifiability.logs.prepare import prepare_log
+from identifiability import Model, Noise, Robot, analyze, prepare_log, simulate
 from identifiability.regression.reduction import (
     LadderEntry,
     ModelEntry,
     leave_to_terms,
     list_functions,
 )
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot
-from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
+from identifiability.simulation import PrescribedMotion, shipped_trajectory
 
 USUAL = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 #: The elbow reaches 4.4 rad/s: in the second nothing is said of most of the splines.

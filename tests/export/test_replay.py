@@ -6,13 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import analyze, prune
+from identifiability import Model, Robot, analyze, find_base_parameters, prune, simulate
 from identifiability.effects import FAMILIES
 from identifiability.regression.reduction import LadderEntry, ModelEntry
-from identifiability.regression.regression import Model
-from identifiability.regression.structure import find_base_parameters
-from identifiability.robot import Robot
-from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory, simulate
+from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory
 
 BASIC = ["rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia"]
 ROBOTS = ("two-link", "five-bar", "3-rps", "six-dof-arm", "six-ups")

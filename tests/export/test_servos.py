@@ -13,13 +13,10 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from identifiability import Robot, analyze
-from identifiability.cli import app
-from identifiability.foundation.errors import RobotError
+from identifiability import IdentifiabilityError, Robot, analyze, export
 from identifiability.physical.fitted_model import physical_set
-from identifiability.workflows.export import draw_robots, export, write_parameters
+from identifiability.workflows.export import draw_robots, write_parameters
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "studies"))
@@ -137,7 +134,7 @@ def test_a_configuration_for_isaac_lab_holds_what_was_fitted(made):
             {j: values[f"{j}.{kind}"] for j in robot.joints}, rel=1e-5
         )
     assert ast.literal_eval(told["stiffness"]) == {"shoulder": 1200, "elbow": 300}
-    with pytest.raises(RobotError, match="states no gains of servos"):
+    with pytest.raises(IdentifiabilityError, match="states no gains of servos"):
         export("two-link", path, path.with_name("none.py"), "isaaclab")
 
 
@@ -219,9 +216,9 @@ def test_true_robots_lie_in_the_joint_set_of_the_draws(count, simulated):
         (["--prior", "0.3", "--out", "x.xml"], "say how many"),
     ],
 )
-def test_what_cannot_be_drawn_is_refused(made, words, said, monkeypatch):
+def test_what_cannot_be_drawn_is_refused(made, words, said, command, monkeypatch):
     robot, _, _, path = made
     monkeypatch.chdir(path.parent)
-    done = CliRunner().invoke(app, ["export", str(robot.path), str(path), *words])
+    done = command("export", robot.path, path, *words)
     assert done.exit_code == 2
     assert said in " ".join(done.output.split())

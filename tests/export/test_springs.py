@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import Robot, analyze, simulate
+from identifiability import Model, Robot, analyze, simulate
 from identifiability.effects import FAMILIES
 from identifiability.effects.vocabulary import values_in_file
 from identifiability.regression.reduction import LadderEntry, ModelEntry
-from identifiability.regression.regression import Model
 from identifiability.robot import complete_motion
 from identifiability.robot.closure import known_torque
 from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory

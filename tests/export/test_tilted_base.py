@@ -3,16 +3,14 @@
 import numpy as np
 import pytest
 
-from identifiability import Robot, analyze, diagnose, simulate
+from identifiability import Model, Noise, Robot, analyze, diagnose, export, simulate
 from identifiability.effects.base import GravityTilt, horizontal_axes, tilt_text
 from identifiability.effects.nominal import rigid_torque
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, random_motion
 from identifiability.robot import complete_motion
 from identifiability.robot.kinematics import turn
-from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
+from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.simulation.mujoco_robot import MujocoRobot
-from identifiability.workflows.export import export
 from identifiability.workflows.export.workflow import write_parameters
 
 ANGLES = (1.0, 30.0, 90.0, 180.0)

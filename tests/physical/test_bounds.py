@@ -3,16 +3,13 @@
 import numpy as np
 import pytest
 
-from identifiability import Robot, analyze, simulate
-from identifiability.foundation.errors import RobotError
+from identifiability import IdentifiabilityError, Model, Noise, Robot, analyze, simulate
 from identifiability.physical.feasibility import certify
 from identifiability.physical.fitted_model import LeastSquares, PhysicalSet, physical_set
 from identifiability.physical.project import project
 from identifiability.posterior.exact import build_sampler
 from identifiability.posterior.target import Prior, Target
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.simulation import Noise
 from identifiability.simulation.motion import find_motion
 
 ARM = """<mujoco><compiler autolimits="true"/><worldbody>
@@ -96,7 +93,7 @@ def test_masses_are_bounded_body_by_body_and_in_all_and_a_name_goes_before_a_pat
     ],
 )
 def test_bounds_that_cannot_be_are_refused(bounded, text, said):
-    with pytest.raises(RobotError, match=said):
+    with pytest.raises(IdentifiabilityError, match=said):
         bounded(text)
 
 

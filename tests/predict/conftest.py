@@ -7,10 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from identifiability import Robot, analyze, simulate
+from identifiability import Log, Noise, Robot, analyze, simulate
 from identifiability.estimation.noise import JointNoise
-from identifiability.logs import Log
-from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
+from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.workflows.calibrate.world import simulate_noise
 
 SHARE = 0.05

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import Robot, analyze
+from identifiability import Noise, Robot, analyze, simulate
 from identifiability.foundation.rounding import percent
-from identifiability.simulation import Noise, random_trajectory, shipped_trajectory, simulate
+from identifiability.simulation import random_trajectory, shipped_trajectory
 from identifiability.workflows.predict import read_fit
 
 

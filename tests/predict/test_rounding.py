@@ -2,8 +2,8 @@
 
 import json
 
+from identifiability import Robot
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot
 from identifiability.workflows.predict import read_fit
 
 

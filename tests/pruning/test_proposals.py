@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from identifiability.regression.regression import Model
+from identifiability import Model, Robot
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot
 from identifiability.workflows.prune.moves import Attachment, Kind, Mirror, propose_moves, tie_moves
 
 

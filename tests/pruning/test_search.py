@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from identifiability.estimation.estimate import estimate
+from identifiability import estimate
 from identifiability.workflows.prune.elimination import find_path, whiten_regression
 from identifiability.workflows.prune.moves import Kind, Move, Partition
 

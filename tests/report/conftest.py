@@ -11,12 +11,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability import analyze
+from identifiability import Analysis, Model, Robot, analyze
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import LadderEntry, ModelEntry
-from identifiability.regression.regression import Model
-from identifiability.robot import Robot, complete_motion
-from identifiability.workflows.analyze import Analysis
+from identifiability.robot import complete_motion
 from identifiability.workflows.analyze.belief import Summary, form_belief
 
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identifiability.regression.regression import Model
-from identifiability.robot import Robot, complete_motion
+from identifiability import Model, Robot
+from identifiability.robot import complete_motion
 
 from ..roads import in_mujoco, project
 

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from made_robots import CLOSURES, arm, parallelogram
 
-from identifiability import Model, Robot
+from identifiability import Log, Model, Robot
 from identifiability.effects import default_effects
 from identifiability.effects.effect import measure_spans
-from identifiability.logs.log import Log
 from identifiability.logs.prepare.preparation import joint_log
 from identifiability.regression.reduction import build_ladder, default_ladder, ladder_model
 from identifiability.regression.structure import Structure, random_motion

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from made_robots import CLOSURES, arm, parallelogram
 
-from identifiability.foundation.errors import RobotError
-from identifiability.regression.regression import Model
-from identifiability.robot import Robot, complete_motion
+from identifiability import IdentifiabilityError, Model, Robot
+from identifiability.robot import complete_motion
 from identifiability.robot.description import Transmission
 from identifiability.simulation.forces import both_directions
 from identifiability.simulation.forward import ForwardRobot
@@ -107,7 +106,7 @@ def test_legs_that_are_tendons_drive_a_platform(load_text):
 
 def test_a_coupling_that_mujoco_does_not_have_is_refused(load_text):
     robot = load_text(arm(inside=BODY), sidecar=FOLLOWS)
-    with pytest.raises(RobotError, match="'w' follows several others"):
+    with pytest.raises(IdentifiabilityError, match="'w' follows several others"):
         ForwardRobot(robot, {})
 
 

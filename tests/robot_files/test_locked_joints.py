@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from made_robots import CLOSURES, arm, parallelogram
 
-from identifiability import analyze, export
-from identifiability.foundation.errors import IdentifiabilityError, RobotError
+from identifiability import IdentifiabilityError, Robot, analyze, export, simulate
 from identifiability.foundation.names import INERTIAL_KINDS
-from identifiability.robot import Robot, complete_motion
-from identifiability.simulation import PrescribedMotion, random_trajectory, simulate
+from identifiability.robot import complete_motion
+from identifiability.simulation import PrescribedMotion, random_trajectory
 from identifiability.simulation.forward import ForwardRobot
 from identifiability.workflows.export import write_parameters
 
@@ -97,7 +96,7 @@ def test_a_locked_gripper_on_a_closed_chain_is_part_of_its_body(agrees):
         '<site name="toe"', '<body name="claw" pos="-0.3 0 0.1" euler="0 0.3 0.1"><joint name="jaw"'
         ' axis="0 1 0"/><inertial mass="0.4" pos="0.1 0 0" diaginertia="0.01 0.02 0.02"/></body>'
         '<site name="toe"').replace('0.7"/></keyframe>', '0.7 0.1"/></keyframe>')  # fmt: skip
-    with pytest.raises(RobotError, match="jaw"):
+    with pytest.raises(IdentifiabilityError, match="jaw"):
         agrees(text, spread=0.3)
     robot = agrees(text, spread=0.3, lock=["jaw"])
     assert robot.locked == {"jaw": pytest.approx(0.1)}  # where home has it
@@ -114,7 +113,9 @@ def test_a_gripper_with_loops_of_its_own_is_locked_by_patterns_and_its_loops_wit
     tie = '<equality><connect body1="pad0" body2="pad1" anchor="0 0 0.05"/></equality>'
     motors = '<actuator><motor joint="shoulder"/><motor joint="elbow"/></actuator>'
     text = arm(inside=inside, actuator=f"{tie}{motors}")
-    with pytest.raises(RobotError, match=r"may, is locked: --lock grip_0 .*--lock pad_1 \("):
+    with pytest.raises(
+        IdentifiabilityError, match=r"may, is locked: --lock grip_0 .*--lock pad_1 \("
+    ):
         load_text(text)
     robot = load_text(text, lock=["grip_*", "pad_?"])
     assert robot.joints == ("shoulder", "elbow")
@@ -189,7 +190,7 @@ def test_couplings_of_a_sidecar_add_to_those_of_the_file(load_text):
     ],
 )
 def test_what_cannot_be_locked_is_refused_with_the_remedy(sidecar, lock, sentence, load_text):
-    with pytest.raises(RobotError, match=sentence):
+    with pytest.raises(IdentifiabilityError, match=sentence):
         load_text(fingers(), "urdf", sidecar, lock)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from made_robots import MOTORS, arm
 
-from identifiability.foundation.errors import RobotError
+from identifiability import IdentifiabilityError
 
 TENDON = '<tendon><fixed name="cable" {0}><joint joint="elbow" coef="-0.5"/></fixed></tendon>'
 FEATURES = {
@@ -66,7 +66,7 @@ def test_files_that_no_inertia_needs_may_be_missing(agrees, load_text):
     shape = '<geom type="mesh" mesh="shape" material="m"/>'
     robot, bare = load_text(arm(after=MISSING, inside=shape)), agrees(arm())
     assert robot.nominal == bare.nominal
-    with pytest.raises(RobotError, match=r"cannot be read by MuJoCo: .*none\.stl"):
+    with pytest.raises(IdentifiabilityError, match=r"cannot be read by MuJoCo: .*none\.stl"):
         load_text(arm(after=MISSING, inside=f'<body name="tool">{shape}</body>'))
 
 
@@ -94,7 +94,7 @@ def test_the_hash_knows_meshes_that_weigh_and_no_others(load_text, tmp_path):
 @pytest.mark.parametrize("feature", REFUSED)
 def test_what_no_parameter_can_hold_is_refused_by_name(feature, load_text):
     text, sentence = REFUSED[feature]
-    with pytest.raises(RobotError, match=sentence):
+    with pytest.raises(IdentifiabilityError, match=sentence):
         load_text(text)
 
 

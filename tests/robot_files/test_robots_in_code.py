@@ -9,9 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from identifiability import Robot
-from identifiability.foundation.errors import RobotError
-from identifiability.foundation.options import OptionError
+from identifiability import IdentifiabilityError, Robot
 from identifiability.regression.regression import Model as Effects
 from identifiability.robot import complete_motion
 
@@ -180,16 +178,24 @@ LINK = {"name": "a", "joint": "j"}
 @pytest.mark.parametrize(
     ("change", "error", "sentence"),
     [
-        (lambda r: r.with_body("link9", mass=1), RobotError, "no moving body 'link9'"),
-        (lambda r: r.with_body("link2", mass=-1), OptionError, "mass must be a number above 0"),
-        (lambda r: r.with_body("link2", inertia=(1, 1, 9)), RobotError, "No real body"),
-        (lambda r: r.with_body("link2", centre=(1, 2)), RobotError, "a centre of three numbers"),
-        (lambda r: r.with_values({"link2.q": 1.0}), RobotError, "no parameter 'link2.q'"),
-        (lambda r: r.with_lock(["knee"]), RobotError, "names 'knee', which"),
+        (lambda r: r.with_body("link9", mass=1), IdentifiabilityError, "no moving body 'link9'"),
+        (
+            lambda r: r.with_body("link2", mass=-1),
+            IdentifiabilityError,
+            "mass must be a number above 0",
+        ),
+        (lambda r: r.with_body("link2", inertia=(1, 1, 9)), IdentifiabilityError, "No real body"),
+        (
+            lambda r: r.with_body("link2", centre=(1, 2)),
+            IdentifiabilityError,
+            "a centre of three numbers",
+        ),
+        (lambda r: r.with_values({"link2.q": 1.0}), IdentifiabilityError, "no parameter 'link2.q'"),
+        (lambda r: r.with_lock(["knee"]), IdentifiabilityError, "names 'knee', which"),
         (lambda r: r.save("arm.pdf"), Exception, "does not end in .xml or .urdf"),
-        (lambda _: Robot.build([{**LINK, "d": 1}]), RobotError, "has 'd', which"),
-        (lambda _: Robot.build([{**LINK, "axis": (0, 0, 0)}]), RobotError, "zero"),
-        (lambda _: Robot.build([{"name": "a", "jiont": "j"}]), RobotError, "jiont"),
+        (lambda _: Robot.build([{**LINK, "d": 1}]), IdentifiabilityError, "has 'd', which"),
+        (lambda _: Robot.build([{**LINK, "axis": (0, 0, 0)}]), IdentifiabilityError, "zero"),
+        (lambda _: Robot.build([{"name": "a", "jiont": "j"}]), IdentifiabilityError, "jiont"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_sentence(change, error, sentence):
@@ -199,5 +205,5 @@ def test_what_cannot_be_is_refused_in_one_sentence(change, error, sentence):
 
 def test_a_load_on_several_ends_must_be_told_where():
     rows = [{"name": n, "joint": f"j{n}", "parent": "base", "mass": 1.0} for n in "ab"]
-    with pytest.raises(RobotError, match="name its body"):
+    with pytest.raises(IdentifiabilityError, match="name its body"):
         Robot.build(rows).with_payload(mass=1.0)

@@ -7,16 +7,17 @@ import numpy as np
 import pytest
 
 from identifiability import (
+    Model,
     Regression,
     Robot,
     estimate,
     find_base_parameters,
     gather_information,
     prepare_log,
+    simulate,
 )
-from identifiability.regression.regression import Model
 from identifiability.robot import complete_motion
-from identifiability.simulation import PrescribedMotion, shipped_trajectory, simulate
+from identifiability.simulation import PrescribedMotion, shipped_trajectory
 
 LONG = pytest.mark.everything
 MECHANISMS = ("delta", "3-rrr", "palletizer", "six-actuators")

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from made_robots import arm
 
+from identifiability import Model, simulate
 from identifiability.effects.registry import default_effects
-from identifiability.regression.regression import Model
 from identifiability.robot import complete_motion
 from identifiability.robot.mjcf import quiet
-from identifiability.simulation import PrescribedMotion, simulate
+from identifiability.simulation import PrescribedMotion
 
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia",
            "joint_stiffness", "passive_joint_friction")  # fmt: skip

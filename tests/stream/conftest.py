@@ -4,12 +4,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from identifiability import Noise, Robot, simulate
 from identifiability.logs import rows as rows_of
 from identifiability.logs import tables
 from identifiability.logs.prepare import dataset
 from identifiability.regression import regression as windows
-from identifiability.robot import Robot
-from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
+from identifiability.simulation import PrescribedMotion, shipped_trajectory
 
 
 @pytest.fixture
