@@ -235,14 +235,6 @@ def move(robot, logs):
     return predict(robot, robot, logs, forward=True)
 
 
-def test_a_rollout_does_not_depend_on_the_integrators_step(arm, frames, monkeypatch):
-    log, machine = read(arm, frames[1]), CommandedRobot(arm, {})
-    coarse = machine.roll(log, delay=0.004)
-    monkeypatch.setattr("identifiability.simulation.rollout.STEP", 1e-4)
-    fine = machine.roll(log, delay=0.004)
-    assert np.sqrt(np.mean((coarse - fine) ** 2)) < 3e-4 * np.ptp(fine)
-
-
 @pytest.mark.parametrize("most", [900.0, 60.0])  # [N·m], the second of which commands exceed
 def test_commands_that_act_later_by_less_than_a_step_move_a_robot_later_by_that(arm, frames, most):
     log = read(arm, frames[1])
@@ -477,15 +469,6 @@ def bare(arm, tmp_path):
     path, text = tmp_path / "arm.xml", arm.path.read_text()
     path.write_text(re.sub(r'(damping|frictionloss|armature)="[^"]*"', "", text))
     return path
-
-
-def test_gains_and_play_are_sought_of_a_file_without_rotors(arm, bare, frames):
-    bare.with_suffix(".toml").write_text('[servo]\nkp = "fit"\n')
-    robot = Robot.load(bare)
-    found = fit_rollouts(robot, [read(arm, frames[0])], file_shares(robot))
-    np.testing.assert_allclose(found.numbers["kp"], arm.servo.kp, rtol=0.01)
-    loose = replace(arm.servo, play=np.array([0.02, 0.02]))
-    assert np.isfinite(CommandedRobot(robot, {}, loose).inertia(np.zeros(2))).all()
 
 
 def test_limits_tell_kv_from_friction_of_a_file_without_rotors(arm, bare):

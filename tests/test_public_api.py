@@ -23,6 +23,7 @@ from identifiability import (
     analyze,
     calibrate,
     compare,
+    diagnose,
     inspect,
     payload,
     prune,
@@ -99,9 +100,8 @@ def json_lines() -> Iterator[str]:
         inspect(robot, log),
         payload(robot, analysis, other),
         compare(robot, log, other),
+        diagnose(robot, log, quick=True),
     ]
-    if "diagnose" in identifiability.__all__:
-        results.append(identifiability.diagnose(robot, log, quick=True))
     for result in results:
         content = result.to_dict()
         schema = content["schema"]

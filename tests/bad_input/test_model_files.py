@@ -6,18 +6,14 @@ import json
 import numpy as np
 import pytest
 
-from identifiability import IdentifiabilityError, Model, Robot, analyze, prune, simulate
+from identifiability import IdentifiabilityError, Model, Robot, analyze, prune
 from identifiability.regression.reduction import build_ladder, ladder_text, model_entry, read_ladder
 from identifiability.regression.structure import Structure, random_motion
-from identifiability.simulation import shipped_trajectory
 
 
 @pytest.fixture(scope="module")
-def log():
-    rng = np.random.default_rng(0)
-    return simulate(
-        "two-link", shipped_trajectory(Robot.load("two-link"), "a"), noise="paper", rng=rng
-    )
+def log(simulated_session):
+    return simulated_session("two-link", "a")
 
 
 @pytest.fixture(scope="module")

@@ -112,22 +112,6 @@ def test_offsets_that_differ_between_logs_are_found_and_taken_out(arm):
     assert look(robot, *logs) is None
 
 
-def test_no_regressor_is_evaluated_twice_on_the_same_motion(monkeypatch):
-    robot, log = record("six-dof-arm", samples=3000)
-    turned, evaluated = replace(log, tau=one(1, -1.0) * log.tau), []
-    regressor = Model.regressor
-
-    def count(model, robot, motion, *more):
-        positions, gravity = motion.actuated_q, robot.gravity + 0.0
-        evaluated.append((positions.tobytes(), motion.actuated_a.tobytes(), gravity.tobytes()))
-        return regressor(model, robot, motion, *more)
-
-    logs = known(robot, turned)
-    monkeypatch.setattr(Model, "regressor", count)
-    assert "joint_2 seems to have the wrong sign" in choose_reading(logs).description
-    assert len(evaluated) == len(set(evaluated))
-
-
 @pytest.mark.parametrize(("name", "masses"), [("two-link", 1.0), ("six-dof-arm", 3.0)])
 def test_effort_without_weight_is_found_whatever_masses_the_file_has(name, masses):
     robot, log = record(name, masses=masses)

@@ -95,24 +95,6 @@ def test_nothing_touches_along_what_is_played(curling, world, monkeypatch):
     assert any(world(row) for motion in careless for row in motion.motion[1])
 
 
-def test_the_cost_of_coming_near_has_the_slope_that_it_says(curling):
-    from identifiability.workflows.excite.criteria import gather_known, pose_question
-    from identifiability.workflows.excite.limits import find_limits
-    from identifiability.workflows.excite.search import Objective, Series
-
-    question = pose_question(curling, None, None, None)
-    series = Series(find_limits(curling), 5.0, 2)
-    objective = Objective(question, gather_known(question, [], 60), series, 60)
-    draws = series.draw(400, np.random.default_rng(2))
-    least = objective.gaps(draws, 60).min(1)
-    chosen = draws[np.flatnonzero(np.abs(least) < 2 * CLEARANCE)[0]]
-    cost, slope = objective.gradient(chosen)
-    assert cost == pytest.approx(objective(chosen[None])[0])
-    along = slope / np.linalg.norm(slope)
-    ends = objective(np.stack([chosen + s * 5e-4 * along for s in (-1, 1)]))
-    assert (ends[1] - ends[0]) / 1e-3 == pytest.approx(np.linalg.norm(slope), rel=0.1)
-
-
 def test_where_there_are_no_shapes_that_is_said(tmp_path):
     robot = Robot.load("two-link")  # whose shapes are drawn and do not collide
     said = excite(robot, evaluations=1).hints

@@ -52,15 +52,6 @@ def made(tmp_path_factory):
     return robot, frames, result, result.to_json(folder / "result.json")
 
 
-def test_a_servo_and_its_offset_are_read_back(made, tmp_path):
-    robot = made[0]
-    written = write_parameters(robot, {"elbow.off": 0.3}, tmp_path / "arm.xml").robot
-    assert mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml")).opt.timestep == 0.001
-    again = Robot.load(written)
-    np.testing.assert_array_equal([again.servo.kp, again.servo.kv], [[1200, 300], [50, 8]])
-    assert again.nominal["elbow.off"] == pytest.approx(0.3)
-
-
 def test_the_rollout_error_of_unseen_motion_is_stated(made):
     robot, _, result, path = made
     told = json.loads(path.read_text())["rollout"]
@@ -89,7 +80,7 @@ def test_an_mjcf_gets_the_servos_of_the_sidecar_and_says_delay_and_step(made):
     assert re.search(r"Commands act [\d.]+ ms after their rows?", text)
     assert "for its own step of 1 ms" in text
     model = mujoco.MjModel.from_xml_path(str(out))
-    assert model.nu == 2
+    assert (model.nu, model.opt.timestep) == (2, 0.001)
     np.testing.assert_allclose(model.actuator_gainprm[:, 0], [1200, 300])
     damping = robot.servo.damping
     np.testing.assert_allclose(model.actuator_biasprm[:, 1:3].T, [[-1200, -300], -damping])
@@ -105,7 +96,8 @@ def test_an_mjcf_gets_the_servos_of_the_sidecar_and_says_delay_and_step(made):
         assert model.dof_damping[k] == pytest.approx(values[f"{joint}.Fv"])
         assert model.dof_frictionloss[k] == pytest.approx(values[f"{joint}.Fc"])
     again = Robot.load(out)
-    np.testing.assert_allclose(again.servo.kp, robot.servo.kp)
+    np.testing.assert_allclose([again.servo.kp, again.servo.kv], [robot.servo.kp, robot.servo.kv])
+    assert again.nominal["elbow.off"] == pytest.approx(values["elbow.off"])
 
 
 def test_servos_of_an_mjcf_go_with_its_urdf(tmp_path):

@@ -1,13 +1,10 @@
 """What a model leaves out, holds or ties is so in the nearest real robot, and never free."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from identifiability import analyze
-from identifiability.physical.fitted_model import FittedModel, Fixed, LeastSquares, find_fixed
-from identifiability.physical.project import Projection, project
+from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.workflows.analyze.belief import form_belief
 
@@ -70,38 +67,6 @@ def test_bodies_keep_what_they_need_although_it_is_left_out(simulated):
         model = fit(simulated, zero=[gone]).models[-1]
         left_out = ~model.submodel.M.any(axis=1)
         assert (np.abs(model.physical.base[left_out]).max() > 1e-3) == needed
-
-
-def test_a_held_column_is_a_column_less(robot):
-    rng = np.random.default_rng(1)
-    data = robot.data(rng)
-    outside = np.setdiff1d(np.arange(robot.region.size), robot.region.bodies)
-    at, value = int(outside[0]), 0.3
-    rows = np.eye(robot.region.size)[[at]]
-    free = replace(robot.region, nonnegative=robot.region.nonnegative & (rows[0] == 0))
-    found = Projection(free, fixed=Fixed(rows, np.array([value]))).solve(data)
-    R = np.array(data.R)
-    shifted = data.z - R[:, at] * value
-    R[:, at] = 0.0
-    wanted = project(LeastSquares(R, shifted, data.rss_min, data.dof), robot.region)
-    assert found.phi[at] == value
-    assert found.accurate
-    assert found.rss == pytest.approx(wanted.rss, rel=1e-7)
-    torque = data.R @ found.phi
-    reached = R @ wanted.phi + data.R[:, at] * value
-    np.testing.assert_allclose(torque, reached, atol=1e-4 * np.linalg.norm(reached))
-
-
-def test_a_sum_of_what_cannot_be_negative_is_zero_part_by_part(robot):
-    p = robot.region.size
-    outside = np.setdiff1d(np.arange(p), robot.region.bodies)
-    region = replace(robot.region, nonnegative=np.isin(np.arange(p), outside))
-    G = np.zeros((1, p))
-    G[0, outside[:2]] = 1.0, 2.0
-    fixed = find_fixed(region, G, np.zeros((1, 0)), np.zeros(1))
-    assert fixed.parameters.nonzero()[0].tolist() == outside[:2].tolist()
-    kept = find_fixed(region, G, np.ones((1, 1)), np.zeros(1))
-    assert not len(kept.rows)
 
 
 def test_what_a_model_leaves_out_holds_or_ties_is_so_in_every_draw_of_the_posterior(simulated):

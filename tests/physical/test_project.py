@@ -3,7 +3,6 @@ import numpy as np
 import pytest
 
 from identifiability.foundation.linalg import NEARLY
-from identifiability.physical import project as pulled
 from identifiability.physical.cad_prior import CadPrior
 from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
 from identifiability.physical.project import RIDGE, Projection, project
@@ -84,13 +83,3 @@ def test_a_badly_conditioned_problem_is_solved_where_its_square_could_not(rng):
     truth = rng.uniform(1, 2, 6)
     found = project(LeastSquares(R, R @ truth, 1.0, 1.0), region)
     np.testing.assert_allclose(found.phi, truth, rtol=1e-4)
-
-
-def test_newton_s_method_ends_where_the_general_solver_does(monkeypatch, pair, rng):
-    data, prior = pair.data(rng, 0.3), CadPrior(pair.phi * 1.2, 0.01)
-    with monkeypatch.context() as only:
-        only.setattr(Projection, "_solve_generally", None)
-        hasty = project(data, pair.region, prior=prior)
-    monkeypatch.setattr(pulled, "follow", lambda *_: iter(()))
-    patient = project(data, pair.region, prior=prior)
-    np.testing.assert_allclose(patient.phi, hasty.phi, rtol=1e-4, atol=1e-6)

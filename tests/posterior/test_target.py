@@ -56,12 +56,6 @@ def test_the_density_is_likelihood_times_prior(variance, rng):
     np.testing.assert_allclose(found - found[0], expected - expected[0], rtol=1e-9, atol=1e-9)
 
 
-def test_coordinates_go_there_and_back(rng):
-    target = free_target(rng, prior=Prior(np.ones(5), np.geomspace(1e-3, 1e3, 5)))
-    phi = target.prior.mean + target.prior.sd * rng.normal(size=(7, 5))
-    np.testing.assert_allclose(target.to_phi(target.to_eta(phi)), phi, rtol=1e-9)
-
-
 def test_what_the_data_do_not_see_keeps_its_prior(posteriors, rng):
     R = np.array([[1.0, 1.0, 0.0]])
     data = LeastSquares(R, np.array([2.0]), 20.0, 20.0)

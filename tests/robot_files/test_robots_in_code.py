@@ -176,30 +176,28 @@ LINK = {"name": "a", "joint": "j"}
 
 
 @pytest.mark.parametrize(
-    ("change", "error", "sentence"),
+    ("change", "sentence"),
     [
-        (lambda r: r.with_body("link9", mass=1), IdentifiabilityError, "no moving body 'link9'"),
+        (lambda r: r.with_body("link9", mass=1), "no moving body 'link9'"),
         (
             lambda r: r.with_body("link2", mass=-1),
-            IdentifiabilityError,
             "mass must be a number above 0",
         ),
-        (lambda r: r.with_body("link2", inertia=(1, 1, 9)), IdentifiabilityError, "No real body"),
+        (lambda r: r.with_body("link2", inertia=(1, 1, 9)), "No real body"),
         (
             lambda r: r.with_body("link2", centre=(1, 2)),
-            IdentifiabilityError,
             "a centre of three numbers",
         ),
-        (lambda r: r.with_values({"link2.q": 1.0}), IdentifiabilityError, "no parameter 'link2.q'"),
-        (lambda r: r.with_lock(["knee"]), IdentifiabilityError, "names 'knee', which"),
-        (lambda r: r.save("arm.pdf"), Exception, "does not end in .xml or .urdf"),
-        (lambda _: Robot.build([{**LINK, "d": 1}]), IdentifiabilityError, "has 'd', which"),
-        (lambda _: Robot.build([{**LINK, "axis": (0, 0, 0)}]), IdentifiabilityError, "zero"),
-        (lambda _: Robot.build([{"name": "a", "jiont": "j"}]), IdentifiabilityError, "jiont"),
+        (lambda r: r.with_values({"link2.q": 1.0}), "no parameter 'link2.q'"),
+        (lambda r: r.with_lock(["knee"]), "names 'knee', which"),
+        (lambda r: r.save("arm.pdf"), "does not end in .xml or .urdf"),
+        (lambda _: Robot.build([{**LINK, "d": 1}]), "has 'd', which"),
+        (lambda _: Robot.build([{**LINK, "axis": (0, 0, 0)}]), "zero"),
+        (lambda _: Robot.build([{"name": "a", "jiont": "j"}]), "jiont"),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_sentence(change, error, sentence):
-    with pytest.raises(error, match=sentence):
+def test_what_cannot_be_is_refused_in_one_sentence(change, sentence):
+    with pytest.raises(IdentifiabilityError, match=sentence):
         change(Robot.load("two-link"))
 
 

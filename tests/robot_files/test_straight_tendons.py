@@ -133,32 +133,3 @@ def test_a_cable_of_the_file_is_named_and_stays_in_what_is_written(load_text, tm
     again = Robot.load(path)
     assert [again.nominal[f"cable.{k}"] for k in ("K", "Fv", "Fc", "Ia")] == [30, 1, 0.5, 0.25]
     assert again.rest["cable"] == 0.3
-
-
-def test_a_cable_from_site_to_site_is_what_mujoco_makes_of_it(load_text):
-    """Accelerations and forces by differences of MuJoCo's own lengths."""
-    text = stretched()
-    robot = load_text(text)
-    with quiet():
-        m = mujoco.MjModel.from_xml_string(text)
-    m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-    d, (q, v, a) = mujoco.MjData(m), np.random.default_rng(3).normal(size=(3, 20, 2))
-    expected = []
-    for state in zip(q, v, a, strict=True):
-
-        def length(step, at=state[0]):
-            d.qpos[:] = at + step
-            mujoco.mj_fwdPosition(m, d)
-            return d.ten_length[0]
-
-        J = np.array([slope(lambda s, e=e: length(s * e)) for e in np.eye(2)])
-        d.qpos[:], d.qvel[:], d.qacc[:] = state
-        mujoco.mj_inverse(m, d)
-        expected.append(d.qfrc_inverse + 2.0 * np.sign(J @ state[1]) * J)
-    motion = complete_motion(robot, np.arange(20.0), q, v, a)
-    model = Model.of(*EFFECTS)
-    phi = np.array([robot.nominal.get(p.name, 0.0) for p in model.parameters(robot)])
-    torque, size = model.regressor(robot, motion) @ phi, np.abs(expected).max()
-    np.testing.assert_allclose(torque, expected, rtol=0, atol=1e-9 * size)
-    log = simulate(robot, PrescribedMotion(0.01 * np.arange(20), q, v, a))
-    np.testing.assert_allclose(log.tau, expected, rtol=0, atol=1e-9 * size)
