@@ -23,7 +23,6 @@ from identifiability import (
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.names import INERTIAL_KINDS
-from identifiability.logs.commands import held_mean
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare.preparation import choose_cutoff, make_plan
 from identifiability.physical.cad_prior import combine_with_file, thick_inertia
@@ -46,25 +45,12 @@ sys.path.insert(0, str(MODELS.parent / "studies"))
 
 import servo_robots as servos  # noqa: E402
 
-SIDECAR = """
-name = "Arm with servos"
-[servo]
-kp = {shoulder = 1200, "elb*" = 300}
-kv = {shoulder = 50, "*" = 8}
-limit = 900
-"""
-TRUTH = {
-    **{"shoulder.Ia": 0.11, "shoulder.Fv": 2.0, "shoulder.Fc": 1.1, "shoulder.off": 0.8},
-    **{"elbow.Ia": 0.05, "elbow.Fv": 0.9, "elbow.Fc": 0.5, "elbow.off": -0.4},
-}
+from .made_servos import TRUTH, load_arm  # noqa: E402
 
 
 @pytest.fixture(scope="module")
 def arm(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("arm")
-    shutil.copy(MODELS / "two-link" / "robot.xml", folder / "arm.xml")
-    (folder / "arm.toml").write_text(SIDECAR)
-    return Robot.load(folder / "arm.xml")
+    return load_arm(tmp_path_factory.mktemp("arm"))
 
 
 @pytest.fixture(scope="module")
@@ -114,10 +100,8 @@ def test_a_motor_is_no_servo_and_a_sidecar_states_one_by_joint_and_pattern(arm):
     ],
 )
 def test_servos_that_cannot_be_are_refused_in_one_sentence(tmp_path, text, said):
-    shutil.copy(MODELS / "two-link" / "robot.xml", tmp_path / "arm.xml")
-    (tmp_path / "arm.toml").write_text(text)
     with pytest.raises(IdentifiabilityError, match=said) as error:
-        Robot.load(tmp_path / "arm.xml")
+        load_arm(tmp_path, text)
     assert "\n" not in str(error.value)
 
 
@@ -130,9 +114,7 @@ def test_a_quadruped_that_floats_by_its_file_stands_where_its_sidecar_says_so(tm
 
 
 def test_logs_tell_gains_of_joints_of_which_nobody_states_any(tmp_path):
-    shutil.copy(MODELS / "two-link" / "robot.xml", tmp_path / "arm.xml")
-    (tmp_path / "arm.toml").write_text("[servo]\nkp = {shoulder = 3}\n")
-    servo = Robot.load(tmp_path / "arm.xml").servo
+    servo = load_arm(tmp_path, "[servo]\nkp = {shoulder = 3}\n").servo
     assert servo.unknown.tolist() == [False, True]
     assert servo.kv[0] == 0.0
 
@@ -159,19 +141,6 @@ def test_a_log_with_neither_torque_nor_command_is_refused(arm, frames):
 def test_commands_without_gains_are_refused(frames):
     with pytest.raises(IdentifiabilityError, match=r'nothing states the gains.*kp = "fit"'):
         read(Robot.load("two-link"), frames[1])
-
-
-def test_means_of_a_staircase_are_its_integrals():
-    rng = np.random.default_rng(0)
-    t = np.cumsum(rng.uniform(0.5, 1.5, 40))
-    x = rng.standard_normal((40, 2))
-    at, width = rng.uniform(3, 30, 50), 0.8
-    fine = np.linspace(-0.5, 0.5, 20_001) * width
-    k = np.searchsorted(t, at[:, None] + fine, side="right") - 1
-    np.testing.assert_allclose(held_mean(t, x, at, width), x[k].mean(1), atol=1e-3)
-    # A delay shifts it, and that of one step shifts it by one step.
-    even = np.arange(40.0)
-    np.testing.assert_allclose(held_mean(even, x, even[5:] - 1 + 0.5, 1.0), x[4:-1])
 
 
 def test_torque_is_the_servos_law_and_saturated_torque_no_data():
@@ -422,11 +391,10 @@ def test_a_log_that_contradicts_the_files_bodies_says_so():
     [(0.01, "errs by"), (5.0, "contradict the motion"), (30.0, "contradict the motion")],
 )
 def test_gains_that_contradict_the_motion_are_refused(arm, frames, tmp_path, factor, said):
-    shutil.copy(arm.path, tmp_path / "arm.xml")
     kp, kv = (dict(zip(arm.joints, factor * x, strict=True)) for x in (arm.servo.kp, arm.servo.kv))
-    (tmp_path / "arm.toml").write_text(toml_text({"servo": {"kp": kp, "kv": kv}}))
+    other = load_arm(tmp_path, toml_text({"servo": {"kp": kp, "kv": kv}}))
     with pytest.raises(IdentifiabilityError, match=said):
-        analyze(tmp_path / "arm.xml", frames[1], quick=True)
+        analyze(other, frames[1], quick=True)
 
 
 @pytest.fixture(scope="module")

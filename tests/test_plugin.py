@@ -12,19 +12,20 @@ PLUGIN = '''
 
 import numpy as np
 
-from identifiability.effects import AlongAxes, Family, register
+from identifiability.effects import Family, Shaped, register
 
 PITCH = 0.35  # rad
 
 
-class Cogging(AlongAxes):
+class Cogging(Shaped):
     name = "cogging"
     equation = "τ = Cg cos(2π q/0.35)"
     source = "data sheet of the motor"
     units = (("Cg", "N·m", "N"),)
+    usual = (PITCH, 0.02)  # which no search changes
 
     def curves(self, at):
-        return [np.cos(2 * np.pi * at.travel / PITCH)]
+        return [np.cos(2 * np.pi * at.travel / self.shape(at.robot, at.axis))]
 
 
 register(Family(

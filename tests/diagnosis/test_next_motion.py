@@ -80,22 +80,6 @@ def test_a_chance_is_how_often_the_likelihood_ratio_exceeds_the_odds(square):
     assert chance < decision_chance(np.array([square + 1.0]))[0]
 
 
-def test_a_designed_motion_tells_more_than_a_random_one_of_the_same_length():
-    d = diagnosis("quadratic_friction@elbow", "Fq", 0.02, ("stribeck_friction@elbow",))
-    found = ask(d)
-    assert found.names == ("quadratic_friction@elbow", "stribeck_friction@elbow")
-    assert not found.same
-    path, aim = found.excitation.trajectory, found.excitation.criterion
-    bench = Bench.of(d)
-
-    def square(motion):
-        new = bench.along(d, replace(motion, period=path.period))
-        return float(aim.squares(new[None])[0, 0])
-
-    drawn = [random_trajectory(d.robot, np.random.default_rng(k)) for k in range(10)]
-    assert square(path) > max(square(m) for m in drawn)
-
-
 def test_what_a_motion_would_say_is_what_its_logs_say_whatever_its_rate():
     d = diagnosis("quadratic_friction@elbow", "Fq", 0.02, ("stribeck_friction@elbow",))
     _, motions = campaign()

@@ -4,7 +4,25 @@ import numpy as np
 import pytest
 
 from identifiability import IdentifiabilityError, Robot
-from identifiability.workflows.excite.limits import find_limits
+from identifiability.workflows.excite.limits import Limits, find_limits
+from identifiability.workflows.excite.search import Series
+
+LIMITS = Limits(
+    ("a", "b"), np.array([-1.0, 0.6]), np.array([2.0, 0.8]), np.array([3.0, 0.16]),
+    np.array([9.0, 0.5]), np.full(2, np.inf), np.full(2, np.inf),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("harmonics", [1, 5])
+@pytest.mark.parametrize("level", [1e-3, 1.0, 1e4])
+def test_every_candidate_keeps_its_limits_at_every_time(harmonics, level):
+    series = Series(LIMITS, 7.5, harmonics)
+    x = level * np.random.default_rng(harmonics).standard_normal((20, series.size))
+    q, v, a = series.motion(x, 7919)  # far finer than the times at which peaks are looked for
+    slack = 1 + 1e-12
+    assert np.all(np.abs(q - LIMITS.middle) <= slack * LIMITS.half_range)
+    assert np.all(np.abs(v) <= slack * LIMITS.speed)
+    assert np.all(np.abs(a) <= slack * LIMITS.acceleration)
 
 
 def test_limits_come_from_the_robot_and_are_replaced_by_a_file(tmp_path):

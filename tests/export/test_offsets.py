@@ -121,13 +121,9 @@ def test_a_file_that_is_worse_than_the_one_it_comes_from_needs_force(told, comma
 
 
 @pytest.mark.parametrize("ending", ["xml", "urdf"])
-def test_a_file_of_a_robot_with_a_locked_joint_is_read_again(tmp_path, ending):
+def test_a_file_of_a_robot_with_a_locked_joint_is_read_again(simulated, tmp_path, ending):
     robot = Robot.load("two-link", lock=["elbow"])
-    frame = simulate(
-        Robot.load("two-link"),
-        PrescribedMotion.of(shipped_trajectory(Robot.load("two-link"), "a"), 200),
-        noise=Noise(torque=0.02), rng=np.random.default_rng(0),
-    ).to_frame()  # fmt: skip
+    frame = simulated("two-link", "a", 0, Noise(torque=0.02), 200).to_frame()
     alone = frame[["t", "shoulder.q", "shoulder.tau"]]
     path = analyze(robot, alone, replicates=0).to_json(tmp_path / "result.json")
     found = export(robot, path, tmp_path / f"fit.{ending}", validate=alone, force=True)

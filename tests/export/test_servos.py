@@ -23,26 +23,14 @@ sys.path.insert(0, str(ROOT / "studies"))
 
 import servo_robots as servos  # noqa: E402
 
-SIDECAR = """
-[servo]
-kp = {shoulder = 1200, "elb*" = 300}
-kv = {shoulder = 50, "*" = 8}
-limit = 900
-"""
-TRUTH = {
-    **{"shoulder.Ia": 0.11, "shoulder.Fv": 2.0, "shoulder.Fc": 1.1, "shoulder.off": 0.8},
-    **{"elbow.Ia": 0.05, "elbow.Fv": 0.9, "elbow.Fc": 0.5, "elbow.off": -0.4},
-}
+from ..made_servos import TRUTH, load_arm  # noqa: E402
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     """A two-link arm with servos, a log of commands and the JSON of its analysis."""
     folder = tmp_path_factory.mktemp("arm")
-    text = (ROOT / "models/two-link/robot.xml").read_text()
-    (folder / "arm.xml").write_text(text)
-    (folder / "arm.toml").write_text(SIDECAR)
-    robot, rng = Robot.load(folder / "arm.xml"), np.random.default_rng(3)
+    robot, rng = load_arm(folder), np.random.default_rng(3)
     how = servos.Recorder(rate=200.0, delay=0.007, bits=14)
     frames = []
     for seconds in (6.0, 3.0):

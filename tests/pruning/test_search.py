@@ -60,14 +60,3 @@ def test_a_tie_that_holds_is_made_and_one_that_does_not_is_refused():
     chosen = search.steps[search.choose()].partition
     assert chosen.ties() == {"p*": ["p0", "p1"]}
     assert [r.move for r in search.refused] == [ties[1]]
-
-
-def test_columns_in_another_unit_or_order_are_pruned_alike():
-    rng = np.random.default_rng(6)
-    W = rng.normal(size=(800, 2, 8))
-    phi = np.array([1.0, 0, 2, 0, 0, -1, 0, 0.5])
-    tau = W @ phi + rng.normal(size=(800, 2))
-    units, order = 10.0 ** rng.uniform(-4, 4, 8), rng.permutation(8)
-    plain = chosen_set(find_path(gather(W, tau)))
-    other = chosen_set(find_path(gather((W * units)[:, :, order], tau)))
-    assert {f"p{order[int(c[1:])]}" for c in other} == plain

@@ -5,7 +5,6 @@ import pinocchio as pin
 import pytest
 
 from identifiability import IdentifiabilityError, Model, Robot, find_base_parameters
-from identifiability.effects.nominal import has_masses
 from identifiability.foundation.documents import toml_text
 from identifiability.robot.table import write_table
 
@@ -129,16 +128,6 @@ def test_masses_are_those_of_the_table_in_the_frame_of_the_link(tmp_path):
     assert robot.nominal["link2.Ixy"] == pytest.approx(0.002 - 2.0 * x * y)
     assert robot.nominal["link2.Ixz"] == pytest.approx(-0.001 - 2.0 * x * z)
     assert robot.nominal["link2.Iyz"] == pytest.approx(0.003 - 2.0 * y * z)
-
-
-def test_what_the_table_leaves_open_is_said(tmp_path):
-    links = [{"name": "arm", "joint": "a"}, {"name": "hand", "joint": "b", "mass": 1.5}]
-    notes = write_table({"convention": "modified", "links": links}, tmp_path / "robot.urdf")
-    assert [note.split(" ")[0] for note in notes] == ["arm"]
-    robot = Robot.load(tmp_path / "robot.urdf")
-    assert robot.guessed == ("arm",)
-    assert not has_masses(robot)  # no torque is compared with what a guess asks for
-    assert notes[0] in (tmp_path / "robot.urdf").read_text()
 
 
 def arm(**row):

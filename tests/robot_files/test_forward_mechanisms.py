@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_robots import CLOSURES, arm, parallelogram
+from made_robots import CABLE, CLOSURES, LOOP_CABLE, arm, parallelogram
 
 from identifiability import IdentifiabilityError, Model, Robot
 from identifiability.robot import complete_motion
@@ -13,15 +13,6 @@ from identifiability.simulation.forces import both_directions
 from identifiability.simulation.forward import ForwardRobot
 from identifiability.simulation.mujoco_robot import MujocoRobot
 
-NUMBERS = 'stiffness="9" springlength="0.2" damping="1.1" armature="0.3" frictionloss="0.7"'
-CABLE = (
-    f'<tendon><fixed name="cable" {NUMBERS}><joint joint="shoulder" coef="1.3"/>'
-    '<joint joint="elbow" coef="-0.5"/></fixed></tendon>'
-)
-LOOP_CABLE = (
-    f'<tendon><fixed name="cable" {NUMBERS}><joint joint="drive" coef="1.3"/>'
-    '<joint joint="heel" coef="-0.5"/><joint joint="knee" coef="0.4"/></fixed></tendon></mujoco>'
-)
 AXIS = """[[axes]]
 name = "cable"
 joints = {shoulder = 1.3, elbow = -0.5}
