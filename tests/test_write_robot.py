@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability import Model, Robot, simulate
+from identifiability import IdentifiabilityError, Model, Robot, simulate
 from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.regression.structure import random_motion
 from identifiability.simulation import PrescribedMotion
@@ -61,6 +61,12 @@ def test_only_the_numbers_that_changed_are_written_anew(rps, tmp_path):
     differ = [k for k, lines in enumerate(zip(own, new, strict=True)) if lines[0] != lines[1]]
     assert 1 <= len(differ) <= 2
     assert all("<inertial" in new[k] for k in differ)
+
+
+def test_a_body_without_mass_is_refused_by_name(rps, tmp_path):
+    with pytest.raises(IdentifiabilityError, match="'platform' has a mass of -1 kg"):
+        write_parameters(rps, {"platform.m": -1.0}, tmp_path / "copy.xml")
+    assert not (tmp_path / "copy.xml").exists()
 
 
 def test_what_a_robot_file_cannot_hold_stands_in_the_sidecar_and_is_listed(rps, tmp_path):

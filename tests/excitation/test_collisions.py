@@ -8,7 +8,8 @@ import pytest
 
 from identifiability import Robot, excite
 from identifiability.workflows.excite import search as candidates
-from identifiability.workflows.excite.limits import CLEARANCE, Clearance
+from identifiability.workflows.excite.criteria import gather_known, pose_question
+from identifiability.workflows.excite.limits import CLEARANCE, Clearance, find_limits
 
 INERTIA = '<inertia ixx=".01" iyy=".02" izz=".02" ixy="0" ixz="0" iyz="0"/>'
 LINK = '<link name="{}"><inertial><mass value="1"/>' + INERTIA + "</inertial>{}</link>"
@@ -93,6 +94,18 @@ def test_nothing_touches_along_what_is_played(curling, world, monkeypatch):
     monkeypatch.setattr(candidates.Clearance, "of", staticmethod(lambda _robot: (None, "")))
     careless = [excite(curling, evaluations=1, seed=s, samples=200) for s in range(8)]
     assert any(world(row) for motion in careless for row in motion.motion[1])
+
+
+def test_the_cost_of_coming_near_has_the_slope_that_it_says(curling):
+    question = pose_question(curling, None, None, None)
+    series = candidates.Series(find_limits(curling), 5.0, 2)
+    objective = candidates.Objective(question, gather_known(question, [], 60), series, 60)
+    draws = series.draw(400, np.random.default_rng(2))
+    chosen = draws[np.abs(objective.gaps(draws, 60).min(1)).argmin()]
+    slope = objective.gradient(chosen)[1]
+    size = np.linalg.norm(slope)
+    low, high = objective(chosen + 5e-4 * np.array([[-1], [1]]) * slope / size)
+    assert (high - low) / 1e-3 == pytest.approx(size, rel=0.1)
 
 
 def test_where_there_are_no_shapes_that_is_said(tmp_path):

@@ -49,10 +49,3 @@ def test_degrees_must_be_said_and_rad_may_be(degrees):
         prepare_log(Robot.load("six-dof-arm"), Log.read(path))
     robot = Robot.load("six-dof-arm", angles="rad")
     assert len(prepare_log(robot, Log.read(path)).tau)
-
-
-@pytest.mark.parametrize("turns", [1, -3, 10])
-def test_encoders_that_count_turns_are_never_refused(simulated, turns):
-    log = simulated("six-dof-arm", "a")
-    more = replace(log, q=log.q + 2 * np.pi * turns)
-    assert len(prepare_log(Robot.load("six-dof-arm"), more).tau)

@@ -6,10 +6,8 @@ from made_robots import arm
 
 from identifiability import IdentifiabilityError, simulate
 from identifiability.simulation import PrescribedMotion
-from identifiability.simulation.forward import ForwardRobot
 
 TENDON = '<tendon><fixed name="cable" {0}><joint joint="elbow" coef="-0.5"/></fixed></tendon>'
-SPRINGS = arm(elbow='stiffness="7" springref="0.4"', shoulder='stiffness="2" ref="0.3"')
 FLOOR = arm().replace("</worldbody>", '<body name="floor"><geom size="1"/></body></worldbody>')
 
 MISSING = """<asset><mesh name="shape" file="none.stl"/>
@@ -75,16 +73,6 @@ def test_actuated_joints_of_the_sidecar_stand_for_other_transmissions(load_text)
     text, _ = REFUSED["actuator of a site"]
     robot = load_text(text, sidecar='actuated = ["shoulder", "elbow"]')
     assert robot.joints == ("shoulder", "elbow")
-
-
-def test_a_robot_moves_forward_against_its_springs(load_text):
-    """Held at rest against its spring and weight, an arm stays where it is."""
-    robot = load_text(SPRINGS)
-    q = np.tile([0.3, -0.5], (20, 1))
-    still = PrescribedMotion(np.arange(20) * 0.01, q, 0 * q, 0 * q)
-    tau = simulate(robot, still).tau
-    moved = ForwardRobot(robot, {}).run(q[:1], 0 * q[:1], tau[None], 0.01)
-    np.testing.assert_allclose(moved[0], q, atol=1e-9)
 
 
 def test_a_hidden_payload_hangs_on_a_body_that_moves(load_text):
