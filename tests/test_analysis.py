@@ -5,7 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import Analysis, Noise, Preparation, Robot, analyze, diagnose
+from identifiability import (
+    Analysis,
+    IdentifiabilityError,
+    Noise,
+    Preparation,
+    Robot,
+    analyze,
+    diagnose,
+    prune,
+)
 from identifiability.estimation.verdict import Class
 from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.report.answers.commands import export_line
@@ -130,8 +139,6 @@ def test_autocorrelated_residuals_inflate_sigma(simulated):
 
 def test_a_log_given_twice_is_refused(simulated):
     """Its repetition would pass for new evidence, whether fitted or held out."""
-    from identifiability import IdentifiabilityError, diagnose, prune
-
     log = simulated("two-link", "a", 0)
     for run in (analyze, prune, diagnose):
         with pytest.raises(IdentifiabilityError, match="is the log a that is fitted"):

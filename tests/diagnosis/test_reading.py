@@ -77,11 +77,9 @@ def test_a_torque_of_another_sign_or_unit_is_found(arm, joint, factor, says):
     assert not found.keeps_columns
 
 
-@pytest.mark.parametrize("first", [4])
-def test_exchanged_torque_is_found(arm, first):
+def test_exchanged_torque_is_found(arm):
     robot, log = arm
-    order = np.arange(6)
-    order[[first, first + 1]] = first + 1, first
+    order = np.array([0, 1, 2, 3, 5, 4])
     found = look(robot, replace(log, tau=log.tau[:, order]))
     assert found.order.tolist() == order.tolist()
 
@@ -121,10 +119,9 @@ def test_effort_without_weight_is_found_whatever_masses_the_file_has(name, masse
     assert not found.structure(Structure.of(robot, MODEL)).robot.gravity.any()
 
 
-@pytest.mark.parametrize("masses", [1.3])
-def test_weight_that_one_joint_lacks_is_found_and_the_fitted_robot_s_is_added(masses):
-    robot, log = record("six-dof-arm", masses=masses)
-    truth = robot.with_values({n: masses * x for n, x in robot.nominal.items()})
+def test_weight_that_one_joint_lacks_is_found_and_the_fitted_robot_s_is_added():
+    robot, log = record("six-dof-arm", masses=1.3)
+    truth = robot.with_values({n: 1.3 * x for n, x in robot.nominal.items()})
     light = replace(log, tau=log.tau - (np.arange(6) == 1) * weight(truth, log))
     found = look(robot, light)
     assert np.flatnonzero(found.compensated).tolist() == [1]

@@ -56,7 +56,7 @@ def test_no_term_gets_a_sign_that_physics_forbids():
     W = structure.model.regressor(robot, prepare_log(robot, make_log(robot)).motion)
     R, phi = W.reshape(-1, W.shape[2]), np.zeros(W.shape[2])
     (own,) = list_functions(structure)
-    phi[own] = np.linspace(3, -3, len(own))  # pushes on
+    phi[own] = np.linspace(-3, 3, len(own))  # pushes on
     found = leave_to_terms(structure, R, phi)
     assert (found[structure.nonnegative] >= 0).all()
     np.testing.assert_allclose(R @ found, R @ phi, atol=1e-9)

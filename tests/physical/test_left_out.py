@@ -1,10 +1,12 @@
 """What a model leaves out, holds or ties is so in the nearest real robot, and never free."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from identifiability import analyze
-from identifiability.physical.fitted_model import FittedModel
+from identifiability.physical.fitted_model import FittedModel, find_fixed
 from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.workflows.analyze.belief import form_belief
 
@@ -62,6 +64,15 @@ def test_bodies_keep_what_they_need_although_it_is_left_out(simulated):
         model = fit(simulated, zero=[gone]).models[-1]
         left_out = ~model.submodel.M.any(axis=1)
         assert (np.abs(model.physical.base[left_out]).max() > 1e-3) == needed
+
+
+def test_a_sum_of_what_cannot_be_negative_is_zero_part_by_part(robot):
+    outside = np.setdiff1d(np.arange(robot.region.size), robot.region.bodies)
+    G = np.zeros((1, robot.region.size))
+    G[0, outside[:2]] = 1.0, 2.0
+    region = replace(robot.region, nonnegative=np.isin(np.arange(G.size), outside))
+    fixed = find_fixed(region, G, np.zeros((1, 0)), np.zeros(1))
+    assert fixed.parameters.nonzero()[0].tolist() == outside[:2].tolist()
 
 
 def test_what_a_model_leaves_out_holds_or_ties_is_so_in_every_draw_of_the_posterior(simulated):
