@@ -23,6 +23,7 @@ from identifiability import (
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.names import INERTIAL_KINDS
+from identifiability.logs.commands import held_mean
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare.preparation import choose_cutoff, make_plan
 from identifiability.physical.cad_prior import combine_with_file, thick_inertia
@@ -141,6 +142,16 @@ def test_a_log_with_neither_torque_nor_command_is_refused(arm, frames):
 def test_commands_without_gains_are_refused(frames):
     with pytest.raises(IdentifiabilityError, match=r'nothing states the gains.*kp = "fit"'):
         read(Robot.load("two-link"), frames[1])
+
+
+def test_means_of_a_staircase_are_its_integrals():
+    rng = np.random.default_rng(0)
+    t = np.cumsum(rng.uniform(0.5, 1.5, 40))
+    x = rng.standard_normal((40, 2))
+    at, width = rng.uniform(3, 30, 50), 0.8
+    fine = np.linspace(-0.5, 0.5, 20_001) * width
+    k = np.searchsorted(t, at[:, None] + fine, side="right") - 1
+    np.testing.assert_allclose(held_mean(t, x, at, width), x[k].mean(1), atol=1e-3)
 
 
 def test_torque_is_the_servos_law_and_saturated_torque_no_data():
