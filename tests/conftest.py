@@ -22,8 +22,10 @@ import numpy as np
 import pytest
 from markupsafe import Markup
 from matplotlib.figure import Figure
+from typer.testing import CliRunner
 
 from identifiability import report
+from identifiability.cli import app
 from identifiability.logs import Log, rows, tables
 from identifiability.regression.regression import Model
 from identifiability.report import blocks, figures
@@ -242,6 +244,24 @@ def simulated():
 def simulated_session():
     """The same for fixtures that outlive a test."""
     return simulated_log
+
+
+@pytest.fixture(scope="session")
+def command():
+    """A function (words) -> result of the command line, run in this process."""
+    return lambda *words: CliRunner().invoke(app, [str(word) for word in words])
+
+
+@pytest.fixture(scope="session")
+def succeeds(command):
+    """A function (words) -> result of a command that ends well."""
+
+    def run(*words):
+        done = command(*words)
+        assert done.exit_code == 0, done.output
+        return done
+
+    return run
 
 
 @pytest.fixture

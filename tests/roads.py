@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from identifiability.robot import Motion, Robot
+from identifiability import Motion, Robot
 from identifiability.robot.mjcf import quiet
 from identifiability.simulation.mujoco_robot import bare_urdf
 

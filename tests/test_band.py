@@ -5,13 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import Log, Robot, analyze, compare, inspect, payload
-from identifiability.logs.prepare import Preparation
-from identifiability.logs.prepare.dataset import prepare_log
+from identifiability import (
+    Log,
+    Model,
+    Noise,
+    Preparation,
+    Robot,
+    analyze,
+    compare,
+    inspect,
+    payload,
+    prepare_log,
+    simulate,
+)
 from identifiability.logs.prepare.preparation import choose_cutoff
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.simulation import Noise, PrescribedMotion, random_trajectory, simulate
+from identifiability.simulation import PrescribedMotion, random_trajectory
 
 RATE, SPEED, STEP = 200, 0.1, 0.003
 

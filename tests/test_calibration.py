@@ -6,18 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import stats
-from typer.testing import CliRunner
 
-from identifiability import analyze
-from identifiability.cli import app
-from identifiability.estimation.noise import JointNoise, JointRuns
+from identifiability import Noise, analyze, calibrate
+from identifiability.estimation.noise import JointNoise
 from identifiability.foundation.rounding import REACH
-from identifiability.workflows.calibrate.world import (
-    Experiment,
-    World,
-    count_outcomes,
-    fit_residual_noise,
-)
+from identifiability.workflows.calibrate.world import Experiment, World, count_outcomes
 
 from .posterior.ranking import build_target, calibrate_posterior
 
@@ -30,10 +23,6 @@ def analysis(simulated_session):
 def remembering(size, rho):
     """AR(1) noise of joints of some standard deviations."""
     return tuple(JointNoise(np.array([rho]), x * np.sqrt(1 - rho**2)) for x in size)
-
-
-def runs_of(rows, runs):
-    return JointRuns((tuple(runs),) * rows.shape[1])
 
 
 def outcomes(analysis, noise, trials):
@@ -87,28 +76,11 @@ def test_robust_intervals_hold_the_truth_where_white_ones_do_not(analysis, red):
 
 
 @pytest.mark.pictures
-def test_the_command_writes_a_report(simulated_session, tmp_path):
+def test_the_command_writes_a_report(simulated_session, succeeds, tmp_path):
     log = simulated_session("two-link", "a", 0, samples=300).write(tmp_path / "log.csv")
     report, data = tmp_path / "calibration.html", tmp_path / "calibration.json"
-    run = CliRunner().invoke(
-        app,
-        [
-            "calibrate",
-            "two-link",
-            str(log),
-            "--quick",
-            "--set",
-            "workers=1",
-            "--replicates",
-            "16",
-            "-v",
-            "--report",
-            str(report),
-            "--json",
-            str(data),
-        ],
-    )
-    assert run.exit_code == 0, run.output
+    words = ["two-link", log, "--quick", "--set", "workers=1", "--replicates", 16, "-v"]
+    run = succeeds("calibrate", *words, "--report", report, "--json", data)
     said = " ".join(run.stdout.split())
     assert "Of 95 % intervals of no torque offset, " in said
     assert "of what is called identifiable is off by more than half." in said
@@ -137,10 +109,7 @@ def test_planted_values_rank_uniformly_in_their_posterior(analysis, model, repli
     assert stats.kstest(found, "uniform").pvalue > 1e-3
 
 
-def test_a_log_without_noise_is_calibrated_without_a_word(analysis):
-    W = np.random.default_rng(0).normal(size=(200, 2, 5))
-    found = fit_residual_noise(W @ np.arange(5.0), W, runs_of(W, [(0, 200)]))
-    assert [len(own.pacf) for own in found] == [0, 0]
-    assert max(own.sigma for own in found) < 1e-12
-    zero = fit_residual_noise(np.zeros((200, 2)), W, runs_of(W, [(0, 200)]))
-    assert [own.sigma for own in zero] == [0.0, 0.0]
+def test_a_log_without_noise_is_calibrated_without_a_word(simulated_session):
+    log = simulated_session("two-link", "a", noise=Noise(), samples=300)
+    found = calibrate(analyze("two-link", log, replicates=0), replicates=8, refits=20)
+    assert found.cell.coverage > 0.9

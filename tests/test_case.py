@@ -11,6 +11,7 @@ import pytest
 
 from identifiability import (
     Case,
+    IdentifiabilityError,
     Noise,
     Robot,
     analyze,
@@ -23,8 +24,6 @@ from identifiability import (
     prune,
     simulate,
 )
-from identifiability.foundation.errors import LogError
-from identifiability.foundation.options import OptionError
 from identifiability.regression import structure
 from identifiability.regression.regression import LogPart
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
@@ -166,7 +165,7 @@ def test_a_comparison_of_a_case_is_of_fitted_with_held_out_logs(two_logs, loaded
     (change,) = found.changes  # a reading of both sides would call part of the load an offset
     assert change.kind == "load"
     assert abs(change.sizes[0] - 0.5) <= 3 * change.sd[0]
-    with pytest.raises(LogError, match="no log after a change"):
+    with pytest.raises(IdentifiabilityError, match="no log after a change"):
         compare(Case(robot, logs, "none"))
 
 
@@ -178,9 +177,9 @@ def test_a_load_is_weighed_against_the_fitted_logs_of_a_case(two_logs, loaded):
     alone = payload(robot, result, loaded, logs[:1])
     assert (found.logs, found.without) == (alone.logs, alone.without) == (("loaded",), ("a",))
     assert found.mass.value == pytest.approx(alone.mass.value, rel=1e-6)
-    with pytest.raises(LogError, match="on both sides"):
+    with pytest.raises(IdentifiabilityError, match="on both sides"):
         payload(case, result, replace(logs[1], name="again"))
-    with pytest.raises(OptionError, match="stands for the logs without the load"):
+    with pytest.raises(IdentifiabilityError, match="stands for the logs without the load"):
         payload(case, logs[1], loaded, mass=1.0, centre=(0, 0, 0))
 
 
@@ -219,7 +218,7 @@ def test_all_logs_can_be_fitted(two_logs):
         found = verb(robot, logs, "none")
         assert [s.name for s in found.samples] == ["a", "b"]
         assert not found.validation
-    with pytest.raises(LogError, match="nothing is held out"):
+    with pytest.raises(IdentifiabilityError, match="nothing is held out"):
         diagnose(robot, logs, "none")
 
 
@@ -269,14 +268,14 @@ def test_a_case_has_its_own_logs(two_logs):
         lambda: predict(case, result, logs),
     )
     for call in calls:
-        with pytest.raises(OptionError, match="A case has its own"):
+        with pytest.raises(IdentifiabilityError, match="A case has its own"):
             call()
 
 
 def test_a_case_is_no_log(two_logs):
     robot, logs = two_logs
     case = Case(robot, logs)
-    with pytest.raises(OptionError, match="not a Case"):
+    with pytest.raises(IdentifiabilityError, match="not a Case"):
         compare(robot, logs[0], case)
-    with pytest.raises(OptionError, match="not a Case"):
+    with pytest.raises(IdentifiabilityError, match="not a Case"):
         predict(robot, analyze(case), case)

@@ -6,40 +6,30 @@ import sys
 
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
 
 import identifiability
-from identifiability.cli import app
 
 
-@pytest.fixture
-def run():
-    runner = CliRunner()
-    return lambda *words: runner.invoke(app, list(map(str, words)))
-
-
-def test_simulate_then_analyze_writes_report_and_json(run, few_draws, tmp_path):
+def test_simulate_then_analyze_writes_report_and_json(succeeds, few_draws, tmp_path):
     train, test = tmp_path / "train.csv", tmp_path / "test.parquet"
     for path, name, seed in ((train, "601", 1), (test, "595", 2)):
-        out = run("simulate", "3-rps", name, "--noise", "paper", "--seed", seed, "--out", path)
-        assert out.exit_code == 0, out.output
+        succeeds("simulate", "3-rps", name, "--noise", "paper", "--seed", seed, "--out", path)
     assert len(pd.read_csv(train)) == 750
     report, result = tmp_path / "report.html", tmp_path / "result.json"
     words = ["--validate", test, "--report", report, "--json", result]
     with few_draws():
-        out = run("analyze", "3-rps", train, *words)
-    assert out.exit_code == 0, out.output
+        out = succeeds("analyze", "3-rps", train, *words)
     assert "Model 4" in out.output
     assert str(report) in out.output
     assert json.loads(result.read_text())["selected"].startswith("Model")
     assert "<html" in report.read_text()
 
 
-def test_hidden_effects_are_in_the_data_and_not_in_the_robot(run, tmp_path):
+def test_hidden_effects_are_in_the_data_and_not_in_the_robot(succeeds, tmp_path):
     plain, hidden = tmp_path / "plain.csv", tmp_path / "hidden.csv"
-    assert run("simulate", "3-rps", "601", "--out", plain).exit_code == 0
-    out = run("simulate", "3-rps", "601", "--hide", "stribeck_friction=0.1", "--out", hidden)
-    assert out.exit_code == 0, out.output
+    shipped = ("simulate", "3-rps", "601")
+    succeeds(*shipped, "--out", plain)
+    succeeds(*shipped, "--hide", "stribeck_friction=0.1", "--out", hidden)
     a, b = pd.read_csv(plain), pd.read_csv(hidden)
     for joint in ("slider1", "slider2", "slider3"):
         difference = b[f"{joint}.tau"] - a[f"{joint}.tau"]
@@ -48,12 +38,10 @@ def test_hidden_effects_are_in_the_data_and_not_in_the_robot(run, tmp_path):
         pd.testing.assert_series_equal(a[f"{joint}.q"], b[f"{joint}.q"])
 
 
-def test_a_random_trajectory_stays_within_the_limits(run, tmp_path):
-    out = run(
-        "simulate", "six-ups", "random", "--seed", 3, "--samples", 60, "--out", tmp_path / "r.csv"
-    )
-    assert out.exit_code == 0, out.output
-    log = pd.read_csv(tmp_path / "r.csv")
+def test_a_random_trajectory_stays_within_the_limits(succeeds, tmp_path):
+    path = tmp_path / "r.csv"
+    succeeds("simulate", "six-ups", "random", "--seed", 3, "--samples", 60, "--out", path)
+    log = pd.read_csv(path)
     positions = log[[c for c in log if c.endswith(".q")]]
     assert positions.min().min() >= 0.71
     assert positions.max().max() <= 0.83
@@ -71,6 +59,6 @@ def test_an_analysis_without_a_report_neither_draws_nor_simulates_and_none_loads
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_the_version_is_printed(run):
-    said = run("--version")
-    assert (said.exit_code, said.output) == (0, f"identifiability {identifiability.__version__}\n")
+def test_the_version_is_printed(succeeds):
+    said = succeeds("--version").output
+    assert said == f"identifiability {identifiability.__version__}\n"

@@ -4,11 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from identifiability import analyze, diagnose, prune
-from identifiability.foundation.errors import LogError
+from identifiability import IdentifiabilityError, Noise, Preparation, analyze, diagnose, prune
 from identifiability.foundation.findings import of_key
-from identifiability.logs.prepare import Preparation
-from identifiability.simulation import Noise
 
 
 @pytest.fixture(scope="module")
@@ -107,5 +104,7 @@ def test_a_result_predicts_a_slower_log_in_its_own_band(positions, slow):
 
 
 def test_a_fitted_log_that_cannot_have_the_cut_off_is_refused(positions, slow):
-    with pytest.raises(LogError, match=r"cut-off 12 Hz does not lie between .* \(2 Hz\)"):
+    with pytest.raises(
+        IdentifiabilityError, match=r"cut-off 12 Hz does not lie between .* \(2 Hz\)"
+    ):
         analyze("two-link", [positions(2e-5), slow], "none", preparation=Preparation(cutoff=12))

@@ -3,51 +3,16 @@
 import numpy as np
 import pytest
 
+from identifiability import Log, Model, Robot, prepare_log, simulate
 from identifiability.effects import find_effect
-from identifiability.foundation.errors import ModelError
-from identifiability.logs import Log
-from identifiability.logs.prepare import prepare_log
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import random_motion
-from identifiability.robot import Robot
-from identifiability.simulation import (
-    Campaign,
-    MujocoRobot,
-    PrescribedMotion,
-    random_trajectory,
-    shipped_trajectory,
-    simulate,
-)
-
-
-@pytest.fixture
-def motion(robot):
-    return random_motion(robot, np.random.default_rng(0), 30)
+from identifiability.simulation import Campaign, random_trajectory, shipped_trajectory
 
 
 def columns(robot, motion, name):
     effect = find_effect(name)
     W = Model((effect,)).regressor(robot, motion)
     return W, [p.name for p in effect.parameters(robot)]
-
-
-def test_friction_dissipates(robot, motion):
-    for name in (
-        "viscous_friction",
-        "coulomb_friction",
-        "coulomb_asymmetry",
-        "passive_joint_friction",
-    ):
-        if not find_effect(name).parameters(robot):
-            continue
-        W, _ = columns(robot, motion, name)
-        power = np.einsum("nik,ni->nk", W, motion.actuated_v)
-        assert (power >= -1e-12).all(), name
-
-
-def test_an_unknown_effect_is_named_with_its_near_match():
-    with pytest.raises(ModelError, match="'viscous_frition', did you mean 'viscous_friction'"):
-        Model.of("viscous_frition")
 
 
 COUPLED = """
@@ -83,37 +48,6 @@ def test_motor_logs_are_converted_to_the_joint_side(coupled):
     np.testing.assert_allclose(
         (motor.tau * motor.dq).sum(1), (joint.tau * joint.dq).sum(1), atol=1e-10
     )
-
-
-def test_a_joint_coupling_is_a_closure():
-    """A gear pair: the second joint follows the first, and its inertia is felt at the first."""
-    text = """
-    <mujoco><worldbody><body name="base">
-      <body name="a"><joint name="j1" axis="0 1 0"/>
-        <inertial pos="0.1 0 0" mass="1" diaginertia="0.01 0.01 0.01"/></body>
-      <body name="b" pos="0.5 0 0"><joint name="j2" axis="0 1 0"/>
-        <inertial pos="0.2 0 0" mass="2" diaginertia="0.02 0.02 0.02"/></body>
-    </body></worldbody>
-    <equality><joint joint1="j2" joint2="j1" polycoef="0.3 -2 0.1 0 0"/></equality>
-    <actuator><motor joint="j1"/></actuator></mujoco>"""
-    import tempfile
-    from pathlib import Path
-
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "gear.xml"
-        path.write_text(text)
-        robot = Robot.load(path)
-        t = np.linspace(0, 1, 7)
-        move = PrescribedMotion(t, np.sin(t)[:, None], np.cos(t)[:, None], -np.sin(t)[:, None])
-        from identifiability.robot import complete_motion
-
-        motion = complete_motion(robot, t, move.q, move.dq, move.ddq)
-        q1 = np.sin(t)
-        np.testing.assert_allclose(motion.q[:, 1], 0.3 - 2 * q1 + 0.1 * q1**2, atol=1e-12)
-        W = Model.of("rigid_body").regressor(robot, motion)
-        phi = [robot.nominal[p.name] for p in Model.of("rigid_body").parameters(robot)]
-        tau = MujocoRobot(robot).inverse_dynamics(move.q, move.dq, move.ddq).tau
-        np.testing.assert_allclose(W @ np.array(phi), tau, atol=1e-10)
 
 
 def test_a_joint_without_masses_has_no_load_and_not_that_of_rounding():

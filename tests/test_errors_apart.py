@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import analyze
-from identifiability.simulation import Noise
+from identifiability import Noise, analyze
 
 
 @pytest.fixture(scope="module")

@@ -4,21 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import scipy
 
+from identifiability import Log, Model, Noise, Robot, analyze, gather_information, prepare_log
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.fit import scatter_scores
-from identifiability.logs import Log
-from identifiability.logs.prepare import prepare_log
 from identifiability.logs.prepare.instruments import add_instrument
-from identifiability.regression.information import gather_information
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.robot import Motion, Robot
-from identifiability.simulation import Noise
-from identifiability.workflows.analyze import analyze
 
-SEEDS, PERIODS = 6, 10
+PERIODS = 10
 MODEL = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 NOISE = Noise(motion=0.04, torque=0.05)
 
@@ -43,22 +36,6 @@ def test_additive_noise_of_velocities_does_not_bias_friction(simulated_session):
         off.append((fit.value - structure.nominal_base) / sigma)
     assert np.mean(np.abs(off) <= 1.96) >= 0.85  # .70 with signs of the measured velocity
     assert np.abs(np.mean(off, axis=0)).max() < 2.0  # 4.4
-
-
-def test_a_sign_in_doubt_is_what_it_is_in_the_mean():
-    speed, sd, row = np.array([0.0, 0.02, -0.02, 5.0]), 0.01, np.array([1.0])
-    one = Motion(*[np.zeros((4, 1))] * 7, None, np.arange(4), np.empty(0, int))
-    assert one.expected_sign(speed, row).tolist() == [0, 1, -1, 1]
-    for own in (0.0, sd):
-        motion = replace(one, smooth_v=np.stack([speed, np.full(4, own)], 1)[:, :, None])
-        expected = 2 * scipy.stats.norm.cdf(speed / own) - 1 if own else np.sign(speed)
-        np.testing.assert_allclose(motion.expected_sign(-speed, row), expected, atol=1e-12)
-        np.testing.assert_allclose(motion[1:].expected_sign(speed[1:], row), expected[1:])
-        # An axis that two joints turn is as sure as both.
-        two = replace(motion, smooth_v=np.tile(motion.smooth_v, 2))
-        both = two.expected_sign(speed, np.array([1.0, 1.0]))
-        share = np.sqrt(2) * speed / own if own else np.inf * np.sign(speed[1:])
-        np.testing.assert_allclose(both[1:], 2 * scipy.stats.norm.cdf(share)[-3:] - 1, atol=1e-12)
 
 
 def test_results_say_that_they_are_by_instruments_and_least_squares_can_be_asked_for(noisy_log):

@@ -10,7 +10,6 @@ import sys
 
 import pytest
 from typer.main import get_command
-from typer.testing import CliRunner
 
 from identifiability.cli import app
 from identifiability.effects import FAMILIES
@@ -114,19 +113,21 @@ WRITTEN = {
 
 
 @pytest.mark.parametrize("verb", get_command(app).commands)
-def test_a_name_of_another_format_is_refused_before_anything_is_read(verb, tmp_path, monkeypatch):
+def test_a_name_of_another_format_is_refused_before_anything_is_read(
+    verb, command, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     words, options = WRITTEN[verb]
     for option in options or [None]:
         typed = [verb, *words] if option is None else [verb, *words, option, "x.pdf"]
-        done = CliRunner().invoke(app, typed)
+        done = command(*typed)
         assert done.exit_code == 2
         assert "'x.pdf'" in done.stderr
         assert "does not end in" in done.stderr or "that of a folder" in done.stderr
         assert not list(tmp_path.iterdir())
 
 
-def test_no_verb_writes_over_the_result_of_another(tmp_path, monkeypatch):
+def test_no_verb_writes_over_the_result_of_another(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     other = tmp_path / "other.json"
     for name in ("r.json", "run.csv", "m.json"):
@@ -134,17 +135,17 @@ def test_no_verb_writes_over_the_result_of_another(tmp_path, monkeypatch):
     other.write_text('{"schema": "identifiability/other/1"}')
     writes_json = [verb for verb, (_, options) in WRITTEN.items() if "--json" in options]
     for verb in writes_json:
-        done = CliRunner().invoke(app, [verb, *WRITTEN[verb][0], "--json", "other.json"])
+        done = command(verb, *WRITTEN[verb][0], "--json", "other.json")
         assert done.exit_code != 0
         assert "holds the result of another verb" in done.stderr, verb
 
 
-def test_a_setting_that_is_typed_as_an_option_is_refused_with_what_to_type():
+def test_a_setting_that_is_typed_as_an_option_is_refused_with_what_to_type(command):
     for verb, option, setting in [
         ("analyze", "--cutoff", "cutoff=3"),
         ("excite", "--periods", "periods=3"),
     ]:
         for typed in ([option, "3"], [f"{option}=3"]):
-            done = CliRunner().invoke(app, [verb, "two-link", "run.csv", *typed])
+            done = command(verb, "two-link", "run.csv", *typed)
             assert done.exit_code == 2
             assert f"{option} is a setting: type --set {setting}." in done.stderr

@@ -2,13 +2,8 @@
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from identifiability import Robot, analyze, payload, simulate
-from identifiability.cli import app
-from identifiability.foundation.errors import RobotError
-from identifiability.foundation.options import OptionError
-from identifiability.simulation import Noise
+from identifiability import IdentifiabilityError, Noise, Robot, analyze, payload, simulate
 from identifiability.simulation.motion import find_motion
 
 #: A turntable that carries an arm of two hinges; what is on the last one is put in.
@@ -88,25 +83,23 @@ def test_without_a_load_in_the_logs_nothing_is_told(made):
 
 def test_what_cannot_be_is_refused(made):
     robot, empty, loaded = made
-    with pytest.raises(RobotError, match="three numbers"):
+    with pytest.raises(IdentifiabilityError, match="three numbers"):
         payload(robot, empty, loaded, mass=1.0, centre=(1.0, 2.0))
-    with pytest.raises(OptionError, match="mass"):
+    with pytest.raises(IdentifiabilityError, match="mass"):
         payload(robot, empty, loaded, mass=-1.0)
-    with pytest.raises(OptionError, match="give the centre, too"):
+    with pytest.raises(IdentifiabilityError, match="give the centre, too"):
         payload(robot, empty, loaded, mass=3.0)
-    with pytest.raises(OptionError, match="and this its mass"):
+    with pytest.raises(IdentifiabilityError, match="and this its mass"):
         payload(robot, empty, loaded, centre=(0.0, 0.0, 0.1))
 
 
-def test_the_command_prints_what_the_sidecar_needs(made, tmp_path):
+def test_the_command_prints_what_the_sidecar_needs(made, succeeds, tmp_path):
     robot, *tables = made
     paths = [tmp_path / "empty.csv", tmp_path / "loaded.csv"]
     for table, path in zip(tables, paths, strict=True):
         table.to_csv(path, index=False)
     load = ["--mass", 3, "--centre", "0.3,0.02,0", "--inertia", "0.01,0.02,0.02"]
-    words = ["payload", robot.path, *paths, *load]
-    out = CliRunner().invoke(app, [*map(str, words), "--json", str(tmp_path / "g.json")])
-    assert out.exit_code == 0, out.output
+    out = succeeds("payload", robot.path, *paths, *load, "--json", tmp_path / "g.json")
     assert "[torque]\ngain = {turn = " in out.stdout
     # With the gains in the sidecar the same currents are torques.
     text = out.stdout[out.stdout.index("[torque]") :].split("\n\n")[0]

@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import analyze, diagnose
-from identifiability.simulation import Noise
+from identifiability import Noise, analyze, diagnose
 
 #: Bytes of an object's arrays from which it counts as large.
 LARGE = 10_000

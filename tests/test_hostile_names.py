@@ -18,10 +18,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from identifiability import Robot, new_study, simulate
+from identifiability import IdentifiabilityError, Noise, Robot, new_study, simulate
 from identifiability.cli import app
-from identifiability.foundation.errors import RobotError
-from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
+from identifiability.simulation import PrescribedMotion, shipped_trajectory
 
 #: Writes the file `hit` if a shell or Python runs it.
 SHELL = "$(touch hit)`touch hit`;touch hit;#"
@@ -303,7 +302,7 @@ def test_a_hint_quotes_what_it_says_to_type(lost, option, word, tmp_path, monkey
 
 @pytest.mark.parametrize("name", ["*", "?", "wrist_*"])
 def test_a_name_that_is_a_pattern_is_refused_with_one_sentence(name, tmp_path):
-    with pytest.raises(RobotError, match="stand for other letters in names"):
+    with pytest.raises(IdentifiabilityError, match="stand for other letters in names"):
         hostile_robot(tmp_path, ("a", name))
 
 

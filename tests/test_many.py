@@ -6,12 +6,9 @@ import shutil
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from identifiability import analyze_many
-from identifiability.cli import app
+from identifiability import IdentifiabilityError, analyze_many
 from identifiability.foundation.engines import Processes, Resumed, Serial
-from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.workflows import many as module
 
 MODEL = Path(__file__).resolve().parents[1] / "models" / "two-link" / "robot.xml"
@@ -47,12 +44,12 @@ def written(out):
 
 
 @pytest.fixture(scope="module")
-def asked(start, tmp_path_factory):
+def asked(start, command, tmp_path_factory):
     """What the command printed, and the folder of its answers."""
     out = tmp_path_factory.mktemp("out") / "results"
-    words = [w for name in "abc" for w in ("--each", str(start / name))]
-    more = ["--out", str(out), "--replicates", "20", "--seed", "1", "--set", "workers=1"]
-    return CliRunner().invoke(app, ["analyze", *words, *more]), out
+    words = [w for name in "abc" for w in ("--each", start / name)]
+    more = ["--out", out, "--replicates", "20", "--seed", "1", "--set", "workers=1"]
+    return command("analyze", *words, *more), out
 
 
 def test_one_row_a_robot_and_a_page_each(asked):

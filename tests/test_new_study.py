@@ -6,11 +6,8 @@ import re
 
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
 
-from identifiability import Log, Robot, new_study
-from identifiability.cli import app
-from identifiability.foundation.errors import LogError, OutputError, RobotError
+from identifiability import IdentifiabilityError, Log, Robot, new_study
 from identifiability.logs.conventions import Conventions
 from identifiability.robot.locate import shipped_folder, shipped_robots
 
@@ -71,7 +68,7 @@ def test_logs_of_ones_own_are_named_where_they_are(tmp_path, monkeypatch):
     alone = new_study("alone", "arm.urdf", ["monday.csv"])
     assert "--validate" not in alone.next_line
     assert "LOGS, HELD_OUT = ['../monday.csv'], []" in (alone.folder / "study.py").read_text()
-    with pytest.raises(LogError, match="There is no log file"):
+    with pytest.raises(IdentifiabilityError, match="There is no log file"):
         new_study("none", "arm.urdf", ["sunday.csv"])
     assert not (tmp_path / "none").exists()
     (tmp_path / "my log #1.csv").write_text("t\n")
@@ -79,22 +76,21 @@ def test_logs_of_ones_own_are_named_where_they_are(tmp_path, monkeypatch):
     assert spaced.next_line.endswith("arm.urdf '../my log #1.csv' --report report.html")
 
 
-def test_nothing_is_written_over_and_nothing_is_left_of_what_fails(tmp_path):
+def test_nothing_is_written_over_and_nothing_is_left_of_what_fails(command, tmp_path):
     (tmp_path / "full").mkdir()
     kept = tmp_path / "full" / "notes.txt"
     kept.write_text("mine")
-    with pytest.raises(OutputError, match="nothing is written over"):
+    with pytest.raises(IdentifiabilityError, match="nothing is written over"):
         new_study(tmp_path / "full")
-    with pytest.raises(OutputError, match="nothing is written over"):
+    with pytest.raises(IdentifiabilityError, match="nothing is written over"):
         new_study(kept)
     assert [p.name for p in (tmp_path / "full").iterdir()] == ["notes.txt"]
     broken = tmp_path / "broken.urdf"
     broken.write_text("<robot>")
-    with pytest.raises(RobotError):
+    with pytest.raises(IdentifiabilityError):
         new_study(tmp_path / "new", broken)
     assert not (tmp_path / "new").exists()
-    done = CliRunner().invoke(app, ["new", str(tmp_path / "none"), "--robot", "no-such-robot"])
-    assert done.exit_code == 2
+    assert command("new", tmp_path / "none", "--robot", "no-such-robot").exit_code == 2
     assert not (tmp_path / "none").exists()
 
 

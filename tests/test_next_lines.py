@@ -14,15 +14,10 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from identifiability import Robot, new_study, simulate
+from identifiability import Noise, Robot, new_study, simulate
 from identifiability.cli import app, common
 from identifiability.report.answers.commands import reading_options
-from identifiability.simulation import (
-    Noise,
-    PrescribedMotion,
-    random_trajectory,
-    shipped_trajectory,
-)
+from identifiability.simulation import PrescribedMotion, random_trajectory, shipped_trajectory
 
 COMMANDS = vars(typer.main.get_command(app))["commands"]
 

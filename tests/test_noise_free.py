@@ -6,11 +6,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from identifiability import analyze, diagnose
-from identifiability.estimation.noise import JointNoise, rich_noise
-from identifiability.logs import Log
-from identifiability.robot import Robot
-from identifiability.simulation import PrescribedMotion, random_trajectory, simulate
+from identifiability import Log, Robot, analyze, diagnose, simulate
+from identifiability.simulation import PrescribedMotion, random_trajectory
 
 LINK = """<link name="{}"><inertial><origin xyz="{} 0 {}"/><mass value="{}"/>
 <inertia ixx="0.004" iyy="{}" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
@@ -160,19 +157,3 @@ def test_intervals_hold_what_a_low_pass_leaves_of_a_fast_motion():
             low, high = verdict.data_interval95
             middle = 0.5 * (low + high)
             assert abs(value - middle) <= high - low, verdict.name
-
-
-def test_noise_is_no_smaller_than_what_torque_may_be_left_out():
-    rng = np.random.default_rng(0)
-    t = np.linspace(0, 1, 400)
-    X = np.column_stack([t, np.cos(9 * t)])
-    y = X @ [1.0, 2.0] + 0.1 * rng.standard_normal(400)
-    runs = [(0, 400)]
-    plain = rich_noise([X], y, runs)
-    same = rich_noise([X], y, runs, 0.5 * plain.sigma)
-    assert (same.sigma, *same.pacf) == (plain.sigma, *plain.pacf)
-    assert rich_noise([X], y, runs, 2 * plain.sigma).sigma == 2 * plain.sigma
-    slow = 1e-3 * np.sin(5 * t) / np.linalg.norm(np.sin(5 * t))
-    floored = rich_noise([X], X @ [1.0, 2.0] + slow, runs, 1e-3)
-    assert isinstance(floored, JointNoise)
-    assert (floored.sigma, len(floored.pacf)) == (1e-3, 0)

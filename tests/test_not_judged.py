@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import analyze
+from identifiability import Noise, Robot, analyze, simulate
 from identifiability.estimation.verdict import Class
-from identifiability.robot import Robot
-from identifiability.simulation import Noise, random_trajectory, simulate
+from identifiability.simulation import random_trajectory
 
 
 @pytest.mark.parametrize("size", [pytest.param(0.0, marks=pytest.mark.everything), 1e-3])

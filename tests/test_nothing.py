@@ -7,11 +7,8 @@ import re
 import numpy as np
 import pytest
 
-from identifiability import analyze, diagnose, prune
+from identifiability import IdentifiabilityError, Robot, analyze, diagnose, export, prune
 from identifiability.estimation.verdict import Class
-from identifiability.foundation.errors import IdentifiabilityError, LogError
-from identifiability.robot import Robot
-from identifiability.workflows.export import export
 
 STILL = "the robot does not move in these logs"
 FLAT = "the measured torque never changes in these logs"
@@ -105,7 +102,7 @@ def test_an_analysis_of_nothing_says_the_same_everywhere(arm, tmp_path):
 )
 def test_what_needs_a_signal_refuses_with_the_same_reason(case, done, verb, arm):
     sentence = f"^Nothing can be {done}, because {SILENT[case]} "
-    with pytest.raises(LogError, match=sentence):
+    with pytest.raises(IdentifiabilityError, match=sentence):
         verb("two-link", arm(case))
 
 

@@ -3,10 +3,8 @@
 import json
 
 import pytest
-from typer.testing import CliRunner
 
 from identifiability import Robot
-from identifiability.cli import app
 from identifiability.effects import forget
 
 PLUGIN = '''
@@ -14,19 +12,20 @@ PLUGIN = '''
 
 import numpy as np
 
-from identifiability.effects import AlongAxes, Family, register
+from identifiability.effects import Family, Shaped, register
 
 PITCH = 0.35  # rad
 
 
-class Cogging(AlongAxes):
+class Cogging(Shaped):
     name = "cogging"
     equation = "τ = Cg cos(2π q/0.35)"
     source = "data sheet of the motor"
     units = (("Cg", "N·m", "N"),)
+    usual = (PITCH, 0.02)  # which no search changes
 
     def curves(self, at):
-        return [np.cos(2 * np.pi * at.travel / PITCH)]
+        return [np.cos(2 * np.pi * at.travel / self.shape(at.robot, at.axis))]
 
 
 register(Family(
@@ -43,77 +42,72 @@ effects = ["rigid_body", "viscous_friction", "coulomb_friction", "actuator_inert
 """
 
 
-def run(*words):
-    result = CliRunner().invoke(app, [str(w) for w in words])
-    assert result.exit_code == 0, result.output
-    return result.output
-
-
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def folder(succeeds, tmp_path_factory):
     folder = tmp_path_factory.mktemp("plugin")
     (folder / "cogging.py").write_text(PLUGIN)
     (folder / "ladder.toml").write_text(LADDER)
     for name in "abcd":
-        run("simulate", "two-link", name if name in "ab" else "random", "--seed", ord(name),
-            "--hide", "cogging@elbow=0.1", "--noise", "torque=0.01", "--samples", 400,
-            "--plugin", folder / "cogging.py", "--out", folder / f"{name}.csv")  # fmt: skip
+        words = ["--seed", ord(name), "--hide", "cogging@elbow=0.1", "--noise", "torque=0.01"]
+        words += ["--samples", 400, "--plugin", folder / "cogging.py"]
+        motion = name if name in "ab" else "random"
+        succeeds("simulate", "two-link", motion, *words, "--out", folder / f"{name}.csv")
         forget("cogging")
     return folder
 
 
 @pytest.fixture
-def plugin(folder):
-    yield folder / "cogging.py"
+def run(folder, succeeds):
+    """A function (verb, words) -> what a command says that knows the effect."""
+    yield (
+        lambda verb, *words: (
+            succeeds(verb, "two-link", *words, "--plugin", folder / "cogging.py").output
+        )
+    )
     forget("cogging")
 
 
+@pytest.fixture
 def logs(folder):
-    return [folder / f"{name}.csv" for name in "abc"], folder / "d.csv"
+    """Words that give logs to fit and one to hold out."""
+    fitted = [folder / f"{name}.csv" for name in "abc"]
+    return *fitted, "--validate", folder / "d.csv", "--quick"
 
 
 @pytest.mark.pictures
-def test_a_diagnosis_names_it_and_its_page_draws_it_over_position(folder, plugin):
-    train, held = logs(folder)
+def test_a_diagnosis_names_it_and_its_page_draws_it_over_position(folder, logs, run):
     page, found = folder / "gap.html", folder / "gap.json"
     few = "cogging,position_ripple,gear_ripple,stribeck_friction"
-    run("diagnose", "two-link", *train, "--validate", held, "--quick", "--plugin", plugin,
-        "--effects", few, "--report", page, "--json", found)  # fmt: skip
+    run("diagnose", *logs, "--effects", few, "--report", page, "--json", found)
     effects = json.loads(found.read_text())["effects"]
     assert [(e["effect"], e["joints"]) for e in effects] == [("cogging", ["elbow"])]
-    text = page.read_text()
-    assert "position [rad]" in text
+    assert "position [rad]" in page.read_text()
 
 
-def test_a_ladder_has_it_and_an_export_is_read_back(folder, plugin):
-    train, held = logs(folder)
+def test_a_ladder_has_it_and_an_export_is_read_back(folder, logs, run):
     result, out = folder / "result.json", folder / "fitted.xml"
-    run("analyze", "two-link", *train, "--validate", held, "--ladder", folder / "ladder.toml",
-        "--quick", "--json", result, "--plugin", plugin)  # fmt: skip
+    run("analyze", *logs, "--ladder", folder / "ladder.toml", "--json", result)
     content = json.loads(result.read_text())
     fitted = content["physical"]["parameters"]["elbow.Cg"]
     shown = {p["name"]: p["value"] for p in content["full_parameters"]}
     assert shown["elbow.Cg"] == pytest.approx(fitted, rel=0.05)
     forget("cogging")
-    said = run("export", "two-link", result, "--out", out, "--plugin", plugin)
+    said = run("export", result, "--out", out)
     assert "cannot hold cogging (elbow.Cg)" in " ".join(said.split())
     assert Robot.load(out).nominal["elbow.Cg"] == fitted
 
 
-def test_pruning_keeps_it_and_its_model_file_is_read_again(folder, plugin):
-    train, held = logs(folder)
-    model = folder / "pruned.toml"
-    run("prune", "two-link", *train, "--validate", held, "--quick", "--plugin", plugin,
-        "--ladder", folder / "ladder.toml", "--out", model,
-        "--json", folder / "pruned.json")  # fmt: skip
+def test_pruning_keeps_it_and_its_model_file_is_read_again(folder, logs, run):
+    model, found = folder / "pruned.toml", folder / "pruned.json"
+    run("prune", *logs, "--ladder", folder / "ladder.toml", "--out", model, "--json", found)
     assert "cogging@elbow" in model.read_text()
-    kept = json.loads((folder / "pruned.json").read_text())
+    kept = json.loads(found.read_text())
     assert "elbow.Cg" in {p["name"] for p in kept["parameters"]}
 
 
-def test_a_motion_separates_it_from_another(folder, plugin):
-    run("excite", "two-link", "--separate", "cogging@elbow", "--separate", "joint_stiffness@elbow",
-        "--set", "evaluations=50", "--out", folder / "motion.json", "--plugin", plugin)  # fmt: skip
+def test_a_motion_separates_it_from_another(folder, run):
+    pair = ["--separate", "cogging@elbow", "--separate", "joint_stiffness@elbow"]
+    run("excite", *pair, "--set", "evaluations=50", "--out", folder / "motion.json")
     assert (folder / "motion.json").exists()
 
 
@@ -124,14 +118,11 @@ def test_a_motion_separates_it_from_another(folder, plugin):
         ("a = 1\nb = a / 0\n", "fails in line 2 (ZeroDivisionError"),
     ],
 )
-def test_a_plugin_that_is_none_is_refused_in_a_sentence(tmp_path, text, sentence):
+def test_a_plugin_that_is_none_is_refused_in_a_sentence(command, tmp_path, text, sentence):
     path = tmp_path / "own.py"
-    if text is not None:
-        path.write_text(text)
+    path.write_text(text)
     out = tmp_path / "out.csv"
-    result = CliRunner().invoke(
-        app, ["simulate", "two-link", "a", "--out", str(out), "--plugin", str(path)]
-    )
+    result = command("simulate", "two-link", "a", "--out", out, "--plugin", path)
     assert result.exit_code == 2
     assert sentence in " ".join(result.output.split())
     assert not out.exists()

@@ -5,13 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability.logs import Log
-from identifiability.logs.prepare import Preparation, prepare_log
-from identifiability.regression.regression import Model
+from identifiability import Log, Model, Noise, Preparation, Robot, analyze, prepare_log
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot
-from identifiability.simulation import Noise
-from identifiability.workflows.analyze import analyze
 
 STEP, SAMPLES = 0.005, 4000
 NOISE = 2e-3

@@ -17,15 +17,20 @@ import numpy as np
 import typer
 
 import identifiability
+from identifiability import (
+    Analysis,
+    Robot,
+    analyze,
+    calibrate,
+    compare,
+    diagnose,
+    inspect,
+    payload,
+    prune,
+    simulate,
+)
 from identifiability.cli import app
-from identifiability.robot import Robot
-from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory, simulate
-from identifiability.workflows.analyze import Analysis, analyze
-from identifiability.workflows.calibrate.calibration import calibrate
-from identifiability.workflows.compare import compare
-from identifiability.workflows.inspect import inspect
-from identifiability.workflows.payload import payload
-from identifiability.workflows.prune import prune
+from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory
 
 PIN = Path(__file__).with_name("public_api.txt")
 
@@ -95,9 +100,8 @@ def json_lines() -> Iterator[str]:
         inspect(robot, log),
         payload(robot, analysis, other),
         compare(robot, log, other),
+        diagnose(robot, log, quick=True),
     ]
-    if "diagnose" in identifiability.__all__:
-        results.append(identifiability.diagnose(robot, log, quick=True))
     for result in results:
         content = result.to_dict()
         schema = content["schema"]

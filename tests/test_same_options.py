@@ -7,7 +7,6 @@ from typing import Literal, get_origin, get_type_hints
 
 import pytest
 import typer
-from typer.testing import CliRunner
 
 import identifiability
 from identifiability.cli import app, options, verbs
@@ -56,9 +55,9 @@ def test_no_verb_has_more_than_sixteen_options(commands):
         (["decimate=2.5"], "decimate must be a whole number of at least 1, not '2.5'"),
     ],
 )
-def test_a_setting_that_is_none_is_one_sentence(words, sentence):
+def test_a_setting_that_is_none_is_one_sentence(words, sentence, command):
     typed = [word for each in words for word in ("--set", each)]
-    done = CliRunner().invoke(app, ["analyze", "two-link", "run.pq", *typed])
+    done = command("analyze", "two-link", "run.pq", *typed)
     assert done.exit_code == 2
     assert re.search(sentence.replace("?", r"\?"), " ".join(done.stderr.split()))
 

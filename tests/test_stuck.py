@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability import analyze
-from identifiability.foundation.errors import LogError
-from identifiability.logs import Log
+from identifiability import IdentifiabilityError, Log, analyze
 from identifiability.quality.mends import drop_stuck
 
 
@@ -60,5 +58,7 @@ def test_a_motor_at_its_limit_a_rest_and_a_slow_logger_are_data(frame):
 def test_torque_that_no_robot_has_is_refused(frame, factor):
     tau = [c for c in frame if c.endswith(".tau")]
     frame[tau] *= factor
-    with pytest.raises(LogError, match=r"the largest torque in it is .*, as no robot's is"):
+    with pytest.raises(
+        IdentifiabilityError, match=r"the largest torque in it is .*, as no robot's is"
+    ):
         analyze("two-link", frame)

@@ -3,14 +3,11 @@
 import numpy as np
 import pytest
 
-from identifiability.foundation.errors import RobotError
+from identifiability import IdentifiabilityError, Model, Robot, simulate
 from identifiability.foundation.names import INERTIAL_KINDS
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import random_motion
-from identifiability.robot import Robot
-from identifiability.simulation import PrescribedMotion, simulate
+from identifiability.simulation import PrescribedMotion
 from identifiability.workflows.export import write_parameters
-from identifiability.workflows.export.workflow import save_robot
 
 
 def other_parameters(robot, rng):
@@ -56,8 +53,9 @@ def test_only_the_numbers_that_changed_are_written_anew(rps, tmp_path):
     """Comments, order and indentation of the user's file stay: one tag differs."""
     name = rps.path.name
     own = rps.path.read_text().splitlines()
-    changed = {"leg1_lower.Izz": 1.5 * rps.nominal["leg1_lower.Izz"]}
-    write_parameters(rps, changed, tmp_path / name)
+    changed = {"leg1_lower.Izz": 0.99 * rps.nominal["leg1_lower.Izz"]}
+    rps.with_values(changed).save(tmp_path / name)
+    assert rps.path.read_text().splitlines() == own
     new = (tmp_path / name).read_text().splitlines()
     assert len(new) == len(own)
     differ = [k for k, lines in enumerate(zip(own, new, strict=True)) if lines[0] != lines[1]]
@@ -65,14 +63,8 @@ def test_only_the_numbers_that_changed_are_written_anew(rps, tmp_path):
     assert all("<inertial" in new[k] for k in differ)
 
 
-def test_the_template_is_unchanged(rps, tmp_path):
-    before = rps.path.read_bytes()
-    write_parameters(rps, {"platform.m": 11.0}, tmp_path / "copy.xml")
-    assert rps.path.read_bytes() == before
-
-
 def test_a_body_without_mass_is_refused_by_name(rps, tmp_path):
-    with pytest.raises(RobotError, match="'platform' has a mass of -1 kg"):
+    with pytest.raises(IdentifiabilityError, match="'platform' has a mass of -1 kg"):
         write_parameters(rps, {"platform.m": -1.0}, tmp_path / "copy.xml")
     assert not (tmp_path / "copy.xml").exists()
 
@@ -92,8 +84,3 @@ def test_what_a_robot_file_cannot_hold_stands_in_the_sidecar_and_is_listed(rps, 
     assert Robot.load(tmp_path / "again.xml").nominal["slider2.Fs"] == 4.0
     assert not Robot.load(tmp_path / "again.xml").shapes
     assert set(again.beside) == set(values)
-
-
-def test_a_parameter_of_nothing_is_refused_with_the_near_match(rps, tmp_path):
-    with pytest.raises(RobotError, match=r"no parameter 'slidr1\.Fv'.*did you mean 'slider1"):
-        save_robot(rps, {"slidr1.Fv": 3.0}, tmp_path / "copy.xml")

@@ -4,10 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from identifiability.cli import app
-from identifiability.simulation import Noise
+from identifiability import Noise
 
 from ..conftest import simulated_log
 
@@ -54,12 +52,6 @@ def write(tmp_path):
 
 def files_in(folder: Path) -> dict[Path, bytes]:
     return {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()}
-
-
-@pytest.fixture
-def command():
-    """A function (words) -> result of the command line, run in this process."""
-    return lambda *words: CliRunner().invoke(app, [str(w) for w in words])
 
 
 @pytest.fixture

@@ -26,10 +26,8 @@ from hypothesis import strategies as st
 from scipy.io import savemat
 from spoil import JSON, TABLE, TOML, XML, Spoilt, spoil_bytes, spoil_document, spoil_xml, to_toml
 
-from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.logs import Log
+from identifiability import IdentifiabilityError, Log, Robot, export, prepare_log, simulate
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.prepare import prepare_log
 from identifiability.regression.reduction import (
     build_ladder,
     default_ladder,
@@ -37,15 +35,8 @@ from identifiability.regression.reduction import (
     read_ladder,
 )
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot
 from identifiability.robot.locate import locate_robot
-from identifiability.simulation import (
-    PrescribedMotion,
-    read_trajectories,
-    shipped_trajectory,
-    simulate,
-)
-from identifiability.workflows.export import export
+from identifiability.simulation import PrescribedMotion, read_trajectories, shipped_trajectory
 
 #: Seconds after which one input counts as a hang.
 PATIENCE = 120

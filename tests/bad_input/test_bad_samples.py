@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability import analyze, prune
-from identifiability.logs import Log, rows
-from identifiability.quality.mends import mend_log
-from identifiability.workflows.diagnose import diagnose
+from identifiability import Log, analyze, diagnose, prune
 
 ROW = 301  # counted from 1
 
@@ -73,35 +70,3 @@ def test_a_burst_that_is_no_single_sample_is_told_by_every_verb(frame):
         (hint,) = (h for h in found.hints if " is weighed down in the fit: " in h)
         assert "the torque of elbow is up to " in hint
         assert hint.startswith(("a from t = 2.", "a, part 1 from t = 2."))
-
-
-def test_a_log_without_wrong_values_is_the_one_that_was_given(frame):
-    log = Log.from_frame(frame, "a")
-    same, hints = mend_log(log)
-    assert same is log
-    assert hints == []
-
-
-@pytest.mark.parametrize("form", ["csv", "parquet"])
-def test_a_long_file_is_mended_alike(frame, tmp_path, form, read_long, monkeypatch):
-    frame.loc[[0, 300, 301, 999], "elbow.tau"] = 1e6
-    frame.loc[[700], "shoulder.q"] += 3.0
-    path = tmp_path / f"long.{form}"
-    if form == "csv":
-        frame.to_csv(path, index=False)
-    else:
-        frame.to_parquet(path, index=False, row_group_size=130)
-    log = Log.read(path)
-    whole, (other,) = mend_log(log)
-    file = read_long(path)
-    np.testing.assert_array_equal(file.tau, log.tau)
-    monkeypatch.setattr(rows, "LONG", 0)
-    monkeypatch.setattr(rows.divide_rows, "__defaults__", (130,))
-    mended, (hint,) = mend_log(file)
-    assert hint == other
-    assert "5 values lie" in hint
-    for a, b in ((0, 1000), (250, 302), (302, 999)):
-        np.testing.assert_array_equal(mended.rows(a, b).tau, whole.rows(a, b).tau)
-    cut = mended.rows(295, 800, "cut")
-    np.testing.assert_array_equal(cut.rows(0, 505).q, whole.q[295:800])
-    assert np.abs(whole.tau).max() < 1e3

@@ -17,8 +17,7 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.io import savemat
 
-from identifiability.foundation.errors import LogError
-from identifiability.logs import Log
+from identifiability import IdentifiabilityError, Log
 from identifiability.logs.formats.reader import check_unpacked
 
 DATASETS = Path(__file__).parents[1] / "interchange" / "lerobot"
@@ -33,13 +32,13 @@ READ = """
 import resource, sys
 from pathlib import Path
 from identifiability import Robot
-from identifiability.foundation.errors import LogError
+from identifiability import IdentifiabilityError
 from identifiability.logs.conventions import Conventions
 from identifiability.quality.recordings import read_recordings
 known = Conventions.of(Robot.load("two-link"))
 try:
     read_recordings(sys.argv[1], (), known)
-except LogError as refusal:
+except IdentifiabilityError as refusal:
     print(refusal)
 used = resource.getrusage(resource.RUSAGE_SELF)
 status = Path("/proc/self/status")  # elsewhere the parent's memory may count
@@ -216,5 +215,5 @@ def test_what_a_file_may_unpack_to_grows_with_its_size(tmp_path):
     path = tmp_path / "log.npz"
     path.write_bytes(bytes(1_000_000))
     check_unpacked(path, 100_000_000)
-    with pytest.raises(LogError, match="has 1 MB and unpacks to 101 MB or more"):
+    with pytest.raises(IdentifiabilityError, match="has 1 MB and unpacks to 101 MB or more"):
         check_unpacked(path, 101_000_000)

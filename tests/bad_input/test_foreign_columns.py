@@ -2,17 +2,11 @@
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from identifiability import analyze
-from identifiability.cli import app
-from identifiability.foundation.errors import LogError
+from identifiability import IdentifiabilityError, Log, Preparation, Robot, analyze, prepare_log
 from identifiability.foundation.findings import of_key
-from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.quality.recordings import read_recordings
-from identifiability.robot import Robot
 
 MAP = {r"fer_(\w+)": r"\1"}
 
@@ -54,14 +48,14 @@ def test_renamed_joints_are_read_short_and_long_alike_and_the_note_says_so(
     assert hint.startswith("How log.csv, again.csv were read: ")
 
 
-def test_the_sidecar_and_the_option_rename_and_the_option_comes_first(foreign, write, tmp_path):
+def test_the_sidecar_and_the_option_rename_and_the_option_comes_first(
+    foreign, write, succeeds, tmp_path
+):
     path = write("log.csv", foreign)
     sidecar = write("side.toml", "[columns]\n'fer_(\\w+)' = '\\1'\n")
     read_recordings(path, (), known(sidecar=sidecar))
-    run = ["analyze", "two-link", str(path), "-v", "--quick", "--json", str(tmp_path / "out.json")]
-    out = CliRunner().invoke(app, [*run, "--map", "fer_shoulder=shoulder", "--map",
-                                   r"fer_e(\w+)=e\1"])  # fmt: skip
-    assert out.exit_code == 0, out.output
+    run = ["analyze", "two-link", path, "-v", "--quick", "--json", tmp_path / "out.json"]
+    out = succeeds(*run, "--map", "fer_shoulder=shoulder", "--map", r"fer_e(\w+)=e\1")
     assert "columns were renamed" in out.output
     first = Robot.load("two-link", sidecar, {"fer_elbow": "wrist"}).columns
     assert [first.apply(n) for n in ("fer_elbow", "fer_shoulder")] == ["wrist", "shoulder"]
@@ -71,12 +65,14 @@ def test_currents_under_usual_names_need_gains_and_take_stated_units(bare, write
     side = write("side.toml", "[torque]\ngain = {shoulder = 2.0, elbow = 4.0}\n")
     names = ("t", "q1", "q2", "actual_current_1 [mA]", "actual_current_2 [mA]")
     given = bare.set_axis(list(names), axis=1)
-    with pytest.raises(LogError, match=r"has currents and no torques of shoulder, elbow; say in"):
+    with pytest.raises(
+        IdentifiabilityError, match=r"has currents and no torques of shoulder, elbow; say in"
+    ):
         Log.from_frame(given, "log", known())
     log = Log.from_frame(given, "log", known(sidecar=side))
     scaled = bare[["shoulder.tau", "elbow.tau"]] * [2e-3, 4e-3]
     np.testing.assert_allclose(log.tau, scaled, rtol=1e-12)
-    with pytest.raises(LogError, match=r"is a current, but .* its unit is 'Nm'"):
+    with pytest.raises(IdentifiabilityError, match=r"is a current, but .* its unit is 'Nm'"):
         Log.from_frame(given.rename(columns=lambda c: c.replace("mA", "Nm")), "log", known())
 
 
@@ -92,10 +88,12 @@ def test_a_lock_that_the_log_contradicts_is_refused_short_and_long_alike(
 ):
     frame = arm[[c for c in arm if c.startswith(("t", "shoulder")) or c == "elbow.q"]]
     frame = frame.rename(columns={"elbow.q": called})
-    with pytest.raises(LogError, match=r"'elbow' is locked, but 'elbow\.q' moves by 4\.\d+ \(-"):
+    with pytest.raises(
+        IdentifiabilityError, match=r"'elbow' is locked, but 'elbow\.q' moves by 4\.\d+ \(-"
+    ):
         locked(frame)
     known = Conventions.of(Robot.load("two-link", lock=["elbow"]))
-    with pytest.raises(LogError, match=r"take the lock out, or give a stretch"):
+    with pytest.raises(IdentifiabilityError, match=r"take the lock out, or give a stretch"):
         read_long(write("log.csv", frame), known)
     still = np.where(np.arange(len(frame)) == 7, 3.0, 0.001)  # one wrong value moves nothing
     assert all("elbow' stands" not in note for note in locked(frame, **{called: still}))
@@ -104,13 +102,15 @@ def test_a_lock_that_the_log_contradicts_is_refused_short_and_long_alike(
 
 def test_a_joint_that_a_log_lacks_is_proposed_for_locking_before_other_names_are(arm):
     frame = arm.rename(columns=lambda c: c.replace("elbow", "finger"))
-    with pytest.raises(LogError) as told:
+    with pytest.raises(IdentifiabilityError) as told:
         Log.from_frame(frame, "log", known())
     said = str(told.value)
     assert "no column elbow.q, elbow.tau" in said
     assert 0 < said.index("--lock 'elbow'.") < said.index("If one of finger is it, add --map")
     every = frame.rename(columns=lambda c: c.replace("shoulder", "thumb"))
-    with pytest.raises(LogError, match="If one of thumb, finger is it, add --map 'OLD=shoulder'"):
+    with pytest.raises(
+        IdentifiabilityError, match="If one of thumb, finger is it, add --map 'OLD=shoulder'"
+    ):
         Log.from_frame(every, "log", known())
 
 
@@ -167,5 +167,5 @@ def test_torque_that_is_missing_for_a_while_is_left_out_there(arm):
     ],
 )
 def test_torque_that_may_be_another_column_or_is_no_number_is_refused(change, sentence, arm):
-    with pytest.raises(LogError, match=sentence):
+    with pytest.raises(IdentifiabilityError, match=sentence):
         Log.from_frame(change(arm), "log", known())

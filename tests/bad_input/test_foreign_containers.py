@@ -7,15 +7,13 @@ import pandas as pd
 import pytest
 from scipy.io import savemat
 
-from identifiability import analyze
+from identifiability import Log, Robot, analyze
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.options import OptionError
-from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.form import PLAIN
 from identifiability.logs.formats.reader import READERS, check_there, reader
 from identifiability.quality.recordings import read_recordings
-from identifiability.robot import Robot
 
 JOINTS = ("shoulder", "elbow")
 

@@ -4,10 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability.foundation.errors import LogError
-from identifiability.logs import Log
+from identifiability import IdentifiabilityError, Log, Robot
 from identifiability.logs.conventions import Conventions
-from identifiability.robot import Robot
 
 
 @pytest.fixture
@@ -110,7 +108,7 @@ def test_stated_units_are_converted_and_others_refused(bare, known, write, read_
         ("s", "rad", "rad", "A", "Nm"): r"'shoulder.tau' is a torque or force, .* unit is 'A'",
         ("s", "rad", "furlong", "Nm", "Nm"): r"column 't' is not a finite number .* row 1 \('s'\)",
     }.items():
-        with pytest.raises(LogError, match=sentence):
+        with pytest.raises(IdentifiabilityError, match=sentence):
             Log.read(write("log.csv", text_of(bare, units=units)), known)
 
 
@@ -144,7 +142,7 @@ def test_time_as_index_is_taken_and_said(bare, known, tmp_path, read_both):
         for log in (Log.from_frame(frame, "log", known), read_both(path, known)):
             check(log, bare)
             assert "as t" in log.notes[0]
-    with pytest.raises(LogError, match="no column 't'"):
+    with pytest.raises(IdentifiabilityError, match="no column 't'"):
         Log.from_frame(bare.drop(columns="t"), "log", known)
     check(Log.from_frame(bare.rename(columns={"t": "time"})), bare)
 
@@ -158,7 +156,7 @@ def test_time_as_index_is_taken_and_said(bare, known, tmp_path, read_both):
 )
 def test_a_unit_that_is_not_known_is_refused_with_its_column(header, says, bare, known, write):
     path = write("log.csv", bare.rename(columns={header.partition(" [")[0]: header}))
-    with pytest.raises(LogError) as refused:
+    with pytest.raises(IdentifiabilityError) as refused:
         Log.read(path, known)
     assert says in str(refused.value)
 

@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability.foundation.errors import IdentifiabilityError, LogError
-from identifiability.logs import Log
-from identifiability.logs.prepare import Preparation, prepare_log
-from identifiability.robot import Robot
+from identifiability import IdentifiabilityError, Log, Preparation, Robot, prepare_log
 
 
 def cell(frame, row, column, value):
@@ -25,7 +22,7 @@ def cell(frame, row, column, value):
     ],
 )
 def test_what_is_no_table_is_refused(content, sentence, write):
-    with pytest.raises(LogError, match=sentence):
+    with pytest.raises(IdentifiabilityError, match=sentence):
         Log.read(write("log.csv", content))
 
 
@@ -44,11 +41,15 @@ def test_wrong_columns_are_named_with_the_near_match(change, sentence, refuses, 
 
 
 def test_values_that_no_unit_explains_are_refused(write, arm):
-    with pytest.raises(LogError, match=r"'elbow.tau' is 1e\+200 in data row 7, more than anything"):
+    with pytest.raises(
+        IdentifiabilityError, match=r"'elbow.tau' is 1e\+200 in data row 7, more than anything"
+    ):
         Log.read(write("log.csv", cell(arm, 7, "elbow.tau", 1e200)))
-    with pytest.raises(LogError, match=r"column 't' is 1\.7e\+21 in data row 1, .*time in s"):
+    with pytest.raises(
+        IdentifiabilityError, match=r"column 't' is 1\.7e\+21 in data row 1, .*time in s"
+    ):
         Log.from_frame(arm.assign(t=1.7e21 + 1e9 * np.arange(200)))
-    with pytest.raises(LogError, match=r"sampling step of .*, which no robot has"):
+    with pytest.raises(IdentifiabilityError, match=r"sampling step of .*, which no robot has"):
         Log.from_frame(arm.assign(t=1e-9 * arm["t"]))
 
 

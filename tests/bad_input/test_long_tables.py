@@ -4,11 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability import analyze
-from identifiability.foundation.errors import LogError
-from identifiability.logs import Log
+from identifiability import IdentifiabilityError, Log, Robot, analyze
 from identifiability.logs.conventions import Conventions
-from identifiability.robot import Robot
 
 JOINTS = ("shoulder", "elbow")
 CHANNELS = {"position": "q", "velocity": "dq", "effort": "tau"}
@@ -34,7 +31,7 @@ def long_of(arm, labels=JOINTS, channels=CHANNELS, time="time", label="joint"):
 
 def refused(given, read=lambda frame: Log.from_frame(frame, "log", known())):
     """Return the sentence with which a table is refused."""
-    with pytest.raises(LogError) as refusal:
+    with pytest.raises(IdentifiabilityError) as refusal:
         read(given)
     return str(refusal.value)
 

@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 
-from identifiability.logs import Log
+from identifiability import Log, Preparation, Robot
 from identifiability.logs.conventions import Conventions
-from identifiability.logs.prepare import Preparation
 from identifiability.quality.recordings import read_recordings
-from identifiability.robot import Robot
 
 
 @pytest.mark.parametrize("column", ["elbow.dq", "elbow.ddq"])

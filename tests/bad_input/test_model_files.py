@@ -6,19 +6,14 @@ import json
 import numpy as np
 import pytest
 
-from identifiability import Model, Robot, analyze, prune, simulate
-from identifiability.foundation.errors import ModelError
+from identifiability import IdentifiabilityError, Model, Robot, analyze, prune
 from identifiability.regression.reduction import build_ladder, ladder_text, model_entry, read_ladder
 from identifiability.regression.structure import Structure, random_motion
-from identifiability.simulation import shipped_trajectory
 
 
 @pytest.fixture(scope="module")
-def log():
-    rng = np.random.default_rng(0)
-    return simulate(
-        "two-link", shipped_trajectory(Robot.load("two-link"), "a"), noise="paper", rng=rng
-    )
+def log(simulated_session):
+    return simulated_session("two-link", "a")
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +89,7 @@ def test_a_place_may_be_a_pattern_and_a_named_place_goes_before_it():
     ],
 )
 def test_effects_that_cannot_live_there_are_refused(text, sentence):
-    with pytest.raises(ModelError, match=sentence):
+    with pytest.raises(IdentifiabilityError, match=sentence):
         Model.of("rigid_body", text).parameters(Robot.load("two-link"))
 
 

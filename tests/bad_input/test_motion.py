@@ -4,23 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-import pytest
 
+from identifiability import Log, Robot, analyze, prepare_log, simulate
 from identifiability.estimation.verdict import Class
-from identifiability.logs import Log
-from identifiability.logs.prepare import prepare_log
-from identifiability.robot import Robot, complete_motion
-from identifiability.simulation import PrescribedMotion, shipped_trajectory, simulate
-from identifiability.workflows.analyze import analyze
-
-
-def at_rest(frame, rng=None, noise=0.0):
-    """The log of an arm that is held still."""
-    out = frame[["t"]].copy()
-    for column in frame.columns[1:]:
-        level = {"q": 0.3, "tau": 5.0}.get(column.rpartition(".")[2], 0.0)
-        out[column] = level + (noise * rng.standard_normal(len(frame)) if noise else 0.0)
-    return out
+from identifiability.simulation import PrescribedMotion, shipped_trajectory
 
 
 def table(robot, t, q, tau=0.0):
@@ -28,15 +15,6 @@ def table(robot, t, q, tau=0.0):
     columns = {f"{j}.q": q[:, k] for k, j in enumerate(robot.joints)}
     columns |= {f"{j}.tau": tau + np.cos(3 * t + k) for k, j in enumerate(robot.joints)}
     return pd.DataFrame({"t": t, **columns})
-
-
-@pytest.mark.parametrize("derivatives", ["given", "butterworth"])
-def test_a_robot_at_rest_is_refused_with_the_reason(derivatives, command, write, arm):
-    log = write("log.csv", at_rest(arm))
-    done = command("analyze", "two-link", log, "--set", f"derivatives={derivatives}")
-    assert done.exit_code == 2, done.output
-    said = "Nothing can be analyzed, because the robot does not move in these logs"
-    assert said in " ".join(done.output.split())
 
 
 def test_a_joint_that_never_moves_is_not_identifiable_and_says_why():
@@ -73,13 +51,3 @@ def test_a_motion_near_a_singular_configuration_is_reported_with_its_row():
     assert 190 < row <= 201  # the middle of the motion
     assert f"first in data row {row}, condition number up to" in note
     assert "torques there are amplified errors" in note
-
-
-def test_a_motion_through_a_singular_configuration_is_flagged_where_it_passes():
-    """Between two samples the condition number may look harmless; the determinant's sign tells."""
-    robot = Robot.load("five-bar")
-    t, q = stretched(-0.3)
-    motion = complete_motion(robot, t, q, 0 * q, 0 * q)
-    t, q = stretched(0.3)
-    assert motion.singular > 0
-    assert complete_motion(robot, t, q, 0 * q, 0 * q).singular == 0

@@ -4,9 +4,9 @@ import json
 
 import numpy as np
 
-from identifiability.robot import Robot
+from identifiability import Robot, simulate
 from identifiability.robot.locate import locate_robot
-from identifiability.simulation import random_trajectory, simulate
+from identifiability.simulation import random_trajectory
 
 
 def test_spaces_accents_and_tags_pass_through_and_no_tag_is_run(tmp_path, command):

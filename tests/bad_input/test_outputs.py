@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from identifiability import IdentifiabilityError
 from identifiability.__main__ import main
 from identifiability.foundation import output
-from identifiability.foundation.errors import OutputError
 from identifiability.foundation.output import check_apart, write_text
 
 
@@ -48,7 +48,7 @@ def test_paths_that_cannot_be_written_are_refused_before_the_work(refuses, refus
 def test_pipes_and_devices_are_not_replaced_by_files(tmp_path):
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
-    with pytest.raises(OutputError, match="is no regular file"):
+    with pytest.raises(IdentifiabilityError, match="is no regular file"):
         write_text(pipe, "text")
     assert stat.S_ISFIFO(pipe.stat().st_mode)
 
@@ -94,7 +94,7 @@ def test_inputs_are_not_written_over(refuses, refused, write, arm):
     assert refused("analyze", "two-link", "x.csv", "--validate", log, "--json", log) == sentence
     assert refused("simulate", "two-link", log, "--out", log) == sentence
     check_apart([log.with_name("a"), log.with_name("b")], [log])
-    with pytest.raises(OutputError, match="another output"):
+    with pytest.raises(IdentifiabilityError, match="another output"):
         check_apart(["a", "./a"], [])
 
 

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from identifiability.foundation.errors import RobotError
-from identifiability.robot import Robot
+from identifiability import IdentifiabilityError, Robot
 from identifiability.robot.locate import locate_robot
 
 TWO, FIVE, ARM = (locate_robot(n).read_text() for n in ("two-link", "five-bar", "six-dof-arm"))
@@ -117,7 +116,7 @@ def spoilt(robot, at, key, value, folder) -> str:
     tree = ET.parse(path)
     list(tree.iter())[at].set(key, value)
     tree.write(folder / f"robot{path.suffix}")
-    with pytest.raises(RobotError) as refused:
+    with pytest.raises(IdentifiabilityError) as refused:
         Robot.load(
             folder / f"robot{path.suffix}",
             side if (side := path.with_suffix(".toml")).exists() else None,
@@ -155,7 +154,7 @@ def changed(text, old, new):
 @pytest.mark.parametrize("case", NO_ROBOT)
 def test_what_is_no_robot_file_is_refused(case, write, capfd):
     content, sentence = NO_ROBOT[case]
-    with pytest.raises(RobotError, match=sentence):
+    with pytest.raises(IdentifiabilityError, match=sentence):
         Robot.load(write("robot.xml", content))
     assert capfd.readouterr() == ("", "")
 
@@ -166,7 +165,7 @@ def test_what_cannot_be_meant_is_refused_with_the_remedy(case, write, capfd):
     path = locate_robot(robot)
     side = path.with_suffix(".toml")
     written = write(f"robot{path.suffix}", changed(path.read_text(), *change))
-    with pytest.raises(RobotError, match=sentence):
+    with pytest.raises(IdentifiabilityError, match=sentence):
         Robot.load(written, side if side.exists() else None)
     assert capfd.readouterr() == ("", "")
 
@@ -207,7 +206,7 @@ def test_a_closure_that_leaves_a_passive_joint_free_is_refused(second, write):
     pin = f'<connect body1="link2"{second} anchor="0 0 0"/>'
     text = changed(TWO, *equality(pin)).replace('<motor name="elbow_motor" joint="elbow"/>', "")
     with pytest.raises(
-        RobotError, match="do not determine elbow at its home position shoulder = 0"
+        IdentifiabilityError, match="do not determine elbow at its home position shoulder = 0"
     ):
         Robot.load(write("robot.xml", text))
 

@@ -2,8 +2,7 @@
 
 import pytest
 
-from identifiability.foundation.errors import RobotError
-from identifiability.robot import Robot
+from identifiability import IdentifiabilityError, Robot
 
 LOOP = 'actuated = ["shoulder"]\n[[loops]]\nbody1 = "link2"\nbody2 = '
 COUPLING = 'actuated = ["shoulder"]\n[[couplings]]\njoint = "elbow"\n'
@@ -45,7 +44,7 @@ BAD = {
 @pytest.mark.parametrize("case", BAD)
 def test_a_bad_sidecar_is_refused(case, write):
     content, sentence = BAD[case]
-    with pytest.raises(RobotError, match=sentence):
+    with pytest.raises(IdentifiabilityError, match=sentence):
         Robot.load("two-link", write("side.toml", content))
 
 

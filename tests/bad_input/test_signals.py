@@ -3,32 +3,18 @@
 import numpy as np
 import pytest
 
-from identifiability.estimation.estimate import estimate
-from identifiability.logs import Log, signals
-from identifiability.logs.prepare import Preparation, prepare_log
-from identifiability.regression.information import gather_information
-from identifiability.regression.regression import Model
+from identifiability import (
+    Log,
+    Model,
+    Preparation,
+    Robot,
+    estimate,
+    gather_information,
+    prepare_log,
+)
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot
-from identifiability.simulation import Trajectory
 
 MODEL = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
-
-
-@pytest.mark.parametrize(
-    "periods",
-    [
-        1,
-        3,
-    ],
-)
-def test_the_period_is_the_right_fraction_of_the_duration(periods, rng):
-    shape = Trajectory("x", 2.0, 200, np.zeros(2), *rng.standard_normal((2, 2, 3)))
-    t = 0.01 * np.arange(200 * periods)
-    q = shape.motion(t)[0]
-    noisy = q + 1e-3 * rng.standard_normal(q.shape)
-    assert signals.find_period(t, q, 3) == pytest.approx(2.0)
-    assert signals.find_period(t, noisy, 3) == pytest.approx(2.0)
 
 
 @pytest.fixture

@@ -6,8 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability.foundation.errors import LogError
-from identifiability.robot import Robot
+from identifiability import IdentifiabilityError, Robot
 from identifiability.robot.locate import locate_robot
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.simulation.motion import find_motion
@@ -104,5 +103,5 @@ def test_lost_samples_that_a_fit_bridges_are_bridged_in_a_motion(tmp_path):
     assert len(again.t) == len(first.t)
     np.testing.assert_allclose(again.t, first.t, atol=1e-6)
     np.testing.assert_allclose(again.ddq, first.ddq, atol=0.02 * np.abs(first.ddq).max())
-    with pytest.raises(LogError, match=r"has a gap of .* s after t"):
+    with pytest.raises(IdentifiabilityError, match=r"has a gap of .* s after t"):
         find_motion(robot, str(torn), None, rng)

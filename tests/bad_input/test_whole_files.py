@@ -7,14 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identifiability import analyze, inspect
-from identifiability.foundation.errors import OutputError
-from identifiability.logs import Log
-from identifiability.robot import Robot
+from identifiability import IdentifiabilityError, Log, Robot, analyze, inspect, prune
 from identifiability.simulation import PrescribedMotion
 from identifiability.simulation.motion import write_trajectory_bag
 from identifiability.workflows.export import write_parameters
-from identifiability.workflows.prune import prune
 
 
 def files_in(folder):
@@ -85,7 +81,7 @@ def test_a_stopped_write_leaves_the_old_file_and_nothing_else(kind, stop, writte
         sync(stream)
 
     monkeypatch.setattr(os, "fsync", fail)
-    with pytest.raises(OutputError if stop is FULL else KeyboardInterrupt):
+    with pytest.raises(IdentifiabilityError if stop is FULL else KeyboardInterrupt):
         write()
     monkeypatch.undo()
     assert path.read_bytes() == old
@@ -112,7 +108,7 @@ def test_a_robot_and_its_sidecar_are_written_both_or_none(count, stop, tmp_path,
     write_parameters(rps, {"slider1.Fc+": 300.0, "slider1.Fc-": 200.0}, path)
     before = files_in(tmp_path)
     stop_at(monkeypatch, count, stop)
-    with pytest.raises(OutputError if stop is FULL else KeyboardInterrupt):
+    with pytest.raises(IdentifiabilityError if stop is FULL else KeyboardInterrupt):
         write_parameters(
             rps, {"slider1.Fc+": 500.0, "slider1.Fc-": 400.0, "platform.m": 11.0}, path
         )
@@ -125,13 +121,15 @@ def test_a_sidecar_takes_no_other_files_name(tmp_path):
     rps, path = Robot.load("3-rps"), tmp_path / "copy.xml"
     beside = tmp_path / "copy.toml"
     beside.write_text("[[models]]\n")
-    with pytest.raises(OutputError, match=r"copy.toml' is no sidecar, but has the name"):
+    with pytest.raises(IdentifiabilityError, match=r"copy.toml' is no sidecar, but has the name"):
         write_parameters(rps, {}, path)
     assert list(files_in(tmp_path)) == [beside]
     beside.write_text("name = 'other'")
     bare = tmp_path / "bare.xml"
     bare.write_bytes(Robot.load("two-link").path.read_bytes())
-    with pytest.raises(OutputError, match=r"would be read as the sidecar of .*copy.xml'; give"):
+    with pytest.raises(
+        IdentifiabilityError, match=r"would be read as the sidecar of .*copy.xml'; give"
+    ):
         write_parameters(Robot.load(bare), {}, path)
     own = tmp_path / "own.xml"
     own.write_bytes(bare.read_bytes())

@@ -4,9 +4,8 @@ import os
 
 import pytest
 
-from identifiability import Log, Robot
+from identifiability import IdentifiabilityError, Log, Robot
 from identifiability.foundation.documents import MOST_BYTES as DOCUMENT
-from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Renames
 from identifiability.robot import assembly
 from identifiability.robot import locate as xml

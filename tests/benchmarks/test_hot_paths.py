@@ -13,8 +13,8 @@ import pinocchio as pin
 import pytest
 from threadpoolctl import threadpool_limits
 
-from identifiability.regression.regression import Model
-from identifiability.robot import Robot, complete_motion
+from identifiability import Model, Robot
+from identifiability.robot import complete_motion
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 
 MARGIN = 4.0

@@ -14,14 +14,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from identifiability import Robot, analyze, compare, diagnose, prune, simulate
 from identifiability.cli.verbs import run_demo
-from identifiability.robot import Robot
 from identifiability.robot.locate import locate_robot
-from identifiability.simulation import PAPER_NOISE, PrescribedMotion, random_trajectory, simulate
-from identifiability.workflows.analyze import analyze
-from identifiability.workflows.compare import compare
-from identifiability.workflows.diagnose import diagnose
-from identifiability.workflows.prune import prune
+from identifiability.simulation import PAPER_NOISE, PrescribedMotion, random_trajectory
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
 KINDS = ("demo", "comparison", "analysis", "pruning", "diagnosis", "table", "index")

@@ -6,12 +6,9 @@ from functools import cache
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from identifiability import Robot, compare
-from identifiability.cli import app
-from identifiability.logs import Log
-from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
+from identifiability import Log, Noise, Robot, compare
+from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.simulation.forces import joint_torque
 from identifiability.simulation.simulator import Campaign
 
@@ -117,14 +114,12 @@ def test_of_three_logs_it_is_said_which_is_odd():
         assert " in odd" in found.answer
 
 
-def test_the_command_answers_first_and_writes_what_was_asked(tmp_path):
+def test_the_command_answers_first_and_writes_what_was_asked(command, succeeds, tmp_path):
     first, second = tmp_path / "monday.csv", tmp_path / "friday.csv"
     logs(PLANAR, 1)[0].to_frame().to_csv(first, index=False)
     logs(PLANAR, 31, elbow=1.3)[0].to_frame().to_csv(second, index=False)
     page, data = tmp_path / "c.html", tmp_path / "c.json"
-    words = [PLANAR, first, second, "--report", page, "--json", data]
-    out = CliRunner().invoke(app, ["compare", *map(str, words)])
-    assert out.exit_code == 0, out.output
+    out = succeeds("compare", PLANAR, first, second, "--report", page, "--json", data)
     said = "What changed between monday.csv and friday.csv? Friction of elbow rose by "
     assert out.stdout.startswith(said)
     content = json.loads(data.read_text())
@@ -132,7 +127,7 @@ def test_the_command_answers_first_and_writes_what_was_asked(tmp_path):
     assert content["changed"] is True
     assert {c["what"] for c in content["changes"]} == {"friction of elbow"}
     assert "Friction of elbow rose by " in page.read_text(encoding="utf-8")
-    out = CliRunner().invoke(app, ["compare", PLANAR, str(first), str(first)])
+    out = command("compare", PLANAR, first, first)
     assert out.exit_code == 2
     assert "A log stands on both sides" in out.stderr.replace("\n", " ")
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from mujoco_road import States
 
-from identifiability.regression.regression import Model
-from identifiability.robot import Robot, complete_motion
-from identifiability.simulation import PrescribedMotion, simulate
+from identifiability import Model, Robot, simulate
+from identifiability.robot import complete_motion
+from identifiability.simulation import PrescribedMotion
 
 #: Everything that a file can state.
 EFFECTS = (

@@ -10,8 +10,7 @@ from variants_mjcf import READ, REFUSED
 from variants_urdf import READ as READ_URDF
 from variants_urdf import REFUSED as REFUSED_URDF
 
-from identifiability.foundation.errors import RobotError
-from identifiability.robot import Robot
+from identifiability import IdentifiabilityError, Robot
 
 AGREE = 1e-9
 
@@ -69,5 +68,5 @@ def test_both_roads_agree(place, text, written, request):
 def test_what_no_parameter_can_hold_is_refused_by_name(text, word, written):
     path = written(text)
     if not too_new(path):
-        with pytest.raises(RobotError, match=f"(?i){word}"):
+        with pytest.raises(IdentifiabilityError, match=f"(?i){word}"):
             Robot.load(path)

@@ -7,10 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from identifiability.logs import Log
-from identifiability.robot import Robot
-from identifiability.simulation import Campaign, Noise, random_trajectory
-from identifiability.workflows.diagnose import Diagnosis, diagnose
+from identifiability import Diagnosis, Log, Noise, Robot, diagnose
+from identifiability.simulation import Campaign, random_trajectory
 
 #: Encoder steps: about 20 bits a turn, or a micrometre.
 ENCODER = {"3-rps": 1e-6, "six-ups": 1e-6}

@@ -5,14 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import Robot
+from identifiability import Model, Preparation, Robot, prepare_log
 from identifiability.effects import find_effect
 from identifiability.effects.effect import Part, Placed
-from identifiability.logs.prepare import Preparation, prepare_log
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.simulation import Campaign, PrescribedMotion, random_trajectory
-from identifiability.simulation.forward import ForwardRobot
 from identifiability.workflows.diagnose.forward import Physical, compare_forward
 from identifiability.workflows.diagnose.problem import fit_structure
 from identifiability.workflows.diagnose.result import fit_physical
@@ -88,18 +85,6 @@ def test_what_hangs_on_the_time_or_on_the_way_is_that_of_the_log(two_link, name)
     before = physical_of(two_link, two_link.nominal)
     gap = compare_forward(before, after, recorded, np.random.default_rng(0))
     assert gap.error_after < 0.2 * gap.error_before, (gap.error_before, gap.error_after)
-
-
-def test_dry_friction_lets_a_joint_stick(two_link):
-    """A torque below the Coulomb level moves nothing, although it acts for a long time."""
-    robot = ForwardRobot(two_link, {f"{j}.Fc": 50.0 for j in two_link.joints})
-    robot.model.opt.gravity[:] = 0
-    start = np.zeros((1, 2))
-    moved = robot.run(start, start, np.full((1, 100, 2), 10.0), 0.01)
-    assert np.abs(moved).max() < 1e-3
-    free = ForwardRobot(two_link, {f"{j}.Fc": 0.0 for j in two_link.joints})
-    free.model.opt.gravity[:] = 0
-    assert np.abs(free.run(start, start, np.full((1, 25, 2), 10.0), 0.01)).max() > 0.3
 
 
 def test_a_model_that_runs_away_counts_as_wrong_by_all_of_the_distance(two_link):

@@ -6,10 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability import Robot, analyze, excite, prune
+from identifiability import Robot, analyze, diagnose, excite, export, prune
 from identifiability.regression.structure import Structure
-from identifiability.workflows.diagnose import diagnose
-from identifiability.workflows.export import export
 
 NAMED = ("stribeck_friction@slider1=0.03", "position_ripple@slider2=0.02")
 FEW = ("stribeck_friction", "position_ripple")

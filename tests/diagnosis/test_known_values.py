@@ -6,9 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import IdentifiabilityError, Robot, analyze, diagnose
-from identifiability.logs.prepare import Preparation, prepare_log
-from identifiability.regression.regression import Model
+from identifiability import (
+    IdentifiabilityError,
+    Model,
+    Preparation,
+    Robot,
+    analyze,
+    diagnose,
+    prepare_log,
+)
 from identifiability.regression.structure import Structure
 
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identifiability import Noise, diagnose
 from identifiability.effects import find_family
 from identifiability.effects.effect import measure_spans
-from identifiability.simulation import Campaign, Noise, random_trajectory, shipped_trajectory
-from identifiability.workflows.diagnose import diagnose
+from identifiability.simulation import Campaign, random_trajectory, shipped_trajectory
 
 
 def seldom(*case):

@@ -5,9 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import Robot, diagnose
-from identifiability.logs.prepare import Preparation, prepare_log
-from identifiability.regression.regression import Model
+from identifiability import Model, Preparation, Robot, diagnose, prepare_log
 
 FEW = {"effects": ["joint_stiffness", "torque_offset", "position_ripple"], "quick": True}
 FEW |= {"forward": False}

@@ -3,8 +3,7 @@
 import pandas as pd
 import pytest
 
-from identifiability.workflows.diagnose import diagnose
-from identifiability.workflows.study import new_study
+from identifiability import diagnose, new_study
 
 
 @pytest.fixture(scope="module")

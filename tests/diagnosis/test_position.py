@@ -6,9 +6,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from identifiability import Robot, diagnose
+from identifiability import Noise, Robot, diagnose
 from identifiability.estimation.prediction import predict
-from identifiability.simulation import Campaign, Noise, random_trajectory
+from identifiability.simulation import Campaign, random_trajectory
 
 NOISE = Noise(additive=0.012, correlation=0.9, encoder=2e-5)
 

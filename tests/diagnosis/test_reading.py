@@ -5,20 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import analyze, prune
+from identifiability import Model, Noise, Robot, analyze, diagnose, prepare_log, prune, simulate
 from identifiability.effects.base import horizontal_axes
 from identifiability.effects.nominal import gravity_torque
-from identifiability.logs.prepare import prepare_log
 from identifiability.logs.prepare.preparation import choose_cutoff
 from identifiability.quality import MeasuredLogs
 from identifiability.reading import choose_reading
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot, complete_motion
+from identifiability.robot import complete_motion
 from identifiability.robot.description import Tilt
 from identifiability.robot.kinematics import turn
-from identifiability.simulation import Campaign, Noise, random_trajectory, simulate
-from identifiability.workflows.diagnose import diagnose
+from identifiability.simulation import Campaign, random_trajectory
 
 MODEL = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
@@ -80,11 +77,9 @@ def test_a_torque_of_another_sign_or_unit_is_found(arm, joint, factor, says):
     assert not found.keeps_columns
 
 
-@pytest.mark.parametrize("first", [4])
-def test_exchanged_torque_is_found(arm, first):
+def test_exchanged_torque_is_found(arm):
     robot, log = arm
-    order = np.arange(6)
-    order[[first, first + 1]] = first + 1, first
+    order = np.array([0, 1, 2, 3, 5, 4])
     found = look(robot, replace(log, tau=log.tau[:, order]))
     assert found.order.tolist() == order.tolist()
 
@@ -115,22 +110,6 @@ def test_offsets_that_differ_between_logs_are_found_and_taken_out(arm):
     assert look(robot, *logs) is None
 
 
-def test_no_regressor_is_evaluated_twice_on_the_same_motion(monkeypatch):
-    robot, log = record("six-dof-arm", samples=3000)
-    turned, evaluated = replace(log, tau=one(1, -1.0) * log.tau), []
-    regressor = Model.regressor
-
-    def count(model, robot, motion, *more):
-        positions, gravity = motion.actuated_q, robot.gravity + 0.0
-        evaluated.append((positions.tobytes(), motion.actuated_a.tobytes(), gravity.tobytes()))
-        return regressor(model, robot, motion, *more)
-
-    logs = known(robot, turned)
-    monkeypatch.setattr(Model, "regressor", count)
-    assert "joint_2 seems to have the wrong sign" in choose_reading(logs).description
-    assert len(evaluated) == len(set(evaluated))
-
-
 @pytest.mark.parametrize(("name", "masses"), [("two-link", 1.0), ("six-dof-arm", 3.0)])
 def test_effort_without_weight_is_found_whatever_masses_the_file_has(name, masses):
     robot, log = record(name, masses=masses)
@@ -140,10 +119,9 @@ def test_effort_without_weight_is_found_whatever_masses_the_file_has(name, masse
     assert not found.structure(Structure.of(robot, MODEL)).robot.gravity.any()
 
 
-@pytest.mark.parametrize("masses", [1.3])
-def test_weight_that_one_joint_lacks_is_found_and_the_fitted_robot_s_is_added(masses):
-    robot, log = record("six-dof-arm", masses=masses)
-    truth = robot.with_values({n: masses * x for n, x in robot.nominal.items()})
+def test_weight_that_one_joint_lacks_is_found_and_the_fitted_robot_s_is_added():
+    robot, log = record("six-dof-arm", masses=1.3)
+    truth = robot.with_values({n: 1.3 * x for n, x in robot.nominal.items()})
     light = replace(log, tau=log.tau - (np.arange(6) == 1) * weight(truth, log))
     found = look(robot, light)
     assert np.flatnonzero(found.compensated).tolist() == [1]

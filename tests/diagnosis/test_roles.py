@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
+from identifiability import diagnose
 from identifiability.quality import recordings
-from identifiability.workflows.diagnose import diagnose
 
 
 def test_what_verifies_can_only_refute(logs_of, monkeypatch):

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability.robot import Robot
-from identifiability.simulation import Campaign, Noise, random_trajectory
-from identifiability.workflows.diagnose import diagnose
+from identifiability import Noise, Robot, diagnose
+from identifiability.simulation import Campaign, random_trajectory
 
 NAME = "function_of_session_time"
 #: What a drift resembles within each log, or in the mean.

@@ -5,9 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from identifiability import analyze
+from identifiability import analyze, diagnose
 from identifiability.effects import FAMILIES
-from identifiability.workflows.diagnose import diagnose
 
 FUNCTIONS = tuple(name for name, family in FAMILIES.items() if family.unnamed)
 #: What the planted friction would be called.

@@ -2,11 +2,8 @@
 
 import numpy as np
 
-from identifiability import diagnose, simulate
-from identifiability.logs.prepare import prepare_log
-from identifiability.regression.regression import Model
+from identifiability import Model, Robot, diagnose, prepare_log, simulate
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot
 from identifiability.simulation import random_trajectory
 from identifiability.workflows.diagnose import Problem, look
 from identifiability.workflows.diagnose.problem import know_nothing

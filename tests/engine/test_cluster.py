@@ -8,9 +8,9 @@ from functools import partial
 import cloudpickle
 import pytest
 
+from identifiability import IdentifiabilityError
 from identifiability.foundation import engines as clusters
 from identifiability.foundation.engines import Resumed, Serial, choose_engine
-from identifiability.foundation.errors import EngineError
 
 try:
     import distributed
@@ -55,7 +55,7 @@ def test_what_a_lost_worker_did_is_done_by_another(cluster, work, tmp_path):
 @needs_dask
 def test_an_item_that_ends_every_worker_is_one_sentence(cluster, work, monkeypatch):
     monkeypatch.setattr(cluster.workers.scheduler, "allowed_failures", 1)
-    with pytest.raises(EngineError, match="died again and again on the same item"):
+    with pytest.raises(IdentifiabilityError, match="died again and again on the same item"):
         list(cluster.map(work.end, range(2)))
 
 
@@ -63,7 +63,7 @@ def test_an_item_that_ends_every_worker_is_one_sentence(cluster, work, monkeypat
 def test_workers_with_another_program_are_refused(cluster, monkeypatch):
     module = sys.modules["identifiability.foundation.engines"]
     monkeypatch.setattr(module, "source_digest", lambda name: str(os.getpid()))
-    with pytest.raises(EngineError, match="do not have this version of identifiability"):
+    with pytest.raises(IdentifiabilityError, match="do not have this version of identifiability"):
         choose_engine(scheduler=cluster.client.scheduler.address)
 
 
@@ -90,11 +90,11 @@ def test_a_scheduler_that_is_not_there_is_said(monkeypatch):
     with socket.socket() as taken:  # bound, never listening: nobody answers
         taken.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{taken.getsockname()[1]}"
-        with pytest.raises(EngineError, match=f"no Dask scheduler at '{address}'"):
+        with pytest.raises(IdentifiabilityError, match=f"no Dask scheduler at '{address}'"):
             choose_engine(scheduler=address)
 
 
 def test_without_dask_one_sentence_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(EngineError, match=r"in a checkout pip install '.\[dist"):
+    with pytest.raises(IdentifiabilityError, match=r"in a checkout pip install '.\[dist"):
         choose_engine(scheduler="tcp://a:1")

@@ -7,8 +7,8 @@ from functools import partial
 import numpy as np
 import pytest
 
+from identifiability import IdentifiabilityError
 from identifiability.foundation.engines import Processes, Serial, choose_engine
-from identifiability.foundation.errors import EngineError, IdentifiabilityError, LogError
 
 
 @pytest.fixture(scope="module")
@@ -28,13 +28,15 @@ def test_the_first_error_arrives_as_itself_and_work_goes_on_afterwards(kind, two
     engine = Serial() if kind == "serial" else two
     results = engine.map(work.refuse, range(40))
     assert [next(results), next(results), next(results)] == [0, 1, 2]
-    with pytest.raises(LogError, match=r"^Item 3 is bad\.$"):
+    with pytest.raises(IdentifiabilityError, match=r"^Item 3 is bad\.$"):
         next(results)
     assert list(engine.map(work.refuse, [2, 1])) == [2, 1]
 
 
 def test_a_lost_worker_is_one_sentence_and_work_goes_on_afterwards(two, work):
-    with pytest.raises(EngineError, match="was lost, most likely for lack of memory; give fewer"):
+    with pytest.raises(
+        IdentifiabilityError, match="was lost, most likely for lack of memory; give fewer"
+    ):
         list(two.map(work.end, range(4)))
     assert list(two.map(work.refuse, [2, 1])) == [2, 1]
 

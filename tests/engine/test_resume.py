@@ -5,9 +5,9 @@ from functools import partial
 import numpy as np
 import pytest
 
+from identifiability import IdentifiabilityError
 from identifiability.foundation import engines as prints
 from identifiability.foundation.engines import Resumed, Serial
-from identifiability.foundation.errors import OutputError
 
 calls = []
 
@@ -102,7 +102,9 @@ def test_another_program_is_new_work(run, monkeypatch):
 
 def test_a_folder_that_cannot_be_made_is_one_sentence(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match=r"file' cannot keep finished work: .*; give a folder\."):
+    with pytest.raises(
+        IdentifiabilityError, match=r"file' cannot keep finished work: .*; give a folder\."
+    ):
         Resumed(Serial(), tmp_path / "file")
 
 
@@ -110,5 +112,5 @@ def test_a_folder_that_everybody_can_write_to_is_refused(tmp_path):
     folder = tmp_path / "work"
     folder.mkdir()
     folder.chmod(0o777)
-    with pytest.raises(OutputError, match="can be written to by everybody"):
+    with pytest.raises(IdentifiabilityError, match="can be written to by everybody"):
         Resumed(Serial(), folder)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identifiability.regression.regression import Model
-from identifiability.robot import Robot, complete_motion
-from identifiability.workflows.excite import excite
+from identifiability import Model, Robot, excite
+from identifiability.robot import complete_motion
 
 
 def regressor(robot, trajectory, effects, columns=None, samples=None):

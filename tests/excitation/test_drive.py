@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from identifiability import excite
-from identifiability.robot import Robot, complete_motion
-from identifiability.simulation import PrescribedMotion, simulate
-from identifiability.workflows.excite.limits import Drive, find_limits
+from identifiability import Robot, excite, simulate
+from identifiability.simulation import PrescribedMotion
 
 QUICK = {"evaluations": 400, "samples": 200, "duration": 4.0}
 
@@ -18,17 +16,6 @@ def arm() -> Robot:
 
 def torque_of(robot, motion):
     return simulate(robot, motion).tau
-
-
-def test_the_nominal_torque_is_that_of_the_simulated_robot(arm):
-    free = excite(arm, seed=0, **QUICK)
-    motion = PrescribedMotion(*free.motion)
-    limits = find_limits(arm, {arm.joints[0]: {"tau": 1e3}})
-    drive = Drive.of(arm, limits)
-    moved = complete_motion(arm, motion.t, motion.q, motion.dq, motion.ddq)
-    most = np.abs(torque_of(arm, motion)[:, 0]) / 1e3
-    np.testing.assert_allclose(drive.load(moved), most, atol=1e-9)
-    assert Drive.of(arm, find_limits(arm)) is None
 
 
 @pytest.mark.parametrize("kind", ["tau", "power"])

@@ -5,10 +5,8 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
 
 from identifiability import excite
-from identifiability.cli import app
 from identifiability.simulation.motion import find_motion, read_trajectories
 
 
@@ -78,14 +76,13 @@ def test_the_report_is_whole_and_states_the_answer(which, request, tmp_path):
     assert text.count("data-trace=") == 3 * len(result.limits.joints)
 
 
-def test_the_command_separates_and_starts_from_a_log(simulated, tmp_path):
+def test_the_command_separates_and_starts_from_a_log(simulated, succeeds, tmp_path):
     log = tmp_path / "run.csv"
     simulated("two-link", "a", samples=100).write(log)
     out = tmp_path / "m.csv"
-    words = ["two-link", "--start-from", str(log), "--out", str(out), "--set", "evaluations=100"]
+    words = ["two-link", "--start-from", log, "--out", out, "--set", "evaluations=100"]
     pair = ["-v", "--separate", "joint_stiffness", "--separate", "torque_offset"]
-    result = CliRunner().invoke(app, ["excite", *words, *pair])
-    assert result.exit_code == 0, result.output
+    result = succeeds("excite", *words, *pair)
     assert "measured again (geometric mean)" in result.output
     assert "t,shoulder.q" in out.read_text().splitlines()[0]
 
@@ -97,9 +94,11 @@ def test_the_command_separates_and_starts_from_a_log(simulated, tmp_path):
         (["two-link", "--out", "m.json", "--limits", "none.toml"], "no limits file 'none.toml'"),
     ],
 )
-def test_the_command_says_in_one_sentence_what_is_wrong(words, sentence, tmp_path, monkeypatch):
+def test_the_command_says_in_one_sentence_what_is_wrong(
+    words, sentence, command, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
-    result = CliRunner().invoke(app, ["excite", *words])
+    result = command("excite", *words)
     assert result.exit_code == 2
     assert sentence in result.output
     assert "Traceback" not in result.output

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability.foundation.errors import RobotError
-from identifiability.robot import Robot
+from identifiability import IdentifiabilityError, Robot
 from identifiability.workflows.excite.limits import Limits, find_limits
 from identifiability.workflows.excite.search import Series
 
@@ -24,25 +23,6 @@ def test_every_candidate_keeps_its_limits_at_every_time(harmonics, level):
     assert np.all(np.abs(q - LIMITS.middle) <= slack * LIMITS.half_range)
     assert np.all(np.abs(v) <= slack * LIMITS.speed)
     assert np.all(np.abs(a) <= slack * LIMITS.acceleration)
-
-
-def test_large_candidates_fill_a_limit_and_small_ones_do_not():
-    series = Series(LIMITS, 7.5, 5)
-    x = np.random.default_rng(0).standard_normal((2, series.size))
-    x[:, :20] *= np.array([[100.0], [0.01]])
-    q, v, a = series.motion(x, 2000)
-    far, fast = np.ptp(q, axis=1) / (2 * LIMITS.half_range), np.abs(v).max(1) / LIMITS.speed
-    used = np.max([far, fast, np.abs(a).max(1) / LIMITS.acceleration], axis=0)
-    assert np.all(used[0] > 0.99)
-    assert np.all(used[1] < 0.1)
-
-
-def test_the_trajectory_of_a_candidate_is_its_motion():
-    series = Series(LIMITS, 4.0, 3)
-    x = series.draw(1, np.random.default_rng(1))
-    path = series.trajectory(x[0], 50, "x")
-    for ours, theirs in zip(path.motion(path.times()), series.motion(x, 50), strict=True):
-        np.testing.assert_allclose(ours, theirs[0], atol=1e-12)
 
 
 def test_limits_come_from_the_robot_and_are_replaced_by_a_file(tmp_path):
@@ -66,7 +46,7 @@ def test_limits_come_from_the_robot_and_are_replaced_by_a_file(tmp_path):
 def test_wrong_limits_are_refused_in_one_sentence(tmp_path, text, sentence):
     file = tmp_path / "limits.toml"
     file.write_text(text)
-    with pytest.raises(RobotError, match=sentence.replace("[", r"\[")) as error:
+    with pytest.raises(IdentifiabilityError, match=sentence.replace("[", r"\[")) as error:
         find_limits(Robot.load("3-rps"), file)
     assert "\n" not in str(error.value)
 

@@ -9,12 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from identifiability import Dataset, Model, Regression, Robot, export, prepare_log
 from identifiability.effects import FAMILIES
-from identifiability.logs.prepare import Dataset, prepare_log
 from identifiability.logs.prepare.instruments import add_instrument
-from identifiability.regression.regression import Model, Regression
-from identifiability.robot import Robot
-from identifiability.workflows.export import export
 
 from ..roads import in_mujoco, in_pinocchio, project
 

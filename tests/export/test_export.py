@@ -5,25 +5,19 @@ import subprocess
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from identifiability import analyze
-from identifiability.cli import app
+from identifiability import Model, Robot, analyze, export, simulate
 from identifiability.physical.fitted_model import FittedModel
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import random_motion
-from identifiability.robot import Robot
-from identifiability.simulation import PrescribedMotion, simulate
-from identifiability.workflows.export import export
+from identifiability.simulation import PrescribedMotion
 
 
 @pytest.fixture(scope="module")
-def exported(simulated_session, tmp_path_factory):
+def exported(simulated_session, succeeds, tmp_path_factory):
     folder = tmp_path_factory.mktemp("export")
     result = analyze("3-rps", simulated_session("3-rps", "601", 0), replicates=0)
     path = result.to_json(folder / "result.json")
-    out = CliRunner().invoke(app, ["export", "3-rps", str(path), "--out", str(folder / "fit.xml")])
-    assert out.exit_code == 0, out.output
+    succeeds("export", "3-rps", path, "--out", folder / "fit.xml")
     return result, folder / "fit.xml"
 
 
@@ -59,21 +53,19 @@ def test_the_feasible_estimate_is_near_the_data_and_the_file(exported):
     assert result.structure.nominal.shape == (85,)
 
 
-def test_a_result_of_another_robot_is_refused(exported, tmp_path):
+def test_a_result_of_another_robot_is_refused(exported, command, tmp_path):
     result, _ = exported
     path = result.to_json(tmp_path / "result.json")
-    run = CliRunner().invoke(
-        app, ["export", "two-link", str(path), "--out", str(tmp_path / "x.xml")]
-    )
+    run = command("export", "two-link", path, "--out", tmp_path / "x.xml")
     assert run.exit_code == 2
     assert "is about '3-rps'" in run.output
     path.write_text(json.dumps({"robot": {"name": "3-rps"}}))
-    run = CliRunner().invoke(app, ["export", "3-rps", str(path), "--out", str(tmp_path / "x.xml")])
+    run = command("export", "3-rps", path, "--out", tmp_path / "x.xml")
     assert "holds no real robot to be exported" in run.output.replace("\n", " ")
     assert not (tmp_path / "x.xml").exists()
 
 
-def test_a_patch_turns_the_own_file_into_the_exported_one(simulated_session, tmp_path):
+def test_a_patch_turns_the_own_file_into_the_exported_one(simulated_session, succeeds, tmp_path):
     source = Robot.load("six-dof-arm").path
     for path in (source, source.with_suffix(".toml")):
         (tmp_path / path.name).write_bytes(path.read_bytes())
@@ -82,9 +74,7 @@ def test_a_patch_turns_the_own_file_into_the_exported_one(simulated_session, tmp
     stated = result.to_json(tmp_path / "result.json")
     (tmp_path / "other").mkdir()
     whole = export(robot, stated, tmp_path / "other" / source.name)
-    command = ["export", str(robot.path), str(stated), "--patch", "--out"]
-    done = CliRunner().invoke(app, [*command, str(tmp_path / "arm.patch")])
-    assert done.exit_code == 0, done.output
+    succeeds("export", robot.path, stated, "--patch", "--out", tmp_path / "arm.patch")
     subprocess.run(["git", "apply", "arm.patch"], cwd=tmp_path, check=True)
     assert robot.path.read_bytes() == whole.robot.read_bytes()
     assert Robot.load(robot.path).nominal == Robot.load(whole.robot).nominal

@@ -9,12 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import analyze, simulate
-from identifiability.regression.regression import Model, Regression
-from identifiability.robot import Robot
-from identifiability.simulation import Noise
+from identifiability import Model, Noise, Regression, Robot, analyze, export, simulate
 from identifiability.simulation.motion import find_motion
-from identifiability.workflows.export import export
 from studies.drawn_robots import draw_arm
 
 from ..roads import in_mujoco, in_pinocchio, project

@@ -1,10 +1,8 @@
 """A real robot weighs about what its file says; a far heavier one is told of, with a remedy."""
 
 import pytest
-from typer.testing import CliRunner
 
 from identifiability import Robot, analyze
-from identifiability.cli import app
 from identifiability.physical.cad_prior import state_mass, total_mass
 from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.report import build_analysis_page
@@ -29,14 +27,12 @@ def test_a_robot_of_which_the_logs_say_little_weighs_as_its_file_says(log, tmp_p
     assert sum(row["mass_file"] for row in rows) == pytest.approx(25.248, rel=1e-3)
 
 
-def test_without_the_prior_a_heavy_robot_is_told_of_and_the_remedy_works(log, tmp_path):
+def test_without_the_prior_a_heavy_robot_is_told_of_and_the_remedy_works(log, command, tmp_path):
     result = analyze("3-rps", log, ladder=FULL, replicates=50, cad_prior=0.0)
     mass = total_mass(result.robot, result.chosen.physical.parameters())
     assert mass > 3 * 25.248
     path = result.to_json(tmp_path / "result.json")
-    run = CliRunner().invoke(
-        app, ["export", "3-rps", str(path), "--out", str(tmp_path / "x.xml"), "--force"]
-    )
+    run = command("export", "3-rps", path, "--out", tmp_path / "x.xml", "--force")
     first = run.output.splitlines()[0]
     assert first.startswith(f"The nearest real robot weighs {mass:.4g} kg, that of the robot file ")
     assert first.endswith("--set cad_prior=1 keeps it nearer to the file's proportions.")

@@ -3,13 +3,11 @@
 import mujoco
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from identifiability import Robot, analyze, simulate
-from identifiability.cli import app
+from identifiability import Noise, Robot, analyze, export, simulate
 from identifiability.robot.locate import shipped_robots
-from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
-from identifiability.workflows.export import export, write_parameters
+from identifiability.simulation import PrescribedMotion, shipped_trajectory
+from identifiability.workflows.export import write_parameters
 
 DRIVEN = [n for n in shipped_robots() if Robot.load(n).offsets]
 AGREE = 1e-9
@@ -109,28 +107,23 @@ def test_an_mjcf_errs_alone_as_little_as_with_all_and_a_urdf_says_what_it_lacks(
     assert "fit.urdf alone errs by" in urdf.statement
 
 
-def test_a_file_that_is_worse_than_the_one_it_comes_from_needs_force(told, tmp_path):
+def test_a_file_that_is_worse_than_the_one_it_comes_from_needs_force(told, command, tmp_path):
     _, path, unseen = told
     unseen.to_frame().to_csv(tmp_path / "unseen.csv", index=False)
     out = tmp_path / "fit.urdf"
-    words = ["export", "two-link", str(path), "--out", str(out)]
-    words += ["--validate", str(tmp_path / "unseen.csv")]
-    run = CliRunner().invoke(app, words)
+    words = ["export", "two-link", path, "--out", out, "--validate", tmp_path / "unseen.csv"]
+    run = command(*words)
     assert run.exit_code == 2
     assert "worse than the file that it comes from" in " ".join(run.output.split())
     assert not out.exists()
-    assert CliRunner().invoke(app, [*words, "--force"]).exit_code == 0
+    assert command(*words, "--force").exit_code == 0
     assert out.exists()
 
 
 @pytest.mark.parametrize("ending", ["xml", "urdf"])
-def test_a_file_of_a_robot_with_a_locked_joint_is_read_again(tmp_path, ending):
+def test_a_file_of_a_robot_with_a_locked_joint_is_read_again(simulated, tmp_path, ending):
     robot = Robot.load("two-link", lock=["elbow"])
-    frame = simulate(
-        Robot.load("two-link"),
-        PrescribedMotion.of(shipped_trajectory(Robot.load("two-link"), "a"), 200),
-        noise=Noise(torque=0.02), rng=np.random.default_rng(0),
-    ).to_frame()  # fmt: skip
+    frame = simulated("two-link", "a", 0, Noise(torque=0.02), 200).to_frame()
     alone = frame[["t", "shoulder.q", "shoulder.tau"]]
     path = analyze(robot, alone, replicates=0).to_json(tmp_path / "result.json")
     found = export(robot, path, tmp_path / f"fit.{ending}", validate=alone, force=True)

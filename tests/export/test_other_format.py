@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from identifiability.regression.regression import Model
+from identifiability import Model, Robot, simulate
 from identifiability.regression.structure import random_motion
-from identifiability.robot import Robot, complete_motion
-from identifiability.simulation import PrescribedMotion, simulate
+from identifiability.robot import complete_motion
+from identifiability.simulation import PrescribedMotion
 from identifiability.workflows.export import write_parameters
 
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia",

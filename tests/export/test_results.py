@@ -5,10 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from identifiability import Robot, analyze, diagnose, simulate
-from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
-from identifiability.workflows.export import export
+from identifiability import IdentifiabilityError, Noise, Robot, analyze, diagnose, export, simulate
+from identifiability.simulation import PrescribedMotion, shipped_trajectory
 
 QUIET = Noise(torque=0.02)
 

@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from identifiability.robot import Robot
-from identifiability.simulation import PrescribedMotion, simulate
+from identifiability import Robot, simulate
+from identifiability.simulation import PrescribedMotion
 from identifiability.workflows.export import write_parameters
 
 TRANSMISSION = """<transmission name="t{0}"><joint name="{0}">

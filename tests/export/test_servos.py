@@ -13,39 +13,24 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from identifiability import Robot, analyze
-from identifiability.cli import app
-from identifiability.foundation.errors import RobotError
+from identifiability import IdentifiabilityError, Robot, analyze, export
 from identifiability.physical.fitted_model import physical_set
-from identifiability.workflows.export import draw_robots, export, write_parameters
+from identifiability.workflows.export import draw_robots, write_parameters
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "studies"))
 
 import servo_robots as servos  # noqa: E402
 
-SIDECAR = """
-[servo]
-kp = {shoulder = 1200, "elb*" = 300}
-kv = {shoulder = 50, "*" = 8}
-limit = 900
-"""
-TRUTH = {
-    **{"shoulder.Ia": 0.11, "shoulder.Fv": 2.0, "shoulder.Fc": 1.1, "shoulder.off": 0.8},
-    **{"elbow.Ia": 0.05, "elbow.Fv": 0.9, "elbow.Fc": 0.5, "elbow.off": -0.4},
-}
+from ..made_servos import TRUTH, load_arm  # noqa: E402
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     """A two-link arm with servos, a log of commands and the JSON of its analysis."""
     folder = tmp_path_factory.mktemp("arm")
-    text = (ROOT / "models/two-link/robot.xml").read_text()
-    (folder / "arm.xml").write_text(text)
-    (folder / "arm.toml").write_text(SIDECAR)
-    robot, rng = Robot.load(folder / "arm.xml"), np.random.default_rng(3)
+    robot, rng = load_arm(folder), np.random.default_rng(3)
     how = servos.Recorder(rate=200.0, delay=0.007, bits=14)
     frames = []
     for seconds in (6.0, 3.0):
@@ -53,15 +38,6 @@ def made(tmp_path_factory):
         frames.append(servos.record(robot, TRUTH, commands, seconds, how, rng))
     result = analyze(robot, frames[0], frames[1], quick=True)
     return robot, frames, result, result.to_json(folder / "result.json")
-
-
-def test_a_servo_and_its_offset_are_read_back(made, tmp_path):
-    robot = made[0]
-    written = write_parameters(robot, {"elbow.off": 0.3}, tmp_path / "arm.xml").robot
-    assert mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml")).opt.timestep == 0.001
-    again = Robot.load(written)
-    np.testing.assert_array_equal([again.servo.kp, again.servo.kv], [[1200, 300], [50, 8]])
-    assert again.nominal["elbow.off"] == pytest.approx(0.3)
 
 
 def test_the_rollout_error_of_unseen_motion_is_stated(made):
@@ -92,7 +68,7 @@ def test_an_mjcf_gets_the_servos_of_the_sidecar_and_says_delay_and_step(made):
     assert re.search(r"Commands act [\d.]+ ms after their rows?", text)
     assert "for its own step of 1 ms" in text
     model = mujoco.MjModel.from_xml_path(str(out))
-    assert model.nu == 2
+    assert (model.nu, model.opt.timestep) == (2, 0.001)
     np.testing.assert_allclose(model.actuator_gainprm[:, 0], [1200, 300])
     damping = robot.servo.damping
     np.testing.assert_allclose(model.actuator_biasprm[:, 1:3].T, [[-1200, -300], -damping])
@@ -108,7 +84,8 @@ def test_an_mjcf_gets_the_servos_of_the_sidecar_and_says_delay_and_step(made):
         assert model.dof_damping[k] == pytest.approx(values[f"{joint}.Fv"])
         assert model.dof_frictionloss[k] == pytest.approx(values[f"{joint}.Fc"])
     again = Robot.load(out)
-    np.testing.assert_allclose(again.servo.kp, robot.servo.kp)
+    np.testing.assert_allclose([again.servo.kp, again.servo.kv], [robot.servo.kp, robot.servo.kv])
+    assert again.nominal["elbow.off"] == pytest.approx(values["elbow.off"])
 
 
 def test_servos_of_an_mjcf_go_with_its_urdf(tmp_path):
@@ -137,7 +114,7 @@ def test_a_configuration_for_isaac_lab_holds_what_was_fitted(made):
             {j: values[f"{j}.{kind}"] for j in robot.joints}, rel=1e-5
         )
     assert ast.literal_eval(told["stiffness"]) == {"shoulder": 1200, "elbow": 300}
-    with pytest.raises(RobotError, match="states no gains of servos"):
+    with pytest.raises(IdentifiabilityError, match="states no gains of servos"):
         export("two-link", path, path.with_name("none.py"), "isaaclab")
 
 
@@ -219,9 +196,9 @@ def test_true_robots_lie_in_the_joint_set_of_the_draws(count, simulated):
         (["--prior", "0.3", "--out", "x.xml"], "say how many"),
     ],
 )
-def test_what_cannot_be_drawn_is_refused(made, words, said, monkeypatch):
+def test_what_cannot_be_drawn_is_refused(made, words, said, command, monkeypatch):
     robot, _, _, path = made
     monkeypatch.chdir(path.parent)
-    done = CliRunner().invoke(app, ["export", str(robot.path), str(path), *words])
+    done = command("export", robot.path, path, *words)
     assert done.exit_code == 2
     assert said in " ".join(done.output.split())

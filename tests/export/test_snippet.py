@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 import pytest
 
+from identifiability import Model, Robot
 from identifiability.effects import FAMILIES
-from identifiability.regression.regression import Model
-from identifiability.robot import Robot, complete_motion
+from identifiability.robot import complete_motion
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.workflows.export.snippet import OWN, write_snippet
 from identifiability.workflows.export.workflow import _reread, write_parameters

@@ -5,14 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import Robot, analyze, simulate
+from identifiability import Model, Robot, simulate
 from identifiability.effects import FAMILIES
 from identifiability.effects.vocabulary import values_in_file
-from identifiability.regression.reduction import LadderEntry, ModelEntry
-from identifiability.regression.regression import Model
 from identifiability.robot import complete_motion
 from identifiability.robot.closure import known_torque
-from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_trajectory
+from identifiability.simulation import PrescribedMotion
 from identifiability.simulation.forces import left_out
 from identifiability.workflows.export import write_parameters
 
@@ -90,21 +88,3 @@ def test_file_and_sidecar_are_what_was_fitted(name, given, tmp_path):
     held = values_in_file(robot, values)
     assert {n for n in PLANTED[name] if held[n] == 0} == set(written.beside)
     assert [torque for _, torque in copy.known_torque[0].table] == [1.0, 0.2, -2.0]
-
-
-def test_mujoco_has_the_springs_of_the_file_and_its_error_is_the_stated_one(replayed, tmp_path):
-    robot = Robot.load("five-bar")
-    motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 250)
-    log = simulate(
-        robot, motion, noise=PAPER_NOISE, hide=["free_spring=0.2"], rng=np.random.default_rng(3)
-    )
-    effects = ["rigid_body", "viscous_friction", "coulomb_friction", "free_spring"]
-    ladder = LadderEntry(models=[ModelEntry(name="fitted", effects=effects)])
-    result = analyze(robot, log, ladder=ladder, replicates=0)
-    parameters = result.chosen.physical.parameters()
-    signs = {parameters[f"{a.name}.k"] > 0 for a in (*robot.axes, *robot.passive_axes)}
-    assert signs == {True, False}
-    found = replayed(robot, result, log, tmp_path)
-    assert found.mujoco == pytest.approx(found.stated["error_ra_file"], rel=1e-4)
-    assert found.whole == pytest.approx(found.stated["error_ra"], rel=1e-4)
-    assert list(found.exported.beside) == ["spring with an unknown rest"]

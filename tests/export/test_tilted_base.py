@@ -3,16 +3,14 @@
 import numpy as np
 import pytest
 
-from identifiability import Robot, analyze, diagnose, simulate
-from identifiability.effects.base import GravityTilt, horizontal_axes, tilt_text
+from identifiability import Model, Noise, Robot, analyze, diagnose, export, simulate
+from identifiability.effects.base import horizontal_axes, tilt_text
 from identifiability.effects.nominal import rigid_torque
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, random_motion
 from identifiability.robot import complete_motion
 from identifiability.robot.kinematics import turn
-from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
+from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.simulation.mujoco_robot import MujocoRobot
-from identifiability.workflows.export import export
 from identifiability.workflows.export.workflow import write_parameters
 
 ANGLES = (1.0, 30.0, 90.0, 180.0)
@@ -79,19 +77,6 @@ def test_gravity_of_an_mjcf_that_is_not_down_turns_the_base_of_its_urdf(tmp_path
     own = motion.actuated_q, motion.actuated_v, motion.actuated_a
     again = complete_motion(copy, motion.t, *own)
     np.testing.assert_allclose(rigid_torque(copy, again), rigid_torque(robot, motion), atol=1e-9)
-
-
-def test_a_model_says_where_gravity_points_and_reads_it_again():
-    text = tilt_text(np.array([0.0, 9.81, 0.0]) / 9.81)
-    model = Model.of("rigid_body", text)
-    assert model.texts == ("rigid_body", text)
-    robot = Robot.load("two-link")
-    turned = model.turn(robot)
-    np.testing.assert_allclose(turned.gravity, [0, 9.81, 0], atol=1e-12)
-    np.testing.assert_allclose(model.turn(turned).gravity, turned.gravity)
-    assert turned.tilt.degrees == pytest.approx(90.0)
-    assert robot.tilt is None
-    assert GravityTilt().turn(robot) is robot
 
 
 @pytest.fixture(scope="module")

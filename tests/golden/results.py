@@ -30,6 +30,7 @@ from unittest.mock import patch
 import numpy as np
 
 from identifiability import (
+    Noise,
     Robot,
     analyze,
     calibrate,
@@ -42,7 +43,7 @@ from identifiability import (
 )
 from identifiability.foundation.output import plain
 from identifiability.foundation.rules import RuleTable
-from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
+from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.workflows.analyze.belief import EFFORT
 
 HERE = Path(__file__).resolve().parent

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from identifiability.estimation.rules import Thresholds
+from identifiability import Thresholds
 
 from . import results as golden
 

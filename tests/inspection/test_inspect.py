@@ -6,12 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability import Inspection, Robot, inspect
-from identifiability.foundation.errors import LogError
+from identifiability import IdentifiabilityError, Inspection, Log, Robot, inspect, simulate
 from identifiability.foundation.findings import of_key
-from identifiability.logs import Log
 from identifiability.report.results import build_page
-from identifiability.simulation import PrescribedMotion, random_trajectory, simulate
+from identifiability.simulation import PrescribedMotion, random_trajectory
 from identifiability.workflows.inspect import template_frame
 
 GRIPPER = """<mujoco><compiler angle="radian"/><worldbody><body name="arm">
@@ -112,10 +110,10 @@ def test_gaps_are_those_that_were_put_in(run):
 
 def test_what_cannot_be_prepared_or_read_is_refused(run):
     shoulder, elbow = np.degrees(run.q).T
-    with pytest.raises(LogError, match="degrees"):
+    with pytest.raises(IdentifiabilityError, match="degrees"):
         look(run, shoulder__q=shoulder, elbow__q=elbow)
     torqueless = run.to_frame().drop(columns=["shoulder.tau", "elbow.tau"])
-    with pytest.raises(LogError, match="torque"):
+    with pytest.raises(IdentifiabilityError, match="torque"):
         inspect("two-link", torqueless)
 
 

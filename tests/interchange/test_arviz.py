@@ -5,8 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from identifiability import analyze
-from identifiability.foundation.errors import ModelError
+from identifiability import IdentifiabilityError, analyze
 
 pytest.importorskip("arviz_base", reason="needs the extra 'arviz'")
 arviz = pytest.importorskip("arviz_stats")
@@ -54,8 +53,10 @@ def test_standard_parameters_stand_beside_those_of_the_model(result):
 
 def test_what_is_not_there_is_said_in_a_sentence(result, simulated_session, monkeypatch):
     bare = analyze("two-link", simulated_session("two-link", "a", samples=200), replicates=0)
-    with pytest.raises(ModelError, match=r"ask for it with analyze\(…, posterior=True\)\.$"):
+    with pytest.raises(
+        IdentifiabilityError, match=r"ask for it with analyze\(…, posterior=True\)\.$"
+    ):
         bare.to_arviz()
     monkeypatch.setitem(sys.modules, "xarray", None)
-    with pytest.raises(ModelError, match=r"pip install '\.\[arviz\]'\.$"):
+    with pytest.raises(IdentifiabilityError, match=r"pip install '\.\[arviz\]'\.$"):
         result.to_arviz()

@@ -6,12 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability.foundation.errors import LogError
+from identifiability import IdentifiabilityError, Log, Robot
 from identifiability.foundation.names import Renames
-from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.formats.bags import read_bag
-from identifiability.robot import Robot
 
 pytest.importorskip("rosbags", reason="needs the extra 'ros'")
 
@@ -20,7 +18,7 @@ COLUMNS = [f"{j}.{c}" for c in ("q", "dq", "tau") for j in JOINTS]
 
 
 def refused(path) -> str:
-    with pytest.raises(LogError) as error:
+    with pytest.raises(IdentifiabilityError) as error:
         Log.read(path)
     return str(error.value)
 
@@ -90,7 +88,7 @@ def test_a_topic_shared_with_a_gripper_is_read_by_naming_the_joints(frame, state
     np.testing.assert_array_equal(renamed.q, log.q)
     assert renamed.joints == ("a", "b")
     assert renamed.notes[1].startswith("columns were renamed (shoulder.q is a.q")
-    with pytest.raises(LogError, match="and no message of all joints that are needed"):
+    with pytest.raises(IdentifiabilityError, match="and no message of all joints that are needed"):
         Log.read(bag, Conventions(joints=("a", "b")))
 
 

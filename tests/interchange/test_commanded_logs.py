@@ -12,8 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from identifiability import Robot, predict
-from identifiability.foundation.errors import LogError
+from identifiability import IdentifiabilityError, Robot, predict
 from identifiability.logs.conventions import Conventions
 from identifiability.quality.recordings import read_logs
 
@@ -37,7 +36,7 @@ def read(robot, given):
 
 
 def refused(robot, given) -> str:
-    with pytest.raises(LogError) as error:
+    with pytest.raises(IdentifiabilityError) as error:
         read(robot, given)
     assert "\n" not in str(error.value)
     return str(error.value)
@@ -117,7 +116,7 @@ base_yaw = {scale = 0.017453292519943295}
 def test_units_that_nobody_stated_are_refused_with_what_to_write(scale, said, arm, frame):
     motion = frame.drop(columns="t")
     table = (motion * scale + (0 if scale < 60 else 2048)).assign(t=frame["t"])
-    with pytest.raises(LogError, match=said) as error:
+    with pytest.raises(IdentifiabilityError, match=said) as error:
         predict(arm, arm, table, forward=True)
     assert "= {scale = …, offset = …} in the sidecar" in str(error.value)
 

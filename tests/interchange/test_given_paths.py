@@ -10,10 +10,9 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from identifiability import Robot
+from identifiability import Log, Robot
 from identifiability.cli import app
 from identifiability.foundation.names import shorten_paths
-from identifiability.logs import Log
 
 OPTIONS = {
     verb: {o for p in command.params for o in p.opts}
@@ -83,8 +82,8 @@ def test_every_log_counts_and_what_is_proposed_runs_as_it_is_printed(logs, folde
     assert (folder / "result.json").read_bytes() == before
 
 
-def test_the_topic_that_has_effort_is_proposed_where_it_is(folder):
-    done = CliRunner().invoke(app, ["analyze", ROBOT, str(folder / "bag1")])
+def test_the_topic_that_has_effort_is_proposed_where_it_is(folder, command):
+    done = command("analyze", ROBOT, folder / "bag1")
     (proposed,) = re.findall(r"name one of them as '(.*)'", done.output)
     assert proposed == f"{folder / 'bag1'}:/joint_states"
     assert len(Log.read(proposed)) == 200

@@ -5,12 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability.logs.prepare import prepare_log
+from identifiability import Model, Noise, Robot, prepare_log, simulate
 from identifiability.quality import MeasuredLogs, find_oddities
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot
-from identifiability.simulation import Noise, random_trajectory, simulate
+from identifiability.simulation import random_trajectory
 
 MODEL = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 

@@ -6,12 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import analyze
+from identifiability import IdentifiabilityError, Robot, analyze, prepare_log
 from identifiability.effects.nominal import gravity_torque
-from identifiability.foundation.errors import RobotError
-from identifiability.logs.prepare import prepare_log
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot, complete_motion
+from identifiability.robot import complete_motion
 
 
 def weight(robot, log):
@@ -45,5 +43,5 @@ def test_what_is_said_of_compensated_effort_mends_it(good, tmp_path):
     assert any("was added to the measured torque" in note for note in ours.notes)
     said = with_sidecar(structure, tmp_path, "compensated = false").robot
     assert not any("compensated" in x for x in analyze(said, light, replicates=0).hints)
-    with pytest.raises(RobotError, match=r"\[torque.compensated\] names 'joint_9'"):
+    with pytest.raises(IdentifiabilityError, match=r"\[torque.compensated\] names 'joint_9'"):
         with_sidecar(structure, tmp_path, 'compensated = ["joint_9"]')

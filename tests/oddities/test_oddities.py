@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import analyze
-from identifiability.logs.prepare import prepare_log
+from identifiability import analyze, prepare_log
 from identifiability.quality import MeasuredLogs, find_oddities
 from identifiability.quality.registry import CHECKS, Does, check
 from identifiability.regression.structure import Structure

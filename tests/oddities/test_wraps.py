@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability.logs import Log, rows
+from identifiability import Log
+from identifiability.logs import rows
 from identifiability.logs.spikes import TURN, find_wraps
 from identifiability.quality.mends import unwrap_log
 

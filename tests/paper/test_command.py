@@ -7,21 +7,18 @@ from pathlib import Path
 
 import pytest
 import table_1_base_parameters
-from paper_study import command
+from paper_study import command as study_command
 from paper_study.result import StudyCheck
-from typer.testing import CliRunner
 
-from identifiability.cli import app
-
-FOLDER = Path(command.__file__).resolve().parents[1]
+FOLDER = Path(study_command.__file__).resolve().parents[1]
 
 #: The module; its name in `identifiability.cli` is the command.
 module = import_module("identifiability.cli.verbs")
 
 
 @pytest.fixture
-def run():
-    return lambda *words: CliRunner().invoke(app, ["paper", *map(str, words)])
+def run(command):
+    return lambda *words: command("paper", *words)
 
 
 @pytest.fixture

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identifiability import Robot, analyze
-from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
+from identifiability import Noise, Robot, analyze
+from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.simulation.simulator import Campaign
 
 sys.path.insert(0, str(Path(__file__).parent))

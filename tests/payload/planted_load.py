@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from identifiability import Robot
 from identifiability.foundation.names import GROUPED_KINDS, Array
-from identifiability.robot import Robot
 from identifiability.simulation.motion import PrescribedMotion
 from identifiability.simulation.mujoco_robot import MujocoRobot
 from identifiability.simulation.simulator import Campaign

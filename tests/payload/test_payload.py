@@ -6,11 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from planted_load import PlantedLoad
-from typer.testing import CliRunner
 
-from identifiability import analyze, compare, payload
-from identifiability.cli import app
-from identifiability.foundation.errors import IdentifiabilityError
+from identifiability import IdentifiabilityError, analyze, compare, payload
 from identifiability.foundation.rounding import REACH
 from identifiability.physical.pseudo_inertia import check_body
 from identifiability.regression.reduction import DEFAULT_EFFECTS, LadderEntry, ModelEntry
@@ -133,7 +130,9 @@ def test_of_logs_with_different_loads_it_is_said_which_has_more(fit, make_logs, 
     assert "the logs have different loads" in mixed.statement
 
 
-def test_the_command_answers_first_and_writes_what_was_asked(fit, make_logs, planted, tmp_path):
+def test_the_command_answers_first_and_writes_what_was_asked(
+    fit, make_logs, planted, succeeds, tmp_path
+):
     result, loaded, bare = (tmp_path / f for f in ("result.json", "with.csv", "without.csv"))
     result.write_text(
         json.dumps({"robot": {"name": ARM}, "fit": {**fit(ARM).to_dict(), "preparation": {}}})
@@ -142,8 +141,7 @@ def test_the_command_answers_first_and_writes_what_was_asked(fit, make_logs, pla
         log.to_frame().to_csv(path, index=False)
     page, data = tmp_path / "load.html", tmp_path / "load.json"
     words = [ARM, result, loaded, "--without", bare, "--report", page, "--json", data]
-    out = CliRunner().invoke(app, ["payload", *map(str, words)])
-    assert out.exit_code == 0, out.output
+    out = succeeds("payload", *words)
     assert " kg ± " in out.stdout.splitlines()[0]
     assert "at body link_6" in out.stdout.splitlines()[0]
     content = json.loads(data.read_text())

@@ -3,16 +3,13 @@
 import numpy as np
 import pytest
 
-from identifiability import Robot, analyze, simulate
-from identifiability.foundation.errors import RobotError
+from identifiability import IdentifiabilityError, Model, Noise, Robot, analyze, simulate
 from identifiability.physical.feasibility import certify
 from identifiability.physical.fitted_model import LeastSquares, PhysicalSet, physical_set
 from identifiability.physical.project import project
 from identifiability.posterior.exact import build_sampler
 from identifiability.posterior.target import Prior, Target
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.simulation import Noise
 from identifiability.simulation.motion import find_motion
 
 ARM = """<mujoco><compiler autolimits="true"/><worldbody>
@@ -96,7 +93,7 @@ def test_masses_are_bounded_body_by_body_and_in_all_and_a_name_goes_before_a_pat
     ],
 )
 def test_bounds_that_cannot_be_are_refused(bounded, text, said):
-    with pytest.raises(RobotError, match=said):
+    with pytest.raises(IdentifiabilityError, match=said):
         bounded(text)
 
 
@@ -116,8 +113,8 @@ def problem(bounded, rng):
     return physical_set(structure), LeastSquares(R, R @ truth, 1.0, 60.0), truth
 
 
-def test_the_nearest_real_robot_keeps_to_its_bounds_and_is_the_optimum(problem, rng):
-    region, data, truth = problem
+def test_the_nearest_real_robot_keeps_to_its_bounds(problem):
+    region, data, _ = problem
     found = project(data, region)
     assert found.accurate
     assert region.contains(found.phi)
@@ -128,12 +125,6 @@ def test_the_nearest_real_robot_keeps_to_its_bounds_and_is_the_optimum(problem, 
     np.testing.assert_allclose(other.phi, found.phi, atol=1e-4)
     free = project(data, PhysicalSet(region.bodies, region.nonnegative))
     assert free.rss < found.rss
-    for _ in range(30):  # no other robot within the bounds is nearer
-        step = project(
-            LeastSquares(data.R, data.R @ (truth + 0.3 * rng.normal(size=len(truth))), 1.0, 60.0),
-            region,
-        )
-        assert data.rss(step.phi) >= found.rss * (1 - 1e-6)
 
 
 def test_a_certificate_says_by_what_bounds_refuse(problem):

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from identifiability.physical.feasibility import certify
-from identifiability.physical.fitted_model import PhysicalSet
 from identifiability.physical.project import project
 
 from .bodies import to_vector
@@ -44,14 +43,6 @@ def test_impossible_base_parameters_come_with_a_combination_no_real_robot_has(ro
     assert found.combination @ (G @ phi) == pytest.approx(found.value)
     said = found.sentence([f"b{i}" for i in range(len(G))])
     assert "is at least 0 for any real bodies, and -" in said
-
-
-def test_a_body_without_volume_is_feasible_with_no_margin():
-    region = PhysicalSet(np.arange(10)[None], np.zeros(10, bool), mass=[10.0], length=[0.2])
-    disc = np.array([0.2, 0, 0, 0.2, 0, 0.4, 0, 0, 0, 10.0])
-    found = certify(np.eye(10), disc, region)
-    assert found.feasible
-    assert found.margin == pytest.approx(0.0, abs=1e-7)
 
 
 def test_feasible_means_that_the_projection_changes_nothing(pair):

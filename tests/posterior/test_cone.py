@@ -45,11 +45,3 @@ def test_seven_bodies_forget_where_they_start_and_most_transitions_succeed(poste
     draws = np.array(kept).transpose(1, 0, 2)
     assert target.region.contains(draws).all()
     assert array_stats.rhat(draws, chain_axis=0, draw_axis=1).max() < 1.1
-
-
-def test_far_from_the_boundary_the_cone_changes_nothing(posteriors, rng):
-    target, start = posteriors.body_target(rng, spread=1e-3, variance=1.0)
-    exact = sample_exact(target, start, 150, rng, chains=100)
-    free, share = rejection(target, 100_000, rng)
-    assert share == 1.0
-    posteriors.assert_same_distribution(exact, free.reshape(100, -1, 11))

@@ -56,12 +56,6 @@ def test_the_density_is_likelihood_times_prior(variance, rng):
     np.testing.assert_allclose(found - found[0], expected - expected[0], rtol=1e-9, atol=1e-9)
 
 
-def test_coordinates_go_there_and_back(rng):
-    target = free_target(rng, prior=Prior(np.ones(5), np.geomspace(1e-3, 1e3, 5)))
-    phi = target.prior.mean + target.prior.sd * rng.normal(size=(7, 5))
-    np.testing.assert_allclose(target.to_phi(target.to_eta(phi)), phi, rtol=1e-9)
-
-
 def test_what_the_data_do_not_see_keeps_its_prior(posteriors, rng):
     R = np.array([[1.0, 1.0, 0.0]])
     data = LeastSquares(R, np.array([2.0]), 20.0, 20.0)
@@ -81,20 +75,6 @@ def test_a_flat_prior_where_the_data_are_blind_is_refused():
         ValueError, match=r"determine the parameters \[0, 1\], so it does not exist"
     ):
         target.diagonal  # noqa: B018
-
-
-def test_a_prior_around_cad_takes_its_scale_from_the_body():
-    # 2 kg, whose second moments along the axes are 0.01, 0.04 and 0.09 kg m².
-    phi = np.array([0.13, 0, 0, 0.10, 0, 0.05, 0, 0, 0.4, 2.0, 30.0, 0.0])
-    prior = Prior.around(phi, np.arange(10)[None], relative=0.5, floor=np.full(12, 7.0))
-    np.testing.assert_allclose(prior.sd[:6], [0.065, 0.01, 0.015, 0.05, 0.03, 0.025])
-    np.testing.assert_allclose(prior.sd[6:9], 0.5 * np.sqrt([0.02, 0.08, 0.18]))
-    np.testing.assert_allclose(prior.sd[9:], [1.0, 15.0, 7.0])
-    flat = np.array([0.04, 0, 0, 0.04, 0, 0.08, 0, 0, 0.0, 2.0])  # a plate has some thickness
-    thin = Prior.around(flat, np.arange(10)[None], 1.0, np.ones(10))
-    np.testing.assert_allclose(thin.sd[8], np.sqrt(2.0 * 0.08e-3))
-    with pytest.raises(ValueError, match="body 1 has no mass or no inertia"):
-        Prior.around(np.zeros(12), np.arange(10)[None], 1.0, np.ones(12))
 
 
 def test_what_rounding_takes_outside_is_inside_and_more_is_not(posteriors, rng):

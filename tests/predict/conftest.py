@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 import pytest
 
-from identifiability import Robot, analyze, simulate
+from identifiability import Log, Noise, analyze
 from identifiability.estimation.noise import JointNoise
-from identifiability.logs import Log
-from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory
 from identifiability.workflows.calibrate.world import simulate_noise
+
+from ..conftest import simulated_log
 
 SHARE = 0.05
 
 
-@cache
 def clean(name: str, trajectory: str) -> Log:
-    robot = Robot.load(name)
-    motion = PrescribedMotion.of(shipped_trajectory(robot, trajectory), 400)
-    return simulate(robot, motion, noise=Noise(), rng=np.random.default_rng(0))
+    return simulated_log(name, trajectory, 0, Noise(), 400)
 
 
 def noisy(name: str, trajectory: str, seed: int, rho: float = 0.0) -> Log:

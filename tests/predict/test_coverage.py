@@ -3,13 +3,9 @@
 import numpy as np
 import pytest
 
-from identifiability import Robot, analyze
-from identifiability.estimation.estimate import estimate
+from identifiability import Model, Robot, analyze, estimate, gather_information, prepare_log
 from identifiability.estimation.fit import Fit
 from identifiability.estimation.prediction import measure_spread, predict
-from identifiability.logs.prepare import prepare_log
-from identifiability.regression.information import gather_information
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 
 TRIALS = 24

@@ -6,10 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import Robot, analyze
+from identifiability import Analysis, Noise, Robot, analyze, simulate
 from identifiability.foundation.rounding import percent
-from identifiability.simulation import Noise, random_trajectory, shipped_trajectory, simulate
-from identifiability.workflows.predict import read_fit
+from identifiability.simulation import random_trajectory, shipped_trajectory
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +40,7 @@ def test_the_values_that_are_used_are_predicted_with_and_said(found, as_good, tm
     content = json.loads(result.to_json(tmp_path / "result.json").read_text())
     assert content["physical"]["used"] is as_good
     assert ("predictions and exports have" in result.statement) == as_good
-    read = read_fit(tmp_path / "result.json", result.robot)
+    read = Analysis.from_json(tmp_path / "result.json", result.robot)
     np.testing.assert_array_equal(read.values, expected)
     low, high = chosen.verdicts[0].interval95
     assert low < chosen.verdicts[0].value < high  # labels stay those of the data
@@ -60,7 +59,7 @@ def test_what_is_stated_written_and_predicted_is_the_same(name, tmp_path):
     chosen, content = result.chosen, result.to_json(tmp_path / "result.json")
     told = json.loads(content.read_text())
     assert chosen.physical_used
-    read = read_fit(content, robot)
+    read = Analysis.from_json(content, robot)
     error = chosen.error_ra_validation
     assert read.predict(unseen).error_ra == pytest.approx(error, rel=1e-3)
     (row,) = (m for m in told["models"] if m["name"] == told["selected"])

@@ -2,9 +2,7 @@
 
 import json
 
-from identifiability.regression.structure import Structure
-from identifiability.robot import Robot
-from identifiability.workflows.predict import read_fit
+from identifiability import Analysis, Robot, find_base_parameters
 
 
 def test_a_result_is_the_same_in_python_and_in_its_file(analysis, tmp_path):
@@ -18,13 +16,13 @@ def test_a_result_is_the_same_in_python_and_in_its_file(analysis, tmp_path):
 
 
 def test_a_fit_is_read_back_with_all_its_digits(analysis, tmp_path):
-    again = read_fit(analysis.to_json(tmp_path / "result.json"), "two-link")
+    again = Analysis.from_json(analysis.to_json(tmp_path / "result.json"), "two-link")
     assert again.values.tolist() == analysis.fit.values.tolist()
     assert again.covariance.tolist() == analysis.fit.covariance.tolist()
 
 
 def test_a_result_and_who_reads_it_group_parameters_alike(analysis):
     """Whatever the seed was: of columns that hardly differ chance would decide which is kept."""
-    again = Structure.of(Robot.load("two-link"), analysis.structure.model)
-    assert again.base.names == analysis.structure.base.names
-    assert again.base.G.tolist() == analysis.structure.base.G.tolist()
+    again = find_base_parameters(Robot.load("two-link"), analysis.structure.model)
+    assert again.names == analysis.base.names
+    assert again.G.tolist() == analysis.base.G.tolist()

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identifiability.regression.information import Information
+from identifiability import Information, prune
 from identifiability.simulation.simulator import ar1
-from identifiability.workflows.prune import prune
 
 
 def gather(W, tau, blocks: int = 256, log=None) -> Information:

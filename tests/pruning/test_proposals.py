@@ -1,12 +1,10 @@
 """What the joints of a robot suggest about its bodies."""
 
-import numpy as np
 import pytest
 
-from identifiability.regression.regression import Model
+from identifiability import Model, Robot
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot
-from identifiability.workflows.prune.moves import Attachment, Kind, Mirror, propose_moves, tie_moves
+from identifiability.workflows.prune.moves import Kind, propose_moves, tie_moves
 
 
 @pytest.fixture(scope="module")
@@ -36,19 +34,3 @@ def test_the_papers_equal_legs_are_proposed_from_the_joints_alone(moves):
 def test_friction_and_actuators_are_never_tied(moves):
     tied = {c for m in moves[2] if m.kind is Kind.TIE for s in m.tie for c in s}
     assert not any(c.startswith("slider") for c in tied)
-
-
-def test_a_mirror_leaves_what_its_body_may_have():
-    rows = Mirror(np.array([0.0, 0, 1]), 0.0).constraints()
-    body = np.array([3.0, 0.1, 0, 2, 0, 4, 0.5, 0.7, 0, 1])  # no Ixz, Iyz, mz
-    np.testing.assert_allclose(rows @ body, 0, atol=1e-12)
-    body[8] = 0.1
-    assert np.abs(rows @ body).max() > 0.1
-
-
-def test_a_slide_goes_one_way_and_a_hinge_both():
-    along = np.array([0.0, 1, 0])
-    plane = Mirror(along, 0.0)
-    for kind, same in (("hinge", True), ("slide", False)):
-        part = Attachment(kind, np.zeros(3), along)
-        assert part.reflected(plane).equals(part) is same

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from identifiability.estimation.estimate import estimate
-from identifiability.workflows.prune.elimination import find_path, whiten_regression
-from identifiability.workflows.prune.moves import Kind, Move, Partition
+from identifiability.workflows.prune.elimination import find_path
+from identifiability.workflows.prune.moves import Kind, Move
 
 from .conftest import chosen_set, gather, plant
 
@@ -34,41 +33,6 @@ def test_planted_parameters_are_mostly_recovered_under_autocorrelated_noise():
     assert more <= 1.5
 
 
-def test_the_constrained_fit_is_the_refit():
-    information, _ = plant(np.random.default_rng(0))
-    full = estimate(information)
-    folds = whiten_regression(information, full)
-    path = [(None, Partition.of(information.columns))]
-    for move in (Move(Kind.DROP, ("p3",)), Move(Kind.TIE, tie=(("p1", "p2", "p9"),))):
-        path.append((move, path[-1][1].apply(move)))
-    fit, partition = folds.along(path)[-1], path[-1][1]
-    M = np.stack([partition.group == g for g in partition.leaders], 1).astype(float)
-    # The same weights: refitted on the reduced columns, all blocks or all but one fold's.
-    for f in range(-1, 3):
-        kept = folds.folds.train[f] if f >= 0 else np.ones(len(information.counts), bool)
-        rest = information.take(kept)
-        R = rest.reduce(M, [f"c{j}" for j in range(M.shape[1])]).factor(full.weights)
-        x = M @ np.linalg.solve(R[:-1, :-1], R[:-1, -1])
-        np.testing.assert_allclose(fit.values[f + 1], x, rtol=1e-6, atol=1e-8)
-
-
-def test_held_out_squares_are_those_of_predictions():
-    rng = np.random.default_rng(3)
-    W = rng.normal(size=(640, 2, 4))
-    tau = W @ np.arange(4.0) + rng.normal(size=(640, 2))
-    information = gather(W, tau, blocks=64)
-    folds = whiten_regression(information, estimate(information, "ols"))
-    (fit,) = folds.along([(None, folds.start)])
-    of_sample = np.repeat(folds.folds.test, information.counts)
-    expected = 0.0
-    for f in range(len(fit.values) - 1):
-        mine, rest = of_sample == f, np.repeat(folds.folds.train[f], information.counts)
-        x = np.linalg.lstsq(W[rest].reshape(-1, 4), tau[rest].ravel(), rcond=None)[0]
-        np.testing.assert_allclose(fit.values[f + 1], x, rtol=1e-6)
-        expected = expected + ((tau[mine] - W[mine] @ x) ** 2).sum(0)
-    np.testing.assert_allclose(fit.score.squares.sum(0), expected, rtol=1e-6)
-
-
 def test_of_two_equal_columns_one_stands_for_both():
     rng = np.random.default_rng(0)
     W = rng.normal(size=(600, 1, 4))
@@ -96,14 +60,3 @@ def test_a_tie_that_holds_is_made_and_one_that_does_not_is_refused():
     chosen = search.steps[search.choose()].partition
     assert chosen.ties() == {"p*": ["p0", "p1"]}
     assert [r.move for r in search.refused] == [ties[1]]
-
-
-def test_columns_in_another_unit_or_order_are_pruned_alike():
-    rng = np.random.default_rng(6)
-    W = rng.normal(size=(800, 2, 8))
-    phi = np.array([1.0, 0, 2, 0, 0, -1, 0, 0.5])
-    tau = W @ phi + rng.normal(size=(800, 2))
-    units, order = 10.0 ** rng.uniform(-4, 4, 8), rng.permutation(8)
-    plain = chosen_set(find_path(gather(W, tau)))
-    other = chosen_set(find_path(gather((W * units)[:, :, order], tau)))
-    assert {f"p{order[int(c[1:])]}" for c in other} == plain

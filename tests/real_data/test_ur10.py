@@ -4,9 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from identifiability.logs import Log
-from identifiability.robot import Robot
-from identifiability.workflows.diagnose import diagnose
+from identifiability import Log, Robot, diagnose
 
 PAN = "shoulder_pan_joint"
 

@@ -8,15 +8,12 @@ from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from identifiability import analyze
+from identifiability import Analysis, Noise, Robot, analyze, simulate
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import LadderEntry, ModelEntry
-from identifiability.regression.regression import Model
-from identifiability.robot import Robot, complete_motion
-from identifiability.workflows.analyze import Analysis
+from identifiability.simulation import random_trajectory
 from identifiability.workflows.analyze.belief import Summary, form_belief
 
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
@@ -43,41 +40,6 @@ def write_chain(path: Path, joints: Sequence[str]) -> Path:
         encoding="utf-8",
     )
     return path
-
-
-def chain_log(
-    robot: Robot,
-    samples: int = 300,
-    seed: int = 0,
-    noise: float = 0.02,
-    amplitude: float = 0.8,
-    torque: float | None = None,
-) -> pd.DataFrame:
-    """Return a log of sinusoids at other frequencies for every joint, torque by the model.
-
-    With `torque` that is all the torque there is.
-    """
-    rng = np.random.default_rng(seed)
-    t = np.linspace(0, 6, samples)
-    n = len(robot.joints)
-    w = 2 + 0.37 * np.arange(n) + 0.1 * seed
-    phase = rng.uniform(0, 6, n)
-    q = amplitude * np.sin(w * t[:, None] + phase)
-    dq = amplitude * w * np.cos(w * t[:, None] + phase)
-    ddq = -(w**2) * q
-    model = Model.of(*EFFECTS)
-    phi = np.array([robot.nominal[p.name] for p in model.parameters(robot)])
-    tau = model.regressor(robot, complete_motion(robot, t, q, dq, ddq)) @ phi
-    tau = tau + noise * tau.std() * rng.standard_normal(tau.shape)
-    if torque is not None:
-        tau = np.full_like(tau, torque)
-    columns = {"t": t}
-    for k, joint in enumerate(robot.joints):
-        columns |= {
-            f"{joint}.q": q[:, k], f"{joint}.dq": dq[:, k], f"{joint}.ddq": ddq[:, k],
-            f"{joint}.tau": tau[:, k],
-        }  # fmt: skip
-    return pd.DataFrame(columns)
 
 
 @pytest.fixture
@@ -119,13 +81,15 @@ def believed_analysis(paper_analysis) -> Analysis:
 
 @pytest.fixture(scope="session")
 def chain_analysis(tmp_path_factory) -> Callable[..., Analysis]:
-    """A function that analyses a chain: (names, **options of the log and of `analyze`)."""
+    """A function that analyses a chain: (names, how many logs are held out, ladder)."""
 
-    def build(joints: Sequence[str], logs: int = 1, held: int = 0, **options) -> Analysis:
+    def build(joints: Sequence[str], held: int = 0, ladder: LadderEntry | None = None) -> Analysis:
         path = write_chain(tmp_path_factory.mktemp("chain") / "robot.xml", joints)
-        robot = Robot.load(path)
-        ladder = options.pop("ladder", None)
-        made = [chain_log(robot, seed=k, **options) for k in range(logs + held)]
-        return analyze(robot, made[:logs], made[logs:], ladder, replicates=100)
+        robot, noise = Robot.load(path), Noise(torque=0.02)
+        moves = [
+            random_trajectory(robot, np.random.default_rng(k), samples=300) for k in range(1 + held)
+        ]
+        made = [simulate(robot, move, noise=noise, seed=k) for k, move in enumerate(moves)]
+        return analyze(robot, made[:1], made[1:], ladder, replicates=100)
 
     return build

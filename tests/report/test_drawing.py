@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability.report import figures, svg
-from identifiability.report.figures import break_gaps, peak_rows
+from identifiability.report.figures import peak_rows
 
 pytestmark = pytest.mark.pictures
 
@@ -94,9 +94,6 @@ def test_thin_lines_keep_their_peaks():
 
 def test_lines_are_broken_at_gaps():
     t = np.concatenate([np.arange(5.0), 50 + np.arange(4.0)])
-    times, (values,) = break_gaps(t, [t])
-    assert np.flatnonzero(np.isnan(values)).tolist() == [5]
-    assert (np.diff(times) > 0).all()
-    assert break_gaps(np.zeros(1), [])[0].tolist() == [0]
-    figure = figures.draw_torque(t, t, t, "a", "N")
-    assert np.isnan(figure.axes[0].lines[0].get_ydata()).sum() == 1
+    line = figures.draw_torque(t, t, t, "a", "N").axes[0].lines[0]
+    assert np.flatnonzero(np.isnan(line.get_ydata())).tolist() == [5]
+    assert (np.diff(line.get_xdata()) > 0).all()

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identifiability.regression.regression import Model
-from identifiability.robot import Robot, complete_motion
+from identifiability import Model, Robot, simulate
+from identifiability.robot import complete_motion
+from identifiability.simulation import PrescribedMotion
 
 from ..roads import in_mujoco, project
 
@@ -55,8 +56,6 @@ def agrees(load_text):
         size = np.abs(expected).max()
         assert size > 1e-3
         np.testing.assert_allclose(torque, expected, rtol=0, atol=1e-9 * size)
-        from identifiability.simulation import PrescribedMotion, simulate
-
         move = PrescribedMotion(motion.t, motion.actuated_q, motion.actuated_v, motion.actuated_a)
         np.testing.assert_allclose(simulate(robot, move).tau, expected, rtol=0, atol=1e-9 * size)
         return robot

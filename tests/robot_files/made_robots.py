@@ -60,3 +60,15 @@ SLIDE = '<joint joint1="p" joint2="w" polycoef="0 0.2 0.1 0 0"/>'
 
 def coupled(equality=EQUALITY + SLIDE, w="", **parts):
     return arm(inside=WRIST.format(w=w), after=TENDONS.format(equality), **parts)
+
+
+#: A tendon over both joints of the arm, and one through the loop of the parallelogram.
+NUMBERS = 'stiffness="9" springlength="0.2" damping="1.1" armature="0.3" frictionloss="0.7"'
+CABLE = (
+    f'<tendon><fixed name="cable" {NUMBERS}><joint joint="shoulder" coef="1.3"/>'
+    '<joint joint="elbow" coef="-0.5"/></fixed></tendon>'
+)
+LOOP_CABLE = (
+    f'<tendon><fixed name="cable" {NUMBERS}><joint joint="drive" coef="1.3"/>'
+    '<joint joint="heel" coef="-0.5"/><joint joint="knee" coef="0.4"/></fixed></tendon></mujoco>'
+)

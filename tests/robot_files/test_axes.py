@@ -2,23 +2,16 @@
 
 import numpy as np
 import pytest
-from made_robots import CLOSURES, arm, parallelogram
+from made_robots import CABLE, CLOSURES, LOOP_CABLE, arm, parallelogram
 
-from identifiability import Model, Robot
+from identifiability import Log, Model, Robot
 from identifiability.effects import default_effects
 from identifiability.effects.effect import measure_spans
-from identifiability.logs.log import Log
 from identifiability.logs.prepare.preparation import joint_log
 from identifiability.regression.reduction import build_ladder, default_ladder, ladder_model
 from identifiability.regression.structure import Structure, random_motion
 from identifiability.simulation.motion import find_motion
-from identifiability.workflows.export import write_parameters
 
-NUMBERS = 'stiffness="9" springlength="0.2" damping="1.1" armature="0.3" frictionloss="0.7"'
-CABLE = (
-    f'<tendon><fixed name="cable" {NUMBERS}><joint joint="shoulder" coef="1.3"/>'
-    '<joint joint="elbow" coef="-0.5"/></fixed></tendon>'
-)
 SIDECAR = """
 [[axes]]
 name = "cable"
@@ -31,10 +24,6 @@ rest = 0.2
 "cable.Ia" = 0.3
 "cable.K" = 9
 """
-LOOP_CABLE = (
-    f'<tendon><fixed name="cable" {NUMBERS}><joint joint="drive" coef="1.3"/>'
-    '<joint joint="heel" coef="-0.5"/><joint joint="knee" coef="0.4"/></fixed></tendon></mujoco>'
-)
 
 
 def test_a_sidecar_says_the_same_axis_as_a_tendon_of_the_file(load_text, tmp_path):
@@ -77,7 +66,7 @@ def test_locked_joints_of_an_axis_stretch_its_spring_alone(agrees, tmp_path):
         "cable": {"shoulder": 1.3, "elbow": -0.5}
     }
     assert robot.rest["cable"] == pytest.approx(0.2 + 0.8 * 0.3)
-    copy = Robot.load(write_parameters(robot, {"cable.K": 4.0}, tmp_path / "copy.xml").robot)
+    copy = Robot.load(robot.with_values({"cable.K": 4.0}).save(tmp_path / "copy.xml"))
     assert copy.rest["cable"] == pytest.approx(robot.rest["cable"])
     assert (copy.nominal["cable.K"], copy.nominal["cable.Fv"]) == (4.0, 1.1)
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from made_robots import CLOSURES, SLIDE, WRIST, arm, coupled, parallelogram
 
-from identifiability import inspect
-from identifiability.foundation.errors import RobotError
+from identifiability import IdentifiabilityError, inspect
 from identifiability.robot import complete_motion
 
 HOME = "[home]\ndrive = 0.7\nknee = -0.7\nheel = 0.7\n"
@@ -61,10 +60,14 @@ def test_couplings_loops_and_mimic_joints_go_together(agrees):
 
 
 def test_couplings_that_cannot_be_are_refused(load_text):
-    with pytest.raises(RobotError, match="'w' cannot be locked, as it follows elbow, shoulder"):
+    with pytest.raises(
+        IdentifiabilityError, match="'w' cannot be locked, as it follows elbow, shoulder"
+    ):
         load_text(arm(inside=WRIST.format(w="")), sidecar=SIDECAR, lock={"w": 0.2})
-    with pytest.raises(RobotError, match="closes a loop with <tendon>; only <connect>, <weld>"):
+    with pytest.raises(
+        IdentifiabilityError, match="closes a loop with <tendon>; only <connect>, <weld>"
+    ):
         load_text(coupled())
     own = SIDECAR.replace("{shoulder = [0, -0.3, 0, 0.1]}", "{w = [0, 1]}")
-    with pytest.raises(RobotError, match="cannot be coupled to itself"):
+    with pytest.raises(IdentifiabilityError, match="cannot be coupled to itself"):
         load_text(arm(inside=WRIST.format(w="")), sidecar=own)

@@ -5,8 +5,7 @@ from importlib.metadata import PackageNotFoundError, distribution
 import numpy as np
 import pytest
 
-from identifiability.foundation.errors import RobotError
-from identifiability.robot import Robot
+from identifiability import IdentifiabilityError, Robot
 
 LIMIT = '<limit lower="-1" upper="1" effort="5" velocity="2"/>'
 
@@ -54,7 +53,7 @@ def test_a_joint_without_limits_is_free(load, old, new):
     ],
 )
 def test_what_xacro_would_add_is_not_lost_without_a_word(load, old, new, left):
-    with pytest.raises(RobotError, match="xacro file that was not expanded") as error:
+    with pytest.raises(IdentifiabilityError, match="xacro file that was not expanded") as error:
         load(old, new)
     assert left in str(error.value)
     assert "run xacro arm.urdf > robot.urdf and" in str(error.value)
@@ -65,7 +64,9 @@ def test_a_joint_may_follow_what_the_sidecar_says_where_the_file_names_none(load
 <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
 <joint name="wrist" type="revolute"><parent link="arm"/><child link="tip"/><axis xyz="0 1 0"/>
 <mimic joint="elbo"/></joint></robot>"""
-    with pytest.raises(RobotError, match="'wrist' mimics 'elbo', but no other joint") as error:
+    with pytest.raises(
+        IdentifiabilityError, match="'wrist' mimics 'elbo', but no other joint"
+    ) as error:
         load("</robot>", hand)
     assert "did you mean 'elbow'?" in str(error.value)
     assert "[[couplings]]" in str(error.value)
@@ -101,7 +102,7 @@ def test_public_robots_load_or_it_is_said_why_not(public):
     for path in sorted(public.rglob("*.urdf")):
         try:
             loaded += len(Robot.load(path).joints) > 0
-        except RobotError as error:
+        except IdentifiabilityError as error:
             said[path.name] = str(error)
             if "so it may walk" in str(error):
                 asked.append(said.pop(path.name))

@@ -4,25 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_robots import CLOSURES, arm, parallelogram
+from made_robots import CABLE, CLOSURES, LOOP_CABLE, arm, parallelogram
 
-from identifiability.foundation.errors import RobotError
-from identifiability.regression.regression import Model
-from identifiability.robot import Robot, complete_motion
+from identifiability import IdentifiabilityError, Model, Robot
+from identifiability.robot import complete_motion
 from identifiability.robot.description import Transmission
 from identifiability.simulation.forces import both_directions
 from identifiability.simulation.forward import ForwardRobot
 from identifiability.simulation.mujoco_robot import MujocoRobot
 
-NUMBERS = 'stiffness="9" springlength="0.2" damping="1.1" armature="0.3" frictionloss="0.7"'
-CABLE = (
-    f'<tendon><fixed name="cable" {NUMBERS}><joint joint="shoulder" coef="1.3"/>'
-    '<joint joint="elbow" coef="-0.5"/></fixed></tendon>'
-)
-LOOP_CABLE = (
-    f'<tendon><fixed name="cable" {NUMBERS}><joint joint="drive" coef="1.3"/>'
-    '<joint joint="heel" coef="-0.5"/><joint joint="knee" coef="0.4"/></fixed></tendon></mujoco>'
-)
 AXIS = """[[axes]]
 name = "cable"
 joints = {shoulder = 1.3, elbow = -0.5}
@@ -107,7 +97,7 @@ def test_legs_that_are_tendons_drive_a_platform(load_text):
 
 def test_a_coupling_that_mujoco_does_not_have_is_refused(load_text):
     robot = load_text(arm(inside=BODY), sidecar=FOLLOWS)
-    with pytest.raises(RobotError, match="'w' follows several others"):
+    with pytest.raises(IdentifiabilityError, match="'w' follows several others"):
         ForwardRobot(robot, {})
 
 

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from made_robots import CLOSURES, parallelogram
 
-from identifiability.foundation.errors import RobotError
+from identifiability import IdentifiabilityError, inspect
 from identifiability.robot import complete_motion
 from identifiability.robot.locate import locate_robot
-from identifiability.workflows.inspect import inspect
 
 
 def homeless(text):
@@ -29,7 +28,7 @@ def shipped_without_home(name):
 @pytest.mark.parametrize("name", ["five-bar", "3-rrr", "delta"])
 def test_without_its_home_a_robot_that_is_drawn_open_is_asked_for_one(name, load_text):
     text, side = shipped_without_home(name)
-    with pytest.raises(RobotError, match=r"open by .* not determined; give .* \[home\]"):
+    with pytest.raises(IdentifiabilityError, match=r"open by .* not determined; give .* \[home\]"):
         load_text(text, sidecar=side)
 
 
@@ -59,5 +58,7 @@ def test_positions_of_actuated_joints_that_a_sidecar_states_stay(load_text):
         text = text.replace(f'<body name="{body}"', f'<body name="{body}" euler="0 {-at} 0"')
     robot = load_text(text, sidecar="[home]\ndrive = 0.1")
     np.testing.assert_allclose(robot.home, [0.1, -0.2, 0.2], atol=1e-9)
-    with pytest.raises(RobotError, match=r"open by 0\.\d+ m .* such as knee = -0\.1000, heel"):
+    with pytest.raises(
+        IdentifiabilityError, match=r"open by 0\.\d+ m .* such as knee = -0\.1000, heel"
+    ):
         load_text(text, sidecar="[home]\nknee = 1.0")

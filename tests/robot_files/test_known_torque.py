@@ -6,13 +6,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identifiability import Robot, analyze, inspect
-from identifiability.foundation.errors import LogError, RobotError
-from identifiability.foundation.options import OptionError
-from identifiability.logs.prepare import Preparation, prepare_log
+from identifiability import (
+    IdentifiabilityError,
+    Preparation,
+    Robot,
+    analyze,
+    inspect,
+    payload,
+    prepare_log,
+    simulate,
+)
 from identifiability.robot.sidecar import KnownTorque
-from identifiability.simulation import PrescribedMotion, shipped_trajectory, simulate
-from identifiability.workflows.payload import payload
+from identifiability.simulation import PrescribedMotion, shipped_trajectory
 
 MODELS = Path(__file__).parents[2] / "models"
 CABLE = """
@@ -104,14 +109,16 @@ def test_nothing_is_extrapolated(tmp_path):
     text = '[[known_torque]]\nalong = "elbow"\npolynomial = [0, 1]\nrange = [-0.1, 0.1]\n'
     robot = with_sidecar(tmp_path, "two-link", text)
     log = log_of(Robot.load("two-link"))
-    with pytest.raises(LogError, match=r"'elbow' is at .* from -0\.1 to 0\.1: .* lie outside"):
+    with pytest.raises(
+        IdentifiabilityError, match=r"'elbow' is at .* from -0\.1 to 0\.1: .* lie outside"
+    ):
         prepare_log(robot, log)
-    with pytest.raises(RobotError, match="nothing is extrapolated"):
+    with pytest.raises(IdentifiabilityError, match="nothing is extrapolated"):
         log_of(robot)
     edge = KnownTorque(along="j", table=[(0, 1), (1, 2)])
     np.testing.assert_allclose(edge.force(np.array([0.0, 1.0])), [1, 2])
     for outside in (-1e-9, 1 + 1e-9):
-        with pytest.raises(RobotError):
+        with pytest.raises(IdentifiabilityError):
             edge.force(np.array([0.5, outside]))
 
 
@@ -126,13 +133,13 @@ def test_nothing_is_extrapolated(tmp_path):
     ],
 )
 def test_what_cannot_be_meant_is_refused(tmp_path, text, words):
-    with pytest.raises(RobotError, match=words):
+    with pytest.raises(IdentifiabilityError, match=words):
         with_sidecar(tmp_path, "two-link", f"[[known_torque]]\n{text}\n")
 
 
 def test_gains_are_not_identified_beside_it(tmp_path):
     robot = with_sidecar(tmp_path, "two-link", CABLE)
-    with pytest.raises(OptionError, match="take it out"):
+    with pytest.raises(IdentifiabilityError, match="take it out"):
         payload(robot, "empty.csv", "loaded.csv", mass=1, centre=(0, 0, 0))
 
 

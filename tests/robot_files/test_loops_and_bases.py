@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from made_robots import CLOSURES, LINKS, MOTORS, arm, parallelogram
 
-from identifiability.foundation.errors import RobotError
+from identifiability import IdentifiabilityError
 from identifiability.robot.floating import BASE_JOINTS
 
 
@@ -50,7 +50,7 @@ def test_couplings_follow_each_other_and_inactive_equalities_are_none(agrees):
 def test_a_loop_that_is_open_at_home_is_told_with_positions_that_close_it(load_text):
     closure = CLOSURES["site on the root"]
     with pytest.raises(
-        RobotError, match=r"open by 0\.\d+ m at the home .* such as knee = "
+        IdentifiabilityError, match=r"open by 0\.\d+ m at the home .* such as knee = "
     ) as told:
         load_text(parallelogram(closure, home="0.7 0.3"))
     knee, heel = (float(str(told.value).split(f"{j} = ")[1][:7].rstrip(",. ")) for j in
@@ -73,7 +73,7 @@ def test_a_base_on_a_free_joint_floats_on_six_that_stand_for_it(load_text):
     assert robot.joints == (*BASE_JOINTS, *robot.motor_joints)
     assert robot.base.title == "root"
     assert load_text(FLOATING.replace('<freejoint name="root"/>', "")).joints == robot.motor_joints
-    with pytest.raises(RobotError, match="the free joint 'root' cannot be actuated"):
+    with pytest.raises(IdentifiabilityError, match="the free joint 'root' cannot be actuated"):
         load_text(FLOATING.replace("</actuator>", '<motor joint="root"/></actuator>'))
 
 
@@ -91,7 +91,8 @@ def test_a_floating_robot_with_loops_of_its_own_floats_and_a_free_platform_lacks
         "<worldbody>", f"<worldbody>{plate}"
     )
     with pytest.raises(
-        RobotError, match=r"Ball and floating joints \(f\) can only be passive in a closed loop"
+        IdentifiabilityError,
+        match=r"Ball and floating joints \(f\) can only be passive in a closed loop",
     ):
         load_text(text)
     # Tied to nothing that a motor moves it is an object beside the robot.
@@ -101,7 +102,7 @@ def test_a_floating_robot_with_loops_of_its_own_floats_and_a_free_platform_lacks
 @pytest.mark.parametrize("actuator", [MOTORS, "", '<actuator><motor joint="shoulder"/></actuator>'])
 def test_a_ball_joint_is_told_and_the_advice_helps(actuator, load_text):
     text = BALL.replace(MOTORS, actuator)
-    with pytest.raises(RobotError, match=r"elbow.* three hinges in one body"):
+    with pytest.raises(IdentifiabilityError, match=r"elbow.* three hinges in one body"):
         load_text(text)
     hinges = [f'<joint name="elbow_{a}" axis="{x}"/>'
               for a, x in zip("xyz", ("1 0 0", "0 1 0", "0 0 1"), strict=True)]  # fmt: skip
@@ -114,5 +115,5 @@ def test_a_ball_joint_is_told_and_the_advice_helps(actuator, load_text):
 
 def test_friction_of_a_ball_is_refused(load_text):
     text = BALL.replace('type="ball"', 'type="ball" damping="1"')
-    with pytest.raises(RobotError, match="'elbow' has damping, and is a ball"):
+    with pytest.raises(IdentifiabilityError, match="'elbow' has damping, and is a ball"):
         load_text(text)

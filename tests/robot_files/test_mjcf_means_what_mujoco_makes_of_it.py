@@ -2,42 +2,13 @@
 
 import numpy as np
 import pytest
-from made_robots import MOTORS, arm
+from made_robots import arm
 
-from identifiability.foundation.errors import RobotError
+from identifiability import IdentifiabilityError, simulate
+from identifiability.simulation import PrescribedMotion
 
 TENDON = '<tendon><fixed name="cable" {0}><joint joint="elbow" coef="-0.5"/></fixed></tendon>'
-FEATURES = {
-    "turned root": arm(base='quat="0 1 0 0"'),
-    "two robots": arm(after="", before="").replace(
-        "</worldbody>", '<body name="floor"><geom size="1"/></body></worldbody>'
-    ),
-    "several joints in a body": arm(
-        beside='<body name="wrist" pos="0.2 0 0"><joint name="a" axis="1 1 0" pos="0.1 0 0.2" '
-        'ref="0.2"/><joint name="b" type="slide" axis="0 1 1" ref="0.1"/><joint name="c" '
-        'axis="0 0 1" pos="0 0.3 0"/><geom size="0.1"/></body>',
-        actuator=MOTORS.replace(
-            "</actuator>", "".join(f'<motor joint="{j}"/>' for j in "abc") + "</actuator>"
-        ),
-    ),
-    "friction": arm(elbow='damping="0.3" frictionloss="0.4" armature="0.05"'),
-    "joint spring": arm(elbow='stiffness="7" springref="0.4"', shoulder='stiffness="2" ref="0.3"'),
-    "tendon over two joints": arm(
-        after=TENDON.replace("<joint", '<joint joint="shoulder" coef="1.3"/><joint', 1).format(
-            'stiffness="9" springlength="0.2" damping="1" armature="0.3" frictionloss="0.7"'
-        ),
-        elbow='stiffness="7" springref="0.4" ref="0.1"',
-    ),
-    "rotor of an actuator": arm(
-        actuator=MOTORS.replace(
-            '<motor joint="elbow"', '<motor joint="elbow" gear="3" armature="0.02" damping="0.1"'
-        )
-    ),
-    "replicate": arm(
-        inside='<replicate count="3" offset="0.1 0 0" euler="0 0.5 0"><body name="k">'
-        '<geom size="0.1"/></body></replicate>'
-    ),
-}
+FLOOR = arm().replace("</worldbody>", '<body name="floor"><geom size="1"/></body></worldbody>')
 
 MISSING = """<asset><mesh name="shape" file="none.stl"/>
   <texture name="t" type="2d" file="none.png"/><material name="m" texture="t"/></asset>
@@ -66,7 +37,7 @@ def test_files_that_no_inertia_needs_may_be_missing(agrees, load_text):
     shape = '<geom type="mesh" mesh="shape" material="m"/>'
     robot, bare = load_text(arm(after=MISSING, inside=shape)), agrees(arm())
     assert robot.nominal == bare.nominal
-    with pytest.raises(RobotError, match=r"cannot be read by MuJoCo: .*none\.stl"):
+    with pytest.raises(IdentifiabilityError, match=r"cannot be read by MuJoCo: .*none\.stl"):
         load_text(arm(after=MISSING, inside=f'<body name="tool">{shape}</body>'))
 
 
@@ -94,7 +65,7 @@ def test_the_hash_knows_meshes_that_weigh_and_no_others(load_text, tmp_path):
 @pytest.mark.parametrize("feature", REFUSED)
 def test_what_no_parameter_can_hold_is_refused_by_name(feature, load_text):
     text, sentence = REFUSED[feature]
-    with pytest.raises(RobotError, match=sentence):
+    with pytest.raises(IdentifiabilityError, match=sentence):
         load_text(text)
 
 
@@ -104,23 +75,8 @@ def test_actuated_joints_of_the_sidecar_stand_for_other_transmissions(load_text)
     assert robot.joints == ("shoulder", "elbow")
 
 
-def test_a_robot_moves_forward_against_its_springs(load_text):
-    """Held at rest against its spring and weight, an arm stays where it is."""
-    from identifiability.simulation import PrescribedMotion, simulate
-    from identifiability.simulation.forward import ForwardRobot
-
-    robot = load_text(FEATURES["joint spring"])
-    q = np.tile([0.3, -0.5], (20, 1))
-    still = PrescribedMotion(np.arange(20) * 0.01, q, 0 * q, 0 * q)
-    tau = simulate(robot, still).tau
-    moved = ForwardRobot(robot, {}).run(q[:1], 0 * q[:1], tau[None], 0.01)
-    np.testing.assert_allclose(moved[0], q, atol=1e-9)
-
-
 def test_a_hidden_payload_hangs_on_a_body_that_moves(load_text):
-    from identifiability.simulation import PrescribedMotion, simulate
-
-    robot = load_text(FEATURES["two robots"])
+    robot = load_text(FLOOR)
     q = np.random.default_rng(0).normal(size=(20, 2))
     move = PrescribedMotion(np.arange(20.0), q, q, q)
     plain, loaded = (simulate(robot, move, hide=h).tau for h in ((), ("payload=0.1",)))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from made_loops import bennett, turntable, two_rockers
 
-from identifiability.foundation.errors import ClosureError, RobotError
+from identifiability import IdentifiabilityError
 from identifiability.robot import complete_motion
 from identifiability.robot.closure import newton
 
@@ -72,12 +72,12 @@ def test_redundant_cranks_must_agree_at_every_sample(load_text):
     motion = still(robot, q)
     assert newton(robot, motion.q, most=0).error.max() < 1e-12
     np.testing.assert_allclose(motion.q[:, 2:], q.repeat(2, 1), atol=1e-9)
-    with pytest.raises(RobotError, match="the loops are open by"):
+    with pytest.raises(IdentifiabilityError, match="the loops are open by"):
         load_text(two_rockers(0.405))
     # It closes upright, with cranks of another length; nowhere else.
     short = two_rockers(0.3).replace('name="pin1" pos="0.3 0 0"', 'name="pin1" pos="0.3 0 0.1"')
     stuck = load_text(short)
-    with pytest.raises(ClosureError, match="close at none of the 20 samples"):
+    with pytest.raises(IdentifiabilityError, match="close at none of the 20 samples"):
         still(stuck, np.linspace(1.7, 2.0, 20)[:, None])
 
 

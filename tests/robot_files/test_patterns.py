@@ -3,7 +3,7 @@
 import pytest
 from made_robots import arm
 
-from identifiability.foundation.errors import RobotError
+from identifiability import IdentifiabilityError
 
 PATTERNS = """
 [nominal]
@@ -53,7 +53,7 @@ def test_patterns_are_the_names_that_fit_them(load_text):
     ],
 )
 def test_a_pattern_that_nothing_fits_is_refused(line, sentence, load_text):
-    with pytest.raises(RobotError, match=sentence):
+    with pytest.raises(IdentifiabilityError, match=sentence):
         load_text(arm(), sidecar=line)
 
 

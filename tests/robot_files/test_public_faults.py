@@ -5,11 +5,10 @@ import re
 import numpy as np
 import pytest
 
-from identifiability import Robot, inspect
-from identifiability.foundation.errors import RobotError
+from identifiability import IdentifiabilityError, Robot, inspect, simulate
 from identifiability.foundation.findings import of_key
 from identifiability.robot.locate import locate_robot
-from identifiability.simulation import PrescribedMotion, random_trajectory, simulate
+from identifiability.simulation import PrescribedMotion, random_trajectory
 
 ARM = locate_robot("six-dof-arm").read_text()
 LINK = '<link name="link_3">'
@@ -109,7 +108,9 @@ def test_fixed_joints_are_merged_before_bodies_count(load):
         )
 
     assert len(load(ARM.replace("</robot>", frames(400, "fixed") + "</robot>")).bodies) == 6
-    with pytest.raises(RobotError, match="has 206 bodies that move, with fixed joints merged; "):
+    with pytest.raises(
+        IdentifiabilityError, match="has 206 bodies that move, with fixed joints merged; "
+    ):
         load(ARM.replace("</robot>", frames(200, "continuous") + "</robot>"))
 
 
@@ -152,7 +153,9 @@ NEGATIVE, TRIANGLE = (-0.5, 0.25, 0.125, 0, 0, 0), (0.5, 0.125, 0.125, 0, 0, 0)
 
 def test_all_bodies_that_cannot_exist_are_listed_with_the_numbers_of_the_file(load):
     text = with_inertia(ARM, link_2=NEGATIVE, link_4=TRIANGLE, link_5=(9, -9, 9, 0, 0, 0))
-    with pytest.raises(RobotError, match="states 3 bodies that cannot exist: link_2 ") as error:
+    with pytest.raises(
+        IdentifiabilityError, match="states 3 bodies that cannot exist: link_2 "
+    ) as error:
         load(text)
     said = str(error.value)
     assert "ixx = -0.5, iyy = 0.25, izz = 0.125 kg·m²: a principal moment is negative" in said
@@ -172,7 +175,9 @@ def test_impossible_bodies_of_an_mjcf_are_all_listed(tmp_path):
     changed = re.sub(r'(full|diag)inertia="[^"]*"', 'diaginertia="5 1 1"', text)
     path = tmp_path / "robot.xml"
     path.write_text(changed)
-    with pytest.raises(RobotError, match="states 2 bodies that cannot exist: link1 ") as error:
+    with pytest.raises(
+        IdentifiabilityError, match="states 2 bodies that cannot exist: link1 "
+    ) as error:
         Robot.load(path)
     assert str(error.value).count("M11 = 5, M22 = 1, M33 = 1") == 2
 
@@ -181,7 +186,9 @@ def test_impossible_bodies_of_an_mjcf_are_all_listed(tmp_path):
 def test_a_mass_that_no_arithmetic_holds_is_refused(mass, load):
     start = ARM.index(LINK)
     after = re.sub(r'<mass value="[^"]*"', f'<mass value="{mass}"', ARM[start:], count=1)
-    with pytest.raises(RobotError, match=r"link_3\.m = .* is below 1e-12 kg, the least mass"):
+    with pytest.raises(
+        IdentifiabilityError, match=r"link_3\.m = .* is below 1e-12 kg, the least mass"
+    ):
         load(ARM[:start] + after)
 
 
@@ -252,5 +259,7 @@ def test_legs_below_a_waist_are_reported_until_somebody_says_what_holds_the_base
     for base in ("fixed", "floating"):
         robot = load(legged(waist=True), f'base = "{base}"')
         assert not of_key((n.text for n in inspect(robot).needs), "legs")
-    with pytest.raises(RobotError, match="carries the legs left_thigh, right_thigh, so it may"):
+    with pytest.raises(
+        IdentifiabilityError, match="carries the legs left_thigh, right_thigh, so it may"
+    ):
         load(legged(waist=False))

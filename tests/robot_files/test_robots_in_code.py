@@ -9,9 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from identifiability import Robot
-from identifiability.foundation.errors import RobotError
-from identifiability.foundation.options import OptionError
+from identifiability import IdentifiabilityError, Robot
 from identifiability.regression.regression import Model as Effects
 from identifiability.robot import complete_motion
 
@@ -178,26 +176,32 @@ LINK = {"name": "a", "joint": "j"}
 
 
 @pytest.mark.parametrize(
-    ("change", "error", "sentence"),
+    ("change", "sentence"),
     [
-        (lambda r: r.with_body("link9", mass=1), RobotError, "no moving body 'link9'"),
-        (lambda r: r.with_body("link2", mass=-1), OptionError, "mass must be a number above 0"),
-        (lambda r: r.with_body("link2", inertia=(1, 1, 9)), RobotError, "No real body"),
-        (lambda r: r.with_body("link2", centre=(1, 2)), RobotError, "a centre of three numbers"),
-        (lambda r: r.with_values({"link2.q": 1.0}), RobotError, "no parameter 'link2.q'"),
-        (lambda r: r.with_lock(["knee"]), RobotError, "names 'knee', which"),
-        (lambda r: r.save("arm.pdf"), Exception, "does not end in .xml or .urdf"),
-        (lambda _: Robot.build([{**LINK, "d": 1}]), RobotError, "has 'd', which"),
-        (lambda _: Robot.build([{**LINK, "axis": (0, 0, 0)}]), RobotError, "zero"),
-        (lambda _: Robot.build([{"name": "a", "jiont": "j"}]), RobotError, "jiont"),
+        (lambda r: r.with_body("link9", mass=1), "no moving body 'link9'"),
+        (
+            lambda r: r.with_body("link2", mass=-1),
+            "mass must be a number above 0",
+        ),
+        (lambda r: r.with_body("link2", inertia=(1, 1, 9)), "No real body"),
+        (
+            lambda r: r.with_body("link2", centre=(1, 2)),
+            "a centre of three numbers",
+        ),
+        (lambda r: r.with_values({"link2.q": 1.0}), "no parameter 'link2.q'"),
+        (lambda r: r.with_lock(["knee"]), "names 'knee', which"),
+        (lambda r: r.save("arm.pdf"), "does not end in .xml or .urdf"),
+        (lambda _: Robot.build([{**LINK, "d": 1}]), "has 'd', which"),
+        (lambda _: Robot.build([{**LINK, "axis": (0, 0, 0)}]), "zero"),
+        (lambda _: Robot.build([{"name": "a", "jiont": "j"}]), "jiont"),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_sentence(change, error, sentence):
-    with pytest.raises(error, match=sentence):
+def test_what_cannot_be_is_refused_in_one_sentence(change, sentence):
+    with pytest.raises(IdentifiabilityError, match=sentence):
         change(Robot.load("two-link"))
 
 
 def test_a_load_on_several_ends_must_be_told_where():
     rows = [{"name": n, "joint": f"j{n}", "parent": "base", "mass": 1.0} for n in "ab"]
-    with pytest.raises(RobotError, match="name its body"):
+    with pytest.raises(IdentifiabilityError, match="name its body"):
         Robot.build(rows).with_payload(mass=1.0)

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from made_robots import LINKS, MOTORS, arm
 
+from identifiability import IdentifiabilityError, inspect
 from identifiability.effects.nominal import rigid_torque
-from identifiability.foundation.errors import RobotError
 from identifiability.robot import complete_motion
 from identifiability.simulation.mujoco_robot import MujocoRobot
-from identifiability.workflows.inspect import inspect
 
 CUP = '<body name="cup" pos="1 0 1"><freejoint name="loose"/><geom size=".1" mass="2"/></body>'
 DOOR = (
@@ -65,7 +64,7 @@ def test_what_an_actuator_an_equality_or_the_sidecar_reaches_stays(load_text):
     assert held.outside == ()
     assert len(held.passive) == 6
     driven = MOTORS.replace("</actuator>", '<motor joint="turn"/></actuator>')
-    with pytest.raises(RobotError, match="1 joints have no actuator"):
+    with pytest.raises(IdentifiabilityError, match="1 joints have no actuator"):
         load_text(scene(DOOR, driven))
     locks = 'locked = ["hinge", "turn"]'
     assert load_text(scene(DOOR, MOTORS), sidecar=locks).outside == ()

@@ -6,21 +6,11 @@ They stand beside `ROBOTS` of the other tests, which run every law on every robo
 import numpy as np
 import pytest
 
-from identifiability import (
-    Regression,
-    Robot,
-    estimate,
-    find_base_parameters,
-    gather_information,
-    prepare_log,
-)
-from identifiability.regression.regression import Model
+from identifiability import Robot
 from identifiability.robot import complete_motion
-from identifiability.simulation import PrescribedMotion, shipped_trajectory, simulate
+from identifiability.simulation import PrescribedMotion, shipped_trajectory
 
-LONG = pytest.mark.everything
 MECHANISMS = ("delta", "3-rrr", "palletizer", "six-actuators")
-EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
 
 def within_limits(robot, count=20, seed=0):
@@ -50,27 +40,3 @@ def test_no_pose_within_the_limits_is_near_singular_or_out_of_reach(name):
         move = PrescribedMotion.of(shipped_trajectory(robot, trajectory), 150)
         assert (move.q > robot.limits[:, 0]).all()
         assert (move.q < robot.limits[:, 1]).all()
-
-
-@pytest.mark.parametrize(
-    "name", [MECHANISMS[0], *(pytest.param(m, marks=LONG) for m in MECHANISMS[1:])]
-)
-def test_the_files_values_come_back_from_torque_without_noise(name):
-    robot, model = Robot.load(name), Model.of(*EFFECTS)
-    kept = find_base_parameters(robot, model).kept
-    move = PrescribedMotion.of(shipped_trajectory(robot, "a"), 300)
-    samples = prepare_log(robot, simulate(robot, move))
-    regression = Regression(robot, model, (samples,), kept)
-    fit = estimate(gather_information(regression), "ols")
-    assert fit.determined.all()
-    truth = np.array([robot.nominal.get(p.name, 0.0) for p in model.parameters(robot)])
-    torque = model.regressor(robot, samples.motion)
-    expected = torque @ truth
-    np.testing.assert_allclose(
-        torque[:, :, list(kept)] @ fit.value, expected, rtol=0, atol=1e-9 * np.abs(expected).max()
-    )
-    found = dict(zip([model.parameters(robot)[k].name for k in kept], fit.value, strict=True))
-    friction = {n: x for n, x in found.items() if n.endswith((".Fv", ".Fc"))}
-    assert len(friction) == 2 * len(robot.joints)
-    for key, value in friction.items():
-        assert value == pytest.approx(robot.nominal[key], rel=1e-7), key

@@ -4,12 +4,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from identifiability import Noise
 from identifiability.logs import rows as rows_of
 from identifiability.logs import tables
 from identifiability.logs.prepare import dataset
 from identifiability.regression import regression as windows
-from identifiability.robot import Robot
-from identifiability.simulation import Noise, PrescribedMotion, shipped_trajectory, simulate
+
+from ..conftest import simulated_log
 
 
 @pytest.fixture
@@ -45,10 +46,8 @@ def frame_of():
     """A function (robot, periods, samples) -> table of a trajectory repeated with fresh noise."""
 
     def made(name, periods=5, samples=1000, *, derivatives=True, seed=0):
-        robot = Robot.load(name)
-        trajectory = shipped_trajectory(robot, "601" if name == "3-rps" else "a")
-        motion = PrescribedMotion.of(trajectory, samples)
-        clean = simulate(robot, motion, noise=Noise()).to_frame()
+        trajectory = "601" if name == "3-rps" else "a"
+        clean = simulated_log(name, trajectory, noise=Noise(), samples=samples).to_frame()
         frame = pd.concat([clean] * periods, ignore_index=True)
         frame["t"] = np.median(np.diff(clean["t"])) * np.arange(len(frame))
         rng = np.random.default_rng(seed)

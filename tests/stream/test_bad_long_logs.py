@@ -2,12 +2,9 @@
 
 import pytest
 
-from identifiability import analyze
+from identifiability import IdentifiabilityError, Log, Robot, analyze
 from identifiability.foundation.engines import Processes
-from identifiability.foundation.errors import LogError
-from identifiability.logs import Log
 from identifiability.logs.tables import read_pieces
-from identifiability.robot import Robot
 
 
 @pytest.fixture
@@ -23,7 +20,7 @@ def cell(frame, row, column, value):
 
 
 def refusal(action) -> str:
-    with pytest.raises(LogError) as caught:
+    with pytest.raises(IdentifiabilityError) as caught:
         action()
     return str(caught.value)
 
@@ -67,7 +64,7 @@ def test_a_file_that_changes_while_it_is_read_is_noticed(form, frame, saved):
     pieces = read_pieces(path)
     next(pieces)
     path.touch()
-    with pytest.raises(LogError, match="changed while it was read"):
+    with pytest.raises(IdentifiabilityError, match="changed while it was read"):
         list(pieces)
 
 

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from identifiability.logs import Log
+from identifiability import Log, Robot
 from identifiability.logs.prepare import excerpt
 from identifiability.logs.prepare.excerpt import prepare_excerpt
-from identifiability.robot import Robot
 
 MOST = 400
 

@@ -5,13 +5,9 @@ import tracemalloc
 import numpy as np
 import pytest
 
+from identifiability import Log, Model, Regression, Robot, gather_information, prepare_log
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.engines import Serial
-from identifiability.logs import Log
-from identifiability.logs.prepare.dataset import prepare_log
-from identifiability.regression.information import gather_information
-from identifiability.regression.regression import Model, Regression
-from identifiability.robot import Robot
 
 
 def peak(robot, path) -> int:

@@ -5,16 +5,21 @@ import mmap
 import numpy as np
 import pytest
 
-from identifiability import analyze
+from identifiability import (
+    IdentifiabilityError,
+    Log,
+    Model,
+    Preparation,
+    Regression,
+    Robot,
+    analyze,
+    find_base_parameters,
+    gather_information,
+    prepare_log,
+)
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.engines import Serial
-from identifiability.foundation.errors import LogError
-from identifiability.logs import Log, rows
-from identifiability.logs.prepare import Preparation, prepare_log
-from identifiability.regression.information import gather_information
-from identifiability.regression.regression import Model, Regression
-from identifiability.regression.structure import find_base_parameters
-from identifiability.robot import Robot
+from identifiability.logs import rows
 
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
@@ -131,5 +136,5 @@ def test_a_full_disk_is_said(frame_of, saved, monkeypatch, tmp_path):
     path = saved(frame_of("two-link", periods=2))
     monkeypatch.setattr(rows, "LONG", 1000)
     monkeypatch.setenv("TMPDIR", str(tmp_path / "nowhere"))
-    with pytest.raises(LogError, match="rows of a long log do not fit on the disk"):
+    with pytest.raises(IdentifiabilityError, match="rows of a long log do not fit on the disk"):
         Log.read(path)

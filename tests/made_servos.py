@@ -1,0 +1,24 @@
+"""The two-link arm with servos, and what its joints have beside its file."""
+
+import shutil
+
+from identifiability import Robot
+
+SIDECAR = """
+name = "Arm with servos"
+[servo]
+kp = {shoulder = 1200, "elb*" = 300}
+kv = {shoulder = 50, "*" = 8}
+limit = 900
+"""
+TRUTH = {
+    **{"shoulder.Ia": 0.11, "shoulder.Fv": 2.0, "shoulder.Fc": 1.1, "shoulder.off": 0.8},
+    **{"elbow.Ia": 0.05, "elbow.Fv": 0.9, "elbow.Fc": 0.5, "elbow.off": -0.4},
+}
+
+
+def load_arm(folder, sidecar=SIDECAR):
+    """Write the arm and a sidecar into a folder, and read them."""
+    shutil.copy(Robot.load("two-link").path, folder / "arm.xml")
+    (folder / "arm.toml").write_text(sidecar)
+    return Robot.load(folder / "arm.xml")
