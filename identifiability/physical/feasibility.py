@@ -21,7 +21,17 @@ from identifiability.physical.fitted_model import (
     PhysicalSet,
     physical_set,
 )
-from identifiability.physical.project import FeasibleEstimate, Projection, solve_program
+from identifiability.physical.project import (
+    COLUMN,
+    EXACTER,
+    LOWER,
+    PRESENT,
+    ROW,
+    TWICE,
+    FeasibleEstimate,
+    Projection,
+    unsolved,
+)
 from identifiability.physical.pseudo_inertia import BOUNDARY, check_body
 from identifiability.physical.rules import RULES
 from identifiability.regression.reduction import Submodel, leave_to_terms
@@ -378,16 +388,42 @@ def _most_room(
     Returns
     -------
     (n,), float, (m,) and (k, 16)
-    """
-    import cvxpy as cp  # noqa: PLC0415 - as in `project`
 
-    u, t = cp.Variable(rows.shape[1]), cp.Variable()
-    signs = np.vstack([np.zeros(rows.shape[1]), rows]) @ u + np.append(1.0, slack) >= t
-    squares = [cp.reshape(A @ u + b, (4, 4), order="C") for A, b in zip(maps, at, strict=True)]
-    bodies = [J >> t * np.eye(4) for J in squares]
-    solve_program(cp.Problem(cp.Maximize(t), [signs, *bodies]), "certificate")
-    Z = np.array([J.dual_value for J in bodies]).reshape(-1, 16)
-    return u.value, float(t.value), signs.dual_value[1:], Z
+    Raises
+    ------
+    ValueError
+        When the solver finds no answer.
+    """
+    # cvxpy would state this program in a line, but takes a third of a second to import.
+    import clarabel  # noqa: PLC0415
+    from scipy.sparse import csc_array  # noqa: PLC0415
+
+    # minimise −t with offset − constraint @ (t, u) in the cones
+    unknowns = 1 + rows.shape[1]
+    goal = -np.eye(unknowns)[0]
+    signs = np.vstack([-goal, np.hstack([np.ones((len(rows), 1)), -rows])])
+    one = np.broadcast_to(np.eye(4).reshape(16, 1), (len(maps), 16, 1))
+    squares = TWICE[:, None] * np.concatenate([one, -maps], axis=2)[:, LOWER]
+    constraint = csc_array(np.vstack([signs, squares.reshape(-1, unknowns)]))
+    offset = np.concatenate([[1.0], slack, (TWICE * at[:, LOWER]).ravel()])
+    cones = [clarabel.NonnegativeConeT(len(signs)), *[clarabel.PSDTriangleConeT(4)] * len(maps)]
+    curvature = csc_array((unknowns, unknowns))
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    for options in ({}, EXACTER):
+        for name, value in options.items():
+            setattr(settings, name, value)
+        solver = clarabel.DefaultSolver(curvature, goal, constraint, offset, cones, settings)
+        found = solver.solve()
+        if found.status == clarabel.SolverStatus.Solved:
+            break
+    if str(found.status) not in PRESENT:
+        raise unsolved("certificate", found.status)
+    t, *u = found.x
+    dual = np.array(found.z)
+    Z = np.zeros((len(maps), 4, 4))
+    Z[:, ROW, COLUMN] = Z[:, COLUMN, ROW] = dual[len(signs) :].reshape(-1, 10) / TWICE
+    return np.array(u), t, dual[1 : len(signs)], Z.reshape(-1, 16)
 
 
 def _column_scale(G: Array, beta: Array, region: PhysicalSet) -> Array:

@@ -212,7 +212,7 @@ class Projection:
             away = [cp.trace(J) - cp.log_det(J) - 4 for J in square(self.nominal)]
             cost += self.prior.weight * sum(away)
         problem = cp.Problem(cp.Minimize(cost), [linked, held, signs, *bodies])
-        accurate = solve_program(problem, "projection")
+        accurate = _solve_stated(problem)
         pressure = np.append([np.linalg.norm(J.dual_value) for J in bodies], signs.dual_value)
         z = program.along.T @ step.value
         return Optimum(z, pressure, accurate)
@@ -289,7 +289,19 @@ class Projection:
         )
 
 
-def solve_program(problem: Any, what: str) -> bool:
+#: Ends of Clarabel with a solution, be it not accurate.
+PRESENT = ("Solved", "AlmostSolved", "MaxIterations", "MaxTime")
+
+
+def unsolved(program: str, status: Any) -> ValueError:
+    """Return the error of a program for which the solver found no answer."""
+    return ValueError(
+        f"{program}: the solver found no answer ({status}); expected one, since every "
+        f"body has room; {ADVICE}."
+    )
+
+
+def _solve_stated(problem: Any) -> bool:
     """Solve a cvxpy problem; return whether the solver is sure of the optimum.
 
     Raises
@@ -306,10 +318,7 @@ def solve_program(problem: Any, what: str) -> bool:
         if problem.status == cp.OPTIMAL:
             return True
     if problem.status not in cp.settings.SOLUTION_PRESENT:
-        raise ValueError(
-            f"{what}: the solver found no answer ({problem.status}); expected one, since every "
-            f"body has room; {ADVICE}."
-        )
+        raise unsolved("projection", problem.status)
     return False
 
 
@@ -352,6 +361,7 @@ LESS: Tolerance = 0.1
 #: Rows and columns of the lower triangle of a body, and what makes its squares those of the whole.
 ROW, COLUMN = np.tril_indices(4)
 TWICE = np.where(ROW == COLUMN, 1.0, np.sqrt(2.0))
+LOWER = 4 * ROW + COLUMN
 
 
 def follow(
@@ -394,7 +404,7 @@ def follow(
         aim = max(each, reached / max(100, 2 * y.size))  # all of them together are enough
         # How congruent matrices change: lower triangles whose squares are those of whole matrices.
         whole = np.einsum("kab,kcd->kacbd", root, root).reshape(-1, 16, 16)
-        rates = (TWICE[:, None] * whole[:, 4 * ROW + COLUMN] @ cone).reshape(-1, z.size)
+        rates = (TWICE[:, None] * whole[:, LOWER] @ cone).reshape(-1, z.size)
         away = np.sqrt(weight) * root.transpose(0, 2, 1) @ root - weight * np.eye(4)
         force = sign.T @ ((aim - y * lack) / slack) + away.ravel() @ cone.reshape(-1, z.size)
         force -= bend * z

@@ -27,7 +27,6 @@ from identifiability.robot.assembly import LockOption, read_locks
 from identifiability.robot.description import Description
 from identifiability.robot.files import read_robot
 from identifiability.robot.kinematics import WORLD, least_eigenvalue
-from identifiability.robot.table import write_table
 
 # The ten parameters of a body from its mass, centre and moments of inertia.
 
@@ -297,6 +296,8 @@ class Robot(Description):
             If the files cannot be written.
         """
         place = new_place("robot_from_dh", ".urdf") if out is None else out
+        from identifiability.robot.table import write_table  # noqa: PLC0415 - few have a table
+
         write_table(table, place)
         return Robot.load(place)
 
