@@ -235,7 +235,8 @@ def _take_apart(annotation: Any) -> tuple[Any, tuple[Any, ...]]:
 
 def options_of(holder: Any) -> list[Field]:
     """Return the options of a function, or of a group."""
-    kinds, given = get_type_hints(holder, include_extras=True), signature(holder).parameters
+    kinds = get_type_hints(holder, include_extras=True)
+    given = signature(holder).parameters
     return [Field.of(name, kinds[name], given[name].default) for name in given]
 
 
@@ -433,7 +434,8 @@ def _read_settings(
 
         stated = read_settings(given["robot"], given.get("sidecar"))
         for group in (Derived, Place, Fitted):
-            table, known = group.table, [field.name for field in options_of(group)]
+            table = group.table
+            known = [field.name for field in options_of(group)]
             for key in stated[table]:
                 if key in getattr(group, "typed", ()):
                     raise OptionError(Finding("option.typed", key, table=table))
@@ -446,7 +448,8 @@ def _read_settings(
             raise OptionError(f"--set {text} is no KEY=VALUE of {', '.join(settings)}{near}")
         found[key] = _as_kind(settings[key].kind, value)
     for key, value in found.items():
-        kind, notes = settings[key].kind, settings[key].marks(Expected)
+        kind = settings[key].kind
+        notes = settings[key].marks(Expected)
         whole: Any = kind
         for note in notes:
             whole = Annotated[whole, note]

@@ -44,7 +44,8 @@ def run(
         it is written first, as the page knows of it.
     """
     machine, outputs, logs = (said.pop(name) for name in ("machine", "outputs", "logs"))
-    work, first = said.pop("work", None), said.pop(write[1]) if write else None
+    work = said.pop("work", None)
+    first = said.pop(write[1]) if write else None
     fitted = vars(said.pop("fitted")) if "fitted" in said else {}
     given = [said.pop("result")] if "result" in said else []
     with work.running() if work else options.alone() as (say, how, _):
@@ -122,7 +123,8 @@ def run_demo(
 
     name, files = SHOWN
     say("reading logs", 0.0)
-    robot, logs = Robot.load(name), list[Log]()
+    robot = Robot.load(name)
+    logs = list[Log]()
     for file in files:
         shipped = robot.path.with_name("logs") / file
         log = Log.read(shipped, Conventions.of(robot))
@@ -427,7 +429,8 @@ def simulate(
     from identifiability.simulation.forces import left_out  # noqa: PLC0415
     from identifiability.simulation.motion import find_motion  # noqa: PLC0415
 
-    robot, rng = machine.load(), np.random.default_rng(seed)
+    robot = machine.load()
+    rng = np.random.default_rng(seed)
     move = find_motion(robot, motion, samples, rng)
     make = partial(
         run,

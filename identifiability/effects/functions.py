@@ -50,12 +50,12 @@ def splines(u: Array, pieces: int = PIECES) -> Array:
 
     Beyond its ends, where there were no data, they return to zero.
     """
-    step, beyond = 2.0 / pieces, 2 * DEGREE
+    step = 2.0 / pieces
+    beyond = 2 * DEGREE
     knots = -1.0 + step * np.arange(-beyond, pieces + beyond + 1)
     end = 1.0 + DEGREE * step
     every = scipy.interpolate.BSpline.design_matrix(np.clip(u, -end, end), knots, DEGREE)
-    found: Array = every[:, DEGREE : DEGREE + pieces + DEGREE].toarray()
-    return found
+    return every[:, DEGREE : DEGREE + pieces + DEGREE].toarray()
 
 
 def straight_beyond(u: Array, pieces: int = PIECES) -> Array:
@@ -77,12 +77,11 @@ def fine_at_rest(speed: Array, largest: float) -> Array:
     Beyond the largest one it goes straight on, as splines do that are `straight_beyond`.
     """
     share = np.abs(speed) / largest
-    found: Array = np.sign(speed) * np.where(
+    return np.sign(speed) * np.where(
         share < 1.0,
         np.sqrt(share),
         0.5 * (1.0 + share),
     )
-    return found
 
 
 def largest_speed(robot: Robot, axis: Axis) -> float:
@@ -260,7 +259,8 @@ def _declare_function(
     **facts: Any,
 ) -> None:
     """Register the function of a coordinate, or of it and the velocity."""
-    x, load = of.symbol, of.against == "load"
+    x = of.symbol
+    load = of.against == "load"
     equation = f"τ = f({x}), f = Σ cₖ Bₖ({x})"
     if moving:
         equation = f"τ = f₀({x}) + f₁({x}) sign(q̇) + f₂({x}) q̇, f = Σ cₖ Bₖ"
@@ -317,7 +317,8 @@ class FunctionOfVelocity(Shaped):
     def curves(self, at: Along) -> list[Array]:
         """Return the step with differences of opposite splines, then their sums."""
         pieces = splines(fine_at_rest(at.speed, self.shape(at.robot, at.axis))).T
-        low, high = pieces[: len(pieces) // 2], pieces[: len(pieces) // 2 - 1 : -1]
+        low = pieces[: len(pieces) // 2]
+        high = pieces[: len(pieces) // 2 - 1 : -1]
         return [np.sign(at.speed), *(high - low), *(high + low)]
 
     def typical(self, robot: Robot, axis: Axis) -> float:

@@ -174,9 +174,9 @@ def _spacings(span: Span) -> tuple[float, ...]:
 
 def cubic_piece(away: Array) -> Array:
     """Return a cubic B-spline of even knots so far from its middle, in their distance."""
-    wide, narrow = np.maximum(2 - away, 0), np.maximum(1 - away, 0)
-    piece: Array = (wide * wide * wide - 4 * narrow * narrow * narrow) / 6
-    return piece
+    wide = np.maximum(2 - away, 0)
+    narrow = np.maximum(1 - away, 0)
+    return (wide * wide * wide - 4 * narrow * narrow * narrow) / 6
 
 
 @declare(
@@ -211,7 +211,8 @@ class PositionTorque(Shaped):
         """Return the pieces that a motion gets to; of the others it says nothing."""
         axis = next(a for a in robot.axes if a.name == span.joint)
         ends = np.array([span.low, span.high]) - self.home(robot, axis)
-        first, step = self.grid(robot, axis)[0], self.shape(robot, axis)
+        first = self.grid(robot, axis)[0]
+        step = self.shape(robot, axis)
         cells = np.clip(np.floor(ends / step + [1e-9, -1e-9]).astype(int) - first, 0, None)
         return self.kinds(robot, axis)[cells[0] : cells[1] + DEGREE + 1]
 

@@ -97,7 +97,8 @@ class PhysicalResult:
 
 def leave_undecided(structure: Structure, submodel: Submodel) -> PhysicalResult:
     """Return what physics says before anything is found."""
-    value, found = np.full(len(submodel), np.nan), np.full((3, len(submodel.M)), np.nan)
+    value = np.full(len(submodel), np.nan)
+    found = np.full((3, len(submodel.M)), np.nan)
     return PhysicalResult(physical_set(structure), value, found[0], found[1:], "")
 
 
@@ -183,19 +184,24 @@ def choose_prior(
     PriorChoice or None
         None if no nearest real robot was found.
     """
-    structure, fit = model.structure, model.estimate
+    structure = model.structure
+    fit = model.estimate
     try:
         projection = _projection(model, 1.0)
     except ValueError:
         return None
-    G, wider = structure.G, float(np.sqrt(fit.memory))  # a log counts as its independent samples
+    # a log counts as its independent samples
+    G = structure.G
+    wider = float(np.sqrt(fit.memory))
     with one_thread():
         ways = []
         for row in held_out.folds.train:
             rest = model.whole.take(row)
             part = FittedModel(structure, model.submodel, rest, model.submodel.reduce(rest), fit)
             ways.append(projection.follow(_believe(part, weights[-1]), weights))
-        values, scores, total = list[Array](), list[Score](), list[float]()
+        values = list[Array]()
+        scores = list[Score]()
+        total = list[float]()
         for found in zip(*ways, strict=False):
             values.append(np.stack([phi for phi, _ in found]) @ G.T)
             roots = wider * (G @ np.stack([root for _, root in found]))
@@ -222,8 +228,11 @@ def _projection(model: FittedModel, cad_weight: float) -> Projection:
         If no real robot has what it holds.
     """
     structure = model.structure
-    (bodies, _), region = draw_bodies(structure), physical_set(structure)
-    possible, at, R = structure.nominal.copy(), region.bodies.ravel(), model.data.R
+    (bodies, _) = draw_bodies(structure)
+    region = physical_set(structure)
+    possible = structure.nominal.copy()
+    at = region.bodies.ravel()
+    R = model.data.R
     alike = np.column_stack([R[:, at] @ bodies[at], np.delete(R, at, axis=1)])
     factor = np.linalg.lstsq(alike, model.data.z, rcond=None)[0][0]
     if factor > 0 and not 1 / RULES.another_robot < factor < RULES.another_robot:
@@ -238,7 +247,8 @@ def _projection(model: FittedModel, cad_weight: float) -> Projection:
 
 def find_nearest(model: FittedModel, cad_weight: float = WEAK) -> PhysicalResult:
     """Find the nearest real robot, without asking whether it is the estimate itself."""
-    structure, data = model.structure, _believe(model, cad_weight)
+    structure = model.structure
+    data = _believe(model, cad_weight)
     found = replace(leave_undecided(structure, model.submodel), cad_weight=cad_weight)
     try:
         nearest = _projection(model, cad_weight).solve(data)
@@ -359,7 +369,8 @@ def certify(base_map: Array, beta: Array, region: PhysicalSet) -> Certificate:
         rank = int(np.sum(s > ROUNDOFF * s[0])) if s.size else 0
         start = Vt[:rank].T @ ((U.T @ (beta / heights))[:rank] / s[:rank])
         null = Vt[rank:].T if rank < G.shape[1] else np.zeros((G.shape[1], 1))
-        rows, cones = region.scaled_rows, region.cones
+        rows = region.scaled_rows
+        cones = region.cones
         u, margin, multiplier, Z = _most_room(
             rows @ null, rows @ start - region.least, cones @ null, cones @ start
         )
@@ -368,7 +379,8 @@ def certify(base_map: Array, beta: Array, region: PhysicalSet) -> Certificate:
             return Certificate(margin, phi, np.zeros_like(beta), 0.0)
         force = np.einsum("kep,ke->p", cones, Z) + multiplier @ rows
         combination = np.linalg.lstsq(G.T, force)[0]
-        value, level = combination @ beta, multiplier @ region.least
+        value = combination @ beta
+        level = multiplier @ region.least
         return Certificate(margin, phi, combination, float(value), float(level))
 
 

@@ -72,8 +72,7 @@ def scale_matrix(mass: ArrayLike, length: ArrayLike) -> Array:
     (..., 4), the square roots of ``mass * (length², length², length², 1)``
     """
     m, ell = np.broadcast_arrays(np.asarray(mass, float), np.asarray(length, float))
-    root: Array = np.sqrt(m)[..., None] * np.stack((ell, ell, ell, np.ones_like(ell)), axis=-1)
-    return root
+    return np.sqrt(m)[..., None] * np.stack((ell, ell, ell, np.ones_like(ell)), axis=-1)
 
 
 def entry_scale(mass: Array, length: Array) -> Array:
@@ -88,8 +87,7 @@ def entry_scale(mass: Array, length: Array) -> Array:
     (nb, 10) [kg m², kg m, kg]
     """
     power = np.array([2] * 6 + [1] * 3 + [0])
-    scale: Array = mass[:, None] * length[:, None] ** power
-    return scale
+    return mass[:, None] * length[:, None] ** power
 
 
 def natural_scale(theta: ArrayLike) -> tuple[Array, Array]:
@@ -143,7 +141,8 @@ def check_body(theta: ArrayLike, name: str) -> str:
     values = np.asarray(theta, float)
     if margin(values, *natural_scale(values)) >= -BOUNDARY:
         return ""
-    mass, first = values[9], values[6:9]
+    mass = values[9]
+    first = values[6:9]
     if mass <= 0:
         what = "must be positive" if mass < 0 else "cannot be zero while its moments are not"
         return f"{name}: mass {mass:.4g} kg {what}."

@@ -138,7 +138,8 @@ def _refuse(robot: Robot, family: Family, present: Present, fixed: bool) -> str:
 
 
 def _at_place(robot: Robot, family: Family, span: Span, column: int, free: bool) -> list[Candidate]:
-    place, out = span.joint, []
+    place = span.joint
+    out = []
     for shape in family.grid(span):
         effect = family.at(shape, place)
         there = {p.kind: p.nonnegative for p in effect.parameters(robot) if p.owner == place}

@@ -46,7 +46,8 @@ if TYPE_CHECKING:
         write_result,
     )
 
-    build_analysis_page, write_analysis_report = build_page, write_result
+    build_analysis_page = build_page
+    write_analysis_report = write_result
 
 #: Where the names of `__all__` stand. Answers, in this room too, need neither Matplotlib nor Jinja.
 _HOMES = (

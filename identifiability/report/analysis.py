@@ -75,7 +75,8 @@ def drawn_torque(out: Prediction) -> tuple[Array, Array]:
 
 def analysis_moving(analysis: Analysis) -> Moving | None:
     """Return the robot along unseen motion beside measured and predicted torque."""
-    sample, out = (analysis.validation or analysis.samples)[0], analysis.held_out
+    sample = (analysis.validation or analysis.samples)[0]
+    out = analysis.held_out
     measured, predicted = drawn_torque(out)
     lines = {"measured": measured, "predicted": predicted, "residual": measured - predicted}
     about = analysis.robot, sample.motion, out.t[0], measured
@@ -159,7 +160,8 @@ def _name_key(analysis: Analysis) -> Fold:
 
 def section_ladder(analysis: Analysis) -> Section:
     """Return the ladder of models: why the selected one."""
-    chosen, models = analysis.chosen, analysis.models
+    chosen = analysis.chosen
+    models = analysis.models
     if len(models) == 1:
         reason = "only"
     elif chosen.feasible:
@@ -181,9 +183,11 @@ def section_ladder(analysis: Analysis) -> Section:
 
 def section_prediction(analysis: Analysis) -> Section:
     """Return measured and predicted torque of every joint along the first unseen log."""
-    out, robot = analysis.held_out, analysis.robot
+    out = analysis.held_out
+    robot = analysis.robot
     name = (analysis.validation or analysis.samples)[0].name
-    t, loaded = out.t[0], loaded_joints(out.rms)
+    t = out.t[0]
+    loaded = loaded_joints(out.rms)
     measured, predicted = (x[:, loaded] for x in drawn_torque(out))
     return section(
         "analysis.prediction",
@@ -207,7 +211,8 @@ def _tell_windows(analysis: Analysis) -> str:
     """Return how many samples errors are of, where they are not of all."""
     for found in (analysis.held_out, analysis.fitted):
         if len(found.log) < found.total:
-            shown, total = f"{len(found.log):,}", f"{found.total:,}"
+            shown = f"{len(found.log):,}"
+            total = f"{found.total:,}"
             return sentence("analysis.windows", shown=shown, total=total)
     return ""
 
@@ -348,7 +353,8 @@ def posterior_notes(analysis: Analysis) -> tuple[Note, ...]:
     if summary.stated.all():
         return ()
     names = np.array(analysis.chosen.submodel.columns)[~summary.stated].tolist()
-    share, limit = f"{len(names)} of {len(summary.stated)}", 100 * POSTERIOR_RULES.prior_sensitivity
+    share = f"{len(names)} of {len(summary.stated)}"
+    limit = 100 * POSTERIOR_RULES.prior_sensitivity
     return (
         note(
             "prior-sensitive",

@@ -529,7 +529,8 @@ def draw_curve(
     dots(axes, x[rows], data[rows], MUTED, 3.0, 0.6)
     order = np.argsort(x)
     along = learned[order]
-    low, high = along - REACH * spread[order], along + REACH * spread[order]
+    low = along - REACH * spread[order]
+    high = along + REACH * spread[order]
     known = np.nan_to_num(along, posinf=0.0, neginf=0.0)
     if np.mean(np.diff(known) ** 2) > 0.5 * np.var(known):
         # Neighbours differ as any two do: of a delay speed alone says nothing.

@@ -426,7 +426,8 @@ def read_result(path: str | Path) -> KeptResult:
         If it is none.
     """
     content = read_document(path, _Content, "JSON", "result", IdentifiabilityError).root
-    told, rows = {"statement", "answers", "findings", "warnings"}, {"parameters", "effects"}
+    told = {"statement", "answers", "findings", "warnings"}
+    rows = {"parameters", "effects"}
     if told - content.keys() or not rows & content.keys():
         raise IdentifiabilityError(
             f"{path} is no result of analyze, prune or diagnose; write one with --json."

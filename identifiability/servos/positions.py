@@ -29,7 +29,7 @@ def forgotten(log: Log) -> int:
 
 def encoder_noise(log: Log) -> Array:
     """Return the noise of positions (n,) [rad or m], at least the encoders' resolution."""
-    return np.asarray(np.maximum(noise_level(log.q, log.t), resolution(log.q)))
+    return np.maximum(noise_level(log.q, log.t), resolution(log.q))
 
 
 def record(q: Array, log: Log, rng: np.random.Generator) -> Array:
@@ -52,7 +52,7 @@ def record(q: Array, log: Log, rng: np.random.Generator) -> Array:
     width = np.where(finest > 0, finest, 1.0)
     steps = np.floor(q / width + phase) + 0.5 - phase
     rounded = np.where(finest > 0, steps * width, q)
-    return np.asarray(rounded + noise * rng.standard_normal(q.shape))
+    return rounded + noise * rng.standard_normal(q.shape)
 
 
 def explicable(logs: Sequence[Log]) -> Array:
@@ -62,7 +62,7 @@ def explicable(logs: Sequence[Log]) -> Array:
     moves, and at least five times the noise of positions, and .001.
     """
     square = [_explicable_square(log) for log in logs]
-    return np.asarray(np.maximum(np.sqrt(np.mean(square, axis=0)), 1e-3))
+    return np.maximum(np.sqrt(np.mean(square, axis=0)), 1e-3)
 
 
 def _explicable_square(log: Log) -> Array:
@@ -74,4 +74,4 @@ def _explicable_square(log: Log) -> Array:
     errors = [(q - command).var(0) for command in delayed]
     noise = 5.0 * encoder_noise(log)
     least = np.maximum(np.min(errors, axis=0), noise**2)
-    return np.asarray(np.minimum(least, log.q.var(0)))
+    return np.minimum(least, log.q.var(0))
