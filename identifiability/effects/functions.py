@@ -27,6 +27,7 @@ from identifiability.effects.measurement import FromJoint, is_alone, other_joint
 from identifiability.effects.nominal import needs_masses
 from identifiability.effects.registry import declare, register
 from identifiability.effects.transmission import rigid_load
+from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -141,7 +142,7 @@ def largest_load(span: Span) -> tuple[float, ...]:
 
 
 #: Duration where none is given [s].
-TYPICAL: Tolerance = 30.0
+TYPICAL = 4 * DEFAULTS.period
 
 
 def duration(span: Span) -> tuple[float, ...]:

@@ -25,9 +25,8 @@ from identifiability.effects.nominal import needs_masses, once, reference_values
 from identifiability.effects.registry import declare
 from identifiability.effects.springs import FreeSpring, GravitySpring, JointStiffness
 from identifiability.foundation.errors import ModelError
-from identifiability.foundation.linalg import without_rounding
+from identifiability.foundation.linalg import NEARLY, without_rounding
 from identifiability.foundation.names import Array, Parameter
-from identifiability.foundation.rules import Tolerance
 from identifiability.robot import Axis, Motion, Robot
 
 
@@ -398,10 +397,6 @@ def _stands_in_a_tree(robot: Robot, place: str) -> str:
     return in_motor(robot, place) or needs_masses(robot, place)
 
 
-#: Positions [rad or m] between which torque changes along a line.
-SLOPE: Tolerance = 1e-6
-
-
 @declare(
     "a wrong zero of an encoder",
     actuated_joints,
@@ -437,7 +432,7 @@ class EncoderBias(AtMotors):
         rigid = rigid_torque(robot, motion)
         for k, joint in enumerate(motors(robot)):
             # Along the whole way where one is known, which need not be small.
-            way = robot.reference.get(f"{robot.joints[joint]}.bias", 0.0) or SLOPE
+            way = robot.reference.get(f"{robot.joints[joint]}.bias", 0.0) or NEARLY
             q = motion.q - way * (np.arange(motion.q.shape[1]) == robot.actuated[joint])
             change = (rigid - rigid_torque(robot, replace(motion, q=q))) / way
             out[:, :, k] = -without_rounding(change, rigid)

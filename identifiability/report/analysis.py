@@ -36,6 +36,7 @@ from identifiability.report.answers.analyze import (
 from identifiability.report.answers.common import note, sentence
 from identifiability.report.blocks import (
     GLOSSARY,
+    SHOWN_FIRST,
     Fold,
     Moving,
     Notes,
@@ -125,14 +126,10 @@ def section_parameters(analysis: Analysis) -> Section:
     )
 
 
-#: Parameters that stand open.
-DECISIVE = 12
-
-
 def fold_verdicts(table: Table, verdicts: Sequence[Verdict]) -> tuple[Table | Fold, ...]:
     """Return a table of the identifiable parameters that decide most; others are a click away."""
     known = [v for v in verdicts if v.verdict is Class.IDENTIFIABLE]
-    first = {v.name for v in sorted(known, key=lambda v: -v.share)[:DECISIVE]}
+    first = {v.name for v in sorted(known, key=lambda v: -v.share)[:SHOWN_FIRST]}
     shown = [v.name in first for v in verdicts]
     return fold_rows(table, shown, "identifiable parameters of most torque")
 
@@ -324,10 +321,6 @@ MOTION = (
 # What is believed after the data: the parameters of the model to use by every road.
 
 
-#: Names that a sentence has at most.
-ROWS = 14
-
-
 def section_posterior(analysis: Analysis) -> Section:
     """Return the parameters of the selected model by every road, beside each other."""
     notes = posterior_notes(analysis)
@@ -359,7 +352,7 @@ def posterior_notes(analysis: Analysis) -> tuple[Note, ...]:
         note(
             "prior-sensitive",
             share=share,
-            names=join(names, ROWS),
+            names=join(names, SHOWN_FIRST),
             limit=limit,
         ),
     )

@@ -320,6 +320,10 @@ def sort_key(cell: Cell) -> str | None:
     return "" if math.isnan(cell.key) else f"{cell.key:.6g}".replace("inf", "Infinity")
 
 
+#: Rows that a page shows of a long table, and names that a sentence lists, at most.
+SHOWN_FIRST = 12
+
+
 def fold_rows(table: Table, first: Sequence[bool], those: str) -> tuple[Table | Fold, ...]:
     """Return a table of some rows, and below it one of the others that opens on demand.
 

@@ -428,7 +428,7 @@ def mark_of(kind: str) -> Mark:
 # Torque and motion along time.
 
 
-#: Points of a scatter.
+#: Points of a scatter, or of a line beside a moving robot.
 POINTS = 500
 
 #: Colour and name of the model as it was, and of the one with the named effects.

@@ -31,6 +31,7 @@ from identifiability.foundation.rounding import (
 from identifiability.report import plot
 from identifiability.report.answers.common import hint_note, sentence, words
 from identifiability.report.blocks import (
+    SHOWN_FIRST,
     Block,
     Fold,
     Moving,
@@ -50,8 +51,8 @@ from identifiability.report.blocks import (
     torque_traces,
     traces,
 )
-from identifiability.report.figures import draw_curve, draw_forward, draw_intervals
-from identifiability.report.skeleton import LINE, move_skeletons, move_with_torque
+from identifiability.report.figures import POINTS, draw_curve, draw_forward, draw_intervals
+from identifiability.report.skeleton import STRETCH, move_skeletons, move_with_torque
 from identifiability.robot import complete_motion
 from identifiability.robot.kinematics import Point
 
@@ -65,10 +66,6 @@ if TYPE_CHECKING:
     from identifiability.workflows.payload import Load
     from identifiability.workflows.predict import PositionPrediction, TorquePrediction
     from identifiability.workflows.prune.result import Ladder
-
-
-#: Rows of a figure with the answers: the worst, or the best.
-SHOWN_FIRST = 12
 
 
 # Calibration: may intervals and verdicts be trusted on this motion?
@@ -180,9 +177,6 @@ def diagnosis_sections(d: Diagnosis) -> list[Section | None]:
 
 #: Curves and joints that are drawn.
 SHOWN = 6
-
-#: Seconds of unseen motion that are drawn, and groups that the table of evidence lists.
-STRETCH, LISTED = 10.0, 12
 
 
 def section_effects(d: Diagnosis) -> Section:
@@ -317,7 +311,7 @@ def _sections_method(d: Diagnosis) -> tuple[Section, ...]:
     from identifiability.workflows.diagnose.result import PLACES  # noqa: PLC0415
 
     order = sorted(d.evidence, key=lambda x: -x.before)
-    table = Table.of("The likeliest of all that was asked", (*GROUP, THEN), order[:LISTED])
+    table = Table.of("The likeliest of all that was asked", (*GROUP, THEN), order[:SHOWN_FIRST])
     why: dict[tuple[str, str], list[str]] = {}
     for r in d.refusals:
         why.setdefault((title_of(r.family), r.reason), []).append(r.place)
@@ -721,7 +715,7 @@ def rollout_moving(result: PositionPrediction) -> Moving | None:
         unit,
         log.t - log.t[0],
         lines,
-        LINE,
+        POINTS,
         "position",
     )
     return replace(moving, torque=below)

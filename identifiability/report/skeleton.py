@@ -12,6 +12,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.quoting import for_svg
 from identifiability.report.answers.common import sentence
 from identifiability.report.blocks import Moving, Trace
+from identifiability.report.figures import POINTS
 from identifiability.robot import Motion, Robot
 from identifiability.robot.kinematics import Point, shortest_turn
 
@@ -60,8 +61,8 @@ def _trace(
 #: Poses that are drawn of a motion, at most, and how many a second.
 MOST_FRAMES, FRAMES_A_SECOND = 300, 25.0
 
-#: Seconds of a log that move beside its torque, and points of each line of that.
-STRETCH, LINE = 12.0, 500
+#: Seconds of a log that are drawn.
+STRETCH = MOST_FRAMES / FRAMES_A_SECOND
 
 
 def move_skeletons(
@@ -204,7 +205,7 @@ def move_with_torque(
             unit,
             t[:end] - t[0],
             own,
-            LINE,
+            POINTS,
         ),
     )
     if load is not None:  # as large in all frames
