@@ -70,7 +70,7 @@ def terminal(*, stderr: bool = False) -> Console:
 
 
 @contextmanager
-def progress(*, show: bool = True) -> Iterator[Callable[[str, float], None]]:
+def progress() -> Iterator[Callable[[str, float], None]]:
     """Show a progress bar on a terminal, on standard error; give a callback (what, share).
 
     Elsewhere one line says how long it takes, if it takes long.
@@ -79,12 +79,12 @@ def progress(*, show: bool = True) -> Iterator[Callable[[str, float], None]]:
 
     console = terminal(stderr=True)
     columns = (bars.TextColumn("{task.description}"), bars.BarColumn(), bars.TimeRemainingColumn())
-    hidden = not (show and console.is_terminal)
+    hidden = not console.is_terminal
     with bars.Progress(*columns, console=console, transient=True, disable=hidden) as bar:
         task = bar.add_task("starting", total=1.0)
 
         begun = monotonic()
-        said = not (show and hidden)
+        said = not hidden
 
         def say(text: str, share: float) -> None:  # never backwards
             nonlocal said

@@ -19,7 +19,7 @@ import numpy as np
 from identifiability.estimation.groups import Excerpt, Missing
 from identifiability.estimation.mixed_model import Group, MixedModel, Term, Terms
 from identifiability.estimation.noise import THIN
-from identifiability.foundation.linalg import ROUNDOFF
+from identifiability.foundation.linalg import ROUNDOFF, or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -259,7 +259,7 @@ class Differences:
     def scale(self) -> Array:
         """What makes columns as large as the friction that there is, or as the torque, (C,)."""
         size = np.abs(self.levels(self.known.base))
-        return np.where(size > 0, 1.0 / np.where(size > 0, size, 1.0), self.missing.scale)
+        return np.where(size > 0, 1.0 / or_one(size), self.missing.scale)
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
@@ -290,7 +290,7 @@ class Differences:
         every = np.arange(fixed)
         diagonal = own.between(every, every)
         none = np.where(diagonal > 0, 0.0, np.finfo(float).eps)  # what does not act is no value
-        length = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+        length = np.sqrt(or_one(diagonal))
         scale = np.concatenate([length[: fixed - drifts], self.scale])
         prior = np.diag(precision + none)
         return MixedModel(own, fixed, self.groups, scale, prior, np.zeros(fixed), CHANGES)

@@ -20,6 +20,7 @@ from identifiability.foundation.linalg import (
     ROUNDOFF,
     TINY,
     few_at_once,
+    or_one,
     sandwich,
     scan_columns,
     solve_each,
@@ -271,8 +272,7 @@ def _inverse(root: Array) -> Array:
 
     A fold of a short log need not determine what the whole does.
     """
-    scale = np.linalg.norm(root, axis=0)
-    scale = np.where(scale > 0, scale, 1.0)
+    scale = or_one(np.linalg.norm(root, axis=0))
     return np.linalg.pinv(root / scale, rcond=RANK_TOLERANCE) / scale[:, None]
 
 

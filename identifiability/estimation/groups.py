@@ -38,7 +38,13 @@ from identifiability.estimation.noise import (
 )
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.errors import listing
-from identifiability.foundation.linalg import NEARLY, RANK_TOLERANCE, ROUNDOFF, triangular_factor
+from identifiability.foundation.linalg import (
+    NEARLY,
+    RANK_TOLERANCE,
+    ROUNDOFF,
+    or_one,
+    triangular_factor,
+)
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -154,8 +160,7 @@ class Excerpt:
         weight = np.divide(1.0, torque, out=np.zeros_like(torque), where=torque > 0)
         rows = np.concatenate([self.X, self.y[:, :, None]], axis=2) * weight[:, None]
         R = triangular_factor(rows.reshape(-1, rows.shape[2]))
-        length = np.linalg.norm(R[:, :-1], axis=0)
-        length = np.where(length > 0, length, 1.0)
+        length = or_one(np.linalg.norm(R[:, :-1], axis=0))
         unit = R[:, :-1] / length
         return np.linalg.lstsq(unit, R[:, -1], rcond=RANK_TOLERANCE)[0] / length
 

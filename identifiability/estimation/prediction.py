@@ -14,6 +14,7 @@ from scipy.special import stdtrit
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evidence import LEVELS, Folds
 from identifiability.estimation.fit import Fit, remembering_covariance
+from identifiability.foundation.linalg import or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import ENDS, REACH
 from identifiability.foundation.values import frozen
@@ -139,7 +140,7 @@ def _never_shown(information: Information, fit: Estimate) -> Array:
     weighted, plain = (
         np.linalg.norm(information.factor(w)[:, :-1], axis=0) for w in (fit.weights, None)
     )
-    directions = fit.open / np.where(weighted > 0, weighted, 1.0)[:, None]
+    directions = fit.open / or_one(weighted)[:, None]
     size = plain / np.sqrt(information.samples)
     # A column which never acted counts for this share of the largest one.
     least = 1e-3 * size.max(initial=0.0)

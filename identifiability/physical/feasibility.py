@@ -11,7 +11,7 @@ from identifiability.effects.vocabulary import file_kinds, values_in_file
 from identifiability.estimation.estimator import clip_signs
 from identifiability.estimation.evidence import LEVELS, Evidence, HeldOut, Score
 from identifiability.foundation.engines import one_thread
-from identifiability.foundation.linalg import ROUNDOFF
+from identifiability.foundation.linalg import ROUNDOFF, or_one
 from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import WEAK, WEIGHTS, CadPrior, draw_bodies, state_rows
@@ -363,8 +363,7 @@ def certify(base_map: Array, beta: Array, region: PhysicalSet) -> Certificate:
     with one_thread():
         scale = _column_scale(base_map, beta, region)
         G = base_map * scale
-        heights = np.linalg.norm(G, axis=1)
-        heights = np.where(heights > 0, heights, 1.0)
+        heights = or_one(np.linalg.norm(G, axis=1))
         U, s, Vt = np.linalg.svd(G / heights[:, None])
         rank = int(np.sum(s > ROUNDOFF * s[0])) if s.size else 0
         start = Vt[:rank].T @ ((U.T @ (beta / heights))[:rank] / s[:rank])
@@ -443,7 +442,7 @@ def _column_scale(G: Array, beta: Array, region: PhysicalSet) -> Array:
     scale = region.scale.copy()
     heights = np.abs(G).max(axis=1, initial=0.0)
     for j in np.flatnonzero(~region.inertial):
-        i = int(np.argmax(np.abs(G[:, j]) / np.where(heights > 0, heights, 1.0)))
+        i = int(np.argmax(np.abs(G[:, j]) / or_one(heights)))
         if G[i, j] != 0 and beta[i] != 0:
             scale[j] = abs(beta[i] / G[i, j])
     return scale

@@ -15,7 +15,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from identifiability.estimation.estimator import Estimate, Estimator
-from identifiability.foundation.linalg import ROUNDOFF, SPAN_TOLERANCE
+from identifiability.foundation.linalg import ROUNDOFF, SPAN_TOLERANCE, or_one
 from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.values import frozen
 from identifiability.physical import pseudo_inertia
@@ -311,8 +311,7 @@ class LeastSquares:
             Directions of which it says nothing.
         """
         C = np.where(np.isfinite(covariance), covariance, 0.0)
-        scale = np.sqrt(np.diag(C))
-        scale = np.where(scale > 0, scale, 1.0)
+        scale = or_one(np.sqrt(np.diag(C)))
         hidden = scipy.linalg.orth(unknown / scale[:, None])
         shown = scipy.linalg.null_space(hidden.T) if hidden.size else np.eye(len(C))
         variance, axes = np.linalg.eigh(shown.T @ (C / np.outer(scale, scale)) @ shown)

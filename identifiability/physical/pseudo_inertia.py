@@ -11,6 +11,7 @@ is positive semidefinite [Traversaro 2016; Wensing 2017].
 import numpy as np
 from numpy.typing import ArrayLike
 
+from identifiability.foundation.linalg import or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 
@@ -105,8 +106,7 @@ def natural_scale(theta: ArrayLike) -> tuple[Array, Array]:
     length : (...) [m]
     """
     values = np.asarray(theta, float)
-    mass = np.abs(values[..., 9])
-    mass = np.where(mass > 0, mass, 1.0)
+    mass = or_one(np.abs(values[..., 9]))
     second_moment = np.abs(values[..., [0, 3, 5]].sum(axis=-1)) / 2  # tr S [kg m²]
     length = np.sqrt(second_moment / (3 * mass))
     return mass, np.where(length > 0, length, 0.1)

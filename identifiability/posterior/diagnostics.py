@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.foundation.linalg import ROUNDOFF
+from identifiability.foundation.linalg import ROUNDOFF, or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.spectrum import integrate_correlation
@@ -196,7 +196,7 @@ def autocorrelation_time(chains: Array) -> Array:
     centred = chains - chains.mean(axis=(0, 1))
     spectrum = np.abs(np.fft.rfft(centred, n=2 * N, axis=1)) ** 2
     covariance = np.fft.irfft(spectrum.mean(axis=0), axis=0)[:N]
-    variance = np.where(covariance[0] > 0, covariance[0], 1.0)
+    variance = or_one(covariance[0])
     return integrate_correlation(covariance / variance)
 
 

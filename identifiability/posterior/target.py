@@ -10,7 +10,7 @@ from typing import Self
 
 import numpy as np
 
-from identifiability.foundation.linalg import NEARLY, ROUNDOFF
+from identifiability.foundation.linalg import NEARLY, ROUNDOFF, or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.fitted_model import Fixed, LeastSquares, PhysicalSet
@@ -293,8 +293,7 @@ def _make_proper(data: LeastSquares, prior: Prior) -> Prior:
         return prior
     known = np.where(flat, 0.0, 1 / prior.sd)
     stacked = np.vstack([data.R / data.unit, np.diag(known)])
-    norms = np.linalg.norm(stacked, axis=0)
-    norms = np.where(norms > 0, norms, 1.0)
+    norms = or_one(np.linalg.norm(stacked, axis=0))
     U, s, Vt = np.linalg.svd(stacked / norms, full_matrices=False)
     null = s <= ROUNDOFF * s[0]
     if null.any():

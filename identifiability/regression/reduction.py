@@ -20,7 +20,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PositiveFloa
 from identifiability.effects import FAMILIES, default_effects
 from identifiability.foundation.documents import key, read_document
 from identifiability.foundation.errors import ModelError, listing, near_match
-from identifiability.foundation.linalg import ROUNDOFF
+from identifiability.foundation.linalg import ROUNDOFF, or_one
 from identifiability.foundation.names import Array, find_named, is_pattern, specificity
 from identifiability.foundation.options import Expected
 from identifiability.foundation.quoting import for_toml, toml_comment
@@ -515,7 +515,7 @@ def _contained(structure: Structure, R: Array) -> Iterator[tuple[np.ndarray, np.
     every = structure.parameters
     flexible = np.isin(np.arange(len(every)), np.concatenate([*functions, []]))
     length = np.linalg.norm(R, axis=0)
-    unit = R / np.where(length > 0, length, 1.0)
+    unit = R / or_one(length)
     for own in functions:
         here = np.array([p.owner == every[own[0]].owner for p in every])
         terms = np.flatnonzero(here & ~flexible & (length > 0))

@@ -17,6 +17,7 @@ from identifiability.foundation.linalg import (
     RANK_TOLERANCE,
     SPAN_TOLERANCE,
     TINY,
+    or_one,
     scan_columns,
     triangular_factor,
 )
@@ -246,7 +247,7 @@ def known_rows(C: Array, sd: Array) -> Array:
         return np.empty((0, len(C)))
     outside = null_space(C[:, ~random].T) if not random.all() else np.eye(len(C))
     length = np.linalg.norm(columns := outside.T @ (C[:, random] * sd[random]), axis=1)
-    unit = np.where(length > 0, length, 1.0)[:, None]
+    unit = or_one(length)[:, None]
     return np.linalg.pinv(columns / unit, rcond=RANK_TOLERANCE) @ (outside.T / unit)
 
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import lsq_linear
 
+from identifiability.foundation.linalg import or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.servos.problem import RolloutProblem
@@ -122,7 +123,7 @@ def uncertainty(problem: RolloutProblem, end: SearchEnd) -> Array:
     """
     x, q, J = end
     size = np.linalg.norm(J, axis=0)
-    unit = np.where(size > 0, size, 1.0)
+    unit = or_one(size)
     J = J / unit
     count = len(problem.trees) * problem.rows()[-1]
     rows, known = np.split(J, [count])

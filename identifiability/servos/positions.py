@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from identifiability.foundation.linalg import or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs import Log, signals
@@ -49,7 +50,7 @@ def record(q: Array, log: Log, rng: np.random.Generator) -> Array:
     finest = resolution(log.q)
     noise = np.sqrt(np.maximum(noise_level(log.q, log.t) ** 2 - finest**2 / 12, 0.0))
     phase = rng.uniform(size=q.shape[1])
-    width = np.where(finest > 0, finest, 1.0)
+    width = or_one(finest)
     steps = np.floor(q / width + phase) + 0.5 - phase
     rounded = np.where(finest > 0, steps * width, q)
     return rounded + noise * rng.standard_normal(q.shape)

@@ -68,15 +68,19 @@ class JointTerms:
     @staticmethod
     def of(values: Mapping[str, float], name: str, inertia_parts: tuple[str, ...]) -> JointTerms:
         """Return the terms of a joint among parameter values by name; those not there are zero."""
-        coulomb = values.get(f"{name}.Fc", 0.0)
+
+        def of(kind: str, default: float = 0.0) -> float:
+            return values.get(f"{name}.{kind}", default)
+
+        coulomb = of("Fc")
         return JointTerms(
-            viscous=values.get(f"{name}.Fv", 0.0),
-            forward=values.get(f"{name}.Fc+", coulomb),
-            backward=values.get(f"{name}.Fc-", coulomb),
-            inertia=sum(values.get(f"{name}.{part}", 0.0) for part in inertia_parts),
-            stiffness=values.get(f"{name}.K", 0.0),
-            offset=values.get(f"{name}.off", 0.0),
-            loose={kind: values.get(f"{name}.{kind}", 0.0) for kind in _SPRINGS},
+            viscous=of("Fv"),
+            forward=of("Fc+", coulomb),
+            backward=of("Fc-", coulomb),
+            inertia=sum(map(of, inertia_parts)),
+            stiffness=of("K"),
+            offset=of("off"),
+            loose={kind: of(kind) for kind in _SPRINGS},
         )
 
     def friction(self, speed: Array) -> Array:
@@ -175,13 +179,18 @@ def _typical(speed: Array) -> float:
     return float(np.sqrt(np.mean(speed**2))) or 1.0
 
 
+def _from_end_to_end(position: Array) -> Array:
+    """Return where positions are in their range, from −1 to 1."""
+    return 2 * (position - position.min()) / max(np.ptp(position), 1e-12) - 1
+
+
 def _ripple(_speed: Array, position: Array, _load: Array) -> Array:
     return np.sin(16 * np.pi * (position - position.min()) / max(np.ptp(position), 1e-12))
 
 
 def _cable(_speed: Array, position: Array, _load: Array) -> Array:
     """Return what a cable does that is bent at one end and pulled tight at the other."""
-    along = 2 * (position - position.min()) / max(np.ptp(position), 1e-12) - 1
+    along = _from_end_to_end(position)
     return np.exp(3 * (along - 1)) - 0.4 * np.tanh(3 * (along + 0.4))
 
 
@@ -198,7 +207,7 @@ def _dahl(_speed: Array, position: Array, _load: Array) -> Array:
 
 def _uneven(speed: Array, position: Array, _load: Array) -> Array:
     """Return dry friction that is high at one end and low at the other, with a bump between."""
-    along = 2 * (position - position.min()) / max(np.ptp(position), 1e-12) - 1
+    along = _from_end_to_end(position)
     return np.sign(speed) * (1.0 + along + np.exp(-8 * (along - 0.2) ** 2))
 
 

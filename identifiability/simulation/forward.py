@@ -241,9 +241,8 @@ class ForwardRobot:
                 model.tendon_lengthspring[t] = self._rest(name)
                 continue
             joint = model.joint(name)
-            model.dof_armature[joint.dofadr[0]] = numbers["armature"]
-            model.dof_damping[joint.dofadr[0]] = numbers["damping"]
-            model.dof_frictionloss[joint.dofadr[0]] = numbers["frictionloss"]
+            for word in ("armature", "damping", "frictionloss"):
+                getattr(model, f"dof_{word}")[joint.dofadr[0]] = numbers[word]
             model.jnt_stiffness[joint.id] = numbers["stiffness"]
             model.qpos_spring[joint.qposadr[0]] = self._rest(name)
         # Rotor inertia that holds a locked joint where it is [kg·m² or kg].

@@ -351,13 +351,12 @@ class MujocoRobot:
             getattr(mujoco, f"mj_{stage}")(m, d)
         count = d.nefc
         error = np.zeros(count + len(self.couplings))
-        A = np.zeros((count, self.size))
-        A[:, : m.nv] = d.efc_J.reshape(count, m.nv)
+        A = np.zeros((len(error), self.size))
+        A[:count, : m.nv] = d.efc_J.reshape(count, m.nv)
         error[:count] = d.efc_pos
         lengths = slice(count - len(self.robot.cables), count)
         A[lengths, m.nv :] = -np.eye(len(self.robot.cables))
         error[lengths] -= full[m.nq :]
-        A = np.vstack([A, np.zeros((len(self.couplings), self.size))])
         for k, terms in enumerate(self.couplings, count):
             for joint, curve in terms.items():
                 dof, at = self.places[joint]
