@@ -295,7 +295,10 @@ def _flattened(
             read = {name: option.read(typed[name]) for name, option in options.items()}
             read |= _read_settings(settings, tables, read.pop(SET.name, ()), typed)
             given = {name: build(field, read, None) for name, field in own.items()}
-            _look_at_logs(_recordings(typed, options)[0])
+            from identifiability.logs.formats.reader import check_there  # noqa: PLC0415
+
+            for path in _recordings(typed, options)[0]:
+                check_there(Path(path))
             function(**given)
 
     flat = [option.parameter(function.__name__) for option in options.values()]
@@ -400,14 +403,6 @@ def _recordings(
                 as_result = mark.results and Path(path).suffix.lower() in (".json", ".xml", ".urdf")
                 (results if as_result else logs).append(path)
     return logs, results
-
-
-def _look_at_logs(logs: Sequence[str]) -> None:
-    """Refuse logs that are not there."""
-    from identifiability.logs.formats.reader import check_there  # noqa: PLC0415
-
-    for path in logs:
-        check_there(Path(path))
 
 
 # Settings: of the sidecar, and of --set.

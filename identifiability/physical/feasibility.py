@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import null_space
 
 from identifiability.effects.vocabulary import file_kinds, values_in_file
 from identifiability.estimation.estimator import clip_signs
@@ -364,10 +365,9 @@ def certify(base_map: Array, beta: Array, region: PhysicalSet) -> Certificate:
         scale = _column_scale(base_map, beta, region)
         G = base_map * scale
         heights = or_one(np.linalg.norm(G, axis=1))
-        U, s, Vt = np.linalg.svd(G / heights[:, None])
-        rank = int(np.sum(s > ROUNDOFF * s[0])) if s.size else 0
-        start = Vt[:rank].T @ ((U.T @ (beta / heights))[:rank] / s[:rank])
-        null = Vt[rank:].T if rank < G.shape[1] else np.zeros((G.shape[1], 1))
+        unit_rows = G / heights[:, None]
+        start = np.linalg.lstsq(unit_rows, beta / heights, rcond=ROUNDOFF)[0]
+        null = null_space(unit_rows, rcond=ROUNDOFF)
         rows = region.scaled_rows
         cones = region.cones
         u, margin, multiplier, Z = _most_room(
@@ -439,10 +439,9 @@ def _most_room(
 
 def _column_scale(G: Array, beta: Array, region: PhysicalSet) -> Array:
     # A column outside the bodies takes its scale from the base parameter it enters most.
-    scale = region.scale.copy()
-    heights = np.abs(G).max(axis=1, initial=0.0)
-    for j in np.flatnonzero(~region.inertial):
-        i = int(np.argmax(np.abs(G[:, j]) / or_one(heights)))
-        if G[i, j] != 0 and beta[i] != 0:
-            scale[j] = abs(beta[i] / G[i, j])
-    return scale
+    size = np.abs(G)
+    share = size / or_one(size.max(axis=1, initial=0.0))[:, None]
+    row = share.argmax(axis=0)
+    most = size[row, np.arange(len(row))]
+    known = ~region.inertial & (most > 0) & (beta[row] != 0)
+    return np.where(known, np.abs(beta[row]) / or_one(most), region.scale)

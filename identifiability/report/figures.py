@@ -619,9 +619,9 @@ def draw_ladder(
     fitted, unseen, spread = (
         100 * np.where(np.isfinite(x), x, np.nan) for x in (fitted, unseen, spread)
     )
-    band: Any = {"color": BLUE, "alpha": 0.16, "linewidth": 0, "label": "± SE"}
     half = np.nan_to_num(spread)
-    axes.fill_between(sizes, unseen - half, unseen + half, **band)
+    low, high = unseen - half, unseen + half
+    axes.fill_between(sizes, low, high, color=BLUE, alpha=0.16, linewidth=0, label="± SE")
     axes.plot(
         sizes,
         unseen,
@@ -630,13 +630,15 @@ def draw_ladder(
         markersize=5,
         label="unseen motion",
     )
-    hollow: Any = {"color": MUTED, "fillstyle": "none", "markersize": 4, "linewidth": 1}
     axes.plot(
         sizes,
         fitted,
         "o-",
         label="fitted motion",
-        **hollow,
+        color=MUTED,
+        fillstyle="none",
+        markersize=4,
+        linewidth=1,
     )
     chosen = float(sizes[selected])
     axes.axvline(
@@ -646,13 +648,14 @@ def draw_ladder(
         **DASHED,
     )
     if least != selected:
-        ring: Any = {"color": COLOURS["amber"], "markersize": 9, "fillstyle": "none"}
         axes.plot(
             sizes[least],
             unseen[least],
             "o",
             label="best density",
-            **ring,
+            color=COLOURS["amber"],
+            markersize=9,
+            fillstyle="none",
         )
     shown = np.concatenate([unseen, fitted])
     if (shown[np.isfinite(shown)] > 0).any():  # from the best model to none, all of it
