@@ -129,11 +129,6 @@ class Coordinate:
 # What torque depends on in a way that has no name here.
 
 
-def largest_distance(span: Span) -> tuple[float, ...]:
-    """Return the largest distance of the motions from home [rad or m]."""
-    return (span.farthest,)
-
-
 def largest_load(span: Span) -> tuple[float, ...]:
     """Return the largest load of the motions at an axis [N·m or N]."""
     axis = next(a for a in span.robot.axes if a.name == span.joint)
@@ -185,7 +180,7 @@ def end_of_session(span: Span) -> tuple[float, ...]:
 
 
 POSITION = Coordinate(
-    "q", "position", "position", attrgetter("travel"), largest_distance, (3.0, 0.5)
+    "q", "position", "position", attrgetter("travel"), lambda span: (span.farthest,), (3.0, 0.5)
 )
 LOAD = Coordinate("τ_load", "the load", "load", rigid_load, largest_load, (10.0, 100.0))
 TIME = Coordinate("t", "time", "time", attrgetter("motion.t"), duration, (TYPICAL,) * 2)

@@ -182,11 +182,12 @@ class Backlash(Shaped):
 RIPPLES = tuple(float(x) for x in np.arange(2.0, 16.01, 0.5))
 
 
-def _periods(span: Span) -> tuple[float, ...]:
-    return tuple(span.position_range / k for k in RIPPLES)
-
-
-@declare("position ripple", shapes=_periods, against="position", told_by=POSTURES)
+@declare(
+    "position ripple",
+    shapes=lambda span: tuple(span.position_range / k for k in RIPPLES),
+    against="position",
+    told_by=POSTURES,
+)
 class PositionRipple(Shaped):
     """``τ = Rs sin(2π q/λ) + Rc cos(2π q/λ)``: cogging, screw pitch, gear teeth.
 

@@ -68,7 +68,9 @@ def find_odd_joints(robot: Robot, found: Rollouts) -> tuple[list[Finding], Rollo
         Their problem then varies the numbers that are used, too.
     """
     problem, end = found.search
-    trees = _list_odd_trees(problem, found)
+    # Trees in which rollouts err by more than the noise of positions.
+    noise = [encoder_noise(log) for log in problem.logs]
+    trees = np.unique(problem.trees[found.errors > np.max(noise, axis=0)])
     if not len(trees):
         return [], found, False
     screening = _screen(problem, end, found)
@@ -89,12 +91,6 @@ def find_odd_joints(robot: Robot, found: Rollouts) -> tuple[list[Finding], Rollo
 def _kind(problem: RolloutProblem, number: int) -> str:
     """Return the kind of a number of the vector."""
     return KINDS[number // len(problem.trees)]
-
-
-def _list_odd_trees(problem: RolloutProblem, found: Rollouts) -> np.ndarray:
-    """Return the trees in which rollouts err by more than the noise of positions, (k,) int."""
-    noise = [encoder_noise(log) for log in problem.logs]
-    return np.unique(problem.trees[found.errors > np.max(noise, axis=0)])
 
 
 def _list_trials(problem: RolloutProblem, found: Rollouts) -> Iterator[tuple[str, float | Array]]:

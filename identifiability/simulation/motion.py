@@ -92,13 +92,9 @@ class Trajectory:
 
     def motion(self, t: Array) -> tuple[Array, Array, Array]:
         """Return q, dq, ddq (N, n) at times t."""
-        w = 2 * np.pi / self.period * np.arange(1, self.sin.shape[1] + 1)
-        S = np.sin(np.outer(t, w))
-        C = np.cos(np.outer(t, w))
-        q = self.offset + (S / w) @ self.sin.T - (C / w) @ self.cos.T
-        dq = C @ self.sin.T + S @ self.cos.T
-        ddq = -(S * w) @ self.sin.T + (C * w) @ self.cos.T
-        return q, dq, ddq
+        w = 2 * np.pi / self.period * np.arange(1, self.harmonics + 1)
+        series = np.vstack([self.offset, (self.sin / w).T, -(self.cos / w).T])
+        return signals.FourierFit(self.period, series).motion(t)
 
 
 @frozen
