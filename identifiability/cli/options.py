@@ -543,9 +543,12 @@ def _load_plugins(context: typer.Context, paths: list[Path] | None) -> list[Path
 
 Logs = Annotated[list[str], Records()]
 MoreLogs = Annotated[Sequence[str], Records()]
+OptionalLogs = Annotated[Sequence[str], Argument(), Records()]
 #: What analyze, prune and diagnose write.
 JsonResult = Annotated[Path, Reads("result", "JSON")]
 Table = Writes(".csv", ".parquet", ".pq")
+Report = Annotated[Path | None, Writes(".html", ".htm")]
+ModelOut = Annotated[Path | None, Writes(".toml")]
 Effects = Annotated[str | None, Parsed(split_names)]
 Ladder = Annotated[str | None, Reads("ladder", "TOML")]
 Limits = Annotated[Path | None, Reads("limits", "TOML")]
@@ -680,7 +683,7 @@ class Fitted:
 class Outputs:
     """Where results are written."""
 
-    report: Annotated[Path | None, Writes(".html", ".htm")] = None
+    report: Report = None
     json: Annotated[Path | None, Writes(".json")] = None
 
     def write(
