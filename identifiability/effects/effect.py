@@ -547,9 +547,10 @@ class Placed(Effect):
     def __init__(self, parts: Sequence[Part], texts: Sequence[str] = ()) -> None:
         self.parts = tuple(parts)
         self._texts = tuple(texts)
-        self.name = self.parts[0].effect.name
-        self.equation = self.parts[0].effect.equation
-        self.source = self.parts[0].effect.source
+        first = self.parts[0].effect
+        self.name = first.name
+        self.equation = first.equation
+        self.source = first.source
         self.supersedes = ()
 
     @property

@@ -69,8 +69,9 @@ class Prior:
         mass = np.abs(theta[:, 9])
         inertia = np.abs(theta[:, [0, 3, 5]])
         second = inertia.sum(axis=1)[:, None] / 2
-        if not ((mass > 0) & (second[:, 0] > 0)).all():
-            body = int(np.argmin((mass > 0) & (second[:, 0] > 0)))
+        stated = (mass > 0) & (second[:, 0] > 0)
+        if not stated.all():
+            body = int(np.argmin(stated))
             raise ValueError(
                 f"prior around CAD: body {body + 1} has no mass or no inertia; expected nominal "
                 "values to take a scale from; state mean and sd of this body yourself."

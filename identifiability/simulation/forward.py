@@ -295,17 +295,18 @@ class ForwardRobot:
         count, steps, n = tau.shape
         # Longest step of the integrator [s]; loops stay closed to about 1e-6 m with it.
         inner = max(1, int(np.ceil(dt / 5e-4)))
-        self.model.opt.timestep = dt / inner
-        stiff = [2 * self.model.opt.timestep, 1.0]
-        self.model.eq_solref[:] = stiff
-        self.model.dof_solref[:] = stiff
-        self.model.tendon_solref_fri[:] = stiff
-        self.model.dof_solimp[:, :2] = HARD  # MuJoCo's own friction lets a joint creep
-        self.model.tendon_solimp_fri[:, :2] = HARD
+        model = self.model
+        model.opt.timestep = dt / inner
+        stiff = [2 * model.opt.timestep, 1.0]
+        model.eq_solref[:] = stiff
+        model.dof_solref[:] = stiff
+        model.tendon_solref_fri[:] = stiff
+        model.dof_solimp[:, :2] = HARD  # MuJoCo's own friction lets a joint creep
+        model.tendon_solimp_fri[:, :2] = HARD
         states = self._start(q, dq)
         out = np.full((count, steps, n), np.nan)
         kinematics = self._kinematics
-        nv = self.model.nv
+        nv = model.nv
         alive = np.ones(count, bool)
         limit = DIVERGED * (np.abs(q).max(0) + np.abs(dq).max(0) * dt * steps + 1.0)
         for step in range(steps):
@@ -314,7 +315,7 @@ class ForwardRobot:
             force -= np.concatenate(self.bias)
             for k in np.flatnonzero(alive).tolist():
                 states[k].qfrc_applied[:], states[k].ctrl[:] = force[k, :nv], force[k, nv:]
-                mujoco.mj_step(self.model, states[k], inner)
+                mujoco.mj_step(model, states[k], inner)
             at = np.array([self._positions(state) for state in states])
             alive &= np.all(np.abs(at) < limit, axis=1)
             out[alive, step] = at[alive]

@@ -190,16 +190,16 @@ class MujocoRobot:
     def __init__(self, robot: Robot, model: Any = None) -> None:
         self.robot = robot
         self.model = compile_robot(robot, robot_spec(robot)) if model is None else model
-        self.data = mujoco.MjData(self.model)
-        self.model.opt.disableflags |= int(_OFF.mjDSBL_CONSTRAINT)
-        self.model.opt.enableflags = 0
+        m = self.model
+        self.data = mujoco.MjData(m)
+        m.opt.disableflags |= int(_OFF.mjDSBL_CONSTRAINT)
+        m.opt.enableflags = 0
         for part in ("dof", "actuator", "tendon"):
             for kind in ("armature", "damping", "dampingpoly", "frictionloss"):
-                if hasattr(self.model, f"{part}_{kind}"):  # older versions lack some of them
-                    getattr(self.model, f"{part}_{kind}")[:] = 0
-        self.model.jnt_stiffness[:] = 0
-        self.model.tendon_stiffness[:] = 0
-        m = self.model
+                if hasattr(m, f"{part}_{kind}"):  # older versions lack some of them
+                    getattr(m, f"{part}_{kind}")[:] = 0
+        m.jnt_stiffness[:] = 0
+        m.tendon_stiffness[:] = 0
         #: Where joints are in velocities and positions, which lengths of straight tendons follow.
         self.places = {
             m.joint(j).name: (int(m.jnt_dofadr[j]), int(m.jnt_qposadr[j])) for j in range(m.njnt)
