@@ -6,7 +6,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import lsq_linear
+import scipy
 
 from identifiability.foundation.linalg import or_one
 from identifiability.foundation.names import Array
@@ -110,7 +110,9 @@ def damped_step(
     rows = np.vstack([R, np.sqrt(damping) * np.diag(size)])
     aim = np.concatenate([-projected, np.zeros(len(varied))])
     step = np.zeros(len(x))
-    step[varied] = lsq_linear(rows, aim, problem.bounds(x)[:, varied], method="bvls").x
+    step[varied] = scipy.optimize.lsq_linear(
+        rows, aim, problem.bounds(x)[:, varied], method="bvls"
+    ).x
     rest = projected + R @ step[varied]
     return step, float(projected @ projected - np.sum(rest**2))
 
