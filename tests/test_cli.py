@@ -47,16 +47,26 @@ def test_a_random_trajectory_stays_within_the_limits(succeeds, tmp_path):
     assert positions.max().max() <= 0.83
 
 
-def test_an_analysis_without_a_report_neither_draws_nor_simulates_and_none_loads_other_commands():
+#: What an analysis with a report does without, and what one without a report does as well.
+NEEDLESS = ["scipy.stats", "scipy.signal", "cvxpy", "joblib", "emcee"]
+NEEDLESS += [f"identifiability.workflows.{verb}" for verb in ("prune", "diagnose", "excite")]
+DRAWING = ["matplotlib", "mujoco"]
+
+
+@pytest.mark.parametrize(
+    ("words", "needless"), [([], NEEDLESS + DRAWING), (["--report", "report.html"], NEEDLESS)]
+)
+def test_an_analysis_imports_no_large_module_that_it_does_not_use(words, needless, run, tmp_path):
+    log = tmp_path / "run.csv"
+    assert run("simulate", "six-dof-arm", "random", "--samples", 600, "--out", log).exit_code == 0
     code = (
-        "import sys; import identifiability.workflows.analyze.result; "
-        "heavy = {'matplotlib', 'mujoco', 'scipy.stats', 'scipy.signal'} & set(sys.modules); "
-        "import identifiability.report.analysis; "
-        "others = [f'identifiability.workflows.{name}' for name in ('prune', 'diagnose')]; "
-        "heavy |= {'scipy.stats', 'scipy.signal', *others} & set(sys.modules); "
-        "sys.exit(f'heavy imports of an analysis: {heavy}' if heavy else 0)"
+        "import sys; from identifiability.cli import app\n"
+        f"try: app(['analyze', 'six-dof-arm', 'run.csv', *{words}])\n"
+        f"finally: print('imported:', *({set(needless)} & set(sys.modules)))"
     )
-    subprocess.run([sys.executable, "-c", code], check=True)
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "imported:"
 
 
 def test_the_version_is_printed(succeeds):

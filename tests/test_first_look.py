@@ -67,6 +67,7 @@ def said(tmp_path_factory):
     (folder / "result.json").write_text("{}")
     asked = [(words, [*LARGE, *also]) for words, _, also in REFUSED]
     asked += [([verb, "--help"], [*LARGE, "numpy"]) for verb in HELPED]
+    asked.append((["--help"], [*LARGE, "numpy"]))
     asked = json.dumps(asked)
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT],
@@ -91,6 +92,11 @@ def test_a_help_names_what_is_registered_and_imports_none_of_it(which, said):
     assert imported == "0"
     where, names = list(HELPED.values())[which]
     assert sorted(re.findall(r"\w+", re.search(where, text)[1])) == sorted(names)
+
+
+def test_the_help_imports_nothing_large(said):
+    stdout, _ = said[-1]
+    assert stdout.endswith("\n0\n")
 
 
 #: Options that are written, with what else the verb must be told.

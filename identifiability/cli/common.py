@@ -70,7 +70,7 @@ def terminal(*, stderr: bool = False) -> Console:
 
 
 @contextmanager
-def progress(*, show: bool = True) -> Iterator[Callable[[str, float], None]]:
+def progress() -> Iterator[Callable[[str, float], None]]:
     """Show a progress bar on a terminal, on standard error; give a callback (what, share).
 
     Elsewhere one line says how long it takes, if it takes long.
@@ -79,11 +79,12 @@ def progress(*, show: bool = True) -> Iterator[Callable[[str, float], None]]:
 
     console = terminal(stderr=True)
     columns = (bars.TextColumn("{task.description}"), bars.BarColumn(), bars.TimeRemainingColumn())
-    hidden = not (show and console.is_terminal)
+    hidden = not console.is_terminal
     with bars.Progress(*columns, console=console, transient=True, disable=hidden) as bar:
         task = bar.add_task("starting", total=1.0)
 
-        begun, said = monotonic(), not (show and hidden)
+        begun = monotonic()
+        said = not hidden
 
         def say(text: str, share: float) -> None:  # never backwards
             nonlocal said
@@ -109,7 +110,9 @@ def print_table(shown: Table, rows: int, title: str) -> None:
     """Print a table of a result, with at most so many rows, under its caption or a title."""
     from rich.table import Table as Grid  # noqa: PLC0415
 
-    console, grid = terminal(), Grid()  # a title of its own would be wrapped to its width
+    # a title of its own would be wrapped to its width
+    console = terminal()
+    grid = Grid()
     own = shown.brief(rows)
     for column in own.columns:
         side: Literal["left", "right"] = "right" if column.kind in ("number", "bar") else "left"
@@ -196,7 +199,8 @@ def write_all(*asked: tuple[Callable[[Path], Path], Path | None]) -> list[Path]:
     OutputError
         If something cannot be written where it should, after all others were written.
     """
-    written, failed = [], []
+    written = []
+    failed = []
     for write, path in asked:
         if path is not None:
             try:

@@ -235,7 +235,8 @@ def _take_apart(annotation: Any) -> tuple[Any, tuple[Any, ...]]:
 
 def options_of(holder: Any) -> list[Field]:
     """Return the options of a function, or of a group."""
-    kinds, given = get_type_hints(holder, include_extras=True), signature(holder).parameters
+    kinds = get_type_hints(holder, include_extras=True)
+    given = signature(holder).parameters
     return [Field.of(name, kinds[name], given[name].default) for name in given]
 
 
@@ -294,7 +295,10 @@ def _flattened(
             read = {name: option.read(typed[name]) for name, option in options.items()}
             read |= _read_settings(settings, tables, read.pop(SET.name, ()), typed)
             given = {name: build(field, read, None) for name, field in own.items()}
-            _look_at_logs(_recordings(typed, options)[0])
+            from identifiability.logs.formats.reader import check_there  # noqa: PLC0415
+
+            for path in _recordings(typed, options)[0]:
+                check_there(Path(path))
             function(**given)
 
     flat = [option.parameter(function.__name__) for option in options.values()]
@@ -401,14 +405,6 @@ def _recordings(
     return logs, results
 
 
-def _look_at_logs(logs: Sequence[str]) -> None:
-    """Refuse logs that are not there."""
-    from identifiability.logs.formats.reader import check_there  # noqa: PLC0415
-
-    for path in logs:
-        check_there(Path(path))
-
-
 # Settings: of the sidecar, and of --set.
 
 SET = Field("set", list[str], (), (Option("--set", metavar="KEY=VALUE"),))
@@ -433,7 +429,8 @@ def _read_settings(
 
         stated = read_settings(given["robot"], given.get("sidecar"))
         for group in (Derived, Place, Fitted):
-            table, known = group.table, [field.name for field in options_of(group)]
+            table = group.table
+            known = [field.name for field in options_of(group)]
             for key in stated[table]:
                 if key in getattr(group, "typed", ()):
                     raise OptionError(Finding("option.typed", key, table=table))
@@ -446,7 +443,8 @@ def _read_settings(
             raise OptionError(f"--set {text} is no KEY=VALUE of {', '.join(settings)}{near}")
         found[key] = _as_kind(settings[key].kind, value)
     for key, value in found.items():
-        kind, notes = settings[key].kind, settings[key].marks(Expected)
+        kind = settings[key].kind
+        notes = settings[key].marks(Expected)
         whole: Any = kind
         for note in notes:
             whole = Annotated[whole, note]
@@ -545,9 +543,12 @@ def _load_plugins(context: typer.Context, paths: list[Path] | None) -> list[Path
 
 Logs = Annotated[list[str], Records()]
 MoreLogs = Annotated[Sequence[str], Records()]
+OptionalLogs = Annotated[Sequence[str], Argument(), Records()]
 #: What analyze, prune and diagnose write.
 JsonResult = Annotated[Path, Reads("result", "JSON")]
 Table = Writes(".csv", ".parquet", ".pq")
+Report = Annotated[Path | None, Writes(".html", ".htm")]
+ModelOut = Annotated[Path | None, Writes(".toml")]
 Effects = Annotated[str | None, Parsed(split_names)]
 Ladder = Annotated[str | None, Reads("ladder", "TOML")]
 Limits = Annotated[Path | None, Reads("limits", "TOML")]
@@ -682,7 +683,7 @@ class Fitted:
 class Outputs:
     """Where results are written."""
 
-    report: Annotated[Path | None, Writes(".html", ".htm")] = None
+    report: Report = None
     json: Annotated[Path | None, Writes(".json")] = None
 
     def write(

@@ -14,11 +14,43 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-import typer
-from typer import Argument, Exit, Option
+from typer import Argument, Exit, Option, echo
 
-from identifiability.cli import common, options
-from identifiability.cli.options import Verb
+from identifiability.cli.common import (
+    check_outputs,
+    print_command,
+    print_end,
+    print_result,
+    progress,
+    write_all,
+)
+from identifiability.cli.options import (
+    Derived,
+    Effects,
+    Fitted,
+    Fixed,
+    JsonResult,
+    Ladder,
+    Limits,
+    Logs,
+    Machine,
+    Model,
+    ModelOut,
+    MoreLogs,
+    OptionalLogs,
+    Outputs,
+    Place,
+    Point,
+    Prior,
+    Reads,
+    Records,
+    Report,
+    Table,
+    Verb,
+    Work,
+    Writes,
+    alone,
+)
 from identifiability.foundation import options as kinds
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.errors import IdentifiabilityError, listing
@@ -44,10 +76,11 @@ def run(
         it is written first, as the page knows of it.
     """
     machine, outputs, logs = (said.pop(name) for name in ("machine", "outputs", "logs"))
-    work, first = said.pop("work", None), said.pop(write[1]) if write else None
+    work = said.pop("work", None)
+    first = said.pop(write[1]) if write else None
     fitted = vars(said.pop("fitted")) if "fitted" in said else {}
     given = [said.pop("result")] if "result" in said else []
-    with work.running() if work else options.alone() as (say, how, _):
+    with work.running() if work else alone() as (say, how, _):
         import identifiability as library  # noqa: PLC0415
 
         function = getattr(library, verb)
@@ -68,37 +101,37 @@ def run(
 
 @Verb
 def new(
-    folder: Annotated[Path, options.Writes()],
-    logs: Annotated[Sequence[str], Argument(), options.Records()] = (),
+    folder: Annotated[Path, Writes()],
+    logs: OptionalLogs = (),
     robot: str = "six-dof-arm",
 ) -> None:
     """Make a folder to begin a study in: robot, sidecar, logs and a script."""
     from identifiability.workflows.study import new_study  # noqa: PLC0415
 
     made = new_study(folder, robot, logs)
-    common.print_end([*made.notes, made.statement])
-    common.print_command("Begin with:", made.next_line)
-    common.print_end([], made.written)
+    print_end([*made.notes, made.statement])
+    print_command("Begin with:", made.next_line)
+    print_end([], made.written)
 
 
 @Verb
 def demo(
     quick: bool = False,
-    folder: Annotated[Path, options.Writes()] = Path("reports"),
+    folder: Annotated[Path, Writes()] = Path("reports"),
     seed: kinds.Seed = 0,
 ) -> None:
     """Run the main job on shipped logs of a six-axis arm, which has an effect its file lacks."""
-    with common.progress() as say:
+    with progress() as say:
         folder.mkdir(parents=True, exist_ok=True)
-        outputs = options.Outputs(folder / "demo.html", folder / "demo.json")
-        common.check_outputs(outputs.report, outputs.json)
-        common.print_end([phrase("demo", "says")])
+        outputs = Outputs(folder / "demo.html", folder / "demo.json")
+        check_outputs(outputs.report, outputs.json)
+        print_end([phrase("demo", "says")])
         result, logs = run_demo(quick, seed, say, folder)
         read = [log.write(log.path) for log in logs]  # the next line names them
         written = [*read, *outputs.write(result, say)]
-    common.print_result(result, written)
+    print_result(result, written)
     page = (folder / "demo.html").resolve().as_uri()
-    common.print_command("Open the page:", f"python -m webbrowser {page}")
+    print_command("Open the page:", f"python -m webbrowser {page}")
 
 
 #: Robot of the demo and its shipped logs; the last one is held out.
@@ -122,7 +155,8 @@ def run_demo(
 
     name, files = SHOWN
     say("reading logs", 0.0)
-    robot, logs = Robot.load(name), list[Log]()
+    robot = Robot.load(name)
+    logs = list[Log]()
     for file in files:
         shipped = robot.path.with_name("logs") / file
         log = Log.read(shipped, Conventions.of(robot))
@@ -134,23 +168,23 @@ def run_demo(
 
 @Verb
 def inspect(
-    machine: options.Machine,
-    outputs: options.Outputs,
-    work: options.Work,
-    logs: Annotated[Sequence[str], Argument(), options.Records()] = (),
-    model: options.Model = None,
+    machine: Machine,
+    outputs: Outputs,
+    work: Work,
+    logs: OptionalLogs = (),
+    model: Model = None,
 ) -> None:
     """Say what a robot file holds, what its logs must have, and what is in logs and odd."""
     result, written = run(locals(), "inspect")
     needs = [] if result.records else [f"{n.text} {n.line}".rstrip() for n in result.needs]
-    common.print_result(result, written, [text.replace("\n", " ") for text in needs])
+    print_result(result, written, [text.replace("\n", " ") for text in needs])
 
 
 # Fits.
 
 
 @dataclass(frozen=True)
-class OneMachine(options.Machine):
+class OneMachine(Machine):
     """The robot; of many robots a folder each."""
 
     robot: Annotated[str, Argument()] = ""
@@ -159,19 +193,19 @@ class OneMachine(options.Machine):
 @Verb
 def analyze(
     machine: OneMachine,
-    outputs: options.Outputs,
-    work: options.Work,
-    fitted: options.Fitted,
-    logs: Annotated[Sequence[str], Argument(), options.Records()] = (),
-    validate: options.MoreLogs = (),
-    ladder: options.Ladder = None,
+    outputs: Outputs,
+    work: Work,
+    fitted: Fitted,
+    logs: OptionalLogs = (),
+    validate: MoreLogs = (),
+    ladder: Ladder = None,
     replicates: kinds.Replicates | None = None,
     posterior: bool = False,
-    prior: options.Prior = None,
+    prior: Prior = None,
     seed: kinds.Seed = 0,
     quick: bool = False,
     each: Annotated[Sequence[str], Option(metavar="FOLDER")] = (),
-    out: Annotated[Path | None, options.Writes()] = None,
+    out: Annotated[Path | None, Writes()] = None,
 ) -> None:
     """Say which parameters the logs determine, and which model of a ladder to use."""
     said = locals()
@@ -179,10 +213,10 @@ def analyze(
         raise kinds.OptionError(Finding("each.none"))
     if not each:
         del said["each"], said["out"]
-        common.print_result(*run(said, "analyze"))
+        print_result(*run(said, "analyze"))
         return
-    alone = {"machine": OneMachine(), "outputs": options.Outputs(), "logs": (), "validate": ()}
-    if any(said.pop(name) != usual for name, usual in alone.items()):
+    without = {"machine": OneMachine(), "outputs": Outputs(), "logs": (), "validate": ()}
+    if any(said.pop(name) != usual for name, usual in without.items()):
         raise kinds.OptionError(Finding("each.alone"))
     with work.running() as (say, how, _):
         from identifiability.workflows.many import analyze_many  # noqa: PLC0415
@@ -195,47 +229,47 @@ def analyze(
             **vars(said.pop("fitted")),
             **said,
         )
-    common.print_result(fleet, fleet.files)
+    print_result(fleet, fleet.files)
     if fleet.failed:
         raise Exit(1)
 
 
 @Verb
 def prune(
-    machine: options.Machine,
-    logs: options.Logs,
-    outputs: options.Outputs,
-    work: options.Work,
-    fitted: options.Fitted,
-    validate: options.MoreLogs = (),
-    ladder: options.Ladder = None,
+    machine: Machine,
+    logs: Logs,
+    outputs: Outputs,
+    work: Work,
+    fitted: Fitted,
+    validate: MoreLogs = (),
+    ladder: Ladder = None,
     forbid: Sequence[str] = (),
     force: Sequence[str] = (),
     replicates: kinds.Replicates | None = None,
-    prior: options.Prior = None,
+    prior: Prior = None,
     seed: kinds.Seed = 0,
     quick: bool = False,
-    out: Annotated[Path | None, options.Writes(".toml")] = None,
+    out: ModelOut = None,
 ) -> None:
     """Reduce the full model of a robot to the one worth using, from logs alone."""
-    common.print_result(*run(locals(), "prune", ("write_model", "out")))
+    print_result(*run(locals(), "prune", ("write_model", "out")))
 
 
 @Verb
 def diagnose(
-    machine: options.Machine,
-    logs: options.Logs,
-    outputs: options.Outputs,
-    work: options.Work,
-    validate: options.MoreLogs = (),
-    effects: options.Effects = None,
-    model: options.Model = None,
-    fixed: options.Fixed = False,
+    machine: Machine,
+    logs: Logs,
+    outputs: Outputs,
+    work: Work,
+    validate: MoreLogs = (),
+    effects: Effects = None,
+    model: Model = None,
+    fixed: Fixed = False,
     seed: kinds.Seed = 0,
     quick: bool = False,
-    out: Annotated[Path | None, options.Writes(".toml")] = None,
-    motion: Annotated[Path | None, Option("--next"), options.Writes(".json")] = None,
-    limits: options.Limits = None,
+    out: ModelOut = None,
+    motion: Annotated[Path | None, Option("--next"), Writes(".json")] = None,
+    limits: Limits = None,
 ) -> None:
     """Find where model and logs disagree, name the missing effect, add it, show the gap shrink."""
     said = locals()
@@ -245,7 +279,7 @@ def diagnose(
     if motion is not None:
         from identifiability.workflows.excite import find_next  # noqa: PLC0415
 
-        with common.progress() as say:
+        with progress() as say:
             found = find_next(
                 result,
                 limits=limits,
@@ -254,21 +288,21 @@ def diagnose(
             )
         told.append(found.statement)
         if not found.same:
-            written += common.write_all((found.to_json, result.note_written("next", motion)))
-    common.print_result(result, written, told)
+            written += write_all((found.to_json, result.note_written("next", motion)))
+    print_result(result, written, told)
 
 
 @Verb
 def calibrate(
-    machine: options.Machine,
-    logs: options.Logs,
-    outputs: options.Outputs,
-    work: options.Work,
-    fitted: options.Fitted,
+    machine: Machine,
+    logs: Logs,
+    outputs: Outputs,
+    work: Work,
+    fitted: Fitted,
     model: str | None = None,
     replicates: kinds.Repeated | None = None,
-    ladder: options.Ladder = None,
-    prior: options.Prior = None,
+    ladder: Ladder = None,
+    prior: Prior = None,
     seed: kinds.Seed = 0,
     quick: bool = False,
 ) -> None:
@@ -290,7 +324,7 @@ def calibrate(
             engine=engine,
         )
         written = outputs.write(result, say)
-    common.print_result(result, written)
+    print_result(result, written)
 
 
 # What is done with a fit.
@@ -298,15 +332,15 @@ def calibrate(
 
 @Verb
 def predict(
-    machine: options.Machine,
-    result: Annotated[str, options.Records(results=True)],
-    logs: Annotated[list[str], Argument(), options.Records()],
-    outputs: options.Outputs,
+    machine: Machine,
+    result: Annotated[str, Records(results=True)],
+    logs: Annotated[list[str], Argument(), Records()],
+    outputs: Outputs,
     forward: Annotated[bool, Option("--forward")] = False,
-    out: Annotated[Path | None, options.Table] = None,
+    out: Annotated[Path | None, Table] = None,
 ) -> None:
     """Predict the torque of logs with a fitted model, or where they move its robot."""
-    common.print_result(*run(locals(), "predict", ("write", "out")))
+    print_result(*run(locals(), "predict", ("write", "out")))
 
 
 #: Endings of what is exported.
@@ -315,13 +349,13 @@ EXPORTED = (".xml", ".urdf", ".json", ".py", ".patch", ".csv", ".parquet", ".pq"
 
 @Verb
 def export(
-    machine: options.Machine,
-    result: options.JsonResult,
-    out: Annotated[Path, Option(), options.Writes(*EXPORTED)],
+    machine: Machine,
+    result: JsonResult,
+    out: Annotated[Path, Option(), Writes(*EXPORTED)],
     draws: kinds.Count | None = None,
     form: Annotated[kinds.ExportFormat | None, Option("--format")] = None,
     patch: Annotated[bool, Option("--patch")] = False,
-    validate: options.MoreLogs = (),
+    validate: MoreLogs = (),
     force: Annotated[bool, Option("--force")] = False,
     prior: kinds.Positive | None = None,
     seed: kinds.Seed = 0,
@@ -340,8 +374,8 @@ def export(
             seed=seed,
         )
         written = found.write(out)
-        typer.echo(found.statement)
-        typer.echo(f"{written[0]}" + (f" … {written[-1].name}" if len(written) > 1 else ""))
+        echo(found.statement)
+        echo(f"{written[0]}" + (f" … {written[-1].name}" if len(written) > 1 else ""))
         return
     if prior is not None:
         raise kinds.OptionError(Finding("prior.draws"))
@@ -354,43 +388,41 @@ def export(
         force=force,
     )
     for text in filter(None, (exported.mass, exported.statement)):
-        typer.echo(text)
+        echo(text)
     for path in filter(None, (exported.robot, exported.sidecar, exported.snippet)):
-        typer.echo(f"{path}")
+        echo(f"{path}")
 
 
 @Verb
 def payload(
-    machine: options.Machine,
-    result: options.JsonResult,
-    logs: options.Logs,
-    outputs: options.Outputs,
-    without: options.MoreLogs = (),
+    machine: Machine,
+    result: JsonResult,
+    logs: Logs,
+    outputs: Outputs,
+    without: MoreLogs = (),
     body: str | None = None,
     mass: kinds.Positive | None = None,
-    centre: options.Point | None = None,
-    inertia: options.Point | None = None,
+    centre: Point | None = None,
+    inertia: Point | None = None,
 ) -> None:
     """Weigh what hangs on a body: its mass, centre and inertia, with intervals."""
     found, written = run(locals(), "payload")
-    common.print_result(found, written, filter(None, [found.sidecar]))
+    print_result(found, written, filter(None, [found.sidecar]))
 
 
 @Verb
 def compare(
-    machine: options.Machine,
-    before: Annotated[str, options.Records()],
-    after: Annotated[str, options.Records()],
-    derived: options.Derived,
-    outputs: options.Outputs,
-    ladder: options.Ladder = None,
-    more_before: Annotated[
-        Sequence[str], Option("--before", metavar="LOG"), options.Records()
-    ] = (),
-    more_after: Annotated[Sequence[str], Option("--after", metavar="LOG"), options.Records()] = (),
+    machine: Machine,
+    before: Annotated[str, Records()],
+    after: Annotated[str, Records()],
+    derived: Derived,
+    outputs: Outputs,
+    ladder: Ladder = None,
+    more_before: Annotated[Sequence[str], Option("--before", metavar="LOG"), Records()] = (),
+    more_after: Annotated[Sequence[str], Option("--after", metavar="LOG"), Records()] = (),
 ) -> None:
     """Say what changed between two logs of one robot."""
-    with common.progress() as say:
+    with progress() as say:
         from identifiability.workflows.compare import compare as find  # noqa: PLC0415
 
         say("reading logs", 0.0)
@@ -402,7 +434,7 @@ def compare(
             ladder=ladder,
         )
         written = outputs.write(found, say)
-    common.print_result(found, written)
+    print_result(found, written)
 
 
 # Motions, and logs of robots that are known.
@@ -410,9 +442,9 @@ def compare(
 
 @Verb
 def simulate(
-    machine: options.Machine,
-    motion: Annotated[str, options.Reads("motion", "CSV", always=False)],
-    out: Annotated[Path, Option(), options.Table],
+    machine: Machine,
+    motion: Annotated[str, Reads("motion", "CSV", always=False)],
+    out: Annotated[Path, Option(), Table],
     noise: Annotated[str | None, Option(metavar="LEVELS")] = None,
     hide: Sequence[str] = (),
     derivatives: bool = True,
@@ -427,7 +459,8 @@ def simulate(
     from identifiability.simulation.forces import left_out  # noqa: PLC0415
     from identifiability.simulation.motion import find_motion  # noqa: PLC0415
 
-    robot, rng = machine.load(), np.random.default_rng(seed)
+    robot = machine.load()
+    rng = np.random.default_rng(seed)
     move = find_motion(robot, motion, samples, rng)
     make = partial(
         run,
@@ -441,11 +474,11 @@ def simulate(
     log.write(out)
     missing = left_out(robot)
     if missing:
-        typer.echo(
+        echo(
             f"The robot's sidecar states {listing(missing, 6)}, which are not simulated: give such "
             "effects by --hide."
         )
-    typer.echo(f"{len(log)} samples of {robot.name} along {log.name}: {out}")
+    echo(f"{len(log)} samples of {robot.name} along {log.name}: {out}")
 
 
 @dataclass(frozen=True)
@@ -470,20 +503,20 @@ class Played:
 
 @Verb
 def excite(
-    machine: options.Machine,
-    work: options.Work,
-    out: Annotated[Path, Option(), options.Writes(".json", ".csv", ".mcap", ".npz")],
+    machine: Machine,
+    work: Work,
+    out: Annotated[Path, Option(), Writes(".json", ".csv", ".mcap", ".npz")],
     searched: Searched,
     played: Played,
     duration: kinds.Duration | None = None,
-    limits: options.Limits = None,
+    limits: Limits = None,
     parameters: Annotated[Sequence[str] | None, Option("--parameter")] = None,
-    model: options.Model = None,
-    start_from: Annotated[Sequence[str] | None, options.Records()] = None,
+    model: Model = None,
+    start_from: Annotated[Sequence[str] | None, Records()] = None,
     separate: Sequence[str] | None = None,
     seed: kinds.Seed = 0,
     rate: Annotated[float, kinds.within(1, 100_000)] = DEFAULTS.rate,
-    report: Annotated[Path | None, options.Writes(".html", ".htm")] = None,
+    report: Report = None,
 ) -> None:
     """Find a motion that is worth measuring, within the limits of the robot."""
     own = dict(locals())
@@ -500,12 +533,12 @@ def excite(
             **vars(searched),
         )
         play = partial(result.write_motion, rate=rate, periods=played.periods)
-        outputs = options.Outputs(report)
+        outputs = Outputs(report)
         written = outputs.write(result, say, (result.to_json if json else play, out))
     rest = () if json else zip(result.limits.joints, result.play(rate).q[0], strict=True)
     pose = ", ".join(f"{joint} = {x:.4g}" for joint, x in rest)
     begins = [f"{out.name} begins and ends at rest: {pose}."] if pose else []
-    common.print_result(result, written, begins)
+    print_result(result, written, begins)
 
 
 # The paper.
@@ -542,11 +575,11 @@ def _is_checkout(folder: Path) -> bool:
 
 @Verb
 def paper(
-    place: options.Place,
+    place: Place,
     tables: Annotated[Sequence[str], Argument()] = (),
     quick: bool = False,
     seeds: kinds.Count | None = None,
-    out: Annotated[Path, options.Writes()] = Path("reports"),
+    out: Annotated[Path, Writes()] = Path("reports"),
 ) -> None:
     """Compute every table and figure of the paper, ours beside the printed numbers."""
     studies = find_studies()

@@ -210,7 +210,8 @@ class ImuMounting(Effect):
         """Write how torque changes with each correction."""
         if robot.base is None or not out.shape[2]:
             return
-        imu, omega = robot.base.imu, motion.v[:, 3:SIX]
+        imu = robot.base.imu
+        omega = motion.v[:, 3:SIX]
         still = np.zeros_like(omega)
         alpha = motion.a[:, 3:SIX] - base_acceleration(still, omega, still)[:, 3:]
 
@@ -221,15 +222,18 @@ class ImuMounting(Effect):
             omega, alpha, imu.place
         )  # at the sensor, along the axes of the base
         changes = self._derivatives(robot, motion)
-        column, eye = 0, np.eye(3)
+        column = 0
+        eye = np.eye(3)
         for key in self._fitted(robot):
             for k in range(3):
-                size, steps = 1e-6, []
+                size = 1e-6
+                steps = []
                 for sign in (1.0, -1.0):  # kinematics alone: differences of quadratic functions
                     e = np.tile(sign * size * eye[k], (len(motion), 1))
                     axis = e @ imu.rotation  # the sensor's in those of the base
                     w = omega - (key == "gyro_bias") * axis
-                    u, turning = read, alpha
+                    u = read
+                    turning = alpha
                     if key == "rotation":
                         w, u, turning = (x + np.cross(e, x) for x in (omega, read, alpha))
                     u = u - (key == "acc_bias") * axis
@@ -243,7 +247,8 @@ class ImuMounting(Effect):
     def _derivatives(self, robot: Robot, motion: Motion) -> Array:
         """Return how torque of the tree changes with the base's a, ω̇ and ω, (N, nv, 9)."""
         model = load_model(robot)
-        data, out = model.createData(), np.empty((len(motion), model.nv, SIX + 3))
+        data = model.createData()
+        out = np.empty((len(motion), model.nv, SIX + 3))
         for k, (q, v, a) in enumerate(zip(*tree_motion(robot, motion), strict=True)):
             _, by_v, by_a = pin.computeRNEADerivatives(model, data, q, v, a)
             out[k] = np.hstack([by_a[:, :SIX], by_v[:, 3:SIX]])

@@ -201,7 +201,8 @@ class AlongAxes(Effect):
 
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
         """Return every kind of every axis."""
-        known, out = [name for name, _, _ in self.units], []
+        known = [name for name, _, _ in self.units]
+        out = []
         for axis in self.places(robot):
             for kind in self.kinds(robot, axis):
                 at = known.index(kind) if kind in known else 0
@@ -456,7 +457,8 @@ class Family:
 
 def measure_spans(robot: Robot, motions: Iterable[Motion]) -> dict[str, Span]:
     """Return the span of every joint, motor and stated axis that effects are at by themselves."""
-    motions, spans = tuple(motions), {}
+    motions = tuple(motions)
+    spans = {}
     for axis in robot.axes:
         q = np.concatenate([robot.travel(axis, m.q) for m in motions])
         v = np.concatenate([robot.along(axis, m.v) for m in motions])
@@ -509,7 +511,8 @@ class Part:
         ModelError
             If the effect has no parameter at its place.
         """
-        effect, there = self.effect, [self.effect]
+        effect = self.effect
+        there = [self.effect]
         if isinstance(effect, AlongAxes) and effect.placeable:
             there.append(effect.placed(self.owner))
         for own in there:
@@ -544,9 +547,10 @@ class Placed(Effect):
     def __init__(self, parts: Sequence[Part], texts: Sequence[str] = ()) -> None:
         self.parts = tuple(parts)
         self._texts = tuple(texts)
-        self.name = self.parts[0].effect.name
-        self.equation = self.parts[0].effect.equation
-        self.source = self.parts[0].effect.source
+        first = self.parts[0].effect
+        self.name = first.name
+        self.equation = first.equation
+        self.source = first.source
         self.supersedes = ()
 
     @property
@@ -600,7 +604,8 @@ class Placed(Effect):
 
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
         """Write the columns of all parts; each effect is computed once."""
-        start, done = 0, dict[int, Array]()
+        start = 0
+        done = dict[int, Array]()
         for effect, taken in self._taken(robot):
             if id(effect) not in done:
                 W = np.zeros((len(motion), out.shape[1], len(effect.parameters(robot))))

@@ -330,7 +330,8 @@ class ReversalFriction(AlongAxes):
 
     def curves(self, at: Along) -> list[Array]:
         """Return pulses at reversals, weighed by the acceleration over its median."""
-        pulse, size = at.slope(at.sign), np.abs(at.acceleration)
+        pulse = at.slope(at.sign)
+        size = np.abs(at.acceleration)
         root = np.sqrt(np.clip(size / (np.median(size) or 1.0), SLOWEST, None))
         return [pulse, pulse / root, pulse * root]
 

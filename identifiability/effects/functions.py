@@ -27,6 +27,7 @@ from identifiability.effects.measurement import FromJoint, is_alone, other_joint
 from identifiability.effects.nominal import needs_masses
 from identifiability.effects.registry import declare, register
 from identifiability.effects.transmission import rigid_load
+from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -50,12 +51,12 @@ def splines(u: Array, pieces: int = PIECES) -> Array:
 
     Beyond its ends, where there were no data, they return to zero.
     """
-    step, beyond = 2.0 / pieces, 2 * DEGREE
+    step = 2.0 / pieces
+    beyond = 2 * DEGREE
     knots = -1.0 + step * np.arange(-beyond, pieces + beyond + 1)
     end = 1.0 + DEGREE * step
     every = scipy.interpolate.BSpline.design_matrix(np.clip(u, -end, end), knots, DEGREE)
-    found: Array = every[:, DEGREE : DEGREE + pieces + DEGREE].toarray()
-    return found
+    return every[:, DEGREE : DEGREE + pieces + DEGREE].toarray()
 
 
 def straight_beyond(u: Array, pieces: int = PIECES) -> Array:
@@ -77,12 +78,11 @@ def fine_at_rest(speed: Array, largest: float) -> Array:
     Beyond the largest one it goes straight on, as splines do that are `straight_beyond`.
     """
     share = np.abs(speed) / largest
-    found: Array = np.sign(speed) * np.where(
+    return np.sign(speed) * np.where(
         share < 1.0,
         np.sqrt(share),
         0.5 * (1.0 + share),
     )
-    return found
 
 
 def largest_speed(robot: Robot, axis: Axis) -> float:
@@ -129,11 +129,6 @@ class Coordinate:
 # What torque depends on in a way that has no name here.
 
 
-def largest_distance(span: Span) -> tuple[float, ...]:
-    """Return the largest distance of the motions from home [rad or m]."""
-    return (span.farthest,)
-
-
 def largest_load(span: Span) -> tuple[float, ...]:
     """Return the largest load of the motions at an axis [N·m or N]."""
     axis = next(a for a in span.robot.axes if a.name == span.joint)
@@ -142,7 +137,7 @@ def largest_load(span: Span) -> tuple[float, ...]:
 
 
 #: Duration where none is given [s].
-TYPICAL: Tolerance = 30.0
+TYPICAL = 4 * DEFAULTS.period
 
 
 def duration(span: Span) -> tuple[float, ...]:
@@ -185,7 +180,7 @@ def end_of_session(span: Span) -> tuple[float, ...]:
 
 
 POSITION = Coordinate(
-    "q", "position", "position", attrgetter("travel"), largest_distance, (3.0, 0.5)
+    "q", "position", "position", attrgetter("travel"), lambda span: (span.farthest,), (3.0, 0.5)
 )
 LOAD = Coordinate("τ_load", "the load", "load", rigid_load, largest_load, (10.0, 100.0))
 TIME = Coordinate("t", "time", "time", attrgetter("motion.t"), duration, (TYPICAL,) * 2)
@@ -260,7 +255,8 @@ def _declare_function(
     **facts: Any,
 ) -> None:
     """Register the function of a coordinate, or of it and the velocity."""
-    x, load = of.symbol, of.against == "load"
+    x = of.symbol
+    load = of.against == "load"
     equation = f"τ = f({x}), f = Σ cₖ Bₖ({x})"
     if moving:
         equation = f"τ = f₀({x}) + f₁({x}) sign(q̇) + f₂({x}) q̇, f = Σ cₖ Bₖ"
@@ -317,7 +313,8 @@ class FunctionOfVelocity(Shaped):
     def curves(self, at: Along) -> list[Array]:
         """Return the step with differences of opposite splines, then their sums."""
         pieces = splines(fine_at_rest(at.speed, self.shape(at.robot, at.axis))).T
-        low, high = pieces[: len(pieces) // 2], pieces[: len(pieces) // 2 - 1 : -1]
+        low = pieces[: len(pieces) // 2]
+        high = pieces[: len(pieces) // 2 - 1 : -1]
         return [np.sign(at.speed), *(high - low), *(high + low)]
 
     def typical(self, robot: Robot, axis: Axis) -> float:

@@ -56,7 +56,8 @@ class RigidBody(Effect):
 
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
         """Write 10 columns a body."""
-        model, data = robot.model, robot.model.createData()
+        model = robot.model
+        data = robot.model.createData()
         regressor = pin.computeJointTorqueRegressor
         direct = motion.X is None and np.array_equal(robot.actuated, np.arange(robot.nv))
         # The tree's rows go to a buffer of their own only where they must be combined.

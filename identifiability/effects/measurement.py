@@ -25,9 +25,8 @@ from identifiability.effects.nominal import needs_masses, once, reference_values
 from identifiability.effects.registry import declare
 from identifiability.effects.springs import FreeSpring, GravitySpring, JointStiffness
 from identifiability.foundation.errors import ModelError
-from identifiability.foundation.linalg import without_rounding
+from identifiability.foundation.linalg import NEARLY, without_rounding
 from identifiability.foundation.names import Array, Parameter
-from identifiability.foundation.rules import Tolerance
 from identifiability.robot import Axis, Motion, Robot
 
 
@@ -117,13 +116,13 @@ def smooth_torque(robot: Robot, motion: Motion) -> Array:
 
 
 def _stated_torque(robot: Robot, motion: Motion, effect: Effect) -> Array:
-    parameters, known = effect.parameters(robot), reference_values(robot)
+    parameters = effect.parameters(robot)
+    known = reference_values(robot)
     values = np.array([known.get(p.name, 0.0) for p in parameters])
     W = np.zeros((len(motion), len(robot.joints), len(values)))
     if values.any():
         effect.fill(robot, motion, W)
-    tau: Array = W @ values
-    return tau
+    return W @ values
 
 
 @declare(
@@ -219,10 +218,12 @@ class CommandDelay(TimeDelay):
 
     def curves(self, at: Along) -> list[Array]:
         """Return what a later command makes of the torque of its servo."""
-        servo, j = at.robot.servo, at.joint
+        servo = at.robot.servo
+        j = at.joint
         assert servo is not None
         (early,) = super().curves(at)
-        v, a = at.motion.actuated_v[:, j], at.motion.actuated_a[:, j]
+        v = at.motion.actuated_v[:, j]
+        a = at.motion.actuated_a[:, j]
         return [servo.kp[j] * v + servo.kv[j] * a - early]
 
 
@@ -261,7 +262,8 @@ class TorqueScale(AtMotors):
 
 def other_joints(span: Span) -> tuple[float, ...]:
     """Return the numbers of all joints but this one, from one on."""
-    every, driven = span.robot.joints, {*span.robot.motor_joints} - {span.joint}
+    every = span.robot.joints
+    driven = {*span.robot.motor_joints} - {span.joint}
     return tuple(float(k) for k, name in enumerate(every, 1) if name in driven)
 
 
@@ -310,7 +312,8 @@ class FromJoint(Shaped):
         """
         number = self.shape(robot, axis)
         names = robot.joints
-        first, last = motors(robot).start + 1, len(names)
+        first = motors(robot).start + 1
+        last = len(names)
         if number not in range(first, last + 1) or names[int(number) - 1] == axis.name:
             raise ModelError(
                 f"{self.name} at '{axis.name}' comes from joint {number:g}; give the number of "
@@ -325,7 +328,8 @@ class FromJoint(Shaped):
 
     def typical(self, robot: Robot, axis: Axis) -> float:
         """Return the number of the joint before, of the second one at the first."""
-        own, first = robot.joints.index(axis.name), motors(robot).start
+        own = robot.joints.index(axis.name)
+        first = motors(robot).start
         return float(own if own > first else first + 2)
 
 
@@ -393,10 +397,6 @@ def _stands_in_a_tree(robot: Robot, place: str) -> str:
     return in_motor(robot, place) or needs_masses(robot, place)
 
 
-#: Positions [rad or m] between which torque changes along a line.
-SLOPE: Tolerance = 1e-6
-
-
 @declare(
     "a wrong zero of an encoder",
     actuated_joints,
@@ -432,7 +432,7 @@ class EncoderBias(AtMotors):
         rigid = rigid_torque(robot, motion)
         for k, joint in enumerate(motors(robot)):
             # Along the whole way where one is known, which need not be small.
-            way = robot.reference.get(f"{robot.joints[joint]}.bias", 0.0) or SLOPE
+            way = robot.reference.get(f"{robot.joints[joint]}.bias", 0.0) or NEARLY
             q = motion.q - way * (np.arange(motion.q.shape[1]) == robot.actuated[joint])
             change = (rigid - rigid_torque(robot, replace(motion, q=q))) / way
             out[:, :, k] = -without_rounding(change, rigid)

@@ -64,7 +64,8 @@ def load_model(robot: Robot) -> Any:
 def rigid_torque(robot: Robot, motion: Motion) -> Array:
     """Return the rigid-body torque of the actuated joints by the known masses, (N, n)."""
     model = load_model(robot)
-    data, tree = model.createData(), np.empty((len(motion), model.nv))
+    data = model.createData()
+    tree = np.empty((len(motion), model.nv))
     moved = tree_motion(robot, motion)
     for k, (q, v, a) in enumerate(zip(*moved, strict=True)):
         tree[k] = pin.rnea(model, data, q, v, a)

@@ -57,13 +57,21 @@ class JointStiffness(AlongAxes):
 # Constant-force springs.
 
 
+class AlongEveryAxis(AlongAxes):
+    """An effect of passive joints, too."""
+
+    def axes(self, robot: Robot) -> Sequence[Axis]:
+        """Return actuated joints and coupled motors, then passive joints."""
+        return [*robot.axes, *robot.passive_axes]
+
+
 @declare(
     "constant force",
     every_axis,
     refuse=lambda robot, place: "there it is a torque offset" if place in robot.joints else "",
     told_by=RESTS,
 )
-class ConstantForce(AlongAxes):
+class ConstantForce(AlongEveryAxis):
     """``τ = F₀`` along a joint or a tendon: a constant-force spring, a weight on a rope.
 
     Along an actuated joint it is a torque offset; along a motor that mixes joints (a tendon) and
@@ -75,10 +83,6 @@ class ConstantForce(AlongAxes):
     equation = "τ = F₀"
     source = "[Herder 2001, Sec. 2.3]"
     units = (("F0", "N·m", "N"),)
-
-    def axes(self, robot: Robot) -> Sequence[Axis]:
-        """Return actuated joints and coupled motors, then passive joints."""
-        return [*robot.axes, *robot.passive_axes]
 
     def curves(self, at: Along) -> list[Array]:
         """Return one everywhere."""
@@ -94,7 +98,7 @@ class ConstantForce(AlongAxes):
     against="position",
     told_by=POSTURES,
 )
-class FreeSpring(AlongAxes):
+class FreeSpring(AlongEveryAxis):
     """``τ = k (q − q₀) = k q − k q₀``: one spring by two parameters, linear in both.
 
     Its rest q₀ is the second parameter over the first. An extension spring that passes a dead
@@ -107,10 +111,6 @@ class FreeSpring(AlongAxes):
     units = (("k", "N·m/rad", "N/m"), ("kq0", "N·m", "N"))
     supersedes = ("joint_stiffness", "torque_offset")
 
-    def axes(self, robot: Robot) -> Sequence[Axis]:
-        """Return actuated joints and coupled motors, then passive joints."""
-        return [*robot.axes, *robot.passive_axes]
-
     def curves(self, at: Along) -> list[Array]:
         """Return the position as the robot file counts it, and a constant."""
         return [at.position, -at.ones]
@@ -120,8 +120,7 @@ class FreeSpring(AlongAxes):
 
 
 def _hinges(robot: Robot) -> tuple[str, ...]:
-    slides = {a.name for a in (*robot.axes, *robot.passive_axes) if a.prismatic}
-    return tuple(name for name in every_axis(robot) if name not in slides)
+    return tuple(a.name for a in (*robot.axes, *robot.passive_axes) if not a.prismatic)
 
 
 @declare(
@@ -130,7 +129,7 @@ def _hinges(robot: Robot) -> tuple[str, ...]:
     against="position",
     told_by=POSTURES,
 )
-class GravitySpring(AlongAxes):
+class GravitySpring(AlongEveryAxis):
     """``τ = k sin(q − q₀) = ks sin q + kc cos q``: a spring that balances gravity about a joint.
 
     Of a zero-free-length spring between a lever and the frame k is its stiffness times both arms;
@@ -150,7 +149,7 @@ class GravitySpring(AlongAxes):
 
     def axes(self, robot: Robot) -> Sequence[Axis]:
         """Return the axes that turn: of actuated joints and coupled motors, then passive joints."""
-        return [a for a in (*robot.axes, *robot.passive_axes) if not a.prismatic]
+        return [a for a in super().axes(robot) if not a.prismatic]
 
     def curves(self, at: Along) -> list[Array]:
         """Return sine and cosine of the angle as the robot file counts it."""
@@ -174,9 +173,9 @@ def _spacings(span: Span) -> tuple[float, ...]:
 
 def cubic_piece(away: Array) -> Array:
     """Return a cubic B-spline of even knots so far from its middle, in their distance."""
-    wide, narrow = np.maximum(2 - away, 0), np.maximum(1 - away, 0)
-    piece: Array = (wide * wide * wide - 4 * narrow * narrow * narrow) / 6
-    return piece
+    wide = np.maximum(2 - away, 0)
+    narrow = np.maximum(1 - away, 0)
+    return (wide * wide * wide - 4 * narrow * narrow * narrow) / 6
 
 
 @declare(
@@ -211,7 +210,8 @@ class PositionTorque(Shaped):
         """Return the pieces that a motion gets to; of the others it says nothing."""
         axis = next(a for a in robot.axes if a.name == span.joint)
         ends = np.array([span.low, span.high]) - self.home(robot, axis)
-        first, step = self.grid(robot, axis)[0], self.shape(robot, axis)
+        first = self.grid(robot, axis)[0]
+        step = self.shape(robot, axis)
         cells = np.clip(np.floor(ends / step + [1e-9, -1e-9]).astype(int) - first, 0, None)
         return self.kinds(robot, axis)[cells[0] : cells[1] + DEGREE + 1]
 

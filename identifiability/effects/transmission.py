@@ -30,7 +30,8 @@ def follow_with_play(x: Array, width: float, way: float) -> Array:
     way : float
         Sign of the direction in which x came to its first sample.
     """
-    low, high = x - width, x + width
+    low = x - width
+    high = x + width
     step = 1
     while step < len(x) and not np.array_equal(low[step:], high[step:]):
         ends = [np.clip(end[:-step], low[step:], high[step:]) for end in (low, high)]
@@ -38,8 +39,7 @@ def follow_with_play(x: Array, width: float, way: float) -> Array:
             np.concatenate([end[:step], new]) for end, new in zip((low, high), ends, strict=True)
         )
         step *= 2
-    slider: Array = np.clip(x[0] - width * way, low, high)
-    return slider
+    return np.clip(x[0] - width * way, low, high)
 
 
 def stretch_of_springs(motion: Motion, position: Array, speed: Array, width: float) -> Array:
@@ -54,7 +54,8 @@ def stretch_of_springs(motion: Motion, position: Array, speed: Array, width: flo
     """
     out = np.zeros(len(position))
     for rows in split_runs(motion):
-        x, way = position[rows], np.sign(speed[rows])
+        x = position[rows]
+        way = np.sign(speed[rows])
         first = float(way[np.argmax(way != 0)])
         out[rows] = (x - follow_with_play(x, width, first)) / width
     return out
@@ -181,11 +182,12 @@ class Backlash(Shaped):
 RIPPLES = tuple(float(x) for x in np.arange(2.0, 16.01, 0.5))
 
 
-def _periods(span: Span) -> tuple[float, ...]:
-    return tuple(span.position_range / k for k in RIPPLES)
-
-
-@declare("position ripple", shapes=_periods, against="position", told_by=POSTURES)
+@declare(
+    "position ripple",
+    shapes=lambda span: tuple(span.position_range / k for k in RIPPLES),
+    against="position",
+    told_by=POSTURES,
+)
 class PositionRipple(Shaped):
     """``τ = Rs sin(2π q/λ) + Rc cos(2π q/λ)``: cogging, screw pitch, gear teeth.
 

@@ -100,10 +100,12 @@ def merge_springs(robot: Robot, values: Mapping[str, float]) -> tuple[Robot, dic
     values : mapping
         By name.
     """
-    out, rest = dict(values), dict(robot.rest)
+    out = dict(values)
+    rest = dict(robot.rest)
     lengths = {cable.name for cable in robot.cables}
     for place in (*robot.tree.single, *robot.tendons):
-        stated, k = out.get(f"{place}.K", 0.0), out.get(f"{place}.k", 0.0)
+        stated = out.get(f"{place}.K", 0.0)
+        k = out.get(f"{place}.k", 0.0)
         force = out.get(f"{place}.F0", 0.0) + out.get(f"{place}.off", 0.0)
         if not (k or force) or not stated + k > 0:
             continue
@@ -111,7 +113,8 @@ def merge_springs(robot: Robot, values: Mapping[str, float]) -> tuple[Robot, dic
         relaxed = (stated * start + out.get(f"{place}.kq0", 0.0) - force) / (stated + k)
         if place in lengths and relaxed < 0:
             continue
-        out[f"{place}.K"], rest[place] = stated + k, relaxed
+        out[f"{place}.K"] = stated + k
+        rest[place] = relaxed
         for kind in ("k", "kq0", "F0", "off"):
             out.pop(f"{place}.{kind}", None)
     return replace(robot, rest=rest), out
@@ -150,7 +153,8 @@ def by_effect(
     shapes : mapping, optional
         As in `every_parameter`.
     """
-    every, out = every_parameter(robot, shapes), dict[str, tuple[str, ...]]()
+    every = every_parameter(robot, shapes)
+    out = dict[str, tuple[str, ...]]()
     for name in names:
         title = FAMILIES[every[name].group].title if name in every else name
         out[title] = (*out.get(title, ()), name)

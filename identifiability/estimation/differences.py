@@ -19,7 +19,7 @@ import numpy as np
 from identifiability.estimation.groups import Excerpt, Missing
 from identifiability.estimation.mixed_model import Group, MixedModel, Term, Terms
 from identifiability.estimation.noise import THIN
-from identifiability.foundation.linalg import ROUNDOFF
+from identifiability.foundation.linalg import ROUNDOFF, or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -224,7 +224,8 @@ class Differences:
 
     def having(self, sums: Array, joint: int | None = None) -> Differences:
         """Return the same with sums of columns (C, a) in every hypothesis, or of a joint alone."""
-        own, p = self.information, len(self.known.precision)
+        own = self.information
+        p = len(self.known.precision)
         if joint is not None:
             own = replace(own, parts=own.parts[joint : joint + 1])
         wide = np.pad(sums, ((p, 0), (0, 0)))
@@ -235,7 +236,8 @@ class Differences:
     @cached_property
     def columns(self) -> list[tuple[Differing, str, str]]:
         """Of each column of candidates whose it is, its name and its unit."""
-        robot, every = self.missing.seen.robot, cast("Sequence[Differing]", self.missing.candidates)
+        robot = self.missing.seen.robot
+        every = cast("Sequence[Differing]", self.missing.candidates)
         unit = {p.name: p.unit for c in every for p in c.effect.parameters(robot)}
         named = [(c, f"{c.place}.{kind}") for c in every for kind in c.kinds]
         return [(c, name.replace(".scale", ".gain"), unit.get(name, "")) for c, name in named]
@@ -245,7 +247,8 @@ class Differences:
 
         Friction by base parameters (b,), of both directions the mean; all of what a gain scales.
         """
-        known, out = list(zip(self.names, base.tolist(), strict=False)), list[float]()
+        known = list(zip(self.names, base.tolist(), strict=False))
+        out = list[float]()
         for c, name, _ in self.columns:
             own = [x for other, x in known if other.startswith(name)]
             friction = float(np.mean(own)) if own and c.kind == "friction" else 0.0
@@ -256,12 +259,13 @@ class Differences:
     def scale(self) -> Array:
         """What makes columns as large as the friction that there is, or as the torque, (C,)."""
         size = np.abs(self.levels(self.known.base))
-        return np.where(size > 0, 1.0 / np.where(size > 0, size, 1.0), self.missing.scale)
+        return np.where(size > 0, 1.0 / or_one(size), self.missing.scale)
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
         """What may differ, in which logs, or be missing: these, and places of each, share odds."""
-        more, own = self.always.shape[1], self.missing.groups
+        more = self.always.shape[1]
+        own = self.missing.groups
         return tuple(replace(g, members=tuple(at + more for at in g.members)) for g in own)
 
     def whose(self, term: Term) -> Differing:
@@ -270,13 +274,13 @@ class Differences:
 
     def at(self, term: Term) -> np.ndarray:
         """Return the columns of a term among those of candidates."""
-        at: np.ndarray = term.columns - len(self.known.precision) - self.always.shape[1]
-        return at
+        return term.columns - len(self.known.precision) - self.always.shape[1]
 
     @cached_property
     def model(self) -> MixedModel:
         """The mixed model of the rows."""
-        own, drifts = self.information, sum(c.pattern == "drift" for c, *_ in self.columns)
+        own = self.information
+        drifts = sum(c.pattern == "drift" for c, *_ in self.columns)
         # A load may have a hundred times the torque that is still told.
         sizes = np.linalg.norm(self.scale[:, None] * self.always, axis=0) / (100 * UNTOLD)
         levels = np.abs(self.levels(self.known.base)[:drifts])
@@ -286,7 +290,7 @@ class Differences:
         every = np.arange(fixed)
         diagonal = own.between(every, every)
         none = np.where(diagonal > 0, 0.0, np.finfo(float).eps)  # what does not act is no value
-        length = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+        length = np.sqrt(or_one(diagonal))
         scale = np.concatenate([length[: fixed - drifts], self.scale])
         prior = np.diag(precision + none)
         return MixedModel(own, fixed, self.groups, scale, prior, np.zeros(fixed), CHANGES)
@@ -311,4 +315,4 @@ def pooled_values(X: Array, y: Array, M: Array, fixed: Array) -> Array:
     weight = 1.0 / np.where(size > 0, size, np.inf)
     Z = (X @ M * weight[:, None]).reshape(-1, M.shape[1])
     aim = Z.T @ ((y - X @ fixed) * weight).ravel()
-    return np.asarray(fixed + M @ np.linalg.lstsq(Z.T @ Z, aim, rcond=ROUNDOFF)[0])
+    return fixed + M @ np.linalg.lstsq(Z.T @ Z, aim, rcond=ROUNDOFF)[0]

@@ -181,11 +181,13 @@ def weigh_outliers(
     if len(information.counts) < RULES.blocks_fewest:
         return information, None
     before = fit = estimator.fit(information)
-    weighed, weights = information, np.ones((information.actuators, len(information.counts)))
+    weighed = information
+    weights = np.ones((information.actuators, len(information.counts)))
     # Until none changes by more than two hundredths.
     for _ in range(30):
         beyond, limit = _measure(information, fit)
-        last, weights = weights, np.minimum(1.0, limit / np.maximum(beyond, limit))
+        last = weights
+        weights = np.minimum(1.0, limit / np.maximum(beyond, limit))
         weighed = information if (weights == 1.0).all() else information.weigh(weights)
         if np.allclose(weights, last, rtol=0.02):
             break
@@ -195,14 +197,16 @@ def weigh_outliers(
         return information, None
     with suppress(LogError):  # too short to be asked
         held_out = HeldOut.of(information, before.noise)
-        train, pairs = held_out.folds.train.astype(float), ((information, before), (weighed, fit))
+        train = held_out.folds.train.astype(float)
+        pairs = ((information, before), (weighed, fit))
         values = [f.estimator.refit(part, f, train) for part, f in pairs]
         if held_out.score(values[1]).error > held_out.score(values[0]).error:
             return information, None
     scatter = np.sqrt((fit.estimator.influence(weighed, fit) ** 2).sum(0))
     known = fit.determined & (scatter > 0)
     moved = np.abs(before.value - fit.value) / np.where(known, scatter, np.inf)
-    logs, weight = np.unique(information.log), weights.min(0)[out]
+    logs = np.unique(information.log)
+    weight = weights.min(0)[out]
     stop = np.concatenate([np.cumsum(information.counts[information.log == k]) for k in logs])
     at = information.log[out], (stop - information.counts)[out], stop[out]
     share = float(_residual_shares(information, fit)[:, out].max())
@@ -214,8 +218,7 @@ def _residual_shares(information: Information, fit: Estimate) -> Array:
     squares = information.squares_of_blocks(np.append(-fit.value, 1.0)).T
     mean = squares / np.maximum(information.data.T, 1)
     torque = np.maximum(information.torque / information.rows_each, np.finfo(float).tiny)
-    shares: Array = np.sqrt(mean / torque[:, None])
-    return shares
+    return np.sqrt(mean / torque[:, None])
 
 
 def _measure(information: Information, fit: Estimate) -> tuple[Array, Array]:

@@ -20,6 +20,7 @@ from identifiability.foundation.linalg import (
     ROUNDOFF,
     TINY,
     few_at_once,
+    or_one,
     sandwich,
     scan_columns,
     solve_each,
@@ -111,8 +112,7 @@ class Estimate:
     @property
     def sigma(self) -> Array:
         """Standard deviations, (k,)."""
-        spread: Array = np.sqrt(np.diag(self.covariance))
-        return spread
+        return np.sqrt(np.diag(self.covariance))
 
     @property
     def sigma_percent(self) -> Array:
@@ -213,13 +213,17 @@ def combine(information: Information, plain: Estimate) -> Combined:
     weights = plain.weights
 
     def make() -> Combined:
-        k, N = information.size, max(information.samples, 1)
+        k = information.size
+        N = max(information.samples, 1)
         R = information.joint.factor(weights)
-        V, (Q, root) = R[:k, :k], np.linalg.qr(R[:, k : 2 * k])
-        to_V, to_W = _inverse(V), _inverse(root)
+        V = R[:k, :k]
+        Q, root = np.linalg.qr(R[:, k : 2 * k])
+        to_V = _inverse(V)
+        to_W = _inverse(root)
         left, strength, Yt = np.linalg.svd(V @ to_V @ Q[:k])
         weak = strength < WEAK
-        B, share = to_W @ Yt.T, np.where(weak, 1.0, strength)
+        B = to_W @ Yt.T
+        share = np.where(weak, 1.0, strength)
         T = np.vstack([np.where(weak, 0.0, to_V @ left / share), np.where(weak, B, 0.0)])
         x = to_W @ (Q.T @ R[:, 2 * k])
         moved = left.T @ (R[:k, 2 * k] - R[:k, k : 2 * k] @ x)
@@ -233,8 +237,7 @@ def combine(information: Information, plain: Estimate) -> Combined:
         return Combined(T, B, x, rss, scale, bias, Yt @ root / wider[:, None])
 
     key = "instruments", weights.tobytes(), plain.times.tobytes()
-    found: Combined = remember(information.made, key, make, 4)
-    return found
+    return remember(information.made, key, make, 4)
 
 
 # What a block of time does to a fit, as if it had not pulled the fit towards itself.
@@ -269,10 +272,8 @@ def _inverse(root: Array) -> Array:
 
     A fold of a short log need not determine what the whole does.
     """
-    scale = np.linalg.norm(root, axis=0)
-    scale = np.where(scale > 0, scale, 1.0)
-    inverse: Array = np.linalg.pinv(root / scale, rcond=RANK_TOLERANCE) / scale[:, None]
-    return inverse
+    scale = or_one(np.linalg.norm(root, axis=0))
+    return np.linalg.pinv(root / scale, rcond=RANK_TOLERANCE) / scale[:, None]
 
 
 # How long the noise of each actuator remembers, from what a fit leaves of the blocks of time.
@@ -307,14 +308,17 @@ def measure_memory(information: Information, fit: Estimate) -> Noise:
     fit : Estimate
         By least squares, with weights that are about right.
     """
-    k, N, B = len(fit.kept), information.samples, len(information.counts)
+    k = len(fit.kept)
+    N = information.samples
+    B = len(information.counts)
     own_rows = information.rows_each
     part = information.select(fit.kept)
     turn = np.vstack([unit_coordinates(part.factor(fit.weights)[:k, :k]), np.zeros((1, k))])
     taken = fit.weights * part.squares(turn).sum(1)  # of noise of variance 1
     change = np.column_stack([turn, np.append(-fit.value[list(fit.kept)], 1.0)])
     rounding = RANK_TOLERANCE**2 * part.torque
-    slow, known = fit.rss / own_rows, np.full(information.actuators, np.inf)
+    slow = fit.rss / own_rows
+    known = np.full(information.actuators, np.inf)
     for a, ((own, turned), rss) in enumerate(zip(part.of_actuators(change), fit.rss, strict=True)):
         if rss <= rounding[a]:
             continue  # what rounding left has no memory to speak of
@@ -327,7 +331,8 @@ def measure_memory(information: Information, fit: Estimate) -> Noise:
         enough = apart >= RULES.memories * scatter / rss
         summed = int(enough.argmax()) + 1 if enough.any() else B
         # The largest on the way: what a fit swallowed makes later lags negative.
-        slow[a], known[a] = ratio[:summed].max(), B / (2 * summed - 1)
+        slow[a] = ratio[:summed].max()
+        known[a] = B / (2 * summed - 1)
     variance = (fit.rss + slow * taken) / own_rows
     times = np.divide(slow, variance, out=np.ones_like(slow), where=variance > 0)
     return Noise(variance, np.maximum(_shrink(times, known), 1.0))
@@ -345,7 +350,8 @@ def _shrink(times: Array, known: Array) -> Array:
     own = np.isfinite(known) & (times > 0)
     if own.sum() < 2:
         return times
-    apart, shrunk = np.log(times[own] / np.average(times[own], weights=known[own])), times.copy()
+    apart = np.log(times[own] / np.average(times[own], weights=known[own]))
+    shrunk = times.copy()
     # Of the squares' mean the logarithm has this variance.
     chance = polygamma(1, 0.5 * known[own].mean()) * chdtri(own.sum() - 1, Thresholds.sign_level)
     shrunk[own] *= np.exp(-apart * min(chance / max(own.sum() * apart.var(), TINY), 1.0))
@@ -364,8 +370,7 @@ def _sum_lags(x: Array, log: np.ndarray) -> Array:
     for which in np.unique(log):
         products = x[log == which] @ x[log == which].T
         total[: len(products)] += [np.trace(products, k) for k in range(len(products))]
-    sums: Array = 2.0 * np.cumsum(total) - total[0]
-    return sums
+    return 2.0 * np.cumsum(total) - total[0]
 
 
 # Least squares on `Information`: ordinary, or weighted per actuator.
@@ -417,7 +422,8 @@ class Estimator:
         found = combine(part, plain)
         # Under independent residuals, whatever the weights know.
         Z = part.joint.factor(plain.weights / plain.times)[:, : 2 * part.size] @ found.left
-        value, spread = plain.value.copy(), plain.covariance.copy()
+        value = plain.value.copy()
+        spread = plain.covariance.copy()
         value[kept] = found.value
         white = found.scale * found.B @ Z.T @ Z @ found.B.T
         spread[np.ix_(kept, kept)] = white + found.bias.T @ found.bias
@@ -451,7 +457,8 @@ class Estimator:
         Columns that `fit` dropped stay zero; a replicate that determines no values is NaN.
         `counts` is (replicates, B), of resampling or of leaving out folds.
         """
-        kept, k = list(fit.kept), len(fit.kept)
+        kept = list(fit.kept)
+        k = len(fit.kept)
         values = np.zeros((len(counts), information.size))
         if not k:
             return values
@@ -470,7 +477,8 @@ class Estimator:
         The squares, summed over independent blocks, are the variance of the values: leverage is
         allowed for [Bell & McCaffrey 2002]. Columns that `fit` dropped are zero.
         """
-        kept, k = list(fit.kept), len(fit.kept)
+        kept = list(fit.kept)
+        k = len(fit.kept)
         _, to_x, both = self.equations(information.select(kept), fit)
         both = both[: len(information.counts)]
         moved = np.zeros((len(both), information.size))
@@ -486,9 +494,11 @@ class Estimator:
         if self.instruments:
             found = combine(part, fit)
             return found.value, found.B, found.moments(part, fit.weights)
-        k, R = part.size, part.factor(fit.weights)
+        k = part.size
+        R = part.factor(fit.weights)
         to_x = unit_coordinates(R[:k, :k])
-        value, change = to_x @ R[:k, k], np.zeros((k + 1, k + 1))
+        value = to_x @ R[:k, k]
+        change = np.zeros((k + 1, k + 1))
         change[:k, :k], change[:, k] = to_x, np.append(-value, 1.0)
         both = part.products(fit.weights, change[:, :k], change)
         if part.prior is not None:
@@ -505,7 +515,8 @@ class Estimator:
         """
         if not self.instruments:
             return information.factor(fit.weights)
-        kept, k = list(fit.kept), information.size
+        kept = list(fit.kept)
+        k = information.size
         part = information.select(kept)
         F = np.zeros((k + 1, k + 1))
         F[: len(kept), kept] = combine(part, fit).root
@@ -526,8 +537,7 @@ class Estimator:
             These combinations, of the columns that the fit kept.
         """
         R = information.factor(fit.weights)[:, :-1]
-        P: Array = np.linalg.lstsq(R @ M, R, rcond=None)[0]
-        return P
+        return np.linalg.lstsq(R @ M, R, rcond=None)[0]
 
 
 def measure_noise(information: Information, plain: Estimate) -> Noise:
@@ -558,7 +568,8 @@ def _solve(
     estimator: Estimator,
     times: Array | None = None,
 ) -> Estimate:
-    k, n = information.size, information.actuators
+    k = information.size
+    n = information.actuators
     times = np.ones(n) if times is None else times
     R = information.factor(weights)
     length = np.linalg.norm(R[:, :k], axis=0)
@@ -566,7 +577,9 @@ def _solve(
     unit = np.where(acts, R[:, :k] / np.where(acts, length, 1.0), 0.0)
     kept = scan_columns(unit, np.flatnonzero(acts).tolist())
     dropped = np.delete(np.arange(k), kept)
-    never, m, value = np.eye(k)[:, dropped], len(kept), np.zeros(k)
+    never = np.eye(k)[:, dropped]
+    m = len(kept)
+    value = np.zeros(k)
     covariance = np.zeros((k, k))
     if kept and len(dropped):
         never[kept] = -np.linalg.lstsq(unit[:, kept], unit[:, dropped], rcond=None)[0]

@@ -110,12 +110,11 @@ class Folds:
     @property
     def tested(self) -> np.ndarray:
         """Blocks that each fold predicts, (F, B) bool."""
-        return np.asarray(self.test == np.arange(self.count)[:, None])
+        return self.test == np.arange(self.count)[:, None]
 
     def at(self, start: int, stop: int) -> np.ndarray:
         """Return the fold that predicts each of the samples [start, stop), (n,) int."""
-        found: np.ndarray = self.test[np.searchsorted(self.ends, np.arange(start, stop), "right")]
-        return found
+        return self.test[np.searchsorted(self.ends, np.arange(start, stop), "right")]
 
     @staticmethod
     def of(information: Information, memory: float = 0.0) -> Folds:
@@ -132,8 +131,10 @@ class Folds:
         LogError
             If the logs are too short.
         """
-        log, counts = information.log, information.counts
-        names, lengths = np.unique(log), np.bincount(log, counts).astype(int)
+        log = information.log
+        counts = information.counts
+        names = np.unique(log)
+        lengths = np.bincount(log, counts).astype(int)
         lengths = lengths[names]
         wanted = _divide(lengths, memory)
         if wanted.sum() < LEVELS.fewest:
@@ -143,7 +144,8 @@ class Folds:
                 f"needs {LEVELS.fewest}: give longer or more logs, or a higher cut-off."
             )
         ends = np.cumsum(counts)
-        test, before = np.empty(len(counts), int), 0
+        test = np.empty(len(counts), int)
+        before = 0
         for name, pieces in zip(names, wanted.tolist(), strict=True):
             rows = np.flatnonzero(log == name)
             middle = ends[rows] - 0.5 * counts[rows] - (ends[rows[0]] - counts[rows[0]])
@@ -167,8 +169,7 @@ def _divide(lengths: np.ndarray, memory: float) -> np.ndarray:
         return np.ones(len(lengths), int)
     most = np.maximum(lengths // max(memory, 1.0), 1).astype(int)
     share = np.round(LEVELS.folds * lengths / lengths.sum()).astype(int)
-    pieces: np.ndarray = np.clip(share, 1, most)
-    return pieces
+    return np.clip(share, 1, most)
 
 
 @frozen
@@ -197,8 +198,7 @@ class Score:
     def shares(self) -> Array:
         """Squared errors of each fold over each joint's own scale, (F,)."""
         acts = self.variation > np.finfo(float).tiny  # below that it is rounding
-        found: Array = self.squares[:, acts] @ (1.0 / self.variation[acts])
-        return found
+        return self.squares[:, acts] @ (1.0 / self.variation[acts])
 
     @property
     def error(self) -> float:
@@ -279,8 +279,7 @@ class HeldOut:
         length = np.sqrt(np.maximum(grams.max(0).diagonal(), 1e-300))
         none = np.zeros(len(length))
         each = [Normal.ridged(gram / length / length[:, None], none).root.T for gram in grams]
-        roots: Array = M / length @ np.stack(each)
-        return roots
+        return M / length @ np.stack(each)
 
     @cached_property
     def products(self) -> Array:

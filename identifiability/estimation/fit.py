@@ -72,7 +72,8 @@ def merge_stretches(information: Information, time: float) -> Information:
     time : float [samples]
         Autocorrelation time of the residual.
     """
-    logs, fewest = len(np.unique(information.log)), RULES.stretches_fewest
+    logs = len(np.unique(information.log))
+    fewest = RULES.stretches_fewest
     # Each log but one may cut a stretch short.
     enough = information.samples / (fewest + logs - 0.5)
     return merge_blocks(information, min(RULES.memories * time, enough))
@@ -134,8 +135,7 @@ class ScoreScatter:
     @property
     def widened(self) -> Array:
         """Standard deviations with which a normal interval has the width of Student's t, (k,)."""
-        wider: Array = self.sd * stdtrit(self.freedom, ENDS[1]) / ndtri(ENDS[1])
-        return wider
+        return self.sd * stdtrit(self.freedom, ENDS[1]) / ndtri(ENDS[1])
 
 
 def scatter_scores(information: Information, fit: Estimate, time: float) -> ScoreScatter | None:
@@ -170,7 +170,8 @@ def rounding_error(information: Information, fit: Estimate) -> Array:
         About the fitted columns.
     fit : Estimate
     """
-    kept, size = list(fit.kept), len(fit.kept)
+    kept = list(fit.kept)
+    size = len(fit.kept)
     R = information.select(fit.kept).factor(fit.weights)
     torque = TINY * np.linalg.norm(R[:, size])
     change = np.zeros(information.size)
@@ -192,15 +193,18 @@ def count_freedom(information: Information, fit: Estimate) -> Array:
     fit : Estimate
     """
     kept = list(fit.kept)
-    k, part = len(kept), information.select(fit.kept)
+    k = len(kept)
+    part = information.select(fit.kept)
     to_x = unit_coordinates(part.factor(fit.weights)[:k, :k])
     change = np.vstack([to_x, np.zeros((1, k))])
     # Block a scatters with b as ``t' (δ_ab A_a - A_a A_b) t`` in the direction t of a parameter.
     Q = part.products(fit.weights, change, change) @ to_x.T
-    own, taken = np.einsum("ip,bip->bp", to_x.T, Q), (Q * Q).sum(1)
+    own = np.einsum("ip,bip->bp", to_x.T, Q)
+    taken = (Q * Q).sum(1)
     few = "aip,bip->pab" if len(Q) < k else "aip,ajp->pij"
     both = (np.einsum(few, Q, Q, optimize=True) ** 2).sum((1, 2))
-    mean, variance = (own - taken).sum(0), (own**2 - 2 * own * taken).sum(0) + both
+    mean = (own - taken).sum(0)
+    variance = (own**2 - 2 * own * taken).sum(0) + both
     freedom = np.ones(information.size)
     freedom[kept] = np.maximum(mean**2 / np.maximum(variance, 1e-300), 1.0)
     return freedom
@@ -247,8 +251,7 @@ class Motions:
     @property
     def moved(self) -> np.ndarray:
         """Parameters whose values differ for sure, (k,) bool."""
-        moved: np.ndarray = self.p < Thresholds.sign_level
-        return moved
+        return self.p < Thresholds.sign_level
 
 
 def compare_motions(information: Information, fit: Estimate, time: float) -> Motions | None:
@@ -263,7 +266,8 @@ def compare_motions(information: Information, fit: Estimate, time: float) -> Mot
     time : float [samples]
         Autocorrelation time of the residual.
     """
-    logs, found = np.unique(information.log), []
+    logs = np.unique(information.log)
+    found = []
     if len(logs) < 2 or fit.rss.sum() <= ROUNDOFF**2 * information.torque.sum():
         return None
     for log in logs:
@@ -282,7 +286,9 @@ def compare_motions(information: Information, fit: Estimate, time: float) -> Mot
     # One ratio of variance, where logs surely differ, for each kind of parameter.
     kinds = np.array([name.rsplit(".", 1)[-1] for name in fit.columns])
     kinds = np.where(np.isin(kinds, GROUPED_KINDS), "bodies", kinds)
-    moved, ratio, few = p < Thresholds.sign_level, np.ones(len(p)), np.maximum(free, 1)
+    moved = p < Thresholds.sign_level
+    ratio = np.ones(len(p))
+    few = np.maximum(free, 1)
     for kind in np.unique(kinds[moved]):
         at = (kinds == kind) & (free > 0)
         ratio[at] = np.maximum(own[at].mean(), np.where(moved[at], own[at], 1.0))
@@ -403,7 +409,8 @@ def find_left_out(
     difference[np.abs(difference) < ROUNDOFF * np.abs(P).max(1, initial=0.0, keepdims=True)] = 0.0
     stated = structure.nominal_base - submodel.fixed
     scatter = body_scatter(structure)
-    shift, spread = difference @ stated, (difference @ structure.G) * scatter
+    shift = difference @ stated
+    spread = (difference @ structure.G) * scatter
     if full is not None:
         loss = full.estimator.loss(information, full)
         R = loss[:-1, :-1]
@@ -413,8 +420,10 @@ def find_left_out(
         left -= span @ (span.T @ left)
         density = float(np.max(full.weights * full.variance * full.times))
         mean, root = _learn(left / np.sqrt(density))
-        shift, spread = shift + spread @ mean, spread @ root
-    sigma, projected = np.zeros(len(submodel)), np.full(len(submodel), np.nan)
+        shift = shift + spread @ mean
+        spread = spread @ root
+    sigma = np.zeros(len(submodel))
+    projected = np.full(len(submodel), np.nan)
     disputed = projected.copy()
     sigma[kept] = np.hypot(shift, np.linalg.norm(spread, axis=1))
     projected[kept] = P @ stated
@@ -422,7 +431,8 @@ def find_left_out(
         sigma[kept], disputed[kept] = _widen_disputed(
             P - difference, submodel, fit, full, sigma[kept]
         )
-    texts, names = [""] * len(submodel), structure.base.names
+    texts = [""] * len(submodel)
+    names = structure.base.names
     size = np.linalg.norm(structure.G * scatter, axis=1)
     for row, column in enumerate(kept):
         texts[column] = _combination(submodel.columns[column], names, difference[row], size)
@@ -549,7 +559,9 @@ class Fit:
         replicates : int
             Of the bootstrap; 0 for none.
         """
-        stretches, note, drawn = merge_stretches(information, fit.memory), "", None
+        stretches = merge_stretches(information, fit.memory)
+        note = ""
+        drawn = None
         apart = information.samples / max(LEAST_MEMORIES * fit.memory, 1.0)
         blocks = min(int(apart), len(stretches.counts))
         if fit.kept and blocks < RULES.blocks_fewest:
@@ -603,8 +615,7 @@ class Fit:
     def robust(self) -> Array:
         """Standard deviations of the values, for whatever they stand for, (k,)."""
         terms = self.terms
-        every: Array = np.linalg.norm([terms[name] for name in OF_VALUES], axis=0)
-        return every
+        return np.linalg.norm([terms[name] for name in OF_VALUES], axis=0)
 
     @property
     def value(self) -> Array:
@@ -617,8 +628,7 @@ class Fit:
     @property
     def sigma(self) -> Array:
         """Standard deviations from what the labels say, (k,)."""
-        every: Array = np.linalg.norm(list(self.terms.values()), axis=0)
-        return every
+        return np.linalg.norm(list(self.terms.values()), axis=0)
 
     def why_unjudged(self, rules: Thresholds) -> tuple[str, ...]:
         """Return why nothing can be said of each parameter, or nothing where it can, (k,).
@@ -659,13 +669,11 @@ def remembering_covariance(information: Information, fit: Estimate) -> Array:
 def column_rms(information: Information) -> Array:
     """Return the root mean square of each column over all rows, (k,)."""
     length = np.linalg.norm(information.factor()[:, :-1], axis=0)
-    rms: Array = length / np.sqrt(max(information.rows, 1))
-    return rms
+    return length / np.sqrt(max(information.rows, 1))
 
 
 def column_noise(information: Information, fit: Estimate) -> Array:
     """Return the largest over joints of column rms over residual rms, per unit, (k,)."""
     squares = information.squares(np.eye(information.size + 1)[:, :-1])
     floor = 1e-18 * float(np.max(fit.rss, initial=0.0)) + 1e-300
-    ratio: Array = np.sqrt(squares / np.maximum(fit.rss, floor)[:, None]).max(0)
-    return ratio
+    return np.sqrt(squares / np.maximum(fit.rss, floor)[:, None]).max(0)

@@ -58,14 +58,12 @@ class Normal:
     @property
     def value(self) -> Array:
         """The values, (k,)."""
-        value: Array = solve_triangular(self.factor, self.half, lower=True, trans="T")
-        return value
+        return solve_triangular(self.factor, self.half, lower=True, trans="T")
 
     @property
     def covariance(self) -> Array:
         """Their covariance, (k, k)."""
-        both: Array = self.root.T @ self.root
-        return both
+        return self.root.T @ self.root
 
     @property
     def evidence(self) -> float:

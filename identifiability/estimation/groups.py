@@ -38,7 +38,13 @@ from identifiability.estimation.noise import (
 )
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.errors import listing
-from identifiability.foundation.linalg import NEARLY, RANK_TOLERANCE, ROUNDOFF, triangular_factor
+from identifiability.foundation.linalg import (
+    NEARLY,
+    RANK_TOLERANCE,
+    ROUNDOFF,
+    or_one,
+    triangular_factor,
+)
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -115,8 +121,10 @@ class Excerpt:
         if regression.instruments is not None:
             plain = replace(regression, instruments=None)
         windows = choose_windows([s.outputs for s in plain.samples], most or EXCERPT)
-        chunks, pieces = list[Chunk](), list[Piece]()
-        seen, outputs = [np.empty(0, int)], 0
+        chunks = list[Chunk]()
+        pieces = list[Piece]()
+        seen = [np.empty(0, int)]
+        outputs = 0
         for part in (replace(part, windows=windows[part.log]) for part in plain.parts()):
             if not part.is_shown:
                 continue
@@ -152,22 +160,18 @@ class Excerpt:
         weight = np.divide(1.0, torque, out=np.zeros_like(torque), where=torque > 0)
         rows = np.concatenate([self.X, self.y[:, :, None]], axis=2) * weight[:, None]
         R = triangular_factor(rows.reshape(-1, rows.shape[2]))
-        length = np.linalg.norm(R[:, :-1], axis=0)
-        length = np.where(length > 0, length, 1.0)
+        length = or_one(np.linalg.norm(R[:, :-1], axis=0))
         unit = R[:, :-1] / length
-        values: Array = np.linalg.lstsq(unit, R[:, -1], rcond=RANK_TOLERANCE)[0] / length
-        return values
+        return np.linalg.lstsq(unit, R[:, -1], rcond=RANK_TOLERANCE)[0] / length
 
     @cached_property
     def torque_norm(self) -> Array:
         """Norm of the measured torque of each joint, (n,) [N·m or N]."""
-        norm: Array = np.linalg.norm(self.raw * self.data, axis=0)
-        return norm
+        return np.linalg.norm(self.raw * self.data, axis=0)
 
     def residual(self, values: Array) -> Array:
         """Return the torque less that of some values of the model, (N, n) [N·m or N]."""
-        torque: Array = self.y - self.X @ values
-        return torque
+        return self.y - self.X @ values
 
     def entries(self, candidates: Sequence[Candidate]) -> Entries:
         """Return the torque (N,) of candidates by joint and column, where it is not zero."""
@@ -261,7 +265,8 @@ class Missing:
         self, joint: int, named: Sequence[int] = (), *, functions: bool = True
     ) -> JointNoise:
         """Return the noise of a joint beside some columns of candidates, and functions."""
-        X, random = self.seen.X[:, joint], list[Array]()
+        X = self.seen.X[:, joint]
+        random = list[Array]()
         model = [X[:, X.any(0)]]
         for session, columns in [(False, named), *(self._beside_noise if functions else ())]:
             own = [self.entries[joint, k] for k in columns if (joint, k) in self.entries]
@@ -304,7 +309,8 @@ class Missing:
 
     def between_reversals(self) -> Missing:
         """Return the same where no joint turns: its friction does when no record can tell."""
-        seen, first = self.seen, {c.columns[0] for c in self.candidates if c.family is REVERSALS}
+        seen = self.seen
+        first = {c.columns[0] for c in self.candidates if c.family is REVERSALS}
         data = seen.data.copy()
         for (j, k), x in self.entries.items():
             if k in first:
@@ -362,7 +368,8 @@ class Missing:
             some |= {k for c in self.candidates if c.family is REVERSALS for k in c.columns}
             own = [c for c in self.candidates if among is None or some & {*c.columns}]
             entries = rows.entries(own)
-        p, width = self.fixed, len(self.scale)
+        p = self.fixed
+        width = len(self.scale)
         model = [np.flatnonzero(x.any(0)) for x in self.seen.X.swapaxes(0, 1)]
         acting = [sorted(k for i, k in entries if i == j) for j in range(len(model))]
         columns = [
@@ -377,7 +384,8 @@ class Missing:
         # One joint after the other: in rows of a base that floats every column acts.
         blocks = map(of_joint, range(len(columns)))
         torque = rows.residual(self.seen.centre)
-        known, edges = noise or self.noise, edges or [0, len(rows.y)]
+        known = noise or self.noise
+        edges = edges or [0, len(rows.y)]
         return whitened_information(columns, blocks, known, rows.runs, edges, together=together)
 
     @cached_property
@@ -419,7 +427,8 @@ class Missing:
         What every hypothesis has, friction at reversals, is a part of its fixed columns, with the
         variance that it has beside the model.
         """
-        own, p = self.products(together=True), self.fixed
+        own = self.products(together=True)
+        p = self.fixed
         diagonal = own.between(np.arange(p), np.arange(p))
         acts = diagonal > ROUNDOFF**2 * diagonal.max(initial=0.0)  # else rounding is left of it
         scale = np.concatenate([np.sqrt(np.where(acts, diagonal, 1.0)), self.scale])
@@ -442,9 +451,9 @@ class Missing:
 
     def values(self) -> Array:
         """Return the values of the model's columns where nothing is missing, (p,)."""
-        model, centre = self.model(), self.seen.centre
-        found: Array = (model.solve().value / model.scale[: model.fixed])[: len(centre)] + centre
-        return found
+        model = self.model()
+        centre = self.seen.centre
+        return (model.solve().value / model.scale[: model.fixed])[: len(centre)] + centre
 
 
 def with_reversals(
@@ -562,7 +571,8 @@ class MissingEffects:
         if not self.shares:
             return None
         kept = list(fit.kept)
-        M, w = submodel.M[:, kept], fit.weights
+        M = submodel.M[:, kept]
+        w = fit.weights
         XX = M.T @ np.einsum("a,akl->kl", w, self.XX) @ M
         XB = M.T @ np.einsum("a,aku->ku", w, self.XB)
         size = np.sqrt(np.maximum(np.diag(XX), 1e-300))
@@ -573,12 +583,17 @@ class MissingEffects:
         error = np.array([((A @ s.root.T) ** 2).sum(1) for A, s in own])
         weight = np.array([[s.weight] for s in self.shares])
         sure = np.arange(len(own)) < len(self.named)
-        each, open_ = weight * (moved**2 + error), weight * (error + moved**2 * ~sure[:, None])
-        shift, sigma = np.zeros(len(submodel)), np.zeros(len(submodel))
-        shift[kept], sigma[kept] = moved[sure].sum(0), np.sqrt(open_.sum(0))
-        names, named = [""] * len(submodel), np.zeros(len(submodel), bool)
+        each = weight * (moved**2 + error)
+        open_ = weight * (error + moved**2 * ~sure[:, None])
+        shift = np.zeros(len(submodel))
+        sigma = np.zeros(len(submodel))
+        shift[kept] = moved[sure].sum(0)
+        sigma[kept] = np.sqrt(open_.sum(0))
+        names = [""] * len(submodel)
+        named = np.zeros(len(submodel), bool)
         for column, most in zip(kept, each.argmax(0).tolist(), strict=True):
-            names[column], named[column] = describe_term(self.shares[most].term), sure[most]
+            names[column] = describe_term(self.shares[most].term)
+            named[column] = sure[most]
         return LabelAlternatives(shift, sigma, tuple(names), named)
 
 
@@ -646,7 +661,8 @@ def find_missing(
     if terms and unseen is not None:
         terms = model.confirm(terms, missing.products(Excerpt.of(unseen), among=terms))
     elif terms:
-        log, count = missing.seen.log, len(missing.seen.log)
+        log = missing.seen.log
+        count = len(missing.seen.log)
         first = int(np.argmax(log == log[-1]))
         edges = [0, first, count] if first else [0, *divide(count), count]
         blocks = missing.products(missing.seen, edges, among=terms)
@@ -673,13 +689,17 @@ def _conclude(missing: Missing, model: MixedModel, terms: Terms) -> MissingEffec
     groups = [(t, 1.0, terms) for t in terms]
     groups += [(t, weight, (*terms, t)) for t, weight in model.alternatives(terms)]
     used = np.unique(np.concatenate([np.empty(0, int), *(t.columns for t, *_ in groups)]))
-    shares, rows = [], missing.seen
+    shares = []
+    rows = missing.seen
     for t, weight, beside in groups:
-        s, unit = model.solve(beside), model.scale[t.columns]
+        s = model.solve(beside)
+        unit = model.scale[t.columns]
         at = np.isin(s.columns, t.columns)
         own = np.searchsorted(used, t.columns)
         shares.append(Share(t, weight, own, s.value[at] / unit, s.root[:, at] / unit))
-    XX, XB, none = [], [], np.zeros(len(rows.y))
+    XX = []
+    XB = []
+    none = np.zeros(len(rows.y))
     for j, X in enumerate(rows.X.transpose(1, 2, 0)):
         Z = [missing.entries.get((j, k), none) for k in (used - missing.fixed).tolist()]
         XX.append(X @ X.T)

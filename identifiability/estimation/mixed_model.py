@@ -78,7 +78,8 @@ def whitened_information(
         parts.append(
             ActuatorBlocks(np.arange(size - 1), None, blocks, np.zeros(blocks[:, 0].shape))
         )
-    names, counts = [str(k) for k in range(columns[0][-1])], np.diff(edges)
+    names = [str(k) for k in range(columns[0][-1])]
+    counts = np.diff(edges)
     data = np.repeat(counts[:, None], len(parts), 1)
     return Information(tuple(names), tuple(parts), counts, data, np.zeros(len(counts), int))
 
@@ -210,14 +211,10 @@ class MixedModel:
     def target(self) -> Array:
         """Products of all columns with the torque, (m,)."""
         p = self.products
-        target: Array = p.between(np.arange(p.size), np.array(p.size)) / self.scale
-        return target
+        return p.between(np.arange(p.size), np.array(p.size)) / self.scale
 
     def _between(self, some: np.ndarray, others: np.ndarray) -> Array:
-        scaled: Array = self.products.between(some, others) / (
-            self.scale[some] * self.scale[others]
-        )
-        return scaled
+        return self.products.between(some, others) / (self.scale[some] * self.scale[others])
 
     def solve(self, terms: Terms = ()) -> Solution:
         """Return values, their covariance and the restricted likelihood with some terms."""
@@ -284,7 +281,8 @@ class MixedModel:
             where = np.searchsorted(every, some)
             S = self._between(some[:, :, None], some[:, None, :])
             rises[own], signs[own] = self.rise(S, along[:, where], left[where])
-        out, stop = [], 0
+        out = []
+        stop = 0
         for g in asked:
             at = slice(stop, stop := stop + len(g.members))
             each = rises[at]
@@ -318,7 +316,8 @@ class MixedModel:
         shrunk = v / (1.0 + v * e[:, None])
         rise = 0.5 * (z[:, None] ** 2 * shrunk + np.log(shrunk / v)).sum(2)
         towards = U.sum(1)[:, None]
-        mean, variance = (towards * z[:, None] * shrunk).sum(2), (towards**2 * shrunk).sum(2)
+        mean = (towards * z[:, None] * shrunk).sum(2)
+        variance = (towards**2 * shrunk).sum(2)
         return rise, np.log(2.0) + log_ndtr(mean / np.sqrt(variance))
 
     def update_terms(self, terms: Terms) -> Terms:
@@ -355,7 +354,8 @@ class MixedModel:
         """
         columns = self._columns(terms)
         scale = self.scale[columns]
-        fitted, target = self._between(columns[:, None], columns), self.target[columns]
+        fitted = self._between(columns[:, None], columns)
+        target = self.target[columns]
         both = fitted + unseen.between(columns[:, None], columns) / np.outer(scale, scale)
         aim = target + unseen.between(columns, np.array(unseen.size)) / scale
         before = self._solve(terms, columns, fitted, target).log_likelihood
@@ -384,7 +384,8 @@ class MixedModel:
 
     def rivals(self, terms: Terms, which: int) -> list[Term]:
         """Return what would do as well in the place of a term: "A or B", the likeliest first."""
-        own, rest = terms[which], _without(terms, which)
+        own = terms[which]
+        rest = _without(terms, which)
         among = [g for g in self.beside(rest) if g.key != own.key]
         return [t for t in self.gains(rest, among) if t.odds > own.odds - RULES.rival]
 

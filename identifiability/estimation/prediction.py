@@ -14,6 +14,7 @@ from scipy.special import stdtrit
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evidence import LEVELS, Folds
 from identifiability.estimation.fit import Fit, remembering_covariance
+from identifiability.foundation.linalg import or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import ENDS, REACH
 from identifiability.foundation.values import frozen
@@ -86,7 +87,8 @@ def measure_spread(
         motion; the latter NaN where there is none. The larger one counts: what the model misses is
         seen on unseen motion only.
     """
-    fit, n = known.estimate, information.actuators
+    fit = known.estimate
+    n = information.actuators
     independent = information.rows_each / fit.times
     dof = np.maximum(independent - len(fit.kept) / n, 1.0)
     swallowed = np.sqrt(independent / dof)
@@ -138,12 +140,11 @@ def _never_shown(information: Information, fit: Estimate) -> Array:
     weighted, plain = (
         np.linalg.norm(information.factor(w)[:, :-1], axis=0) for w in (fit.weights, None)
     )
-    directions = fit.open / np.where(weighted > 0, weighted, 1.0)[:, None]
+    directions = fit.open / or_one(weighted)[:, None]
     size = plain / np.sqrt(information.samples)
     # A column which never acted counts for this share of the largest one.
     least = 1e-3 * size.max(initial=0.0)
-    scaled: Array = directions / np.maximum(size @ np.abs(directions), least or 1.0)
-    return scaled
+    return directions / np.maximum(size @ np.abs(directions), least or 1.0)
 
 
 # How far predicted torque is from the measured: one definition.
@@ -229,7 +230,8 @@ class Prediction:
         """
         data = np.ones(tau.shape, bool) if data is None else data
         raw = tau if raw is None else raw
-        low, high = tau.min(0, initial=np.inf, where=data), tau.max(0, initial=-np.inf, where=data)
+        low = tau.min(0, initial=np.inf, where=data)
+        high = tau.max(0, initial=-np.inf, where=data)
         own = [log == k for k in range(len(t))]
         errors = [sum_errors([(x[k], data[k]) for x in (tau, raw)], predicted[k]) for k in own]
         samples = tuple(t), tau, raw, log, data
@@ -240,20 +242,17 @@ class Prediction:
     @property
     def residual(self) -> Array:
         """Measured less predicted torque, (N, n, m)."""
-        left: Array = (self.tau[:, :, None] - self.predicted) * self.data[:, :, None]
-        return left
+        return (self.tau[:, :, None] - self.predicted) * self.data[:, :, None]
 
     @property
     def rms(self) -> Array:
         """Root mean square of the measured torque of each joint, (n,)."""
-        rms: Array = np.sqrt(np.sum(self.tau**2 * self.data, axis=0) / self._rows)
-        return rms
+        return np.sqrt(np.sum(self.tau**2 * self.data, axis=0) / self._rows)
 
     @property
     def _rows(self) -> np.ndarray:
         """How many samples are data of each joint, (n,), one at least."""
-        rows: np.ndarray = np.maximum(self.data.sum(0), 1)
-        return rows
+        return np.maximum(self.data.sum(0), 1)
 
     def apart(
         self, at: np.ndarray | slice = slice(None), axis: int | None = None, *, raw: bool = False
@@ -262,11 +261,11 @@ class Prediction:
 
         Zero where torque is no data, or there is nothing to explain; (N, n).
         """
-        tau, data = (self.raw if raw else self.tau)[at], self.data[at]
+        tau = (self.raw if raw else self.tau)[at]
+        data = self.data[at]
         mean = np.sum(tau, axis=axis, where=data) / np.maximum(data.sum(axis), 1)
         some = data * (self.signal if axis == 0 else self.signal.any())
-        apart: Array = np.abs(tau - mean) * some
-        return apart
+        return np.abs(tau - mean) * some
 
     def select(self, models: Sequence[int]) -> Prediction:
         """Return the prediction of some models."""
@@ -305,8 +304,7 @@ class Prediction:
 
     def joint_rms(self, *, raw: bool = False) -> Array:
         """Return the root mean square of each joint's error, (n, m) [N·m or N]."""
-        rms: Array = np.sqrt(self.errors[int(raw), 1].sum(0) / self._rows[:, None])
-        return rms
+        return np.sqrt(self.errors[int(raw), 1].sum(0) / self._rows[:, None])
 
     def by_joint(self, of: str = "") -> dict[str, Array]:
         """Return errors of the first model by joint, low-passed and raw, as columns of a table."""
@@ -341,8 +339,7 @@ class Prediction:
 
 def _ratio(part: Array, whole: Array | float) -> Array:
     """Return a ratio, NaN where there is nothing to divide by."""
-    found: Array = part / np.where(whole > 0, whole, np.nan)
-    return found
+    return part / np.where(whole > 0, whole, np.nan)
 
 
 def sum_errors(measured: Iterable[tuple[Array, np.ndarray]], predicted: Array) -> Array:
@@ -370,7 +367,8 @@ class Task:
 
     def predict(self, W: Array, start: int) -> Array:
         """Return the torque (N, n, m) of samples from one on, over all logs, with W (N, n, b)."""
-        at, out = np.zeros(len(W), int), np.empty((*W.shape[:2], self.values.shape[2]))
+        at = np.zeros(len(W), int)
+        out = np.empty((*W.shape[:2], self.values.shape[2]))
         at = at if self.folds is None else self.folds.at(start, start + len(W))
         for fold in np.unique(at):
             out[at == fold] = W[at == fold] @ self.values[fold]
@@ -389,12 +387,14 @@ def predict_all(regression: Regression, tasks: Sequence[Task]) -> list[Predictio
     """
     surveys = [s.survey for s in regression.samples]
     starts = np.cumsum([0, *(s.outputs for s in surveys)])
-    rows, every = list[tuple[np.ndarray, ...]](), [list[Array]() for _ in tasks]
+    rows = list[tuple[np.ndarray, ...]]()
+    every = [list[Array]() for _ in tasks]
     shape = 2, 2, len(surveys), len(surveys[0].rows)
     errors = [np.zeros((*shape, task.values.shape[2])) for task in tasks]
     for part in filter(lambda part: part.is_shown, regression.parts()):
         for chunk in part.shown():
-            data, log = chunk.data | part.regression.dwelling, np.full(len(chunk.t), chunk.log)
+            data = chunk.data | part.regression.dwelling
+            log = np.full(len(chunk.t), chunk.log)
             measured = (chunk.tau, data), (chunk.raw, chunk.data)
             rows.append((chunk.t, chunk.tau, chunk.raw, log, data))
             for task, own, sums in zip(tasks, every, errors, strict=True):
@@ -402,7 +402,8 @@ def predict_all(regression: Regression, tasks: Sequence[Task]) -> list[Predictio
                 sums[:, :, chunk.log] += sum_errors(measured, predicted)
                 own.append(predicted[: None if task.kept else 0])
     t, tau, raw, log, data = map(np.concatenate, zip(*rows, strict=True))
-    signal, times = find_signal(surveys), tuple(t[log == k] for k in range(len(surveys)))
+    signal = find_signal(surveys)
+    times = tuple(t[log == k] for k in range(len(surveys)))
     held = int(starts[-1]), signal, times, tau, raw, log, data
     found = zip(errors, map(np.concatenate, every), strict=True)
     return [Prediction(*held, sums, predicted) for sums, predicted in found]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from enum import StrEnum
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import ndtr
@@ -158,7 +158,8 @@ def narrow(v: Verdict, flag: Flag, text: str, ends: tuple[float, float] | None) 
 
 def withdraw(verdicts: Sequence[Verdict], why: str) -> tuple[Verdict, ...]:
     """Return verdicts that believe no parameter, for a reason that holds for all of them."""
-    none, reason = Class.NOT_IDENTIFIABLE, f"{why[0].upper()}{why[1:]}."
+    none = Class.NOT_IDENTIFIABLE
+    reason = f"{why[0].upper()}{why[1:]}."
     return tuple(replace(v, verdict=none, flags=(), reason=reason) for v in verdicts)
 
 
@@ -226,65 +227,102 @@ def judge(
     rules : Thresholds, optional
     """
     rules = rules or Thresholds()
-    e, unjudged = fit.estimate, fit.why_unjudged(rules)
+    e = fit.estimate
+    unjudged = fit.why_unjudged(rules)
     if all(unjudged):  # values that no verdict stands on are those of the fit
         fit = replace(fit, alternatives=None)
-    value, sigma, left, alternatives = fit.value, fit.sigma, fit.left_out, fit.alternatives
-    without: tuple[Verdict, ...] = ()
-    if alternatives is not None:  # what would be said if nothing were missing
+    without: tuple[Verdict, ...] | None = None
+    if fit.alternatives is not None:  # what would be said if nothing were missing
         plain = replace(fit, alternatives=None)
         without = judge(plain, labels, units, torque, aliases, forbidden, nominal, rules)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        z = np.where(e.determined, np.nan_to_num(np.abs(value) / sigma, posinf=np.inf), 0.0)
-    certain = 2 * ndtr(-z) < rules.sign_level
-    paper = e.paper_rule
-    terms, robust, share = fit.terms, fit.robust, fit.column_rms / max(torque, 1e-300)
+    value = fit.value
+    terms = fit.terms
+    robust = fit.robust
+    left = fit.left_out
+    share = fit.column_rms / max(torque, 1e-300)
     drawn = np.full(len(value), np.nan) if fit.bootstrap is None else fit.bootstrap
+    rulings = _rule_alone(fit, value, aliases, unjudged, rules)
     out = []
-    for k, name in enumerate(e.columns):
-        reach = abs(value[k]) + REACH * sigma[k] if np.isfinite(sigma[k]) else 0.0
-        percent = percent_of(float(sigma[k]), float(value[k]))
-        kind, flags, reason = Class.NOT_IDENTIFIABLE, tuple[Flag, ...](), aliases[k]
-        if not e.determined[k]:
-            flags = (Flag.STRUCTURAL,)
-        elif unjudged[k]:
-            flags, reason = (Flag.NOT_JUDGED,), unjudged[k]
-        else:
-            effect = float(reach * fit.column_noise[k])
-            kind, flags, reason = _decide(bool(certain[k]), percent, effect, rules)
-        clean = without[k] if without else None
-        lost = clean and (clean.sure or clean.flags == (Flag.NEGLIGIBLE,))
-        if kind is not Class.NOT_IDENTIFIABLE and forbidden[k]:
-            kind, flags = Class.NOT_IDENTIFIABLE, (Flag.IN_DOUBT,)
+    for k, alone in enumerate(rulings):
+        ruling = alone if without is None else _doubt(fit, k, alone, without[k])
+        if forbidden[k] and alone.kind is not Class.NOT_IDENTIFIABLE:
             reason = phrase("verdict", "forbidden")
-        elif clean and lost and (kind, flags) != (clean.verdict, clean.flags):
-            kind = max(kind, clean.verdict, key=list(Class).index)
-            flags, reason = (Flag.IN_DOUBT,), _say_missing(fit, k, clean, percent)
-        if e.determined[k] and not {Flag.NOT_JUDGED, Flag.NEGLIGIBLE} & set(flags):
-            reason += _condition(fit, k, float(robust[k]))
-        if Flag.NOT_JUDGED not in flags and paper[k] != (kind is Class.IDENTIFIABLE):
-            rule = "passes" if paper[k] else "rejects"
-            reason += f" {phrase('verdict', 'paper', factor=RULES.paper_factor, rule=rule)}"
-        out.append(
-            Verdict(
-                name=name,
-                label=labels[k],
-                unit=units[k],
-                value=float(value[k]),
-                sigma=float(e.sigma[k]),
-                terms={term: float(own[k]) for term, own in terms.items()},
-                share=float(abs(value[k]) * share[k]),
-                paper_rule=bool(paper[k]),
-                verdict=kind,
-                reason=reason,
-                flags=flags,
-                sigma_bootstrap=float(drawn[k]),
-                nominal=None if nominal is None else float(nominal[k]),
-                stands_for="" if left is None else left.stands_for[k],
-                projected=None if left is None or nominal is None else float(left.projected[k]),
-            )
+            ruling = Ruling(Class.NOT_IDENTIFIABLE, (Flag.IN_DOUBT,), reason, alone.percent)
+        verdict = Verdict(
+            name=e.columns[k],
+            label=labels[k],
+            unit=units[k],
+            value=float(value[k]),
+            sigma=float(e.sigma[k]),
+            terms={term: float(own[k]) for term, own in terms.items()},
+            share=float(abs(value[k]) * share[k]),
+            paper_rule=bool(e.paper_rule[k]),
+            verdict=ruling.kind,
+            reason=ruling.reason + _remark(fit, k, ruling, float(robust[k])),
+            flags=ruling.flags,
+            sigma_bootstrap=float(drawn[k]),
+            nominal=None if nominal is None else float(nominal[k]),
+            stands_for="" if left is None else left.stands_for[k],
+            projected=None if left is None or nominal is None else float(left.projected[k]),
         )
+        out.append(verdict)
     return tuple(out)
+
+
+class Ruling(NamedTuple):
+    """A verdict on one parameter: its class, flags and reason, and its relative error [%]."""
+
+    kind: Class
+    flags: tuple[Flag, ...]
+    reason: str
+    percent: float
+
+
+def _rule_alone(
+    fit: Fit,
+    value: Array,
+    aliases: Sequence[str],
+    unjudged: Sequence[str],
+    rules: Thresholds,
+) -> Iterator[Ruling]:
+    """Yield the ruling on each value by its own error."""
+    sigma = fit.sigma
+    determined = fit.estimate.determined
+    with np.errstate(divide="ignore", invalid="ignore"):
+        z = np.where(determined, np.nan_to_num(np.abs(value) / sigma, posinf=np.inf), 0.0)
+    certain = 2 * ndtr(-z) < rules.sign_level
+    for k in range(len(value)):
+        percent = percent_of(float(sigma[k]), float(value[k]))
+        if not determined[k]:
+            yield Ruling(Class.NOT_IDENTIFIABLE, (Flag.STRUCTURAL,), aliases[k], percent)
+        elif unjudged[k]:
+            yield Ruling(Class.NOT_IDENTIFIABLE, (Flag.NOT_JUDGED,), unjudged[k], percent)
+        else:
+            reach = abs(value[k]) + REACH * sigma[k] if np.isfinite(sigma[k]) else 0.0
+            effect = float(reach * fit.column_noise[k])
+            yield _decide(bool(certain[k]), percent, effect, rules)
+
+
+def _doubt(fit: Fit, k: int, ruling: Ruling, without: Verdict) -> Ruling:
+    """Return the ruling in doubt where missing effects change the verdict."""
+    lost = without.sure or without.flags == (Flag.NEGLIGIBLE,)
+    if not lost or (ruling.kind, ruling.flags) == (without.verdict, without.flags):
+        return ruling
+    kind = max(ruling.kind, without.verdict, key=list(Class).index)
+    reason = _say_missing(fit, k, without, ruling.percent)
+    return Ruling(kind, (Flag.IN_DOUBT,), reason, ruling.percent)
+
+
+def _remark(fit: Fit, k: int, ruling: Ruling, robust: float) -> str:
+    """Return the conditions of a ruling, and where the paper's rule differs from it."""
+    text = ""
+    if fit.estimate.determined[k] and not {Flag.NOT_JUDGED, Flag.NEGLIGIBLE} & set(ruling.flags):
+        text = _condition(fit, k, robust)
+    passes = bool(fit.estimate.paper_rule[k])
+    if Flag.NOT_JUDGED not in ruling.flags and passes != (ruling.kind is Class.IDENTIFIABLE):
+        rule = "passes" if passes else "rejects"
+        text += f" {phrase('verdict', 'paper', factor=RULES.paper_factor, rule=rule)}"
+    return text
 
 
 def _say_missing(fit: Fit, k: int, without: Verdict, percent: float) -> str:
@@ -296,20 +334,21 @@ def _say_missing(fit: Fit, k: int, without: Verdict, percent: float) -> str:
     return phrase("verdict", "missing", seems=seems, **told)
 
 
-def _decide(
-    certain: bool, percent: float, effect: float, rules: Thresholds
-) -> tuple[Class, tuple[Flag, ...], str]:
-    """Return the verdict on a value of which enough is known to judge, its flags, and why."""
-    kind, flags, said = Class.NOT_IDENTIFIABLE, tuple[Flag, ...](), "unsure"
+def _decide(certain: bool, percent: float, effect: float, rules: Thresholds) -> Ruling:
+    """Return the ruling on a value of which enough is known to judge."""
+    kind = Class.NOT_IDENTIFIABLE
+    flags = tuple[Flag, ...]()
+    said = "unsure"
     if certain:
         known = percent <= rules.sigma_percent
         kind, said = (Class.IDENTIFIABLE, "known") if known else (Class.SIGN_ONLY, "sign")
     elif effect <= rules.negligible_share:
-        flags, said = (Flag.NEGLIGIBLE,), "negligible"
+        flags = (Flag.NEGLIGIBLE,)
+        said = "negligible"
     elif percent >= 100:
         said = "any"
     told = {"share": percent / 100, "limit": rules.sigma_percent, "effect": effect}
-    return kind, flags, phrase("verdict", said, **told)
+    return Ruling(kind, flags, phrase("verdict", said, **told), percent)
 
 
 def _condition(fit: Fit, k: int, robust: float) -> str:
@@ -317,7 +356,8 @@ def _condition(fit: Fit, k: int, robust: float) -> str:
     left = fit.left_out
     if left is None:
         return ""
-    said, what = "stands", left.stands_for[k]
+    said = "stands"
+    what = left.stands_for[k]
     if np.isfinite(left.disputed[k]):
         said = "disputed"
     elif left.unknown:

@@ -31,6 +31,11 @@ ROUNDOFF = 1e-9
 NEARLY = 1e-6
 
 
+def or_one(sizes: Array) -> Array:
+    """Return sizes by which is divided: 1 for those that are zero."""
+    return np.where(sizes > 0, sizes, 1.0)
+
+
 def few_at_once(count: int, nbytes: int) -> Iterator[slice]:
     """Yield which of many matrices of so many bytes to work on at a time."""
     size = max(1, MOST_BYTES // max(nbytes, 1))

@@ -82,8 +82,7 @@ def relative_to(theta: Array, name: str) -> Array:
         When the nominal body cannot exist or is a point; it is named.
     """
     inverse = np.linalg.inv(np.linalg.cholesky(thick_inertia(theta, name)))
-    whole: Array = np.einsum("ai,kij,bj->abk", inverse, BASIS, inverse).reshape(16, 10)
-    return whole
+    return np.einsum("ai,kij,bj->abk", inverse, BASIS, inverse).reshape(16, 10)
 
 
 def thick_inertia(theta: Array, name: str) -> Array:
@@ -105,7 +104,8 @@ def thick_inertia(theta: Array, name: str) -> Array:
             f"CAD prior: {wrong} A log-det prior needs bodies that can exist; correct the robot "
             "file."
         )
-    mass, first = J[3, 3], J[:3, 3]
+    mass = J[3, 3]
+    first = J[:3, 3]
     spread, axes = np.linalg.eigh(J[:3, :3] - np.outer(first, first) / (mass or 1.0))
     size = spread.sum()
     if not (mass > 0 and size > BOUNDARY * (size + first @ first / mass)):
@@ -212,8 +212,11 @@ def state_rows(structure: Structure, share: float, weight: float = 0.0) -> tuple
     rows : (r, p)
     aim : (r,)
     """
-    robot, p = structure.robot, len(structure.columns)
-    nominal, rows, aim = draw_bodies(structure)[0], [np.zeros((0, p))], [np.zeros(0)]
+    robot = structure.robot
+    p = len(structure.columns)
+    nominal = draw_bodies(structure)[0]
+    rows = [np.zeros((0, p))]
+    aim = [np.zeros(0)]
     for stem, columns in zip(structure.bodies, structure.inertial, strict=True):
         own = robot.said.prior_share.get(stem.removesuffix("."), share)
         more = (share_weight(own) if own else 0.0) - weight
@@ -277,7 +280,8 @@ def load_by_fit(
     unless one may be `named`.
     """
     loaded = is_loaded(structure.parameters)
-    before, rounds = np.empty(0), ROUNDS if loaded else int(named)
+    before = np.empty(0)
+    rounds = ROUNDS if loaded else int(named)
     # Each leaves the share of an error that a scale is of the torque.
     for _ in range(rounds):
         rows = gather_information(regression, engine=engine)
@@ -314,7 +318,8 @@ def draw_bodies(structure: Structure) -> tuple[Array, str]:
     body; if its mass alone is stated, it has that mass and is where the file says. A load is as the
     body that carries it.
     """
-    phi, bodies = structure.nominal.copy(), structure.bodies
+    phi = structure.nominal.copy()
+    bodies = structure.bodies
     loads = {stem: stem.removesuffix("payload_") for stem in bodies if stem.endswith(".payload_")}
     at = dict(zip(bodies, structure.inertial, strict=True))
     sound = [stem for stem in bodies if stem not in loads and _exists(phi[at[stem]])]

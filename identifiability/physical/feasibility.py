@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import null_space
 
 from identifiability.effects.vocabulary import file_kinds, values_in_file
 from identifiability.estimation.estimator import clip_signs
 from identifiability.estimation.evidence import LEVELS, Evidence, HeldOut, Score
 from identifiability.foundation.engines import one_thread
-from identifiability.foundation.linalg import ROUNDOFF
+from identifiability.foundation.linalg import ROUNDOFF, or_one
 from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.cad_prior import WEAK, WEIGHTS, CadPrior, draw_bodies, state_rows
@@ -21,7 +22,17 @@ from identifiability.physical.fitted_model import (
     PhysicalSet,
     physical_set,
 )
-from identifiability.physical.project import FeasibleEstimate, Projection, solve_program
+from identifiability.physical.project import (
+    COLUMN,
+    EXACTER,
+    LOWER,
+    PRESENT,
+    ROW,
+    TWICE,
+    FeasibleEstimate,
+    Projection,
+    unsolved,
+)
 from identifiability.physical.pseudo_inertia import BOUNDARY, check_body
 from identifiability.physical.rules import RULES
 from identifiability.regression.reduction import Submodel, leave_to_terms
@@ -87,7 +98,8 @@ class PhysicalResult:
 
 def leave_undecided(structure: Structure, submodel: Submodel) -> PhysicalResult:
     """Return what physics says before anything is found."""
-    value, found = np.full(len(submodel), np.nan), np.full((3, len(submodel.M)), np.nan)
+    value = np.full(len(submodel), np.nan)
+    found = np.full((3, len(submodel.M)), np.nan)
     return PhysicalResult(physical_set(structure), value, found[0], found[1:], "")
 
 
@@ -173,19 +185,24 @@ def choose_prior(
     PriorChoice or None
         None if no nearest real robot was found.
     """
-    structure, fit = model.structure, model.estimate
+    structure = model.structure
+    fit = model.estimate
     try:
         projection = _projection(model, 1.0)
     except ValueError:
         return None
-    G, wider = structure.G, float(np.sqrt(fit.memory))  # a log counts as its independent samples
+    # a log counts as its independent samples
+    G = structure.G
+    wider = float(np.sqrt(fit.memory))
     with one_thread():
         ways = []
         for row in held_out.folds.train:
             rest = model.whole.take(row)
             part = FittedModel(structure, model.submodel, rest, model.submodel.reduce(rest), fit)
             ways.append(projection.follow(_believe(part, weights[-1]), weights))
-        values, scores, total = list[Array](), list[Score](), list[float]()
+        values = list[Array]()
+        scores = list[Score]()
+        total = list[float]()
         for found in zip(*ways, strict=False):
             values.append(np.stack([phi for phi, _ in found]) @ G.T)
             roots = wider * (G @ np.stack([root for _, root in found]))
@@ -212,8 +229,11 @@ def _projection(model: FittedModel, cad_weight: float) -> Projection:
         If no real robot has what it holds.
     """
     structure = model.structure
-    (bodies, _), region = draw_bodies(structure), physical_set(structure)
-    possible, at, R = structure.nominal.copy(), region.bodies.ravel(), model.data.R
+    (bodies, _) = draw_bodies(structure)
+    region = physical_set(structure)
+    possible = structure.nominal.copy()
+    at = region.bodies.ravel()
+    R = model.data.R
     alike = np.column_stack([R[:, at] @ bodies[at], np.delete(R, at, axis=1)])
     factor = np.linalg.lstsq(alike, model.data.z, rcond=None)[0][0]
     if factor > 0 and not 1 / RULES.another_robot < factor < RULES.another_robot:
@@ -228,7 +248,8 @@ def _projection(model: FittedModel, cad_weight: float) -> Projection:
 
 def find_nearest(model: FittedModel, cad_weight: float = WEAK) -> PhysicalResult:
     """Find the nearest real robot, without asking whether it is the estimate itself."""
-    structure, data = model.structure, _believe(model, cad_weight)
+    structure = model.structure
+    data = _believe(model, cad_weight)
     found = replace(leave_undecided(structure, model.submodel), cad_weight=cad_weight)
     try:
         nearest = _projection(model, cad_weight).solve(data)
@@ -343,13 +364,12 @@ def certify(base_map: Array, beta: Array, region: PhysicalSet) -> Certificate:
     with one_thread():
         scale = _column_scale(base_map, beta, region)
         G = base_map * scale
-        heights = np.linalg.norm(G, axis=1)
-        heights = np.where(heights > 0, heights, 1.0)
-        U, s, Vt = np.linalg.svd(G / heights[:, None])
-        rank = int(np.sum(s > ROUNDOFF * s[0])) if s.size else 0
-        start = Vt[:rank].T @ ((U.T @ (beta / heights))[:rank] / s[:rank])
-        null = Vt[rank:].T if rank < G.shape[1] else np.zeros((G.shape[1], 1))
-        rows, cones = region.scaled_rows, region.cones
+        heights = or_one(np.linalg.norm(G, axis=1))
+        unit_rows = G / heights[:, None]
+        start = np.linalg.lstsq(unit_rows, beta / heights, rcond=ROUNDOFF)[0]
+        null = null_space(unit_rows, rcond=ROUNDOFF)
+        rows = region.scaled_rows
+        cones = region.cones
         u, margin, multiplier, Z = _most_room(
             rows @ null, rows @ start - region.least, cones @ null, cones @ start
         )
@@ -358,7 +378,8 @@ def certify(base_map: Array, beta: Array, region: PhysicalSet) -> Certificate:
             return Certificate(margin, phi, np.zeros_like(beta), 0.0)
         force = np.einsum("kep,ke->p", cones, Z) + multiplier @ rows
         combination = np.linalg.lstsq(G.T, force)[0]
-        value, level = combination @ beta, multiplier @ region.least
+        value = combination @ beta
+        level = multiplier @ region.least
         return Certificate(margin, phi, combination, float(value), float(level))
 
 
@@ -378,24 +399,49 @@ def _most_room(
     Returns
     -------
     (n,), float, (m,) and (k, 16)
-    """
-    import cvxpy as cp  # noqa: PLC0415 - as in `project`
 
-    u, t = cp.Variable(rows.shape[1]), cp.Variable()
-    signs = np.vstack([np.zeros(rows.shape[1]), rows]) @ u + np.append(1.0, slack) >= t
-    squares = [cp.reshape(A @ u + b, (4, 4), order="C") for A, b in zip(maps, at, strict=True)]
-    bodies = [J >> t * np.eye(4) for J in squares]
-    solve_program(cp.Problem(cp.Maximize(t), [signs, *bodies]), "certificate")
-    Z = np.array([J.dual_value for J in bodies]).reshape(-1, 16)
-    return u.value, float(t.value), signs.dual_value[1:], Z
+    Raises
+    ------
+    ValueError
+        When the solver finds no answer.
+    """
+    # cvxpy would state this program in a line, but takes a third of a second to import.
+    import clarabel  # noqa: PLC0415
+    from scipy.sparse import csc_array  # noqa: PLC0415
+
+    # minimise −t with offset − constraint @ (t, u) in the cones
+    unknowns = 1 + rows.shape[1]
+    goal = -np.eye(unknowns)[0]
+    signs = np.vstack([-goal, np.hstack([np.ones((len(rows), 1)), -rows])])
+    one = np.broadcast_to(np.eye(4).reshape(16, 1), (len(maps), 16, 1))
+    squares = TWICE[:, None] * np.concatenate([one, -maps], axis=2)[:, LOWER]
+    constraint = csc_array(np.vstack([signs, squares.reshape(-1, unknowns)]))
+    offset = np.concatenate([[1.0], slack, (TWICE * at[:, LOWER]).ravel()])
+    cones = [clarabel.NonnegativeConeT(len(signs)), *[clarabel.PSDTriangleConeT(4)] * len(maps)]
+    curvature = csc_array((unknowns, unknowns))
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    for options in ({}, EXACTER):
+        for name, value in options.items():
+            setattr(settings, name, value)
+        solver = clarabel.DefaultSolver(curvature, goal, constraint, offset, cones, settings)
+        found = solver.solve()
+        if found.status == clarabel.SolverStatus.Solved:
+            break
+    if str(found.status) not in PRESENT:
+        raise unsolved("certificate", found.status)
+    t, *u = found.x
+    dual = np.array(found.z)
+    Z = np.zeros((len(maps), 4, 4))
+    Z[:, ROW, COLUMN] = Z[:, COLUMN, ROW] = dual[len(signs) :].reshape(-1, 10) / TWICE
+    return np.array(u), t, dual[1 : len(signs)], Z.reshape(-1, 16)
 
 
 def _column_scale(G: Array, beta: Array, region: PhysicalSet) -> Array:
     # A column outside the bodies takes its scale from the base parameter it enters most.
-    scale = region.scale.copy()
-    heights = np.abs(G).max(axis=1, initial=0.0)
-    for j in np.flatnonzero(~region.inertial):
-        i = int(np.argmax(np.abs(G[:, j]) / np.where(heights > 0, heights, 1.0)))
-        if G[i, j] != 0 and beta[i] != 0:
-            scale[j] = abs(beta[i] / G[i, j])
-    return scale
+    size = np.abs(G)
+    share = size / or_one(size.max(axis=1, initial=0.0))[:, None]
+    row = share.argmax(axis=0)
+    most = size[row, np.arange(len(row))]
+    known = ~region.inertial & (most > 0) & (beta[row] != 0)
+    return np.where(known, np.abs(beta[row]) / or_one(most), region.scale)

@@ -15,7 +15,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from identifiability.estimation.estimator import Estimate, Estimator
-from identifiability.foundation.linalg import ROUNDOFF, SPAN_TOLERANCE
+from identifiability.foundation.linalg import ROUNDOFF, SPAN_TOLERANCE, or_one
 from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.values import frozen
 from identifiability.physical import pseudo_inertia
@@ -116,8 +116,7 @@ class PhysicalSet:
     @cached_property
     def cones(self) -> Array:
         """(nb, 16, p), maps from scaled parameters to dimensionless pseudo-inertias."""
-        maps: Array = self.cone_map * self.scale
-        return maps
+        return self.cone_map * self.scale
 
     @cached_property
     def signed(self) -> np.ndarray:
@@ -129,14 +128,12 @@ class PhysicalSet:
     @cached_property
     def rows(self) -> Array:
         """(m, p): ``rows @ phi ≥ least`` are the signs and then the bounds."""
-        rows: Array = np.vstack([np.eye(self.size)[self.signed], *[row for row, _ in self.bounds]])
-        return rows
+        return np.vstack([np.eye(self.size)[self.signed], *[row for row, _ in self.bounds]])
 
     @cached_property
     def scaled_rows(self) -> Array:
         """(m, p), the same of scaled parameters: what has a sign alone is of scale 1."""
-        rows: Array = self.rows * self.scale
-        return rows
+        return self.rows * self.scale
 
     @cached_property
     def least(self) -> Array:
@@ -154,8 +151,7 @@ class PhysicalSet:
     @cached_property
     def bounded(self) -> np.ndarray:
         """Which of the m rows are bounds, (m,) bool."""
-        mask: np.ndarray = np.arange(len(self.rows)) >= len(self.signed)
-        return mask
+        return np.arange(len(self.rows)) >= len(self.signed)
 
     def margins(self, phi: ArrayLike) -> Array:
         """Smallest dimensionless eigenvalue of every body.
@@ -315,8 +311,7 @@ class LeastSquares:
             Directions of which it says nothing.
         """
         C = np.where(np.isfinite(covariance), covariance, 0.0)
-        scale = np.sqrt(np.diag(C))
-        scale = np.where(scale > 0, scale, 1.0)
+        scale = or_one(np.sqrt(np.diag(C)))
         hidden = scipy.linalg.orth(unknown / scale[:, None])
         shown = scipy.linalg.null_space(hidden.T) if hidden.size else np.eye(len(C))
         variance, axes = np.linalg.eigh(shown.T @ (C / np.outer(scale, scale)) @ shown)
@@ -351,8 +346,7 @@ class LeastSquares:
     def rss(self, phi: Array) -> Array:
         """Residual sum of squares (...) [torque²] of parameter vectors ``phi (..., p)``."""
         residual = np.asarray(phi) @ self.R.T - self.z
-        total: Array = np.einsum("...r,...r->...", residual, residual) + self.rss_min
-        return total
+        return np.einsum("...r,...r->...", residual, residual) + self.rss_min
 
 
 # What a model leaves out, holds or ties, as a projection knows it.
@@ -381,18 +375,17 @@ class Fixed:
     @cached_property
     def alone(self) -> np.ndarray:
         """Which combinations are of one parameter, (k,) bool."""
-        mask: np.ndarray = np.count_nonzero(self.rows, axis=1) == 1
-        return mask
+        return np.count_nonzero(self.rows, axis=1) == 1
 
     @property
     def parameters(self) -> np.ndarray:
         """The parameters that are held by themselves, (p,) bool."""
-        mask: np.ndarray = (self.rows[self.alone] != 0).any(axis=0)
-        return mask
+        return (self.rows[self.alone] != 0).any(axis=0)
 
     def impose(self, phi: Array) -> Array:
         """Return parameters (..., p), those that are held by themselves at exactly their values."""
-        out, rows = np.array(phi), self.rows[self.alone]
+        out = np.array(phi)
+        rows = self.rows[self.alone]
         at = np.argmax(rows != 0, axis=1)
         out[..., at] = self.value[self.alone] / rows[np.arange(len(at)), at]
         return out
@@ -496,8 +489,7 @@ class FittedModel:
     @cached_property
     def to_x(self) -> Array:
         """The model's parameters of standard ones, (m, p); tied columns take the mean."""
-        to_x: Array = np.linalg.pinv(self.submodel.M) @ self.structure.G
-        return to_x
+        return np.linalg.pinv(self.submodel.M) @ self.structure.G
 
     @property
     def determined(self) -> bool:
@@ -530,6 +522,7 @@ class FittedModel:
     @cached_property
     def left_out(self) -> tuple[Array, Array]:
         """Torque of what the model leaves out, ``rows phi − aim``: (b, p) and (b,)."""
-        R, M = self.whole.factor(self.estimate.weights)[:-1, :-1], self.submodel.M
+        R = self.whole.factor(self.estimate.weights)[:-1, :-1]
+        M = self.submodel.M
         rest = R @ (np.eye(len(M)) - M @ np.linalg.pinv(M)) if M.size else R
         return rest @ self.structure.G, rest @ self.submodel.fixed

@@ -30,7 +30,8 @@ def find_implausible_bodies(robot: Robot) -> list[Finding]:
     """Return bodies whose inertia is too small or too large for their mass and the robot's size."""
     largest = max(measure_reach(robot), 1.0)
     impossible = check_bodies(robot)
-    dense, wide = [], []
+    dense = []
+    wide = []
     for body in robot.bodies:
         theta = np.array([robot.nominal[f"{body}.{kind}"] for kind in GROUPED_KINDS])
         mass = float(theta[9])
@@ -41,7 +42,8 @@ def find_implausible_bodies(robot: Robot) -> list[Finding]:
             dense.append(body)
         elif np.sqrt(spread / mass) > RULES.widest * largest:
             wide.append(body)
-    name, stated = robot.path.name, _quote_bodies(robot)
+    name = robot.path.name
+    stated = _quote_bodies(robot)
     found = []
     if dense:
         found.append(Finding("dense", name, bodies=[stated[body] for body in dense]))
@@ -66,7 +68,8 @@ def measure_spread(theta: Array) -> float:
     theta : (10,) [kg m², kg m, kg]
         In the order of `GROUPED_KINDS`, with a mass that is not zero.
     """
-    mass, first = theta[9], theta[6:9]
+    mass = theta[9]
+    first = theta[6:9]
     about_origin = float(np.trace(to_matrix(theta)[:3, :3]))
     return about_origin - float(first @ first) / float(mass)
 

@@ -197,7 +197,8 @@ class Projection:
         import cvxpy as cp  # noqa: PLC0415
 
         # The solver's accuracy is relative to what feasibility changes, not to the data.
-        step, image = cp.Variable(len(program.free)), cp.Variable(len(program.stiff))
+        step = cp.Variable(len(program.free))
+        image = cp.Variable(len(program.stiff))
 
         def square(maps: Array) -> list[Any]:  # one reshape of one product compiles fastest
             return [cp.reshape(A @ step + A @ program.free, (4, 4), order="C") for A in maps]
@@ -212,7 +213,7 @@ class Projection:
             away = [cp.trace(J) - cp.log_det(J) - 4 for J in square(self.nominal)]
             cost += self.prior.weight * sum(away)
         problem = cp.Problem(cp.Minimize(cost), [linked, held, signs, *bodies])
-        accurate = solve_program(problem, "projection")
+        accurate = _solve_stated(problem)
         pressure = np.append([np.linalg.norm(J.dual_value) for J in bodies], signs.dual_value)
         z = program.along.T @ step.value
         return Optimum(z, pressure, accurate)
@@ -261,7 +262,8 @@ class Projection:
         scale = np.where(self.region.inertial, self.region.scale, scale)
         pull = np.full(scale.size, np.sqrt(RIDGE))
         for own in self.region.functions:
-            scale[own], pull[own] = scale[own[seen[own]]].min(initial=whole or 1.0), 1.0
+            scale[own] = scale[own[seen[own]]].min(initial=whole or 1.0)
+            pull[own] = 1.0
         stacked = np.vstack([data.R * scale / data.unit, np.diag(pull)])
         wanted = np.concatenate([data.z / data.unit, pull * self.reference / scale])
         origin, along = self.held.span(scale)
@@ -274,8 +276,10 @@ class Projection:
         return Program(scale, free, along, stiff, rows @ along, rows @ free - least)
 
     def _read(self, data: LeastSquares, program: Program, found: Optimum) -> FeasibleEstimate:
-        region, phi = self.region, self._phi(program, found)
-        rss, margins = float(data.rss(phi)), region.margins(phi)
+        region = self.region
+        phi = self._phi(program, found)
+        rss = float(data.rss(phi))
+        margins = region.margins(phi)
         # Complementarity: of slack and multiplier one is zero, and the larger one says which.
         room = np.append(margins - self.margin, program.rows @ found.z + program.slack)
         pressed = found.pressure > room
@@ -289,7 +293,19 @@ class Projection:
         )
 
 
-def solve_program(problem: Any, what: str) -> bool:
+#: Ends of Clarabel with a solution, be it not accurate.
+PRESENT = ("Solved", "AlmostSolved", "MaxIterations", "MaxTime")
+
+
+def unsolved(program: str, status: Any) -> ValueError:
+    """Return the error of a program for which the solver found no answer."""
+    return ValueError(
+        f"{program}: the solver found no answer ({status}); expected one, since every "
+        f"body has room; {ADVICE}."
+    )
+
+
+def _solve_stated(problem: Any) -> bool:
     """Solve a cvxpy problem; return whether the solver is sure of the optimum.
 
     Raises
@@ -306,10 +322,7 @@ def solve_program(problem: Any, what: str) -> bool:
         if problem.status == cp.OPTIMAL:
             return True
     if problem.status not in cp.settings.SOLUTION_PRESENT:
-        raise ValueError(
-            f"{what}: the solver found no answer ({problem.status}); expected one, since every "
-            f"body has room; {ADVICE}."
-        )
+        raise unsolved("projection", problem.status)
     return False
 
 
@@ -352,6 +365,7 @@ LESS: Tolerance = 0.1
 #: Rows and columns of the lower triangle of a body, and what makes its squares those of the whole.
 ROW, COLUMN = np.tril_indices(4)
 TWICE = np.where(ROW == COLUMN, 1.0, np.sqrt(2.0))
+LOWER = 4 * ROW + COLUMN
 
 
 def follow(
@@ -370,33 +384,31 @@ def follow(
     near : float
         How near optima are in cost [σ²]; the solver's own where that is less.
     """
-    cone, start, sign = maps @ program.along, maps @ program.free, program.rows
-    x = program.free.copy()  # with the nominal bodies
-    own = np.take_along_axis(maps, region.bodies[:, None, :], axis=2)
-    x[region.bodies] = np.linalg.pinv(own) @ np.eye(4).ravel()
-    z, bend = program.along.T @ (x - program.free), 2 * program.stiff**2
+    cone = maps @ program.along
+    start = maps @ program.free
+    sign = program.rows
+    z = _start_at_nominal(program, region, maps)
+    bend = 2 * program.stiff**2
     weight = max(weights[0], float(bend @ z**2) / (8 * max(len(maps), 1)))
     slack = np.abs(sign @ z + program.slack) + 0.01
     y = weight / slack
-    at, left, reach = 0, STEPS, 1.0
+    at = 0
+    left = STEPS
+    reach = 1.0
     while left and at < len(weights):
-        left, light = left - 1, weights[at]
+        left -= 1
+        light = weights[at]
         reached = max(near, RIDGE * max(1.0, light))  # Newton decrement and complementarity
-        lack, product = sign @ z + program.slack - slack, slack * y
-        J = (cone @ z + start).reshape(-1, 4, 4)
-        try:
-            lower = np.linalg.cholesky(J)
-        except np.linalg.LinAlgError:  # by rounding a body is at the edge
-            return
-        root = weight**0.25 * np.linalg.inv(lower)
+        lack = sign @ z + program.slack - slack
+        product = slack * y
         each = float(product.sum() / max(y.size, 1))
         each *= LESS if reach > LESS else 1 / LESS  # rows that bound no longer hinder small ones
         aim = max(each, reached / max(100, 2 * y.size))  # all of them together are enough
-        # How congruent matrices change: lower triangles whose squares are those of whole matrices.
-        whole = np.einsum("kab,kcd->kacbd", root, root).reshape(-1, 16, 16)
-        rates = (TWICE[:, None] * whole[:, 4 * ROW + COLUMN] @ cone).reshape(-1, z.size)
-        away = np.sqrt(weight) * root.transpose(0, 2, 1) @ root - weight * np.eye(4)
-        force = sign.T @ ((aim - y * lack) / slack) + away.ravel() @ cone.reshape(-1, z.size)
+        try:
+            rates, pull = _divergence(cone, (cone @ z + start).reshape(-1, 4, 4), weight)
+        except np.linalg.LinAlgError:  # by rounding a body is at the edge
+            return
+        force = sign.T @ ((aim - y * lack) / slack) + pull
         force -= bend * z
         stiff = np.sqrt(y / slack)[:, None] * sign
         curve = rates.T @ rates + stiff.T @ stiff  # each half the work: A.T @ A
@@ -408,15 +420,57 @@ def follow(
         step = size * step
         change = sign @ step + lack
         rise = (aim - y * change) / slack - y
-        turn = np.zeros_like(J)
-        turn[:, ROW, COLUMN] = turn[:, COLUMN, ROW] = (rates @ step).reshape(-1, 10) / TWICE
-        values = np.linalg.eigvalsh(turn / np.sqrt(weight)).ravel()
+        values = _relative_change(rates @ step, weight)
         reach = min(_room(np.ones(values.size), values), _room(slack, change), _room(y, rise))
-        z, slack, y = z + reach * step, slack + reach * change, y + reach * rise
+        z = z + reach * step
+        slack = slack + reach * change
+        y = y + reach * rise
         if weight == light and reach == 1.0 and max(force @ step, product.sum()) < reached:
             yield Optimum(z, np.append(np.zeros(len(maps)), y), curve=curve)
-            at, left = at + 1, STEPS
+            at += 1
+            left = STEPS
         weight = max(weights[min(at, len(weights) - 1)], LESS * weight)
+
+
+def _start_at_nominal(program: Program, region: PhysicalSet, maps: Array) -> Array:
+    """Return the point z (q,) at which the bodies are nominal."""
+    own = np.take_along_axis(maps, region.bodies[:, None, :], axis=2)
+    x = program.free.copy()
+    x[region.bodies] = np.linalg.pinv(own) @ np.eye(4).ravel()
+    return program.along.T @ (x - program.free)
+
+
+def _divergence(cone: Array, J: Array, weight: float) -> tuple[Array, Array]:
+    """Return the divergence's root of curvature (10 nb, q) and its force (q,) [σ²].
+
+    How congruent matrices change: lower triangles whose squares are those of whole matrices.
+
+    Parameters
+    ----------
+    cone : (nb, 16, q)
+        How z changes the bodies.
+    J : (nb, 4, 4)
+        Bodies.
+    weight : float [σ²]
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        When a body is at the edge of what can exist.
+    """
+    root = weight**0.25 * np.linalg.inv(np.linalg.cholesky(J))
+    whole = np.einsum("kab,kcd->kacbd", root, root).reshape(-1, 16, 16)
+    rates = TWICE[:, None] * whole[:, LOWER] @ cone
+    away = np.sqrt(weight) * root.transpose(0, 2, 1) @ root - weight * np.eye(4)
+    size = cone.shape[2]
+    return rates.reshape(-1, size), away.ravel() @ cone.reshape(-1, size)
+
+
+def _relative_change(rates: Array, weight: float) -> Array:
+    """Return eigenvalues of the changes of bodies, relative to the bodies, (4 nb,)."""
+    turn = np.zeros((len(rates) // 10, 4, 4))
+    turn[:, ROW, COLUMN] = turn[:, COLUMN, ROW] = rates.reshape(-1, 10) / TWICE
+    return np.linalg.eigvalsh(turn / np.sqrt(weight)).ravel()
 
 
 def _room(value: Array, change: Array) -> float:

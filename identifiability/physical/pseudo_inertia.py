@@ -11,6 +11,7 @@ is positive semidefinite [Traversaro 2016; Wensing 2017].
 import numpy as np
 from numpy.typing import ArrayLike
 
+from identifiability.foundation.linalg import or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 
@@ -72,8 +73,7 @@ def scale_matrix(mass: ArrayLike, length: ArrayLike) -> Array:
     (..., 4), the square roots of ``mass * (length², length², length², 1)``
     """
     m, ell = np.broadcast_arrays(np.asarray(mass, float), np.asarray(length, float))
-    root: Array = np.sqrt(m)[..., None] * np.stack((ell, ell, ell, np.ones_like(ell)), axis=-1)
-    return root
+    return np.sqrt(m)[..., None] * np.stack((ell, ell, ell, np.ones_like(ell)), axis=-1)
 
 
 def entry_scale(mass: Array, length: Array) -> Array:
@@ -88,8 +88,7 @@ def entry_scale(mass: Array, length: Array) -> Array:
     (nb, 10) [kg m², kg m, kg]
     """
     power = np.array([2] * 6 + [1] * 3 + [0])
-    scale: Array = mass[:, None] * length[:, None] ** power
-    return scale
+    return mass[:, None] * length[:, None] ** power
 
 
 def natural_scale(theta: ArrayLike) -> tuple[Array, Array]:
@@ -107,8 +106,7 @@ def natural_scale(theta: ArrayLike) -> tuple[Array, Array]:
     length : (...) [m]
     """
     values = np.asarray(theta, float)
-    mass = np.abs(values[..., 9])
-    mass = np.where(mass > 0, mass, 1.0)
+    mass = or_one(np.abs(values[..., 9]))
     second_moment = np.abs(values[..., [0, 3, 5]].sum(axis=-1)) / 2  # tr S [kg m²]
     length = np.sqrt(second_moment / (3 * mass))
     return mass, np.where(length > 0, length, 0.1)
@@ -143,7 +141,8 @@ def check_body(theta: ArrayLike, name: str) -> str:
     values = np.asarray(theta, float)
     if margin(values, *natural_scale(values)) >= -BOUNDARY:
         return ""
-    mass, first = values[9], values[6:9]
+    mass = values[9]
+    first = values[6:9]
     if mass <= 0:
         what = "must be positive" if mass < 0 else "cannot be zero while its moments are not"
         return f"{name}: mass {mass:.4g} kg {what}."

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.foundation.linalg import ROUNDOFF
+from identifiability.foundation.linalg import ROUNDOFF, or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.spectrum import integrate_correlation
@@ -53,7 +53,7 @@ def log_distances(region: PhysicalSet, phi: Array) -> Array:
     inside = np.linalg.det(square.reshape(*square.shape[:-1], len(matrices), 4, 4))
     distance = np.concatenate([rows, inside], axis=-1)
     mean = distance.mean(axis=tuple(range(distance.ndim - 1)))
-    return np.asarray(np.log(np.maximum(distance, np.maximum(ROUNDOFF * mean, 1e-300))))
+    return np.log(np.maximum(distance, np.maximum(ROUNDOFF * mean, 1e-300)))
 
 
 def measure_prior_sensitivity(draws: Array, logs: Array) -> Array:
@@ -72,15 +72,17 @@ def measure_prior_sensitivity(draws: Array, logs: Array) -> Array:
     -------
     (m,)
     """
-    E, m = draws.shape[0], draws.shape[-1]
-    x, g = draws.reshape(E, -1, m), logs.reshape(E, -1, logs.shape[-1])
-    x, g = x - x.mean(1, keepdims=True), g - g.mean(1, keepdims=True)
+    E = draws.shape[0]
+    m = draws.shape[-1]
+    x = draws.reshape(E, -1, m)
+    g = logs.reshape(E, -1, logs.shape[-1])
+    x = x - x.mean(1, keepdims=True)
+    g = g - g.mean(1, keepdims=True)
     c = np.swapaxes(x, 1, 2) @ g / x.shape[1]
     square = (c.sum(0) ** 2 - (c**2).sum(0)).sum(-1) / (E * (E - 1))
     sd = draws.reshape(-1, m).std(0)
     moved = RULES.prior_power * np.sqrt(np.maximum(square, 0.0))
-    share: Array = np.divide(moved, sd, out=np.zeros(m), where=sd > 0)
-    return share
+    return np.divide(moved, sd, out=np.zeros(m), where=sd > 0)
 
 
 # May a posterior be shown? Convergence between independent ensembles, and the sentence if not.
@@ -151,7 +153,9 @@ def diagnose_convergence(
     members = np.repeat(np.arange(E), K)
     # Chains that stand still say nothing of a distribution: no R-hat, and no effective draw.
     walked = np.ptp(chains, axis=1).any(axis=0)
-    rhat, bulk, tail = np.full(p, np.inf), np.zeros(p), np.zeros(p)
+    rhat = np.full(p, np.inf)
+    bulk = np.zeros(p)
+    tail = np.zeros(p)
     if walked.any():
         some = chains[..., walked]
         rhat[walked] = stats.rhat_nested(some, superchain_ids=members, **axes)
@@ -192,7 +196,7 @@ def autocorrelation_time(chains: Array) -> Array:
     centred = chains - chains.mean(axis=(0, 1))
     spectrum = np.abs(np.fft.rfft(centred, n=2 * N, axis=1)) ** 2
     covariance = np.fft.irfft(spectrum.mean(axis=0), axis=0)[:N]
-    variance = np.where(covariance[0] > 0, covariance[0], 1.0)
+    variance = or_one(covariance[0])
     return integrate_correlation(covariance / variance)
 
 

@@ -70,14 +70,16 @@ class Cone:
         inward : (K, M)
             Gradient of the boundary function that was hit, in y.
         """
-        m, inward = self.rows, np.zeros_like(y)
+        m = self.rows
+        inward = np.zeros_like(y)
         time, row = exit_through_rows(y[:, :m], dy[:, :m])
         hit = time < limit
         inward[hit, row[hit]] = 1.0
         time = np.minimum(time, limit)
         if m == y.shape[1]:
             return time, hit, inward
-        J, D = self._matrices(y), self._matrices(dy)
+        J = self._matrices(y)
+        D = self._matrices(dy)
         out = ~positive(J + time[:, None, None, None] * D)
         if not out.any():
             return time, hit, inward
@@ -85,8 +87,11 @@ class Cone:
         if chain.size:
             first = np.lexsort((when, chain))
             first = first[np.unique(chain[first], return_index=True)[1]]
-            k, columns = chain[first], m + 10 * body[first, None] + np.arange(10)
-            time[k], hit[k], inward[k] = when[first], True, 0.0
+            k = chain[first]
+            columns = m + 10 * body[first, None] + np.arange(10)
+            time[k] = when[first]
+            hit[k] = True
+            inward[k] = 0.0
             inward[k[:, None], columns] = _gradient(null[first])
         return time, hit, inward
 
@@ -104,10 +109,13 @@ class Cone:
         root : (r, p)
             ``rootᵀ root`` is the second derivative.
         """
-        y, p, m = self.offset + self.map @ eta, len(eta), self.rows
+        y = self.offset + self.map @ eta
+        p = len(eta)
+        m = self.rows
         if not (self.contains(y[None])[0] and (y[:m] > 0).all()):
             return np.inf, np.zeros(p), np.zeros((0, p))
-        rows, J = y[:m], self._matrices(y[None])[0]
+        rows = y[:m]
+        J = self._matrices(y[None])[0]
         slopes = self.map[m:].reshape(-1, 10, p)[:, TRIANGLE]
         lower = np.linalg.inv(np.linalg.cholesky(J))
         turned = np.einsum("bij,bjkp,blk->bilp", lower, slopes, lower, optimize=True)
@@ -117,8 +125,7 @@ class Cone:
         return float(value), gradient, np.vstack([scaled, turned.reshape(-1, p)])
 
     def _matrices(self, y: Array) -> Array:
-        matrices: Array = y[:, self.rows :].reshape(len(y), -1, 10)[..., TRIANGLE]
-        return matrices
+        return y[:, self.rows :].reshape(len(y), -1, 10)[..., TRIANGLE]
 
 
 def exit_through_rows(y: Array, dy: Array) -> tuple[Array, np.ndarray]:
@@ -154,7 +161,9 @@ def _crossings(
     where the path starts on the boundary.
     """
     chain, body = np.nonzero(out)
-    J, D, inner = J[chain, body], D[chain, body], time[chain]
+    J = J[chain, body]
+    D = D[chain, body]
+    inner = time[chain]
     outside = np.arange(len(chain))
     # A stretch is cut to its first third at most so often until a body is inside at its end.
     for _ in range(60):
@@ -165,7 +174,10 @@ def _crossings(
             break
     # Only rounding makes a body leave at once; where it does, the end of the path is refused.
     found = np.delete(np.arange(len(chain)), outside)
-    chain, body, D, inner = chain[found], body[found], D[found], inner[found]
+    chain = chain[found]
+    body = body[found]
+    D = D[found]
+    inner = inner[found]
     lower = np.linalg.inv(np.linalg.cholesky(J[found] + inner[:, None, None] * D))
     value, vectors = np.linalg.eigh(lower @ D @ lower.transpose(0, 2, 1))
     return chain, body, inner - 1 / value[:, 0], np.einsum("kji,kj->ki", lower, vectors[:, :, 0])
@@ -173,8 +185,7 @@ def _crossings(
 
 def _gradient(null: Array) -> Array:
     outer = null[:, :, None] * null[:, None, :]
-    gradient: Array = outer.reshape(-1, 16)[:, UPPER] * np.where(UPPER % 5 == 0, 1.0, 2.0)
-    return gradient
+    return outer.reshape(-1, 16)[:, UPPER] * np.where(UPPER % 5 == 0, 1.0, 2.0)
 
 
 def positive(J: Array) -> np.ndarray:
@@ -243,7 +254,8 @@ def travel(
     pieces : int
         Straight pieces of the chain that had the most.
     """
-    push, turn = rng.standard_normal(eta.shape), rng.uniform(*TURN, len(eta))
+    push = rng.standard_normal(eta.shape)
+    turn = rng.uniform(*TURN, len(eta))
     flight = Flight(region, root, eta, mean, sd, push, turn)
     pieces = 0
     # A path of more straight pieces is given up: the chain stays, so the sampler stays exact.
@@ -267,26 +279,31 @@ class Flight:
         push: Array,
         turn: Array,
     ) -> None:
-        self.region, self.root, self.scale = region, root, root @ root.T
-        self.mean, self.sd, self.x = mean, sd, np.array(eta)
+        self.region = region
+        self.root = root
+        self.scale = root @ root.T
+        self.mean = mean
+        self.sd = sd
+        self.x = np.array(eta)
         self.v = push @ root.T
         self.y = region.offset + eta @ region.map.T
         self.dy = self.v @ region.map.T
         self.gap = turn / KICKS
-        self.left, self.kicks = np.array(self.gap), np.full(len(eta), KICKS)
+        self.left = np.array(self.gap)
+        self.kicks = np.full(len(eta), KICKS)
         self.start = self.energy()
         self._kick(np.arange(len(eta)), self.gap / 2)
 
     @property
     def arrived(self) -> np.ndarray:
         """Which chains are at the end of their way and inside the region, (K,) bool."""
-        return np.asarray((self.kicks == 0) & self.region.contains(self.y))
+        return (self.kicks == 0) & self.region.contains(self.y)
 
     def energy(self) -> Array:
         """Minus the logarithm (K,) of the density of positions and velocities."""
-        off, push = (self.x - self.mean) / self.sd, np.linalg.solve(self.root, self.v.T)
-        total: Array = (np.einsum("kp,kp->k", off, off) + np.einsum("pk,pk->k", push, push)) / 2
-        return total
+        off = (self.x - self.mean) / self.sd
+        push = np.linalg.solve(self.root, self.v.T)
+        return (np.einsum("kp,kp->k", off, off) + np.einsum("pk,pk->k", push, push)) / 2
 
     def advance(self) -> bool:
         """Go to the next kick or wall of every chain still on its way; True when all arrived."""
@@ -350,7 +367,8 @@ def find_centre(model: Diagonal, region: Cone, start: Array) -> tuple[Array, Arr
     root : (p, p)
         ``root rootᵀ`` is about the covariance of the posterior.
     """
-    eta, root = start, np.eye(len(start))
+    eta = start
+    root = np.eye(len(start))
     # Rounds of noise variance and parameters in turn.
     for _ in range(3):
         v = model.typical_variance(eta[None])
@@ -369,7 +387,8 @@ def _climb(mean: Array, sd: Array, region: Cone, eta: Array) -> tuple[Array, Arr
         if gain < GAIN:
             break
         # A step this short stays inside and gains; a longer one is tried first.
-        share, safe = 1.0, 1 / (1 + np.sqrt(gain))
+        share = 1.0
+        safe = 1 / (1 + np.sqrt(gain))
         while True:
             new = _cost(eta - share * step, mean, sd, region)
             # Share of the promised gain that a step must bring [Armijo 1966].

@@ -10,7 +10,7 @@ from typing import Self
 
 import numpy as np
 
-from identifiability.foundation.linalg import NEARLY, ROUNDOFF
+from identifiability.foundation.linalg import NEARLY, ROUNDOFF, or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.physical.fitted_model import Fixed, LeastSquares, PhysicalSet
@@ -66,10 +66,12 @@ class Prior:
         size = np.abs(phi)
         sd = np.where(size > 0, relative * size, floor)
         theta = phi[bodies]
-        mass, inertia = np.abs(theta[:, 9]), np.abs(theta[:, [0, 3, 5]])
+        mass = np.abs(theta[:, 9])
+        inertia = np.abs(theta[:, [0, 3, 5]])
         second = inertia.sum(axis=1)[:, None] / 2
-        if not ((mass > 0) & (second[:, 0] > 0)).all():
-            body = int(np.argmin((mass > 0) & (second[:, 0] > 0)))
+        stated = (mass > 0) & (second[:, 0] > 0)
+        if not stated.all():
+            body = int(np.argmin(stated))
             raise ValueError(
                 f"prior around CAD: body {body + 1} has no mass or no inertia; expected nominal "
                 "values to take a scale from; state mean and sd of this body yourself."
@@ -165,8 +167,7 @@ class Diagonal:
     def rss(self, eta: Array) -> Array:
         """Residual sum of squares ``(K,)`` [torque²] of coordinates ``(K, p)``."""
         residual = self.signal - self.gain * eta
-        total: Array = np.einsum("kp,kp->k", residual, residual) + self.rss_min
-        return total
+        return np.einsum("kp,kp->k", residual, residual) + self.rss_min
 
 
 @frozen
@@ -208,14 +209,14 @@ class Target:
     @cached_property
     def plane(self) -> tuple[Array, Array]:
         """What is held: a point (p,) from the prior's mean [prior sd], and what is free (p, q)."""
-        prior, fixed = self.proper_prior, self.fixed or Fixed.none(self.size)
+        prior = self.proper_prior
+        fixed = self.fixed or Fixed.none(self.size)
         return Fixed(fixed.rows, fixed.value - fixed.rows @ prior.mean).span(prior.sd)
 
     @cached_property
     def seen(self) -> Array:
         """Torque (r, q) that a prior sd makes along the plane: the data where a prior is one."""
-        seen: Array = (self.data.R * self.proper_prior.sd) @ self.plane[1]
-        return seen
+        return (self.data.R * self.proper_prior.sd) @ self.plane[1]
 
     @cached_property
     def rotation(self) -> tuple[Array, Array, Array]:
@@ -226,8 +227,7 @@ class Target:
     @cached_property
     def axes(self) -> Array:
         """Directions (q, p) of the coordinates eta, in prior sd."""
-        axes: Array = self.rotation[2] @ self.plane[1].T
-        return axes
+        return self.rotation[2] @ self.plane[1].T
 
     @cached_property
     def basis(self) -> Array:
@@ -238,8 +238,7 @@ class Target:
     def origin(self) -> Array:
         """The parameters (p,) in the plane that the prior likes best."""
         prior = self.proper_prior
-        origin: Array = prior.mean + prior.sd * self.plane[0]
-        return origin
+        return prior.mean + prior.sd * self.plane[0]
 
     @cached_property
     def root(self) -> Array:
@@ -248,7 +247,7 @@ class Target:
         # inv(I + SᵀS) by QR: its diagonal is never negative, however exact the data are.
         factor = np.linalg.qr(np.vstack([np.eye(scaled.shape[1]), scaled]), mode="r")
         free = self.proper_prior.sd[:, None] * self.plane[1]
-        return np.asarray(free @ np.linalg.inv(factor))
+        return free @ np.linalg.inv(factor)
 
     @cached_property
     def diagonal(self) -> Diagonal:
@@ -274,8 +273,7 @@ class Target:
 
     def to_eta(self, phi: Array) -> Array:
         """Coordinates ``(..., q)`` of parameters ``(..., p)``, the nearest of the plane."""
-        eta: Array = ((phi - self.origin) / self.proper_prior.sd) @ self.axes.T
-        return eta
+        return ((phi - self.origin) / self.proper_prior.sd) @ self.axes.T
 
 
 def _make_proper(data: LeastSquares, prior: Prior) -> Prior:
@@ -296,8 +294,7 @@ def _make_proper(data: LeastSquares, prior: Prior) -> Prior:
         return prior
     known = np.where(flat, 0.0, 1 / prior.sd)
     stacked = np.vstack([data.R / data.unit, np.diag(known)])
-    norms = np.linalg.norm(stacked, axis=0)
-    norms = np.where(norms > 0, norms, 1.0)
+    norms = or_one(np.linalg.norm(stacked, axis=0))
     U, s, Vt = np.linalg.svd(stacked / norms, full_matrices=False)
     null = s <= ROUNDOFF * s[0]
     if null.any():

@@ -7,7 +7,7 @@ from itertools import product
 from typing import TypeAlias
 
 import numpy as np
-from scipy.optimize import minimize
+import scipy
 
 from identifiability.effects.base import horizontal_axes
 from identifiability.foundation.names import Array
@@ -67,5 +67,5 @@ def refine_direction(start: Array, cost: Callable[[Array], float], width: float)
     def cost_of(x: Array) -> float:
         return cost(start + axes @ x)
 
-    found = minimize(cost_of, simplex[0], method="Nelder-Mead", options=options)
+    found = scipy.optimize.minimize(cost_of, simplex[0], method="Nelder-Mead", options=options)
     return np.asarray(start + axes @ found.x)

@@ -16,7 +16,7 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+import scipy
 
 from identifiability.estimation.groups import Missing, with_reversals
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
@@ -225,7 +225,9 @@ class ReadingSearch:
             return self.screened.misfit(self._zeroed(joint, share))
 
         bounds = sorted((0.0, end))
-        found = minimize_scalar(misfit, bounds=bounds, method="bounded", options=ZERO_SEARCH)
+        found = scipy.optimize.minimize_scalar(
+            misfit, bounds=bounds, method="bounded", options=ZERO_SEARCH
+        )
         return self._zeroed(joint, found.x)
 
     # Step 2: the numbers of a reading.

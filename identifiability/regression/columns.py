@@ -6,6 +6,7 @@ neither stored nor filtered.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from itertools import groupby
@@ -138,7 +139,8 @@ def _refuse(robot: Robot, family: Family, present: Present, fixed: bool) -> str:
 
 
 def _at_place(robot: Robot, family: Family, span: Span, column: int, free: bool) -> list[Candidate]:
-    place, out = span.joint, []
+    place = span.joint
+    out = []
     for shape in family.grid(span):
         effect = family.at(shape, place)
         there = {p.kind: p.nonnegative for p in effect.parameters(robot) if p.owner == place}
@@ -209,10 +211,10 @@ def _lay_out(
     robot: Robot, parts: Sequence[tuple[Part, Sequence[int]]]
 ) -> list[tuple[Effect, int, list[tuple[int, int]]]]:
     """Return each effect once: its number of columns, and which of them go where."""
-    out: dict[int, tuple[Effect, int, list[tuple[int, int]]]] = {}
+    effects = dict[int, Effect]()
+    places = defaultdict[int, list[tuple[int, int]]](list)
     for part, columns in parts:
         effect, own = part.find(robot)
-        if id(effect) not in out:
-            out[id(effect)] = (effect, len(effect.parameters(robot)), [])
-        out[id(effect)][2].extend(zip(own, columns, strict=True))
-    return list(out.values())
+        effects[id(effect)] = effect
+        places[id(effect)].extend(zip(own, columns, strict=True))
+    return [(e, len(e.parameters(robot)), places[k]) for k, e in effects.items()]

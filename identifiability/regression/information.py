@@ -59,7 +59,7 @@ class ActuatorBlocks:
     def gram(self) -> Array:
         """``Zᵀ Z`` over all blocks, (r, r)."""
         Z = self.blocks.reshape(-1, self.blocks.shape[2])
-        return np.asarray(Z.T @ Z)
+        return Z.T @ Z
 
     @cached_property
     def sums_made(self) -> dict[Any, Any]:
@@ -71,12 +71,12 @@ class ActuatorBlocks:
         """Products of the columns and the torque over all blocks, (v + 1, v + 1)."""
         Z = self.blocks.reshape(-1, self.blocks.shape[2])
         gram: Array = Z.T @ Z  # that of many columns is not kept
-        return gram if self.basis is None else np.asarray(self.basis.T @ gram @ self.basis)
+        return gram if self.basis is None else self.basis.T @ gram @ self.basis
 
     @cached_property
     def root(self) -> Array:
         """A factor of ``Zᵀ Z`` over all blocks, (r, r): Z are at right angles, nothing is lost."""
-        return np.asarray(factor_each(self.gram[None])[0])
+        return factor_each(self.gram[None])[0]
 
     def reduce(self, map_: Array) -> ActuatorBlocks:
         """Return the blocks of ``[W τ] map_``, for a map (k + 1, m + 1) that keeps the torque."""
@@ -123,7 +123,7 @@ def factor_each(grams: Array) -> Array:
     # What is below is rounding of the products.
     least = TINY**1.25 * np.trace(grams, axis1=1, axis2=2) + 1e-300
     raised = grams + least[:, None, None] * np.eye(r)
-    return np.asarray(np.linalg.cholesky(raised).swapaxes(1, 2))
+    return np.linalg.cholesky(raised).swapaxes(1, 2)
 
 
 class _Blocks:
@@ -160,7 +160,8 @@ class _Blocks:
         own = slice(block[0], block[-1] + 1)
         self.data[own] += np.add.reduceat(data, at, dtype=int)
         for a, columns in enumerate(self.seen):
-            Z, held = np.column_stack([W[:, a, columns], tau[:, a]]), self.held[a]
+            Z = np.column_stack([W[:, a, columns], tau[:, a]])
+            held = self.held[a]
             self.sums[a][own] += np.add.reduceat(Z, at)
             if held.shape[1] < held.shape[2]:
                 held[block, row - edges[block - before]] = Z
@@ -307,7 +308,7 @@ class Information:
     @cached_property
     def rows_each(self) -> np.ndarray:
         """Number of rows of each actuator that are data, one at least, (n,)."""
-        return np.asarray(np.maximum(self.data.sum(0), 1))
+        return np.maximum(self.data.sum(0), 1)
 
     @cached_property
     def made(self) -> dict[Any, Any]:
@@ -338,7 +339,7 @@ class Information:
         """Each actuator's sum of squares of its torque about its mean, (n,): its own scale."""
         parts = self.of_actuators(np.eye(self.size + 1)[:, [-1]])
         total = np.array([part.sums.sum(0) @ own[:, 0] for part, own in parts])
-        return np.asarray(np.maximum(self.torque - total**2 / self.rows_each, 0.0))
+        return np.maximum(self.torque - total**2 / self.rows_each, 0.0)
 
     def of_actuators(self, change: Array) -> Iterator[tuple[ActuatorBlocks, Array]]:
         """Yield the blocks of each actuator with ``[W τ] change`` in their coordinates, (r, q).
@@ -394,7 +395,8 @@ class Information:
         weights : (n,)
         left, right : (k + 1, p) and (k + 1, q)
         """
-        out, p = np.zeros((len(self.counts), left.shape[1], right.shape[1])), left.shape[1]
+        out = np.zeros((len(self.counts), left.shape[1], right.shape[1]))
+        p = left.shape[1]
         both = zip(np.sqrt(weights), self.of_actuators(np.hstack([left, right])), strict=True)
         turned = [(part, weight * turn) for weight, (part, turn) in both]
         # Rows of all actuators beside each other: one product a block, and not one for each.
@@ -407,8 +409,7 @@ class Information:
     def factor(self, weights: Array | None = None) -> Array:
         """Return R (k + 1, k + 1), upper triangular, with ``RᵀR = [W τ]ᵀ [W τ]``, prior and all."""
         w = np.ones(self.actuators) if weights is None else np.asarray(weights, float)
-        found: Array = remember(self.made, w.tobytes(), partial(self._factor, w), 4).copy()
-        return found
+        return remember(self.made, w.tobytes(), partial(self._factor, w), 4).copy()
 
     def _factor(self, weights: Array) -> Array:
         """Return a factor of weighted rows and the prior."""
@@ -422,7 +423,8 @@ class Information:
     @cached_property
     def _seen(self) -> list[tuple[ActuatorBlocks, Array, np.ndarray]]:
         """Each actuator's blocks, basis of the columns W that it can see and τ, and which these."""
-        instruments, found = self._width - self.size, []
+        instruments = self._width - self.size
+        found = []
         for part in self.parts:
             seen = np.append(part.columns >= instruments, True)
             columns = np.append(part.columns - instruments, self.size)[seen]
@@ -477,7 +479,8 @@ class Information:
 
     def summed(self, members: Array) -> Information:
         """Return a block for each row of members (F, B): blocks counted so often, added up."""
-        weights, every = np.asarray(members, float), np.arange(len(members))
+        weights = np.asarray(members, float)
+        every = np.arange(len(members))
         parts = tuple(part.summed(weights) for part in self.parts)
         what = {"counts": weights @ self.counts, "data": weights @ self.data, "log": every}
         return replace(self, parts=parts, **what)
@@ -541,15 +544,19 @@ def gather_information(
     size = max(1, -(-regression.outputs // min(blocks, max(room, FEWEST))))
     edges = [_block_edges(samples, size) for samples in regression.samples]
     ends = [np.diff([*own, s.outputs]) for own, s in zip(edges, regression.samples, strict=True)]
-    counts, log = np.concatenate(ends), np.repeat(np.arange(len(edges)), list(map(len, edges)))
-    longest, missed = int(counts.max()), True
+    counts = np.concatenate(ends)
+    log = np.repeat(np.arange(len(edges)), list(map(len, edges)))
+    longest = int(counts.max())
+    missed = True
     while missed:
         every = _Blocks(len(counts), longest, [np.flatnonzero(own) for own in acts])
-        gather, found = partial(_gather_part, seen=every.seen, edges=edges, longest=longest), acts
+        gather = partial(_gather_part, seen=every.seen, edges=edges, longest=longest)
+        found = acts
         for first, own, acting in map_parts(gather, regression.parts(), engine, progress):
             found = found | acting
             every.add_all(first, own)
-        missed, acts = bool((found & ~acts).any()), found
+        missed = bool((found & ~acts).any())
+        acts = found
     what = every.parts(), counts, every.data, log
     return Information(names, *what, regression.instruments is not None)
 
@@ -576,11 +583,13 @@ def _gather_part(
     part: LogPart, seen: Sequence[np.ndarray], edges: Sequence[np.ndarray], longest: int
 ) -> tuple[int, _Blocks, np.ndarray]:
     """Return the first block of a part, its blocks, and which columns act in which actuator."""
-    own, before = edges[part.log], sum(map(len, edges[: part.log]))
+    own = edges[part.log]
+    before = sum(map(len, edges[: part.log]))
     first = max(int(np.searchsorted(own, part.start, "right")) - 1, 0)
     count = int(np.searchsorted(own, part.start + part.samples.outputs)) - first
-    blocks, acting = _Blocks(count, longest, seen), np.zeros((len(seen), 1), bool)
+    blocks = _Blocks(count, longest, seen)
+    acting = np.zeros((len(seen), 1), bool)
     for chunk in part.chunks():
-        acting = acting | np.asarray(chunk.wide.any(0))
+        acting = acting | chunk.wide.any(0)
         blocks.take((chunk.wide, chunk.tau, chunk.data), chunk.start, own, -first)
     return before + first, blocks, acting

@@ -20,7 +20,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PositiveFloa
 from identifiability.effects import FAMILIES, default_effects
 from identifiability.foundation.documents import key, read_document
 from identifiability.foundation.errors import ModelError, listing, near_match
-from identifiability.foundation.linalg import ROUNDOFF
+from identifiability.foundation.linalg import ROUNDOFF, or_one
 from identifiability.foundation.names import Array, find_named, is_pattern, specificity
 from identifiability.foundation.options import Expected
 from identifiability.foundation.quoting import for_toml, toml_comment
@@ -160,11 +160,14 @@ def find_ladder(
         origin = str(found) if ladder is not None else Path(found).name
         return LadderSource(entry, origin, hashlib.sha256(Path(found).read_bytes()).hexdigest())
     if found is None:
-        entry, origin = default_ladder(robot), "default"
+        entry = default_ladder(robot)
+        origin = "default"
     elif isinstance(found, LadderEntry):
-        entry, origin = found, "given as a LadderEntry"
+        entry = found
+        origin = "given as a LadderEntry"
     else:
-        entry, origin = found.to_ladder(), "given as a result"
+        entry = found.to_ladder()
+        origin = "given as a result"
     return LadderSource(entry, origin, hashlib.sha256(ladder_text(entry).encode()).hexdigest())
 
 
@@ -305,8 +308,7 @@ class Submodel:
     def expand(self, value: Array) -> Array:
         """Return base parameters (b,) or (b, …) from values of the model's parameters."""
         fixed = self.fixed.reshape(-1, *[1] * (np.ndim(value) - 1))
-        expanded: Array = fixed + self.M @ value
-        return expanded
+        return fixed + self.M @ value
 
     def without(self, columns: Sequence[str]) -> Submodel:
         """Return the model with some parameters held at zero."""
@@ -324,10 +326,12 @@ class Submodel:
     def tied(self, name: str, columns: Sequence[str]) -> Submodel:
         """Return the model with some parameters made equal: one column, their sum."""
         at = [self.columns.index(c) for c in columns]
-        first, others = at[0], set(at[1:])
+        first = at[0]
+        others = set(at[1:])
         M = self.M.copy()
         M[:, first] = self.M[:, at].sum(1)
-        names, labels = list(self.columns), list(self.labels)
+        names = list(self.columns)
+        labels = list(self.labels)
         names[first] = name
         labels[first] = " = ".join(self.labels[k] for k in at)
         nonnegative = self.nonnegative.copy()
@@ -340,7 +344,8 @@ class Submodel:
 
 def full_model(base: BaseParameters, name: str = "full model", description: str = "") -> Submodel:
     """Return the model of all base parameters."""
-    M, fixed = np.eye(len(base)), np.zeros(len(base))
+    M = np.eye(len(base))
+    fixed = np.zeros(len(base))
     return Submodel(
         name, description, base.names, base.labels, base.units, M, fixed, base.nonnegative
     )
@@ -438,7 +443,8 @@ def _find_columns(
 
 def model_entry(submodel: Submodel, structure: Structure) -> ModelEntry:
     """Return how a model stands in a ladder file, reduced from the base parameters in one step."""
-    base, model = structure.base, structure.model
+    base = structure.base
+    model = structure.model
     names = base.names
     members = {
         c: [names[k] for k in np.flatnonzero(submodel.M[:, i])]
@@ -505,13 +511,15 @@ def leave_to_terms(structure: Structure, R: Array, phi: Array) -> Array:
 
 def _contained(structure: Structure, R: Array) -> Iterator[tuple[np.ndarray, np.ndarray, Array]]:
     """Yield each function (k,), the terms (t,) that it contains, and these by its values (k, t)."""
-    functions, every = list_functions(structure), structure.parameters
+    functions = list_functions(structure)
+    every = structure.parameters
     flexible = np.isin(np.arange(len(every)), np.concatenate([*functions, []]))
     length = np.linalg.norm(R, axis=0)
-    unit = R / np.where(length > 0, length, 1.0)
+    unit = R / or_one(length)
     for own in functions:
         here = np.array([p.owner == every[own[0]].owner for p in every])
-        terms, acts = np.flatnonzero(here & ~flexible & (length > 0)), length[own] > 0
+        terms = np.flatnonzero(here & ~flexible & (length > 0))
+        acts = length[own] > 0
         P = np.zeros((len(own), len(terms)))
         P[acts] = np.linalg.lstsq(unit[:, own[acts]], unit[:, terms], rcond=1e-12)[0]
         inside = np.linalg.norm(unit[:, own] @ P - unit[:, terms], axis=0) < ROUNDOFF

@@ -212,7 +212,8 @@ def choose_windows(
     out = []
     for count in counts:
         k = np.arange(max(1, round(windows * count / total)))
-        own, part = min(size, count), count / len(k)
+        own = min(size, count)
+        part = count / len(k)
         # Each window lies this share of what is left of its part later than the one
         # before, or as much earlier as it would leave the part: no period of a motion is
         # met at the same phase each time.
@@ -223,7 +224,8 @@ def choose_windows(
 
 def inside(windows: np.ndarray, start: int, stop: int) -> list[tuple[int, slice]]:
     """Return which of the samples [start, stop) lie in windows (w, 2), by number of the window."""
-    low, high = np.maximum(windows[:, 0], start), np.minimum(windows[:, 1], stop)
+    low = np.maximum(windows[:, 0], start)
+    high = np.minimum(windows[:, 1], stop)
     found = np.flatnonzero(low < high).tolist()
     return [(k, slice(int(low[k]) - start, int(high[k]) - start)) for k in found]
 
@@ -344,18 +346,21 @@ class LogPart:
 
     def _computed(self, windows: np.ndarray | None = None) -> Iterator[Chunk]:
         """Yield its chunks, or those that reach into windows."""
-        r, start = self.regression, self.start
+        r = self.regression
+        start = self.start
         widths = r.model.widths(r.robot)
         both = [*r.samples, *(r.instruments or ())]
         for piece, *others in zip(*(self._pieces(x, widths) for x in both), strict=False):
-            t, first = piece.motion.t[piece.at], start
+            t = piece.motion.t[piece.at]
+            first = start
             start += len(t)
             if windows is not None and not inside(windows, first, start):
                 continue
             W, *instruments = (self._regressor(x, widths) for x in (piece, *others))
             if any(V.shape != W.shape for V in instruments):
                 raise ValueError("instruments need as many samples as the log that they stand for")
-            velocity, moves = piece.motion.actuated_v[piece.at], piece.moves
+            velocity = piece.motion.actuated_v[piece.at]
+            moves = piece.moves
             if r.dwelling:
                 piece = replace(piece, weight=np.ones_like(piece.weight))  # noqa: PLW2901 - it all
             V = piece.weighed(instruments[0]) if instruments else None

@@ -17,6 +17,7 @@ from identifiability.foundation.linalg import (
     RANK_TOLERANCE,
     SPAN_TOLERANCE,
     TINY,
+    or_one,
     scan_columns,
     triangular_factor,
 )
@@ -246,9 +247,8 @@ def known_rows(C: Array, sd: Array) -> Array:
         return np.empty((0, len(C)))
     outside = null_space(C[:, ~random].T) if not random.all() else np.eye(len(C))
     length = np.linalg.norm(columns := outside.T @ (C[:, random] * sd[random]), axis=1)
-    unit = np.where(length > 0, length, 1.0)[:, None]
-    rows: Array = np.linalg.pinv(columns / unit, rcond=RANK_TOLERANCE) @ (outside.T / unit)
-    return rows
+    unit = or_one(length)[:, None]
+    return np.linalg.pinv(columns / unit, rcond=RANK_TOLERANCE) @ (outside.T / unit)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -364,7 +364,8 @@ def count_offsets(structure: Structure) -> Structure:
     without the offset would call the mass alone identifiable. A structure whose offsets motion
     tells apart is returned as it is.
     """
-    robot, model = structure.robot, structure.model
+    robot = structure.robot
+    model = structure.model
     slides = any(map(robot.is_prismatic, robot.actuated))
     if TorqueOffset.name in model.names or not slides:
         return structure

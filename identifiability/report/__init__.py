@@ -1,6 +1,6 @@
 """Reports: results in, one self-contained HTML file out.
 
-What to use when: `write_analysis_report` for an `Analysis`; `write_page` for everything else: a
+What to use when: `write_result` for a result; `write_page` for everything else: a
 statement, and sections made of `Table` (or `frame_table` of a DataFrame, with `check_cell`),
 `Picture` of a Matplotlib figure, `Prose`, `Notes`, `Terms`, `Gallery` and `Fold`. Figures that
 follow the page's light and dark colours are in `identifiability.report.figures`.
@@ -46,8 +46,6 @@ if TYPE_CHECKING:
         write_result,
     )
 
-    build_analysis_page, write_analysis_report = build_page, write_result
-
 #: Where the names of `__all__` stand. Answers, in this room too, need neither Matplotlib nor Jinja.
 _HOMES = (
     "report.blocks",
@@ -75,7 +73,6 @@ __all__ = [
     "Table",
     "Term",
     "Terms",
-    "build_analysis_page",
     "build_page",
     "canvas",
     "check_cell",
@@ -85,7 +82,6 @@ __all__ = [
     "plot",
     "render_page",
     "svg",
-    "write_analysis_report",
     "write_page",
     "write_result",
 ]

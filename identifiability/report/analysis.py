@@ -36,6 +36,7 @@ from identifiability.report.answers.analyze import (
 from identifiability.report.answers.common import note, sentence
 from identifiability.report.blocks import (
     GLOSSARY,
+    SHOWN_FIRST,
     Fold,
     Moving,
     Notes,
@@ -75,7 +76,8 @@ def drawn_torque(out: Prediction) -> tuple[Array, Array]:
 
 def analysis_moving(analysis: Analysis) -> Moving | None:
     """Return the robot along unseen motion beside measured and predicted torque."""
-    sample, out = (analysis.validation or analysis.samples)[0], analysis.held_out
+    sample = (analysis.validation or analysis.samples)[0]
+    out = analysis.held_out
     measured, predicted = drawn_torque(out)
     lines = {"measured": measured, "predicted": predicted, "residual": measured - predicted}
     about = analysis.robot, sample.motion, out.t[0], measured
@@ -124,14 +126,10 @@ def section_parameters(analysis: Analysis) -> Section:
     )
 
 
-#: Parameters that stand open.
-DECISIVE = 12
-
-
 def fold_verdicts(table: Table, verdicts: Sequence[Verdict]) -> tuple[Table | Fold, ...]:
     """Return a table of the identifiable parameters that decide most; others are a click away."""
     known = [v for v in verdicts if v.verdict is Class.IDENTIFIABLE]
-    first = {v.name for v in sorted(known, key=lambda v: -v.share)[:DECISIVE]}
+    first = {v.name for v in sorted(known, key=lambda v: -v.share)[:SHOWN_FIRST]}
     shown = [v.name in first for v in verdicts]
     return fold_rows(table, shown, "identifiable parameters of most torque")
 
@@ -159,7 +157,8 @@ def _name_key(analysis: Analysis) -> Fold:
 
 def section_ladder(analysis: Analysis) -> Section:
     """Return the ladder of models: why the selected one."""
-    chosen, models = analysis.chosen, analysis.models
+    chosen = analysis.chosen
+    models = analysis.models
     if len(models) == 1:
         reason = "only"
     elif chosen.feasible:
@@ -181,9 +180,11 @@ def section_ladder(analysis: Analysis) -> Section:
 
 def section_prediction(analysis: Analysis) -> Section:
     """Return measured and predicted torque of every joint along the first unseen log."""
-    out, robot = analysis.held_out, analysis.robot
+    out = analysis.held_out
+    robot = analysis.robot
     name = (analysis.validation or analysis.samples)[0].name
-    t, loaded = out.t[0], loaded_joints(out.rms)
+    t = out.t[0]
+    loaded = loaded_joints(out.rms)
     measured, predicted = (x[:, loaded] for x in drawn_torque(out))
     return section(
         "analysis.prediction",
@@ -207,7 +208,8 @@ def _tell_windows(analysis: Analysis) -> str:
     """Return how many samples errors are of, where they are not of all."""
     for found in (analysis.held_out, analysis.fitted):
         if len(found.log) < found.total:
-            shown, total = f"{len(found.log):,}", f"{found.total:,}"
+            shown = f"{len(found.log):,}"
+            total = f"{found.total:,}"
             return sentence("analysis.windows", shown=shown, total=total)
     return ""
 
@@ -319,10 +321,6 @@ MOTION = (
 # What is believed after the data: the parameters of the model to use by every road.
 
 
-#: Names that a sentence has at most.
-ROWS = 14
-
-
 def section_posterior(analysis: Analysis) -> Section:
     """Return the parameters of the selected model by every road, beside each other."""
     notes = posterior_notes(analysis)
@@ -348,12 +346,13 @@ def posterior_notes(analysis: Analysis) -> tuple[Note, ...]:
     if summary.stated.all():
         return ()
     names = np.array(analysis.chosen.submodel.columns)[~summary.stated].tolist()
-    share, limit = f"{len(names)} of {len(summary.stated)}", 100 * POSTERIOR_RULES.prior_sensitivity
+    share = f"{len(names)} of {len(summary.stated)}"
+    limit = 100 * POSTERIOR_RULES.prior_sensitivity
     return (
         note(
             "prior-sensitive",
             share=share,
-            names=join(names, ROWS),
+            names=join(names, SHOWN_FIRST),
             limit=limit,
         ),
     )

@@ -210,7 +210,8 @@ class Moving:
         """Name, tone and path of each line of torque, in a box of `PLOT` pixels."""
         if self.torque is None:
             return []
-        (low, high), paths = self.range, []
+        (low, high) = self.range
+        paths = []
         x = PLOT[0] / (self.t[-1] - self.t[0]) * np.array(self.torque.t)
         for (name, y), tone in zip(self.torque.lines.items(), PLOT_TONES, strict=False):
             places = np.stack([x, PLOT[1] * (high - np.array(y)) / (high - low or 1.0)], 1)
@@ -319,6 +320,10 @@ def sort_key(cell: Cell) -> str | None:
     return "" if math.isnan(cell.key) else f"{cell.key:.6g}".replace("inf", "Infinity")
 
 
+#: Rows that a page shows of a long table, and names that a sentence lists, at most.
+SHOWN_FIRST = 12
+
+
 def fold_rows(table: Table, first: Sequence[bool], those: str) -> tuple[Table | Fold, ...]:
     """Return a table of some rows, and below it one of the others that opens on demand.
 
@@ -423,7 +428,8 @@ def traces(
     caption: str = "",
 ) -> Traces:
     """Return what joints do over time, to zoom: lines (N, n) by their names, NaN where none is."""
-    groups, most = [], max(300, LINE_POINTS // (3 * len(joints)))
+    groups = []
+    most = max(300, LINE_POINTS // (3 * len(joints)))
     for k, (joint, unit) in enumerate(zip(joints, units, strict=True)):
         own = {name: y[:, k] for name, y in lines.items()}
         there = {name: y for name, y in own.items() if not np.isnan(y).all()}

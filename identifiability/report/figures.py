@@ -428,7 +428,7 @@ def mark_of(kind: str) -> Mark:
 # Torque and motion along time.
 
 
-#: Points of a scatter.
+#: Points of a scatter, or of a line beside a moving robot.
 POINTS = 500
 
 #: Colour and name of the model as it was, and of the one with the named effects.
@@ -529,7 +529,8 @@ def draw_curve(
     dots(axes, x[rows], data[rows], MUTED, 3.0, 0.6)
     order = np.argsort(x)
     along = learned[order]
-    low, high = along - REACH * spread[order], along + REACH * spread[order]
+    low = along - REACH * spread[order]
+    high = along + REACH * spread[order]
     known = np.nan_to_num(along, posinf=0.0, neginf=0.0)
     if np.mean(np.diff(known) ** 2) > 0.5 * np.var(known):
         # Neighbours differ as any two do: of a delay speed alone says nothing.
@@ -618,9 +619,9 @@ def draw_ladder(
     fitted, unseen, spread = (
         100 * np.where(np.isfinite(x), x, np.nan) for x in (fitted, unseen, spread)
     )
-    band: Any = {"color": BLUE, "alpha": 0.16, "linewidth": 0, "label": "± SE"}
     half = np.nan_to_num(spread)
-    axes.fill_between(sizes, unseen - half, unseen + half, **band)
+    low, high = unseen - half, unseen + half
+    axes.fill_between(sizes, low, high, color=BLUE, alpha=0.16, linewidth=0, label="± SE")
     axes.plot(
         sizes,
         unseen,
@@ -629,13 +630,15 @@ def draw_ladder(
         markersize=5,
         label="unseen motion",
     )
-    hollow: Any = {"color": MUTED, "fillstyle": "none", "markersize": 4, "linewidth": 1}
     axes.plot(
         sizes,
         fitted,
         "o-",
         label="fitted motion",
-        **hollow,
+        color=MUTED,
+        fillstyle="none",
+        markersize=4,
+        linewidth=1,
     )
     chosen = float(sizes[selected])
     axes.axvline(
@@ -645,13 +648,14 @@ def draw_ladder(
         **DASHED,
     )
     if least != selected:
-        ring: Any = {"color": COLOURS["amber"], "markersize": 9, "fillstyle": "none"}
         axes.plot(
             sizes[least],
             unseen[least],
             "o",
             label="best density",
-            **ring,
+            color=COLOURS["amber"],
+            markersize=9,
+            fillstyle="none",
         )
     shown = np.concatenate([unseen, fitted])
     if (shown[np.isfinite(shown)] > 0).any():  # from the best model to none, all of it

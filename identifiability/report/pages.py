@@ -31,6 +31,7 @@ from identifiability.foundation.rounding import (
 from identifiability.report import plot
 from identifiability.report.answers.common import hint_note, sentence, words
 from identifiability.report.blocks import (
+    SHOWN_FIRST,
     Block,
     Fold,
     Moving,
@@ -50,8 +51,8 @@ from identifiability.report.blocks import (
     torque_traces,
     traces,
 )
-from identifiability.report.figures import draw_curve, draw_forward, draw_intervals
-from identifiability.report.skeleton import LINE, move_skeletons, move_with_torque
+from identifiability.report.figures import POINTS, draw_curve, draw_forward, draw_intervals
+from identifiability.report.skeleton import STRETCH, move_skeletons, move_with_torque
 from identifiability.robot import complete_motion
 from identifiability.robot.kinematics import Point
 
@@ -65,10 +66,6 @@ if TYPE_CHECKING:
     from identifiability.workflows.payload import Load
     from identifiability.workflows.predict import PositionPrediction, TorquePrediction
     from identifiability.workflows.prune.result import Ladder
-
-
-#: Rows of a figure with the answers: the worst, or the best.
-SHOWN_FIRST = 12
 
 
 # Calibration: may intervals and verdicts be trusted on this motion?
@@ -121,8 +118,11 @@ def comparison_heading(result: Comparison) -> tuple[str, str]:
 
 def comparison_moving(result: Comparison) -> Moving | None:
     """Return the robot along the first log after, over what differs where most changed."""
-    robot, motion, torque = result.robot, result.motion, result.torque
-    t, left = torque.t, torque.measured
+    robot = result.robot
+    motion = result.motion
+    torque = result.torque
+    t = torque.t
+    left = torque.measured
     lines = {"measured": left} | ({"what changed": torque.explained} if result.changes else {})
     log, _ = shorten_paths((result.after[0], result.before[0]))
     shown, how = (torque.explained, "changed") if result.changes else (left, "same")
@@ -146,7 +146,8 @@ def diagnosis_heading(d: Diagnosis) -> tuple[str, str]:
 
 def diagnosis_moving(d: Diagnosis) -> Moving | None:
     """Return the robot along unseen motion beside what is left of its torque, before and after."""
-    sample, gap = (d.validation or d.samples)[0], d.gap
+    sample = (d.validation or d.samples)[0]
+    gap = d.gap
     own = gap.log == 0
     torque = np.where(gap.data, gap.tau, np.nan)[own]
     before, after = np.where(gap.data[:, :, None], gap.residual, np.nan)[own][:, :, [0, -1]].T
@@ -176,9 +177,6 @@ def diagnosis_sections(d: Diagnosis) -> list[Section | None]:
 
 #: Curves and joints that are drawn.
 SHOWN = 6
-
-#: Seconds of unseen motion that are drawn, and groups that the table of evidence lists.
-STRETCH, LISTED = 10.0, 12
 
 
 def section_effects(d: Diagnosis) -> Section:
@@ -313,7 +311,7 @@ def _sections_method(d: Diagnosis) -> tuple[Section, ...]:
     from identifiability.workflows.diagnose.result import PLACES  # noqa: PLC0415
 
     order = sorted(d.evidence, key=lambda x: -x.before)
-    table = Table.of("The likeliest of all that was asked", (*GROUP, THEN), order[:LISTED])
+    table = Table.of("The likeliest of all that was asked", (*GROUP, THEN), order[:SHOWN_FIRST])
     why: dict[tuple[str, str], list[str]] = {}
     for r in d.refusals:
         why.setdefault((title_of(r.family), r.reason), []).append(r.place)
@@ -373,7 +371,8 @@ def excitation_notes(result: Excitation) -> list[Note]:
 
 def excitation_sections(result: Excitation) -> list[Section]:
     """Return the sections of the page: the motion, what it tells, how it was found."""
-    path, logs = result.trajectory, ", ".join(shorten_paths(result.logs))
+    path = result.trajectory
+    logs = ", ".join(shorten_paths(result.logs))
     text = words(
         "excitation.how",
         harmonics=path.harmonics,
@@ -391,14 +390,16 @@ def excitation_sections(result: Excitation) -> list[Section]:
 def _motion(result: Excitation) -> list[Traces]:
     """Return every joint along the motion, and the limits that it keeps."""
     t, *parts = result.motion
-    limits, robot = result.limits, result.robot
+    limits = result.limits
+    robot = result.robot
     highest = (limits.high, limits.speed, limits.acceleration)
     lowest = (limits.low, -limits.speed, -limits.acceleration)
     units = ["m" if robot.is_prismatic(int(k)) else "rad" for k in robot.actuated]
     names = (("position", ""), ("velocity", "/s"), ("acceleration", "/s²"))
     shown = []
     for (name, per), x, low, high in zip(names, parts, lowest, highest, strict=True):
-        own, bounds = [f"{unit}{per}" for unit in units], np.stack([low, high], 1)
+        own = [f"{unit}{per}" for unit in units]
+        bounds = np.stack([low, high], 1)
         shown.append(motion_traces(name, t, x, limits.joints, own, bounds))
     return shown
 
@@ -418,7 +419,8 @@ def inspection_moving(result: Inspection) -> Moving | None:
     """Return the robot along the first log that can be read, beside the largest torque."""
     if not result.records or not np.isfinite(result.records[0].q).all():
         return None
-    first, still = result.records[0], np.zeros_like(result.records[0].q)
+    first = result.records[0]
+    still = np.zeros_like(result.records[0].q)
     motion = complete_motion(result.robot, first.t, first.q, still, still)
     lines = {"measured": first.tau}
     return move_with_torque(
@@ -456,7 +458,8 @@ def inspection_sections(result: Inspection) -> list[Section]:
 
 def _recorded(result: Inspection, record: Record) -> tuple[Traces, ...]:
     """Return position and torque of every joint of a log over time."""
-    robot, t = result.robot, record.t - record.clock["start"]
+    robot = result.robot
+    t = record.t - record.clock["start"]
     rows = list(record.joints.itertuples())
     # Nobody measures position and force of a base that floats.
     at = [k for k, joint in enumerate(rows) if joint.joint in robot.motor_joints]
@@ -531,9 +534,12 @@ def payload_moving(result: Load) -> Moving | None:
     """Return the robot with its load, over what that adds to the torque of a joint."""
     if result.gains:  # columns may be in any unit
         return None
-    robot, torque = result.robot, result.estimate.torque
-    body, log = robot.bodies.index(result.body), shorten_paths(result.logs)[0]
-    mass, centre = result.parameters[9], result.parameters[6:9]
+    robot = result.robot
+    torque = result.estimate.torque
+    body = robot.bodies.index(result.body)
+    log = shorten_paths(result.logs)[0]
+    mass = result.parameters[9]
+    centre = result.parameters[6:9]
     load = Point(robot.links[body].last, centre / mass)
     lines = {"measured": torque.measured, "by the load": torque.explained}
     return move_with_torque(
@@ -569,9 +575,13 @@ def prediction_heading(result: TorquePrediction) -> tuple[str, str]:
 
 def prediction_moving(result: TorquePrediction) -> Moving | None:
     """Return the robot along the first log beside its torque."""
-    rows, robot = result.log == 0, result.robot
-    t, measured, predicted = result.t[rows], result.tau[rows], result.predicted[rows]
-    along, name = (robot, result.motion, t), shorten_paths(result.logs)[0]
+    rows = result.log == 0
+    robot = result.robot
+    t = result.t[rows]
+    measured = result.tau[rows]
+    predicted = result.predicted[rows]
+    along = (robot, result.motion, t)
+    name = shorten_paths(result.logs)[0]
     if not result.measured[0]:
         return move_with_torque(*along, predicted, {"predicted": predicted}, name)
     residual = measured - predicted
@@ -584,7 +594,8 @@ def prediction_sections(result: TorquePrediction) -> list[Section]:
     blocks: list[Block] = []
     for log, name in enumerate(shorten_paths(result.logs)):
         rows = result.log == log
-        robot, along = result.robot, (result.t[rows], result.tau[rows], result.predicted[rows])
+        robot = result.robot
+        along = (result.t[rows], result.tau[rows], result.predicted[rows])
         blocks.append(torque_traces(*along, robot.joints, robot.torque_units, name))
     return [
         section("prediction.torque", *blocks),
@@ -635,7 +646,8 @@ def section_survivors(ladder: Ladder) -> Section:
     from identifiability.report.analysis import fold_verdicts  # noqa: PLC0415
     from identifiability.report.answers.analyze import parameter_table  # noqa: PLC0415
 
-    table, size = parameter_table(ladder.chosen), len(ladder.chosen)
+    table = parameter_table(ladder.chosen)
+    size = len(ladder.chosen)
     tables = fold_verdicts(table, ladder.chosen.verdicts)
     said = format_count(size, "parameter")
     return section(
@@ -666,7 +678,8 @@ def rollout_sections(result: PositionPrediction) -> list[Section | None]:
 
 def rollout_moving(result: PositionPrediction) -> Moving | None:
     """Return the robots as they move along the first log, if they can be drawn."""
-    log, robot = result.logs[0], result.robot
+    log = result.logs[0]
+    robot = result.robot
     motions = {"recording": ("grey", log.q)}
     motions |= {run.name: (TONES[k % 3], run.q[0]) for k, run in enumerate(result.runs)}
     errors = [
@@ -690,7 +703,8 @@ def rollout_moving(result: PositionPrediction) -> Moving | None:
             )
         )
     )
-    joint, unit = log.joints[worst], "m" if result.unit == "mm" else "rad"
+    joint = log.joints[worst]
+    unit = "m" if result.unit == "mm" else "rad"
     caption = sentence("rollout.motion", log=log.name, joint=joint)
     moving = move_skeletons(robot, log.t, poses, told, caption)
     if moving is None:
@@ -701,7 +715,7 @@ def rollout_moving(result: PositionPrediction) -> Moving | None:
         unit,
         log.t - log.t[0],
         lines,
-        LINE,
+        POINTS,
         "position",
     )
     return replace(moving, torque=below)
@@ -709,7 +723,8 @@ def rollout_moving(result: PositionPrediction) -> Moving | None:
 
 def _positions(result: PositionPrediction) -> Section:
     """Return the positions of every joint along the first log, to zoom and read off."""
-    log, robot = result.logs[0], result.robot
+    log = result.logs[0]
+    robot = result.robot
     units = ["m" if robot.is_prismatic(int(k)) else "rad" for k in robot.actuated]
     lines = {"measured": log.q, **{run.name: run.q[0] for run in result.runs}}
     if log.q_ref is not None:

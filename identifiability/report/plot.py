@@ -84,8 +84,10 @@ def torque(result: TorquePrediction, joint: str, log: int = 0) -> Figure:
         )
     if not 0 <= log < len(result.logs):
         raise OptionError(f"log must be from 0 to {len(result.logs) - 1}, not {log}.")
-    k, rows = joints.index(joint), result.log == log
-    measured, predicted = result.tau[rows, k], result.predicted[rows, k]
+    k = joints.index(joint)
+    rows = result.log == log
+    measured = result.tau[rows, k]
+    predicted = result.predicted[rows, k]
     title = f"{joint}, {shorten_paths(result.logs)[log]}"
     return draw_torque(
         result.t[rows],

@@ -248,9 +248,6 @@ def write_result(result: Any, path: str | Path) -> Path:
     return write_text(path, render_page(build_page(result)))
 
 
-#: Names of the page of an `Analysis`.
-build_analysis_page, write_analysis_report = build_page, write_result
-
 # What a notebook shows of a result: what its page answers first, and its tables.
 
 
@@ -317,10 +314,7 @@ def notebook_piece(
 @cache
 def _style() -> str:
     """Return the report's style sheet for the piece alone."""
-    loader = page_environment().loader
-    assert loader is not None
-    sheet = loader.get_source(page_environment(), "style.css")[0]
-    sheet = re.sub(r"/\*.*?\*/", "", sheet, flags=re.DOTALL)
+    sheet = re.sub(r"/\*.*?\*/", "", _template_text("style.css"), flags=re.DOTALL)
     own = re.sub(r"(?m)^(\s*)(?::root|html|body|main)(?=\s*\{)", r"\1:scope", sheet)
     tidy = (
         ".chips, .arrow, .copy, .player { display: none; } thead button { pointer-events: none; } "
@@ -426,7 +420,8 @@ def read_result(path: str | Path) -> KeptResult:
         If it is none.
     """
     content = read_document(path, _Content, "JSON", "result", IdentifiabilityError).root
-    told, rows = {"statement", "answers", "findings", "warnings"}, {"parameters", "effects"}
+    told = {"statement", "answers", "findings", "warnings"}
+    rows = {"parameters", "effects"}
     if told - content.keys() or not rows & content.keys():
         raise IdentifiabilityError(
             f"{path} is no result of analyze, prune or diagnose; write one with --json."

@@ -12,6 +12,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.quoting import for_svg
 from identifiability.report.answers.common import sentence
 from identifiability.report.blocks import Moving, Trace
+from identifiability.report.figures import POINTS
 from identifiability.robot import Motion, Robot
 from identifiability.robot.kinematics import Point, shortest_turn
 
@@ -32,7 +33,8 @@ def _trace(
     Of F poses (F, nq). A body goes from its joint to those that hang on it, to the points at which
     loops close, and, where there are none, to its centre of mass and as far again.
     """
-    tree, known = robot.tree, robot.nominal
+    tree = robot.tree
+    known = robot.nominal
     count = len(tree.joints)
     frames = tree.frames(poses, range(count))
     points = [frames.origin[k] for k in range(count)]
@@ -59,8 +61,8 @@ def _trace(
 #: Poses that are drawn of a motion, at most, and how many a second.
 MOST_FRAMES, FRAMES_A_SECOND = 300, 25.0
 
-#: Seconds of a log that move beside its torque, and points of each line of that.
-STRETCH, LINE = 12.0, 500
+#: Seconds of a log that are drawn.
+STRETCH = MOST_FRAMES / FRAMES_A_SECOND
 
 
 def move_skeletons(
@@ -85,7 +87,8 @@ def move_skeletons(
     load : Point, optional
         Centre of mass of what hangs on a body.
     """
-    rows, traced = _frames(t), []
+    rows = _frames(t)
+    traced = []
     lines: list[tuple[int, int]] = []
     for _, poses in motions.values():
         points, lines = _trace(robot, np.nan_to_num(poses[rows]), load)
@@ -174,7 +177,8 @@ def move_with_torque(
         )
     joint = int((size if residual is None else (share**2).mean(0)).argmax())
     rows = np.searchsorted(motion.t, t[:end]).clip(0, len(motion.t) - 1)
-    name, unit = robot.joints[joint], robot.torque_units[joint]
+    name = robot.joints[joint]
+    unit = robot.torque_units[joint]
     how = how or ("loaded" if residual is None else "missed")
     word = "misses" if how == "missed" else "differs by"
     missed = [f"{name} {word} {100 * x:.0f} %" for x in share[:, joint]]
@@ -201,7 +205,7 @@ def move_with_torque(
             unit,
             t[:end] - t[0],
             own,
-            LINE,
+            POINTS,
         ),
     )
     if load is not None:  # as large in all frames
@@ -217,16 +221,19 @@ def move_with_torque(
 
 def _look(points: Array, robot: Robot) -> Callable[[Array], Array]:
     """Return what takes points (N, 3) to the paper, (N, 2) [px], so that some fill it."""
-    up, gravity = np.array([0.0, 0.0, 1.0]), robot.gravity
+    up = np.array([0.0, 0.0, 1.0])
+    gravity = robot.gravity
     vertical = -gravity / np.linalg.norm(gravity) if gravity.any() else up
     east, north, _ = pin.exp3(shortest_turn(up, vertical)).T
-    ahead, aside = np.cos(TURN), np.sin(TURN)
+    ahead = np.cos(TURN)
+    aside = np.sin(TURN)
     right = ahead * east + aside * north
     level = ahead * north - aside * east
     away = np.cos(LIFT) * level - np.sin(LIFT) * vertical
     paper = np.stack([right, -np.cross(right, away)], 1)
     shown = points @ paper
-    low, high = shown.min(0), shown.max(0)
+    low = shown.min(0)
+    high = shown.max(0)
     least = 1e-9 + 0.02 * float(np.max(high - low))
     size = np.array([WIDTH, HEIGHT], float)
     scale = np.min((size - 2 * MARGIN) / np.maximum(high - low, least))

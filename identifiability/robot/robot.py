@@ -28,7 +28,6 @@ from .assembly import LockOption, read_locks
 from .description import Description
 from .files import read_robot
 from .kinematics import WORLD, least_eigenvalue
-from .table import write_table
 
 # The ten parameters of a body from its mass, centre and moments of inertia.
 
@@ -299,6 +298,8 @@ class Robot(Description):
             If the files cannot be written.
         """
         place = new_place("robot_from_dh", ".urdf") if out is None else out
+        from identifiability.robot.table import write_table  # noqa: PLC0415 - few have a table
+
         write_table(table, place)
         return Robot.load(place)
 

@@ -82,7 +82,8 @@ def calibrate_torque(
     given = servo_log(replace(log, unmeasured=None), machine.servo, delay)
     if not np.isfinite(q).all():  # the rollout diverged
         return given
-    left, count = np.zeros(q.shape), np.zeros(q.shape)
+    left = np.zeros(q.shape)
+    count = np.zeros(q.shape)
     for _ in range(PHASES):
         again = replace(given, q=record(q, log, rng), unmeasured=None)
         recorded = servo_log(again, machine.servo, delay)

@@ -6,8 +6,9 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import lsq_linear
+import scipy
 
+from identifiability.foundation.linalg import or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.servos.problem import RolloutProblem
@@ -58,11 +59,14 @@ def descend(problem: RolloutProblem, x: Array, enough: float = ENOUGH) -> Search
     enough : float
         Weighted squares below which a promised gain ends the search.
     """
-    q, damping = problem.roll([x])[0], 1e-3
-    linearised, poor = x[:0], True
+    q = problem.roll([x])[0]
+    damping = 1e-3
+    linearised = x[:0]
+    poor = True
     for turn in range(STEPS):
         if linearised is not x and (poor or turn % RENEWED == 0):
-            J, linearised = problem.linearise(x), x
+            J = problem.linearise(x)
+            linearised = x
         weights = problem.weights(q)
         residual = weights * problem.residual(q, x)
         step, promised = damped_step(problem, x, weights[:, None] * J, residual, damping)
@@ -72,9 +76,12 @@ def descend(problem: RolloutProblem, x: Array, enough: float = ENOUGH) -> Search
         rolled = problem.roll([moved])[0]
         rest = weights * problem.residual(rolled, moved)
         gained = residual @ residual - np.sum(rest**2)
-        poor, converged = gained < 0.5 * promised, linearised is x and abs(gained) <= enough
+        poor = gained < 0.5 * promised
+        converged = linearised is x and abs(gained) <= enough
         if gained > 0:
-            x, q, damping = moved, rolled, damping / 3
+            x = moved
+            q = rolled
+            damping = damping / 3
         else:
             damping *= 10
         if converged:
@@ -98,11 +105,14 @@ def damped_step(
     """
     varied = np.flatnonzero(problem.varied)
     Q, R = np.linalg.qr(J[:, varied])
-    projected, size = Q.T @ residual, np.linalg.norm(R, axis=0) + 1e-12
+    projected = Q.T @ residual
+    size = np.linalg.norm(R, axis=0) + 1e-12
     rows = np.vstack([R, np.sqrt(damping) * np.diag(size)])
     aim = np.concatenate([-projected, np.zeros(len(varied))])
     step = np.zeros(len(x))
-    step[varied] = lsq_linear(rows, aim, problem.bounds(x)[:, varied], method="bvls").x
+    step[varied] = scipy.optimize.lsq_linear(
+        rows, aim, problem.bounds(x)[:, varied], method="bvls"
+    ).x
     rest = projected + R @ step[varied]
     return step, float(projected @ projected - np.sum(rest**2))
 
@@ -115,7 +125,7 @@ def uncertainty(problem: RolloutProblem, end: SearchEnd) -> Array:
     """
     x, q, J = end
     size = np.linalg.norm(J, axis=0)
-    unit = np.where(size > 0, size, 1.0)
+    unit = or_one(size)
     J = J / unit
     count = len(problem.trees) * problem.rows()[-1]
     rows, known = np.split(J, [count])
@@ -127,14 +137,15 @@ def uncertainty(problem: RolloutProblem, end: SearchEnd) -> Array:
     scores = rows * residual[:, None]
     changes = [*known, *_block_scores(problem, rows, scores, precision)]
     root = changes @ np.linalg.pinv(precision, hermitian=True) / unit
-    return np.asarray(root.T @ root)
+    return root.T @ root
 
 
 def _block_scores(
     problem: RolloutProblem, rows: Array, scores: Array, precision: Array
 ) -> list[Array]:
     """Return the score (p,) by which each stretch of time moves the estimate."""
-    joints, every = len(problem.trees), max(round(BLOCK / problem.dt), 1)
+    joints = len(problem.trees)
+    every = max(round(BLOCK / problem.dt), 1)
     logs = pairwise(problem.rows())
     starts = [k for start, stop in logs for k in range(start, stop, every)]
     edges = [*(joints * np.unique(starts)), len(rows)]
@@ -148,7 +159,9 @@ def _block_scores(
 
 def conclude(problem: RolloutProblem, end: SearchEnd) -> Rollouts:
     """Return the numbers and their uncertainty where a search ended."""
-    x, n, over = end.x, len(problem.trees), problem.over
+    x = end.x
+    n = len(problem.trees)
+    over = problem.over
     numbers, delays = problem.unpack(x)
     gains = slice(over.size - 2 * n, over.size)
     covariance = uncertainty(problem, end)

@@ -56,10 +56,12 @@ def fit_rollouts(
     free = list_free(robot.servo, machine.servo, logs, delay or 0.0)
     problem = RolloutProblem(machine, logs, free, delay, shares)
     start = problem.pack(numbers, delay or 0.0)
-    problem.logs, problem.varied[problem.bodies] = thirds, False
+    problem.logs = thirds
+    problem.varied[problem.bodies] = False
     end = descend(problem, start, BEGUN)
     if not are_contradicted(problem.missed(end.q)):
-        problem.logs, problem.varied[problem.bodies] = logs, True
+        problem.logs = logs
+        problem.varied[problem.bodies] = True
         end = descend(problem, end.x)
     return conclude(problem, end)
 

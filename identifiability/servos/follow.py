@@ -78,7 +78,8 @@ def follow_commands(
         With the cut-off of all logs.
     rng : Generator
     """
-    robot, servo = structure.robot, structure.robot.servo
+    robot = structure.robot
+    servo = structure.robot.servo
     at = [k for k, log in enumerate(recordings.fitted) if of_commands(log)]
     if servo is None or not at:
         return recordings, structure
@@ -115,7 +116,8 @@ def identify_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> Ident
     odd, better, ambiguous = find_odd_joints(robot, found)
     rivals = [servo] if ambiguous else []
     if better is not found:
-        found, servo = better, with_numbers(servo, better)
+        found = better
+        servo = with_numbers(servo, better)
     robot = replace(robot, servo=servo)
     text = filter(None, [check_found(robot, logs, found), state_servos(robot, logs, found)])
     larger = 2.0 * found.numbers["sizes"]
@@ -144,7 +146,8 @@ def _calibrate(
     at : sequence of int
         Places of the fitted logs with commands.
     """
-    found, servo = servos.found, servos.servo
+    found = servos.found
+    servo = servos.servo
 
     def calibrated(log: Log, delay: float | None, band: Preparation = how) -> Log:
         selected = log.select(structure.robot.joints)
@@ -206,7 +209,8 @@ def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     LogError
     """
     assert robot.servo is not None
-    share, names = found.missed, [log.name for log in logs]
+    share = found.missed
+    names = [log.name for log in logs]
     k = int(np.argmax(share))
     if np.median(share) > ESTIMATION_RULES.rollout_contradicted:
         gains = {"kp": robot.servo.kp[k], "kv": robot.servo.kv[k]}
@@ -222,7 +226,8 @@ def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
 def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     """Return how torque was obtained, and the error of the rollouts."""
     assert robot.servo is not None
-    servo, names = robot.servo, [log.name for log in logs]
+    servo = robot.servo
+    names = [log.name for log in logs]
     made = phrase(
         "commands",
         "made",

@@ -92,7 +92,8 @@ def state_gains(
         As of `file_shares`.
     """
     assert robot.servo is not None
-    asked, servo = robot.servo, robot.servo.having(found.numbers)
+    asked = robot.servo
+    servo = robot.servo.having(found.numbers)
     kv_sd, log_kp_sd = np.split(np.sqrt(np.diag(found.covariance)), 2)
     new_kp = np.isnan(asked.kp)
     new_kv = np.isnan(asked.kv) & (servo.kv > 0)

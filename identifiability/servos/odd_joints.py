@@ -68,10 +68,13 @@ def find_odd_joints(robot: Robot, found: Rollouts) -> tuple[list[Finding], Rollo
         Their problem then varies the numbers that are used, too.
     """
     problem, end = found.search
-    trees = _list_odd_trees(problem, found)
+    # Trees in which rollouts err by more than the noise of positions.
+    noise = [encoder_noise(log) for log in problem.logs]
+    trees = np.unique(problem.trees[found.errors > np.max(noise, axis=0)])
     if not len(trees):
         return [], found, False
-    screening, explained = _screen(problem, end, found), list[list[Explanation]]()
+    screening = _screen(problem, end, found)
+    explained = list[list[Explanation]]()
     for tree in trees:
         best = _explain_tree(problem, end, tree, screening, found.errors)
         if not best:
@@ -90,12 +93,6 @@ def _kind(problem: RolloutProblem, number: int) -> str:
     return KINDS[number // len(problem.trees)]
 
 
-def _list_odd_trees(problem: RolloutProblem, found: Rollouts) -> np.ndarray:
-    """Return the trees in which rollouts err by more than the noise of positions, (k,) int."""
-    noise = [encoder_noise(log) for log in problem.logs]
-    return np.unique(problem.trees[found.errors > np.max(noise, axis=0)])
-
-
 def _list_trials(problem: RolloutProblem, found: Rollouts) -> Iterator[tuple[str, float | Array]]:
     """Yield kinds of numbers that are tried, with a first size, of all joints or of each (n,)."""
     yield "play", PLAY
@@ -110,11 +107,14 @@ def _list_trials(problem: RolloutProblem, found: Rollouts) -> Iterator[tuple[str
 def _screen(problem: RolloutProblem, end: SearchEnd, found: Rollouts) -> Screening:
     """Return how much each number that is not varied would explain, to first order."""
     x, q, J = end
-    weights, basis = problem.weights(q), np.linalg.qr(J[:, problem.varied])[0]
+    weights = problem.weights(q)
+    basis = np.linalg.qr(J[:, problem.varied])[0]
     residual = _without(basis, weights * problem.residual(q, x))
-    gain, start = 0.0 * x, x.copy()
+    gain = 0.0 * x
+    start = x.copy()
     for kind, size in _list_trials(problem, found):
-        at, by = problem.at(kind), problem.by.copy()
+        at = problem.at(kind)
+        by = problem.by.copy()
         by[at] = size
         moved = problem.linearise(x, at, by)[:, at]
         columns = _without(basis, weights[:, None] * moved)
@@ -130,8 +130,7 @@ def _screen(problem: RolloutProblem, end: SearchEnd, found: Rollouts) -> Screeni
 
 def _without(basis: Array, rows: Array) -> Array:
     """Return rows (r, …) without their projection on an orthonormal basis (r, k)."""
-    left: Array = rows - basis @ (basis.T @ rows)
-    return left
+    return rows - basis @ (basis.T @ rows)
 
 
 def _explain_tree(
@@ -141,7 +140,8 @@ def _explain_tree(
 
     Each leaves less than half of the square of errors, and about as little as the best one.
     """
-    joints, gain = problem.trees == tree, screening.gain
+    joints = problem.trees == tree
+    gain = screening.gain
     of_tree = np.tile(joints, len(KINDS))
     likeliest = np.argsort(-gain[: problem.bodies.start] * of_tree)[:3]
     tried = list[Explanation]()
@@ -160,7 +160,8 @@ def _explain_tree(
 def _fit_number(problem: RolloutProblem, end: SearchEnd, number: int, start: float) -> SearchEnd:
     """Return where a search ends that also varies a number, from some start."""
     x = end.x.copy()
-    x[number], problem.varied[number] = start, True
+    x[number] = start
+    problem.varied[number] = True
     fitted = descend(problem, x)
     problem.varied[number] = False
     return fitted
@@ -168,10 +169,13 @@ def _fit_number(problem: RolloutProblem, end: SearchEnd, number: int, start: flo
 
 def _state_odd(robot: Robot, found: Rollouts, best: Sequence[Explanation]) -> Finding:
     """Return a finding on the errors of a tree: explanations, best first, and the consequence."""
-    problem, (share, number, _) = found.search[0], best[0]
+    problem = found.search[0]
+    (share, number, _) = best[0]
     what = [_describe(robot, problem, explanation) for explanation in best]
-    kind, j = _kind(problem, number), number % len(robot.joints)
-    value, sd = found.numbers[kind][j], found.unsure[number]
+    kind = _kind(problem, number)
+    j = number % len(robot.joints)
+    value = found.numbers[kind][j]
+    sd = found.unsure[number]
     if kind == "kp":
         half = 1.96 * sd * value
     elif kind == "limit":
@@ -186,8 +190,10 @@ def _state_odd(robot: Robot, found: Rollouts, best: Sequence[Explanation]) -> Fi
 
 def _describe(robot: Robot, problem: RolloutProblem, explanation: Explanation) -> str:
     """Return a number that explains errors in words."""
-    number, value = explanation.number, explanation.end.x[explanation.number]
-    j, servo = number % len(robot.joints), problem.machine.servo
+    number = explanation.number
+    value = explanation.end.x[explanation.number]
+    j = number % len(robot.joints)
+    servo = problem.machine.servo
     return phrase(
         "odd_joint",
         _kind(problem, number),

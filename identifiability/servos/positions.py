@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from identifiability.foundation.linalg import or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs import Log, signals
@@ -29,7 +30,7 @@ def forgotten(log: Log) -> int:
 
 def encoder_noise(log: Log) -> Array:
     """Return the noise of positions (n,) [rad or m], at least the encoders' resolution."""
-    return np.asarray(np.maximum(noise_level(log.q, log.t), resolution(log.q)))
+    return np.maximum(noise_level(log.q, log.t), resolution(log.q))
 
 
 def record(q: Array, log: Log, rng: np.random.Generator) -> Array:
@@ -49,10 +50,10 @@ def record(q: Array, log: Log, rng: np.random.Generator) -> Array:
     finest = resolution(log.q)
     noise = np.sqrt(np.maximum(noise_level(log.q, log.t) ** 2 - finest**2 / 12, 0.0))
     phase = rng.uniform(size=q.shape[1])
-    width = np.where(finest > 0, finest, 1.0)
+    width = or_one(finest)
     steps = np.floor(q / width + phase) + 0.5 - phase
     rounded = np.where(finest > 0, steps * width, q)
-    return np.asarray(rounded + noise * rng.standard_normal(q.shape))
+    return rounded + noise * rng.standard_normal(q.shape)
 
 
 def explicable(logs: Sequence[Log]) -> Array:
@@ -62,7 +63,7 @@ def explicable(logs: Sequence[Log]) -> Array:
     moves, and at least five times the noise of positions, and .001.
     """
     square = [_explicable_square(log) for log in logs]
-    return np.asarray(np.maximum(np.sqrt(np.mean(square, axis=0)), 1e-3))
+    return np.maximum(np.sqrt(np.mean(square, axis=0)), 1e-3)
 
 
 def _explicable_square(log: Log) -> Array:
@@ -74,4 +75,4 @@ def _explicable_square(log: Log) -> Array:
     errors = [(q - command).var(0) for command in delayed]
     noise = 5.0 * encoder_noise(log)
     least = np.maximum(np.min(errors, axis=0), noise**2)
-    return np.asarray(np.minimum(least, log.q.var(0)))
+    return np.minimum(least, log.q.var(0))

@@ -58,7 +58,9 @@ class RolloutProblem:
         delay: float | None = None,
         shares: Mapping[str, float] | None = None,
     ) -> None:
-        self.machine, self.logs, self.shares = machine, logs, shares or {}
+        self.machine = machine
+        self.logs = logs
+        self.shares = shares or {}
         self.trees = machine.trees
         self.dt = min(signals.sampling_step(log.t) for log in logs)
         self.bodies = slice(free.size, free.size + len(self.shares))
@@ -85,11 +87,12 @@ class RolloutProblem:
     def at(self, kind: str) -> np.ndarray:
         """Return where the numbers of a kind stand in the vector, (n,) int."""
         n = len(self.trees)
-        return np.asarray(KINDS.index(kind) * n + np.arange(n))
+        return KINDS.index(kind) * n + np.arange(n)
 
     def parameters(self, numbers: Mapping[str, Array]) -> dict[str, float]:
         """Return standard parameters by name: of joints, and of bodies of another size."""
-        robot, sizes = self.machine.robot, np.exp(2 * numbers["sizes"])
+        robot = self.machine.robot
+        sizes = np.exp(2 * numbers["sizes"])
         bodies = zip(self.shares, sizes, strict=True)
         pairs = [(f"{body}.{kind}", x) for body, x in bodies for kind in INERTIAL_KINDS]
         parameters = {name: x * robot.nominal[name] for name, x in pairs}
@@ -103,7 +106,8 @@ class RolloutProblem:
         """Return the vector of joints' numbers and delays, with bodies of the file's size."""
         none = np.zeros(len(self.trees))
         rows = [numbers.get(kind, none) for kind in KINDS[:-1]]
-        sizes, delays = np.zeros(len(self.shares)), np.full(len(self.logs), delay)
+        sizes = np.zeros(len(self.shares))
+        delays = np.full(len(self.logs), delay)
         return np.concatenate([*rows, none, sizes, delays])
 
     def unpack(self, x: Array) -> tuple[dict[str, Array], Array]:
@@ -155,11 +159,11 @@ class RolloutProblem:
         """Return errors of positions in the judged rows, (N, n); one where a rollout diverged."""
         pairs = zip(q, self.logs, strict=True)
         rows = [(rolled - log.q)[forgotten(log) :] for rolled, log in pairs]
-        return np.asarray(np.nan_to_num(np.concatenate(rows), nan=1.0))
+        return np.nan_to_num(np.concatenate(rows), nan=1.0)
 
     def errors(self, q: list[Array]) -> Array:
         """Return errors of positions (rms) by joint, (n,)."""
-        return np.asarray(np.sqrt(np.mean(self.differences(q) ** 2, axis=0)))
+        return np.sqrt(np.mean(self.differences(q) ** 2, axis=0))
 
     def missed(self, q: list[Array]) -> Array:
         """Return errors as shares of the explicable motion, (n,)."""
@@ -179,7 +183,8 @@ class RolloutProblem:
 
     def prior_residual(self, x: Array) -> Array:
         """Return how far numbers are from the file's and the stated ones, (b,) [σ]."""
-        prior, numbers = self.machine.robot.prior, self.unpack(x)[0]
+        prior = self.machine.robot.prior
+        numbers = self.unpack(x)[0]
         parameters = self.parameters(numbers) if self.shares else {}
         stated = [
             (parameters[name] - mean) / sd
@@ -217,7 +222,8 @@ class RolloutProblem:
 
     def _position_derivative(self, x: Array, numbers: np.ndarray, by: Array) -> Array:
         """Return the derivative of positions in the judged rows by differences, (N, n, p)."""
-        groups, steps = self._group_by_tree(numbers), np.diag(by)
+        groups = self._group_by_tree(numbers)
+        steps = np.diag(by)
         moved = [x + steps[group].sum(0) for group in groups]
         moved.append(x + steps[self.delays].sum(0))
         rolled = self.roll([x, *moved], COARSE * STEP)
@@ -241,7 +247,7 @@ class RolloutProblem:
         """Return the derivative of the prior's residual by differences, (b, p)."""
         here = self.prior_residual(x)
         changes = [self.prior_residual(x + step) - here for step in np.diag(by)]
-        return np.asarray(np.array(changes).T / by)
+        return np.array(changes).T / by
 
 
 def list_steps(machine: CommandedRobot, logs: Sequence[Log]) -> list[Array]:

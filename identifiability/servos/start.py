@@ -29,7 +29,8 @@ def start_rollouts(robot: Robot, log: Log) -> tuple[CommandedRobot, dict[str, Ar
     assert servo is not None
     kp = np.where(np.isnan(servo.kp), 1.0, servo.kp)
     guess = replace(servo, kp=kp, kv=np.nan_to_num(servo.kv))
-    machine, delay = CommandedRobot(robot, {}, guess), servo.delay or 0.0
+    machine = CommandedRobot(robot, {}, guess)
+    delay = servo.delay or 0.0
     numbers = machine.numbers()
     file_error = machine.roll(log, numbers, delay, COARSE * STEP) - log.q
     rms = np.sqrt(np.mean(file_error**2, 0))
@@ -51,8 +52,10 @@ def _list_numbers(machine: CommandedRobot, servo: Servo, log: Log) -> Iterator[M
 
     A known gain and a frequency tell an inertia. Where no gain is known, the inertia is the file's.
     """
-    unknown, kv = np.isnan(servo.kp), machine.servo.kv
-    inertia, numbers = machine.inertia(log.q.mean(0)), machine.numbers()
+    unknown = np.isnan(servo.kp)
+    kv = machine.servo.kv
+    inertia = machine.inertia(log.q.mean(0))
+    numbers = machine.numbers()
     bodies = inertia - numbers["Ia"]
     # A rotor that the file lacks is taken to be as large as what the heaviest joint moves.
     stated = np.where(numbers["Ia"] > 0, inertia, inertia.max())

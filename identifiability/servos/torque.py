@@ -86,7 +86,8 @@ def replace_servo(log: Log, servo: Servo, other: Servo, later: float = 0.0) -> L
         Time by which commands act later than before.
     """
     assert log.servo_delay is not None
-    delay, dt = log.servo_delay + later, signals.sampling_step(log.t)
+    delay = log.servo_delay + later
+    dt = signals.sampling_step(log.t)
     before = servo_log(log, servo, log.servo_delay).tau
     after = servo_log(log, other, delay).tau
     ddq = signals.differentiate(signals.differentiate(log.q, dt), dt)
@@ -107,7 +108,8 @@ def check_commands(log: Log) -> None:
     # A command is followed within this time [s].
     most = max(1, round(0.5 / signals.sampling_step(log.t)))
     for joint, command, q in zip(log.joints, log.q_ref.T, log.q.T, strict=True):
-        size, moved = float(command.std()), float(q.std())
+        size = float(command.std())
+        moved = float(q.std())
         if max(moved, size) < RULES.small:
             continue
         degrees = 0.5 < np.radians(size / max(moved, RULES.small)) < 2.0
@@ -130,7 +132,8 @@ def correlation_when_delayed(command: Array, q: Array, most: int) -> float:
     most : int
         Longest delay in samples.
     """
-    a, b = command - command.mean(), q - q.mean()
+    a = command - command.mean()
+    b = q - q.mean()
     lags = range(0, min(most, len(a) // 2) + 1, max(1, most // 32))
     size = float(np.sqrt((a @ a) * (b @ b) + 1e-300))
     return max(float(a[: len(a) - k] @ b[k:]) for k in lags) / size

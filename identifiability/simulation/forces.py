@@ -68,15 +68,19 @@ class JointTerms:
     @staticmethod
     def of(values: Mapping[str, float], name: str, inertia_parts: tuple[str, ...]) -> JointTerms:
         """Return the terms of a joint among parameter values by name; those not there are zero."""
-        coulomb = values.get(f"{name}.Fc", 0.0)
+
+        def of(kind: str, default: float = 0.0) -> float:
+            return values.get(f"{name}.{kind}", default)
+
+        coulomb = of("Fc")
         return JointTerms(
-            viscous=values.get(f"{name}.Fv", 0.0),
-            forward=values.get(f"{name}.Fc+", coulomb),
-            backward=values.get(f"{name}.Fc-", coulomb),
-            inertia=sum(values.get(f"{name}.{part}", 0.0) for part in inertia_parts),
-            stiffness=values.get(f"{name}.K", 0.0),
-            offset=values.get(f"{name}.off", 0.0),
-            loose={kind: values.get(f"{name}.{kind}", 0.0) for kind in _SPRINGS},
+            viscous=of("Fv"),
+            forward=of("Fc+", coulomb),
+            backward=of("Fc-", coulomb),
+            inertia=sum(map(of, inertia_parts)),
+            stiffness=of("K"),
+            offset=of("off"),
+            loose={kind: of(kind) for kind in _SPRINGS},
         )
 
     def friction(self, speed: Array) -> Array:
@@ -93,8 +97,7 @@ class JointTerms:
         known = ~rests[1:-1] | ~(rests[:-2] | rests[2:])  # one zero alone is a reversal
         known[[0, -1]] = True
         at = np.arange(len(speed))
-        friction: Array = self.viscous * speed + np.interp(at, at[known], dry[known])
-        return friction
+        return self.viscous * speed + np.interp(at, at[known], dry[known])
 
     def force(self, stretch: Array, speed: Array, acceleration: Array) -> Array:
         """Return what acts along a joint (N,) that is so far off its spring's rest, (N,)."""
@@ -120,8 +123,7 @@ def stribeck(speed: Array, excess: float, velocity: float, shape: float = 1.0) -
     The paper prints the exponent without its minus sign and without sign(q̇) [Díaz 2010, Eq. 20].
     """
     decay = np.exp(-(np.abs(speed / velocity) ** shape))
-    force: Array = excess * decay * np.sign(speed)
-    return force
+    return excess * decay * np.sign(speed)
 
 
 def joint_torque(
@@ -148,8 +150,10 @@ def joint_torque(
 
 def _along(robot: Robot, axis: Axis, move: PrescribedMotion, rigid: RigidTorque) -> list[Array]:
     """Return position, speed and acceleration (N,) along an axis, and its arms (N, n)."""
-    own, passive = (move.q, move.dq, move.ddq), (rigid.passive_q, rigid.passive_v, rigid.passive_a)
-    arms, motion = np.zeros_like(move.q), np.zeros((3, len(move.q)))
+    own = (move.q, move.dq, move.ddq)
+    passive = (rigid.passive_q, rigid.passive_v, rigid.passive_a)
+    arms = np.zeros_like(move.q)
+    motion = np.zeros((3, len(move.q)))
     for joint, c in axis.weights.items():
         if joint in robot.joints:
             k = robot.joints.index(joint)
@@ -175,22 +179,26 @@ def _typical(speed: Array) -> float:
     return float(np.sqrt(np.mean(speed**2))) or 1.0
 
 
+def _from_end_to_end(position: Array) -> Array:
+    """Return where positions are in their range, from −1 to 1."""
+    return 2 * (position - position.min()) / max(np.ptp(position), 1e-12) - 1
+
+
 def _ripple(_speed: Array, position: Array, _load: Array) -> Array:
-    force: Array = np.sin(16 * np.pi * (position - position.min()) / max(np.ptp(position), 1e-12))
-    return force
+    return np.sin(16 * np.pi * (position - position.min()) / max(np.ptp(position), 1e-12))
 
 
 def _cable(_speed: Array, position: Array, _load: Array) -> Array:
     """Return what a cable does that is bent at one end and pulled tight at the other."""
-    along = 2 * (position - position.min()) / max(np.ptp(position), 1e-12) - 1
-    force: Array = np.exp(3 * (along - 1)) - 0.4 * np.tanh(3 * (along + 0.4))
-    return force
+    along = _from_end_to_end(position)
+    return np.exp(3 * (along - 1)) - 0.4 * np.tanh(3 * (along + 0.4))
 
 
 def _dahl(_speed: Array, position: Array, _load: Array) -> Array:
     """Return friction that builds up over a fiftieth of the range after a reversal [Dahl 1968]."""
     way = max(float(np.ptp(position)) / 50, 1e-12)
-    z, out = 0.0, [0.0]
+    z = 0.0
+    out = [0.0]
     for step in np.diff(position).tolist():
         z += (1.0 - z * np.sign(step)) * step / way
         out.append(min(max(z, -1.0), 1.0))
@@ -199,21 +207,20 @@ def _dahl(_speed: Array, position: Array, _load: Array) -> Array:
 
 def _uneven(speed: Array, position: Array, _load: Array) -> Array:
     """Return dry friction that is high at one end and low at the other, with a bump between."""
-    along = 2 * (position - position.min()) / max(np.ptp(position), 1e-12) - 1
-    force: Array = np.sign(speed) * (1.0 + along + np.exp(-8 * (along - 0.2) ** 2))
-    return force
+    along = _from_end_to_end(position)
+    return np.sign(speed) * (1.0 + along + np.exp(-8 * (along - 0.2) ** 2))
 
 
 def _play(speed: Array, position: Array, load: Array) -> Array:
     """Return the load that is not carried within 2 % of the range after each reversal."""
-    since, way = np.zeros(len(position)), 0.0
+    since = np.zeros(len(position))
+    way = 0.0
     steps = np.abs(np.diff(position, prepend=position[0]))
     for k, (step, turned) in enumerate(zip(steps, np.diff(np.sign(speed), prepend=0), strict=True)):
         way = 0.0 if turned else way + step
         since[k] = way
     # Of the range, as a belt or a cable has it.
-    lost: Array = -load * (since < 0.02 * np.ptp(position))
-    return lost
+    return -load * (since < 0.02 * np.ptp(position))
 
 
 #: Effects that can be hidden at actuated joints.
@@ -377,8 +384,7 @@ def _record(move: PrescribedMotion, tau: Array, k: int, name: str) -> Array:
         return since - 0.4 * since.max() if name == "torque_drift" else since * move.dq[:, k]
     # Warming up after a calibration in the middle: a drift about zero, or it were an offset.
     drift = 1.0 - np.exp(-(move.t - move.t[0]) / (0.5 * np.ptp(move.t) or 1.0))
-    centred: Array = drift - drift.mean()
-    return centred
+    return drift - drift.mean()
 
 
 def _passive(robot: Robot, rigid: RigidTorque, tau: Array, hidden: Hidden) -> Array:

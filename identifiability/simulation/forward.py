@@ -116,7 +116,8 @@ def _add_couplings(spec: Any, robot: Robot) -> None:
     for c in robot.couplings:
         if c.joint not in present:
             kind = {"type": mujoco.mjtEq.mjEQ_JOINT, "objtype": mujoco.mjtObj.mjOBJ_JOINT}
-            own, of = f"coupling of {c.joint}", next(iter(c.terms), "")
+            own = f"coupling of {c.joint}"
+            of = next(iter(c.terms), "")
             spec.add_equality(
                 name=own,
                 name1=c.joint,
@@ -140,7 +141,8 @@ def _set_couplings(model: Any, robot: Robot) -> None:
 
 def _add_servo(spec: Any, joint: str, servo: Servo, k: int) -> None:
     """Add the servo of a joint, and play; its control is a position, a velocity or a torque."""
-    kp, kv = float(servo.kp[k]), float(servo.kv[k])
+    kp = float(servo.kp[k])
+    kv = float(servo.kv[k])
     options = _MOTOR | {
         "gainprm": [float(servo.gain[k]), *[0] * 9],
         "biastype": mujoco.mjtBias.mjBIAS_AFFINE,
@@ -159,7 +161,8 @@ def _add_servo(spec: Any, joint: str, servo: Servo, k: int) -> None:
         **options,
     )
     if servo.play.any() and servo.play[k] > 0:
-        like, ends = spec.joint(joint), 0.5 * servo.play[k] * np.array([-1.0, 1.0])
+        like = spec.joint(joint)
+        ends = 0.5 * servo.play[k] * np.array([-1.0, 1.0])
         loose = {word: getattr(like, word) for word in ("type", "axis", "pos")}
         free = ("armature", "damping", "frictionloss", "stiffness")  # whatever the file's defaults
         loose |= {word: 0 * getattr(like, word) for word in free}
@@ -223,12 +226,13 @@ class ForwardRobot:
 
     def home(self) -> Array:
         """Return the home configuration, (nq,)."""
-        return np.asarray(self._kinematics.home()[: self.model.nq])
+        return self._kinematics.home()[: self.model.nq]
 
     @quiet()
     def _set_joints(self, joints: Mapping[str, Mapping[str, float]]) -> None:
         """Set friction, rotors and springs."""
-        model, cables = self.model, {cable.name for cable in self.robot.cables}
+        model = self.model
+        cables = {cable.name for cable in self.robot.cables}
         for name, numbers in joints.items():
             if name in self._axes or name in cables:
                 t = int(model.tendon(name).id)
@@ -237,9 +241,8 @@ class ForwardRobot:
                 model.tendon_lengthspring[t] = self._rest(name)
                 continue
             joint = model.joint(name)
-            model.dof_armature[joint.dofadr[0]] = numbers["armature"]
-            model.dof_damping[joint.dofadr[0]] = numbers["damping"]
-            model.dof_frictionloss[joint.dofadr[0]] = numbers["frictionloss"]
+            for word in ("armature", "damping", "frictionloss"):
+                getattr(model, f"dof_{word}")[joint.dofadr[0]] = numbers[word]
             model.jnt_stiffness[joint.id] = numbers["stiffness"]
             model.qpos_spring[joint.qposadr[0]] = self._rest(name)
         # Rotor inertia that holds a locked joint where it is [kg·m² or kg].
@@ -261,7 +264,8 @@ class ForwardRobot:
         Offsets, and by how much dry friction is larger forwards than on both ways' mean.
         """
         cables = [cable.name for cable in self.robot.cables]
-        joints, lines = np.zeros(self.model.nv), np.zeros(len(cables))
+        joints = np.zeros(self.model.nv)
+        lines = np.zeros(len(cables))
         for name, t in terms.items():
             force = 0.5 * (t.forward - t.backward) + t.offset
             if name in cables:
@@ -291,16 +295,18 @@ class ForwardRobot:
         count, steps, n = tau.shape
         # Longest step of the integrator [s]; loops stay closed to about 1e-6 m with it.
         inner = max(1, int(np.ceil(dt / 5e-4)))
-        self.model.opt.timestep = dt / inner
-        stiff = [2 * self.model.opt.timestep, 1.0]
-        self.model.eq_solref[:] = stiff
-        self.model.dof_solref[:] = stiff
-        self.model.tendon_solref_fri[:] = stiff
-        self.model.dof_solimp[:, :2] = HARD  # MuJoCo's own friction lets a joint creep
-        self.model.tendon_solimp_fri[:, :2] = HARD
+        model = self.model
+        model.opt.timestep = dt / inner
+        stiff = [2 * model.opt.timestep, 1.0]
+        model.eq_solref[:] = stiff
+        model.dof_solref[:] = stiff
+        model.tendon_solref_fri[:] = stiff
+        model.dof_solimp[:, :2] = HARD  # MuJoCo's own friction lets a joint creep
+        model.tendon_solimp_fri[:, :2] = HARD
         states = self._start(q, dq)
         out = np.full((count, steps, n), np.nan)
-        kinematics, nv = self._kinematics, self.model.nv
+        kinematics = self._kinematics
+        nv = model.nv
         alive = np.ones(count, bool)
         limit = DIVERGED * (np.abs(q).max(0) + np.abs(dq).max(0) * dt * steps + 1.0)
         for step in range(steps):
@@ -309,7 +315,7 @@ class ForwardRobot:
             force -= np.concatenate(self.bias)
             for k in np.flatnonzero(alive).tolist():
                 states[k].qfrc_applied[:], states[k].ctrl[:] = force[k, :nv], force[k, nv:]
-                mujoco.mj_step(self.model, states[k], inner)
+                mujoco.mj_step(model, states[k], inner)
             at = np.array([self._positions(state) for state in states])
             alive &= np.all(np.abs(at) < limit, axis=1)
             out[alive, step] = at[alive]
@@ -321,11 +327,12 @@ class ForwardRobot:
         if lines:
             mujoco.mj_fwdPosition(self.model, data)
         full = np.append(data.qpos, data.ten_length[lines])
-        return np.asarray(full[self._kinematics.positions])
+        return full[self._kinematics.positions]
 
     def _start(self, q: Array, dq: Array) -> list[Any]:
         """Return closed configurations with their velocities."""
-        kinematics, out = self._kinematics, []
+        kinematics = self._kinematics
+        out = []
         full = kinematics.home()
         for k in range(len(q)):
             full = kinematics.walk(full, q[k], k)

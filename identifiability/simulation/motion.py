@@ -88,17 +88,13 @@ class Trajectory:
     def times(self, samples: int | None = None) -> Array:
         """Return evenly spaced times of one period, (N,) [s]."""
         count = samples or self.samples
-        times: Array = np.arange(count) * self.period / count
-        return times
+        return np.arange(count) * self.period / count
 
     def motion(self, t: Array) -> tuple[Array, Array, Array]:
         """Return q, dq, ddq (N, n) at times t."""
-        w = 2 * np.pi / self.period * np.arange(1, self.sin.shape[1] + 1)
-        S, C = np.sin(np.outer(t, w)), np.cos(np.outer(t, w))
-        q = self.offset + (S / w) @ self.sin.T - (C / w) @ self.cos.T
-        dq = C @ self.sin.T + S @ self.cos.T
-        ddq = -(S * w) @ self.sin.T + (C * w) @ self.cos.T
-        return q, dq, ddq
+        w = 2 * np.pi / self.period * np.arange(1, self.harmonics + 1)
+        series = np.vstack([self.offset, (self.sin / w).T, -(self.cos / w).T])
+        return signals.FourierFit(self.period, series).motion(t)
 
 
 @frozen
@@ -192,7 +188,8 @@ def usual_limits(robot: Robot) -> dict[str, Array]:
     """Return what actuated joints without limits may do: positions (n, 2), the others (n,)."""
     slides = np.array([robot.is_prismatic(int(k)) for k in robot.actuated], int)
     found = {kind: np.array(values)[slides] for kind, values in USUAL.items()}
-    home, reach = robot.actuated_positions(robot.home[None])[0], found["q"]
+    home = robot.actuated_positions(robot.home[None])[0]
+    reach = found["q"]
     return {**found, "q": np.stack([home - reach, home + reach], 1)}
 
 
@@ -226,7 +223,8 @@ def random_trajectory(
     )
     q, dq, ddq = shape.motion(shape.times())
     room = 0.95 * (high - low) / np.maximum(np.ptp(q, axis=0), 1e-12)
-    faster, harder = 0.95 * speed / np.abs(dq).max(0), 0.95 * most / np.abs(ddq).max(0)
+    faster = 0.95 * speed / np.abs(dq).max(0)
+    harder = 0.95 * most / np.abs(ddq).max(0)
     scale = np.min([room, faster, harder], axis=0)
     middle = 0.5 * (low + high) - scale * 0.5 * (q.max(0) + q.min(0))
     grown = scale[:, None]
@@ -289,7 +287,8 @@ def _from_file(robot: Robot, source: str) -> PrescribedMotion:
     check_units(robot, [log])
     if log.dq is not None and log.ddq is not None:
         return PrescribedMotion(log.t, log.q, log.dq, log.ddq, log.name)
-    dt, gaps = signals.sampling_step(log.t), np.diff(log.t)
+    dt = signals.sampling_step(log.t)
+    gaps = np.diff(log.t)
     # Lost samples are bridged as where a log is fitted.
     t = log.t[0] + dt * np.arange(round((log.t[-1] - log.t[0]) / dt) + 1)
     q = CubicSpline(log.t, log.q)(t)

@@ -107,7 +107,8 @@ def compile_shapes(robot: Robot, reach: float) -> Any:
         shapes=True,
     )
     # Bodies without shapes weigh nothing here, which is nobody's concern.
-    spec.compiler.boundmass, spec.compiler.boundinertia = 1e-6, 1e-9
+    spec.compiler.boundmass = 1e-6
+    spec.compiler.boundinertia = 1e-9
     for geom in spec.geoms:
         geom.margin = reach
         if geom.parent == spec.worldbody:  # the ground
@@ -117,7 +118,8 @@ def compile_shapes(robot: Robot, reach: float) -> Any:
 
 def _take_meshes(robot: Robot, root: ET.Element) -> dict[str, bytes]:
     """Return the meshes that collide, under the names that they are given in a URDF."""
-    folder, found = robot.path.resolve().parent, dict[str, bytes]()
+    folder = robot.path.resolve().parent
+    found = dict[str, bytes]()
     for k, mesh in enumerate(root.iterfind("link/collision/geometry/mesh")):
         name = mesh.get("filename", "").removeprefix("package://").removeprefix("file://")
         places = [place / name for place in (folder, *list(folder.parents)[:3])]
@@ -188,16 +190,16 @@ class MujocoRobot:
     def __init__(self, robot: Robot, model: Any = None) -> None:
         self.robot = robot
         self.model = compile_robot(robot, robot_spec(robot)) if model is None else model
-        self.data = mujoco.MjData(self.model)
-        self.model.opt.disableflags |= int(_OFF.mjDSBL_CONSTRAINT)
-        self.model.opt.enableflags = 0
+        m = self.model
+        self.data = mujoco.MjData(m)
+        m.opt.disableflags |= int(_OFF.mjDSBL_CONSTRAINT)
+        m.opt.enableflags = 0
         for part in ("dof", "actuator", "tendon"):
             for kind in ("armature", "damping", "dampingpoly", "frictionloss"):
-                if hasattr(self.model, f"{part}_{kind}"):  # older versions lack some of them
-                    getattr(self.model, f"{part}_{kind}")[:] = 0
-        self.model.jnt_stiffness[:] = 0
-        self.model.tendon_stiffness[:] = 0
-        m = self.model
+                if hasattr(m, f"{part}_{kind}"):  # older versions lack some of them
+                    getattr(m, f"{part}_{kind}")[:] = 0
+        m.jnt_stiffness[:] = 0
+        m.tendon_stiffness[:] = 0
         #: Where joints are in velocities and positions, which lengths of straight tendons follow.
         self.places = {
             m.joint(j).name: (int(m.jnt_dofadr[j]), int(m.jnt_qposadr[j])) for j in range(m.njnt)
@@ -236,15 +238,21 @@ class MujocoRobot:
         """
         columns = [k for k, d in enumerate(self.robot.passive) if d in self.places]
         own = [self.places[self.robot.passive[k]] for k in columns]
-        dofs, at = [dof for dof, _ in own], [address for _, address in own]
+        dofs = [dof for dof, _ in own]
+        at = [address for _, address in own]
         rows = np.searchsorted(self.passive, dofs)
-        n, m, nv = q.shape[1], len(self.robot.dependent), self.model.nv
-        tau, slope = np.zeros_like(q), np.zeros((len(q), m, n))
+        n = q.shape[1]
+        m = len(self.robot.dependent)
+        nv = self.model.nv
+        tau = np.zeros_like(q)
+        slope = np.zeros((len(q), m, n))
         passive = np.zeros((3, len(q), m))
         full = self.home()
         for k in range(len(q)):
             full = self.walk(full, q[k], k)
-            X, v, a = self.slope(), np.zeros(self.size), np.zeros(self.size)
+            X = self.slope()
+            v = np.zeros(self.size)
+            a = np.zeros(self.size)
             v[self.actuated], v[self.passive] = dq[k], -X @ dq[k]
             a[self.actuated] = ddq[k]
             a[self.passive] = self._passive_acceleration(full, v) - X @ ddq[k]
@@ -329,23 +337,26 @@ class MujocoRobot:
 
     def _moved(self, full: Array, step: Array) -> Array:
         """Return a configuration behind a step (size,)."""
-        q, nv = np.array(full[: self.model.nq]), self.model.nv
+        q = np.array(full[: self.model.nq])
+        nv = self.model.nv
         mujoco.mj_integratePos(self.model, q, step[:nv], 1.0)
         return np.append(q, full[len(q) :] + step[nv:])
 
     def _apart(self, full: Array) -> tuple[Array, Array]:
         """Return by how much coordinates are not tied (k,), and the Jacobian of that (k, size)."""
-        m, d = self.tied, self._ends
+        m = self.tied
+        d = self._ends
         d.qpos[:] = full[: m.nq]
         for stage in ("kinematics", "comPos", "tendon", "makeConstraint"):
             getattr(mujoco, f"mj_{stage}")(m, d)
         count = d.nefc
-        error, A = np.zeros(count + len(self.couplings)), np.zeros((count, self.size))
-        A[:, : m.nv], error[:count] = d.efc_J.reshape(count, m.nv), d.efc_pos
+        error = np.zeros(count + len(self.couplings))
+        A = np.zeros((len(error), self.size))
+        A[:count, : m.nv] = d.efc_J.reshape(count, m.nv)
+        error[:count] = d.efc_pos
         lengths = slice(count - len(self.robot.cables), count)
         A[lengths, m.nv :] = -np.eye(len(self.robot.cables))
         error[lengths] -= full[m.nq :]
-        A = np.vstack([A, np.zeros((len(self.couplings), self.size))])
         for k, terms in enumerate(self.couplings, count):
             for joint, curve in terms.items():
                 dof, at = self.places[joint]
@@ -366,5 +377,4 @@ class MujocoRobot:
         h = 1e-3 / max(1.0, np.abs(v).max())
         steps = {-2: 1 / 12, -1: -8 / 12, 1: 8 / 12, 2: -1 / 12}
         moved = [c / h * self._apart(self._moved(full, k * h * v))[1] @ v for k, c in steps.items()]
-        a: Array = np.linalg.lstsq(self._A[:, self.passive], -np.sum(moved, 0), rcond=None)[0]
-        return a
+        return np.linalg.lstsq(self._A[:, self.passive], -np.sum(moved, 0), rcond=None)[0]

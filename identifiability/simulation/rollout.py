@@ -80,7 +80,8 @@ class CommandedRobot:
                 "one; it has loops, cables or motors that mix joints. Torque is predicted without "
                 "--forward."
             )
-        self.robot, self.servo = robot, servo
+        self.robot = robot
+        self.servo = servo
         self._forward = ForwardRobot(robot, parameters, servo)
         self.model = self._forward.model
         # What diverges is not begun anew.
@@ -107,20 +108,21 @@ class CommandedRobot:
 
         All other joints move freely.
         """
-        data, M = mujoco.MjData(self.model), np.zeros((self.model.nv, self.model.nv))
+        data = mujoco.MjData(self.model)
+        M = np.zeros((self.model.nv, self.model.nv))
         data.qpos[:] = self._forward.home()
         data.qpos[self.at] = q
         mujoco.mj_forward(self.model, data)
         mujoco.mj_fullM(self.model, data, M)
         M *= 1 + 1e-9 * np.eye(len(M))  # a motor without a rotor moves nothing within play
-        return np.asarray(1 / np.diag(np.linalg.inv(M))[self.dofs])
+        return 1 / np.diag(np.linalg.inv(M))[self.dofs]
 
     @cached_property
     def bare(self) -> Array:
         """Inertia that each joint feels at home without its rotor, (n,)."""
         home = self._forward.home()[self.at]
         own = self.model.dof_armature[self.dofs]
-        return np.asarray(np.maximum(self.inertia(home) - own, 0.0))
+        return np.maximum(self.inertia(home) - own, 0.0)
 
     def longest(self, numbers: Mapping[str, Array]) -> float:
         """Return the longest step that takes little of any joint's inertia off [s]."""
@@ -131,7 +133,7 @@ class CommandedRobot:
     @property
     def trees(self) -> np.ndarray:
         """Which tree behind the base each joint is of, (n,) int: none moves another's."""
-        return np.asarray(self.model.dof_treeid[self.dofs])
+        return self.model.dof_treeid[self.dofs]
 
     def trees_of(self, bodies: Sequence[str]) -> np.ndarray:
         """Return which tree each body is of, (m,) int."""
@@ -139,7 +141,8 @@ class CommandedRobot:
 
     def numbers(self) -> dict[str, Array]:
         """Return armature, damping, dry friction, offset and gains of the joints, each (n,)."""
-        m, k = self.model, self.dofs
+        m = self.model
+        k = self.dofs
         return {
             "Ia": m.dof_armature[k].copy(),
             "Fv": m.dof_damping[k].copy(),
@@ -173,7 +176,8 @@ class CommandedRobot:
         own = numbers or self.numbers()
         dt = signals.sampling_step(log.t)
         h = dt / max(1, int(np.ceil(dt / min(step, self.longest(own)) - 1e-9)))
-        speed, model = starting_speeds(log)[0], self._with(own, h)
+        speed = starting_speeds(log)[0]
+        model = self._with(own, h)
         steps = int(np.ceil((log.t[-1] - log.t[0]) / h)) + 2
         # Held commands change between two steps, so that no step holds a share of a change, of
         # which a servo at its limit would make another share of torque.
@@ -182,8 +186,10 @@ class CommandedRobot:
         begin = (float((delay + ahead) / h) % 1.0 - 0.5) * h
         times = log.t[0] + begin + h * np.arange(steps)
         control = acting(log, self.servo.having(own), times, h, delay)
-        q, v = self._forward.home(), np.zeros(model.nv)
-        q[self.at], v[self.dofs] = log.q[0], speed
+        q = self._forward.home()
+        v = np.zeros(model.nv)
+        q[self.at] = log.q[0]
+        v[self.dofs] = speed
         a0 = self._acceleration(model, q, v, control[0])
         q[self.at] += begin * speed + (0.5 * begin**2 - h**2 / 8) * a0[self.dofs]
         v += (begin - 0.5 * h) * a0
@@ -208,11 +214,12 @@ class CommandedRobot:
         data = mujoco.MjData(model)
         data.qpos[:], data.qvel[:], data.ctrl[:] = q, v, control
         mujoco.mj_forward(model, data)
-        return np.asarray(data.qacc)
+        return data.qacc
 
     def _with(self, numbers: Mapping[str, Array], h: float) -> Any:
         """Return the model with other numbers of its joints, at a step of h seconds."""
-        model, dofs = copy(self.model), self.dofs
+        model = copy(self.model)
+        dofs = self.dofs
         model.opt.timestep = h
         stiff = [2 * h, 1.0]
         model.dof_solref[:], model.dof_solimp[:, :2] = stiff, HARD
@@ -251,8 +258,7 @@ def starting_speeds(log: Log) -> Array:
     dt = signals.sampling_step(log.t)
     # The speed of a start is seen in .05 s.
     rows = min(2 * max(2, round(0.5 * 0.05 / dt)) + 1, (len(log) - 1) // 2 * 2 + 1)
-    slopes: Array = scipy.signal.savgol_filter(log.q, rows, 2, 1, dt, axis=0)
-    return slopes
+    return scipy.signal.savgol_filter(log.q, rows, 2, 1, dt, axis=0)
 
 
 def drive(robot: Robot, parameters: Mapping[str, float], log: Log, window: float) -> Array:
@@ -265,10 +271,8 @@ def drive(robot: Robot, parameters: Mapping[str, float], log: Log, window: float
     rows = min(max(2, round(window / step)), len(log))
     starts = np.append(np.arange(0, len(log) - rows, rows), len(log) - rows)
     at = starts[:, None] + np.arange(rows - 1)
-    tau, first = (
-        0.5 * (log.tau[at] + log.tau[at + 1]),
-        (log.q[starts], starting_speeds(log)[starts]),
-    )
+    tau = 0.5 * (log.tau[at] + log.tau[at + 1])
+    first = (log.q[starts], starting_speeds(log)[starts])
     out = np.full(log.q.shape, np.nan)
     out[starts], out[at + 1] = log.q[starts], ForwardRobot(robot, parameters).run(*first, tau, step)
     return out
@@ -292,7 +296,8 @@ def _sample(path: Array, at: Array) -> Array:
     """
     k = np.clip(np.rint(at).astype(int), 1, len(path) - 2)
     part = (at - k)[:, None]
-    before, here, after = path[k - 1], path[k], path[k + 1]
+    before = path[k - 1]
+    here = path[k]
+    after = path[k + 1]
     bent = after - 2 * here + before
-    out: Array = here + 0.5 * part * (after - before) + (0.5 * part**2 + 0.125) * bent
-    return out
+    return here + 0.5 * part * (after - before) + (0.5 * part**2 + 0.125) * bent

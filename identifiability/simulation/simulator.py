@@ -124,8 +124,7 @@ def ar1(shape: tuple[int, ...], correlation: float, rng: np.random.Generator) ->
     """Return stationary AR(1) noise of unit variance along the first axis."""
     white = rng.standard_normal(shape)
     white[1:] *= np.sqrt(1 - correlation**2)
-    noise: Array = scipy.signal.lfilter([1.0], [1.0, -correlation], white, axis=0)
-    return noise
+    return scipy.signal.lfilter([1.0], [1.0, -correlation], white, axis=0)
 
 
 MOTION = "a PrescribedMotion or a Trajectory, such as shipped_trajectory gives"
@@ -198,7 +197,8 @@ def _record(
 ) -> Log:
     """Return the log of a motion, which gets noise, and a torque (N, n)."""
     q = noise.on_encoder(noise.on_motion(move.q, rng))
-    dq, ddq = noise.on_motion(move.dq, rng), noise.on_motion(move.ddq, rng)
+    dq = noise.on_motion(move.dq, rng)
+    ddq = noise.on_motion(move.ddq, rng)
     log = Log(
         name=move.name,
         joints=robot.joints,
@@ -246,7 +246,8 @@ class Campaign:
     ) -> Campaign:
         """Compute the torque along some motions once."""
         moves = [m if isinstance(m, PrescribedMotion) else PrescribedMotion.of(m) for m in motions]
-        start, times = 0.0, []
+        start = 0.0
+        times = []
         for m in moves:
             times.append(m.t - m.t[0] + start)
             start = times[-1][-1] + PAUSE

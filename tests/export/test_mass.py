@@ -5,7 +5,7 @@ import pytest
 from identifiability import Robot, analyze
 from identifiability.physical.cad_prior import state_mass, total_mass
 from identifiability.regression.reduction import LadderEntry, ModelEntry
-from identifiability.report import build_analysis_page
+from identifiability.report import build_page
 
 FULL = LadderEntry(models=[ModelEntry(name="full")])
 
@@ -37,7 +37,7 @@ def test_without_the_prior_a_heavy_robot_is_told_of_and_the_remedy_works(log, co
     assert first.startswith(f"The nearest real robot weighs {mass:.4g} kg, that of the robot file ")
     assert first.endswith("--set cad_prior=1 keeps it nearer to the file's proportions.")
     assert result.statement.startswith(first.partition(":")[0])
-    page = build_analysis_page(result)
+    page = build_page(result)
     answer, trust = page.summary[0].answers[0], page.summary[0].answers[2]
     total, _, why = first.partition(": ")
     assert answer.short.startswith(f"{total}. ")

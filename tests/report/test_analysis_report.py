@@ -5,7 +5,7 @@ import re
 import pytest
 
 from identifiability.foundation.rounding import error_text
-from identifiability.report import write_analysis_report
+from identifiability.report import write_result
 
 pytestmark = pytest.mark.pictures
 
@@ -18,7 +18,7 @@ SECTIONS = (
 @pytest.fixture(scope="module")
 def html(paper_analysis, tmp_path_factory) -> str:
     path = tmp_path_factory.mktemp("report") / "report.html"
-    assert write_analysis_report(paper_analysis, path) == path
+    assert write_result(paper_analysis, path) == path
     return path.read_text(encoding="utf-8")
 
 
@@ -37,7 +37,7 @@ def test_all_sections_are_there_and_linked(html):
 
 
 def test_the_report_is_small_and_the_same_each_time(html, paper_analysis, tmp_path):
-    path = write_analysis_report(paper_analysis, tmp_path / "again.html")
+    path = write_result(paper_analysis, tmp_path / "again.html")
     assert path.read_text(encoding="utf-8") == html
     assert len(html.encode()) < 1_000_000
 

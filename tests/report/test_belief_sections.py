@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from identifiability.report import build_analysis_page, render_page
+from identifiability.report import build_page, render_page
 from identifiability.report.analysis import section_posterior
 from identifiability.report.results import Page
 
@@ -21,7 +21,7 @@ def doubt(analysis):
 
 def test_the_section_is_there_only_with_a_posterior(believed_analysis):
     for one in (believed_analysis, replace(believed_analysis, belief=None)):
-        names = [s.name for s in build_analysis_page(one).sections]
+        names = [s.name for s in build_page(one).sections]
         assert ("posterior" in names) == (one.belief is not None)
 
 

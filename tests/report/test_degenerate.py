@@ -2,11 +2,11 @@
 
 import pytest
 
-from identifiability.report import build_analysis_page, render_page
+from identifiability.report import build_page, render_page
 
 
 def render(analysis) -> str:
-    return render_page(build_analysis_page(analysis))
+    return render_page(build_page(analysis))
 
 
 def test_hostile_joint_names_are_harmless(chain_analysis, hostile_names):

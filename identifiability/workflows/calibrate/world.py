@@ -13,7 +13,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.signal import lfilter
+import scipy
 
 from identifiability.estimation.estimate import Method, estimate_noise, find_estimator, fit_whole
 from identifiability.estimation.fit import body_scatter
@@ -553,7 +553,7 @@ def simulate_noise(noise: ARNoise, runs: Runs, rng: np.random.Generator) -> Arra
         for start, stop in runs:
             count = FORGOTTEN + stop - start
             e = own.sigma * rng.standard_normal(count)
-            series = lfilter(
+            series = scipy.signal.lfilter(
                 [1.0],
                 a,
                 e,

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg import orth
-from scipy.stats import rankdata
 
 from identifiability.effects.functions import has_session
 from identifiability.estimation.differences import Known
@@ -427,7 +426,8 @@ def find_discrepancies(
 
 def explained_share(x: Array, r: Array) -> float:
     """Return the share of the variance of r that its means over bins of x explain, adjusted."""
-    _, bins = np.unique((rankdata(x, "min") - 1) * BINS // len(x), return_inverse=True)
+    below = np.searchsorted(np.sort(x), x)
+    _, bins = np.unique(below * BINS // len(x), return_inverse=True)
     own, k = r - r.mean(), int(bins.max()) + 1
     left = own - (np.bincount(bins, own) / np.bincount(bins))[bins]
     if not own.any() or len(r) <= k or k < 2:
