@@ -8,6 +8,7 @@ import pytest
 from identifiability.regression.information import Information
 from identifiability.simulation.simulator import ar1
 from identifiability.workflows.prune import prune
+from identifiability.workflows.prune.elimination import good_steps
 
 
 def gather(W, tau, blocks: int = 256, log=None) -> Information:
@@ -34,7 +35,7 @@ def plant(rng, rho: float = 0.0, precision: float = 10.0, samples: int = 1000):
 
 
 def chosen_set(search) -> set[str]:
-    partition = search.steps[search.choose()].partition
+    partition = search.steps[good_steps(search.steps)[0]].partition
     return {partition.columns[g] for g in partition.leaders}
 
 

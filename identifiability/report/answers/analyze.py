@@ -33,13 +33,14 @@ from identifiability.foundation.rounding import (
     percent_text,
     stated_text,
 )
-from identifiability.foundation.rules import Tolerance
 from identifiability.report.answers import commands
 from identifiability.report.answers.common import (
+    NAMED,
     SIGMA,
     UNIT,
     VALUE,
     VERDICT,
+    VISIBLE,
     after_mass,
     answer,
     answer_next,
@@ -54,15 +55,12 @@ from identifiability.report.answers.common import (
     state_uneven,
     with_hints,
 )
-from identifiability.workflows.analyze.result import NAMED, compare_logs, stated_values
+from identifiability.workflows.analyze.result import compare_logs, stated_values
 from identifiability.workflows.case import COMPLETED
 from identifiability.workflows.provenance import given_paths
 
 if TYPE_CHECKING:
     from identifiability.workflows.analyze.result import Analysis, Laddered, ModelResult
-
-#: From which share on a robot file's error is another than that of the values to use.
-DIFFERS: Tolerance = 0.05
 
 
 class LadderedPresenter(Presenter, ABC):
@@ -80,7 +78,7 @@ class LadderedPresenter(Presenter, ABC):
         use = after_mass(self.answer_use(), result.mass_warning)
         use = replace(use, short=f"{result.weight} {use.short}".lstrip())
         asked = use, answer_error(result), answer_doubt(result)
-        return (*reserve(asked, result.warnings), answer_next(result.commands_next))
+        return (*reserve(asked, result.warnings), answer_next(list_commands(result)))
 
     def warnings(self) -> tuple[str, ...]:
         """Return the findings on the logs, on one joint, and on contradicted bodies."""
@@ -129,10 +127,6 @@ class LadderedPresenter(Presenter, ABC):
     def weight(self) -> str:
         """Return the weight of a floating robot by its logs; nothing for other robots."""
         return state_weight(self.result)
-
-    def commands_next(self) -> list[tuple[str, str]]:
-        """Return at most three lines for the terminal, the most useful first."""
-        return list_commands(self.result)
 
     def to_frame(self, model: str | None = None) -> pd.DataFrame:
         """Return one row a parameter of the model to use, or of the named one."""
@@ -239,7 +233,7 @@ def _state_file_error(result: Laddered[Any]) -> str:
     held = values_in_file(robot, given, kind)
     titles = by_effect(robot, (n for n in given if given[n] != held[n]), real["shapes"])
     text = sentence("decision.left", "file", kind=kind.upper(), error=percent(alone[kind]))
-    if titles and alone[kind] > (1 + DIFFERS) * error:
+    if titles and alone[kind] > (1 + VISIBLE) * error:
         names = [f"{title} ({listing(own, NAMED)})" for title, own in titles.items()]
         text += sentence("decision.left", "lacks", names=listing(names, NAMED))
     return f"{text}."
@@ -269,7 +263,7 @@ def _state_impossible(result: Laddered[Any]) -> Iterator[str]:
     """Yield the error of the nearest physically consistent robot if it misses these logs."""
     used, real = result.chosen, result.chosen.physical
     free, near = used.fitted.relative_error()[:2].tolist()
-    if result.nothing or used.physical_used or real is None or near <= (1 + DIFFERS) * free:
+    if result.nothing or used.physical_used or real is None or near <= (1 + VISIBLE) * free:
         return
     joint = result.robot.joints[int(np.argmax(used.fitted.joint_error()[:, 1]))]
     held = join(real.nearest.active if real.nearest else ()) or "nothing"

@@ -176,34 +176,42 @@ def analyze(
     IdentifiabilityError
         With one sentence on what to do.
     """
-    say = progress or quiet
-    draws = resolve_count(replicates, DEFAULTS.refits, DEFAULTS.refits_quick, quick=quick)
+    usual = DEFAULTS.refits, DEFAULTS.refits_quick
+    draws = resolve_count(replicates, *usual, quick=quick)
     rngs = np.random.default_rng(seed).spawn(3)
-    method_name = find_estimator(method).name
+    how: dict[str, Any] = {"method": method, "estimator": estimator}
     with one_thread("blas"):
         case = take_case(robot, logs, validate, preparation)
         with running(engine) as runner:  # workers are gone when their memory is wanted elsewhere
-            run = Run(say, runner, seed)
+            run = Run(progress or quiet, runner, seed)
             source = case.ladder(ladder, beside=True)
-            commanded = case.recordings(run).commanded
-            share_, cad_prior = resolve_prior(prior, cad_prior, commanded)
+            more = {"replicates": draws, "posterior": posterior}
+            settings = choose_settings(case, run, prior, cad_prior, **how, **more)
             # A model that was given is taken as it is.
             complete = ladder is None and case.model is None
-            rows, submodels = prepare_ladder(case, source, run, method, estimator, complete)
-            settings = {
-                "method": method_name,
-                "seed": seed,
-                "estimator": estimator,
-                "replicates": draws,
-                "posterior": posterior,
-                "cad_prior": cad_prior,
-                "prior": share_,
-                "preparation": case.preparation or Preparation(),
-            }
-            fitted = case.stages.once(compute_ladder, rows, submodels, cad_prior, run=run)
+            rows, submodels = prepare_ladder(case, source, run, **how, complete=complete)
+            weight = settings["cad_prior"]
+            fitted = case.stages.once(compute_ladder, rows, submodels, weight, run=run)
             found = conclude_analysis(fitted, rngs[1], settings, rows.missing)
-        found = tell_with_file(replace(found, source=source), share_)
-        return believe(found, rngs[2], say, share_) if posterior else found
+        found = tell_with_file(replace(found, source=source), settings["prior"])
+        return believe(found, rngs[2], run.say) if posterior else found
+
+
+def choose_settings(
+    case: Case, run: Run, prior: float | None, cad_prior: float | None, **options: Any
+) -> dict[str, Any]:
+    """Return the options that decide the numbers of a ladder, as its result keeps them.
+
+    Parameters
+    ----------
+    case, run
+    prior, cad_prior, options
+        As of `analyze` or `prune`.
+    """
+    method = find_estimator(options["method"]).name
+    share, weight = resolve_prior(prior, cad_prior, case.recordings(run).commanded)
+    chosen = {"method": method, "seed": run.seed, "cad_prior": weight, "prior": share}
+    return options | chosen | {"preparation": case.preparation or Preparation()}
 
 
 def prepare_ladder(
@@ -211,38 +219,39 @@ def prepare_ladder(
     source: LadderSource,
     run: Run,
     method: Method,
-    kind: Kind,
+    estimator: Kind,
     complete: bool,
 ) -> tuple[WeightedRows, tuple[Submodel, ...]]:
     """Return the weighted rows of a case under the unpruned model of a ladder, and its models.
 
     Parameters
     ----------
-    case, source, run, method, kind
+    case, source, run, method, estimator
     complete : bool
         Whether the model gets the errors of measurement that it surely lacks.
     """
     given = case.structure(case.known_robot(run), ladder_model(source.entry))
     data = case.data(given, run, "analyzed")
     entry = case.stages.once(comparable_entry, source, data.recordings.commanded)
-    rows = case.weigh(data, method, kind, run, complete=complete)
+    rows = case.weigh(data, method, estimator, run, complete=complete)
     try:
         return rows, case.stages.once(build_comparison, entry, rows.data.structure)
     except ModelError:  # its models are of parameters of the model as it was given
         literal = case.data(given, run, "analyzed", apply=False)
-        rows = case.weigh(literal, method, kind, run)
+        rows = case.weigh(literal, method, estimator, run)
         return rows, case.stages.once(build_comparison, entry, rows.data.structure)
 
 
-def believe(found: Analysis, rng: np.random.Generator, say: Progress, within: float) -> Analysis:
-    """Return the analysis with the posteriors of the selected model, bodies within a share."""
+def believe(found: Analysis, rng: np.random.Generator, say: Progress) -> Analysis:
+    """Return the analysis with the posteriors of the selected model."""
     if found.nothing:
         return replace(found, belief=Belief(None, {}, found.nothing))
     chosen, information = found.chosen, found.information
     part = chosen.submodel.reduce(information)
     model = FittedModel(found.structure, chosen.submodel, information, part, chosen.estimate)
     sampling = share(say, "sampling the posterior", 0.9, 0.99)
-    belief, models = form_belief(model, rng, share=within, progress=sampling), list(found.models)
+    within, models = found.settings["prior"], list(found.models)
+    belief = form_belief(model, rng, share=within, progress=sampling)
     models[found.selected] = replace(chosen, verdicts=refine_verdicts(chosen.verdicts, belief))
     return replace(found, models=tuple(models), belief=belief)
 
