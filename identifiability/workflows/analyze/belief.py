@@ -198,7 +198,10 @@ def form_belief(
     """
     try:
         prior = state_prior(model.structure, model.data, share)
-        return _sample_physical(model, prior, rng, effort, progress)
+        own = LeastSquares.likelihood(model.information, model.estimate).through(model.to_x)
+        data = own.beside(*model.left_out)
+        target = Target(data, prior, model.region, fixed=model.fixed)
+        return _sample_physical(model, target, rng, effort, progress)
     except (ValueError, IdentifiabilityError) as error:
         return Belief(None, {}, str(error))
 
@@ -270,7 +273,7 @@ def start_inside(target: Target, nominal: Array) -> Array:
 
 def _sample_physical(
     model: FittedModel,
-    prior: Prior,
+    target: Target,
     rng: np.random.Generator,
     effort: Mapping[str, int],
     progress: Progress | None,
@@ -280,10 +283,8 @@ def _sample_physical(
     What the model leaves out, holds or ties is so in every draw; what bodies cannot do without
     counts as error in full, as in the nearest real robot.
     """
-    structure, fixed, to_x = model.structure, model.fixed, model.to_x
-    own = LeastSquares.likelihood(model.information, model.estimate).through(to_x)
-    target = Target(own.beside(*model.left_out), prior, model.region, fixed=fixed)
-    moving = ~(fixed or Fixed.none(target.size)).parameters  # others are not asked
+    structure, to_x, prior = model.structure, model.to_x, target.prior
+    moving = ~(model.fixed or Fixed.none(target.size)).parameters  # others are not asked
     names = list(compress(structure.columns, moving))
 
     def judge(posterior: Posterior) -> Convergence:

@@ -70,10 +70,15 @@ def decide_model(
     )
     beside = structure.nominal_base - submodel.fixed
     stated = np.linalg.lstsq(submodel.M, beside, rcond=None)[0]
-    signed = submodel.nonnegative & estimate.determined
-    forbidden = signed & (clip_signs(model.information, estimate, signed) < 0)
+    forbidden = _find_forbidden(model)
     told = submodel.labels, submodel.units, torque, _aliases(estimate), forbidden, stated
     return fit, judge(fit, *told), tuple(compress(submodel.columns, forbidden))
+
+
+def _find_forbidden(model: FittedModel) -> np.ndarray:
+    """Return which parameters surely have a sign that physics forbids, (k,) bool."""
+    signed = model.submodel.nonnegative & model.estimate.determined
+    return np.asarray(signed & (clip_signs(model.information, model.estimate, signed) < 0))
 
 
 def assess_ladder(
@@ -128,7 +133,7 @@ def tell_with_file(found: Answered, share: float) -> Answered:
     share : float
         0 for none.
     """
-    structure, rules = found.structure, Thresholds()
+    structure = found.structure
     stated = structure.robot.prior or structure.robot.said.prior_share
     if found.nothing or not (share or stated):
         return found
@@ -140,16 +145,21 @@ def tell_with_file(found: Answered, share: float) -> Answered:
             both = combine_with_file(structure, data.R, data.z, to_x @ structure.G, share)
         except ValueError:  # bodies that no prior can be around are said elsewhere
             return found
-        verdicts, hint = list(model.verdicts), both.hint
-        means = both.mean - to_x @ model.submodel.fixed
-        for k, (v, mean, sd) in enumerate(zip(verdicts, means, both.sd, strict=True)):
-            if v.open and sd**2 < rules.constraint_variance * v.sigma_robust**2:
-                low, high = float(mean - REACH * sd), float(mean + REACH * sd)
-                text = phrase("narrowed", "file", words=both.words, low=low, high=high)
-                verdicts[k] = narrow(v, Flag.BY_PRIOR, text, (low, high))
-        models.append(replace(model, verdicts=tuple(verdicts)))
+        hint, means = both.hint, both.mean - to_x @ model.submodel.fixed
+        each = zip(model.verdicts, means.tolist(), both.sd.tolist(), strict=True)
+        verdicts = tuple(_narrow_by_file(v, mean, sd, both.words) for v, mean, sd in each)
+        models.append(replace(model, verdicts=verdicts))
     hints = tuple(filter(None, (*found.hints, hint)))
     return replace(found, models=tuple(models), hints=hints)
+
+
+def _narrow_by_file(v: Verdict, mean: float, sd: float, words: str) -> Verdict:
+    """Return a verdict with what the file's bodies add where logs leave much open."""
+    if not (v.open and sd**2 < Thresholds().constraint_variance * v.sigma_robust**2):
+        return v
+    low, high = mean - REACH * sd, mean + REACH * sd
+    text = phrase("narrowed", "file", words=words, low=low, high=high)
+    return narrow(v, Flag.BY_PRIOR, text, (low, high))
 
 
 def _aliases(fit: Estimate) -> tuple[str, ...]:

@@ -390,14 +390,6 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         return "" if self.nothing else state_mass(self.robot, real["parameters"], real["cad_prior"])
 
     @property
-    def weight(self) -> str:
-        """What a robot that floats weighs by its logs, beside its file; nothing of others.
-
-        The mass of all its bodies is one of its base parameters: gravity acts on the whole of it.
-        """
-        return str(self._present("weight"))
-
-    @property
     def left_out(self) -> dict[str, float]:
         """Share of unseen rows without weight, and ε_RA over all rows and of raw torque."""
         p, every = self.held_out, self.everywhere or self.held_out

@@ -176,25 +176,29 @@ def analyze(
     IdentifiabilityError
         With one sentence on what to do.
     """
-    usual = DEFAULTS.refits, DEFAULTS.refits_quick
-    draws = resolve_count(replicates, *usual, quick=quick)
-    rngs = np.random.default_rng(seed).spawn(3)
-    how: dict[str, Any] = {"method": method, "estimator": estimator}
+    draws = resolve_count(replicates, DEFAULTS.refits, DEFAULTS.refits_quick, quick=quick)
+    options = {"method": method, "estimator": estimator, "replicates": draws}
     with one_thread("blas"):
         case = take_case(robot, logs, validate, preparation)
         with running(engine) as runner:  # workers are gone when their memory is wanted elsewhere
             run = Run(progress or quiet, runner, seed)
-            source = case.ladder(ladder, beside=True)
-            more = {"replicates": draws, "posterior": posterior}
-            settings = choose_settings(case, run, prior, cad_prior, **how, **more)
-            # A model that was given is taken as it is.
-            complete = ladder is None and case.model is None
-            rows, submodels = prepare_ladder(case, source, run, **how, complete=complete)
-            weight = settings["cad_prior"]
-            fitted = case.stages.once(compute_ladder, rows, submodels, weight, run=run)
-            found = conclude_analysis(fitted, rngs[1], settings, rows.missing)
-        found = tell_with_file(replace(found, source=source), settings["prior"])
-        return believe(found, rngs[2], run.say) if posterior else found
+            settings = choose_settings(case, run, prior, cad_prior, posterior=posterior, **options)
+            found = _fit_case(case, run, ladder, method, settings)
+        found = tell_with_file(found, settings["prior"])
+        return believe(found, run.say) if posterior else found
+
+
+def _fit_case(
+    case: Case, run: Run, ladder: LadderLike | None, method: Method, settings: Mapping[str, Any]
+) -> Analysis:
+    """Return the models of a ladder, judged, and which one to use."""
+    source = case.ladder(ladder, beside=True)
+    # A model that was given is taken as it is.
+    complete, kind = ladder is None and case.model is None, settings["estimator"]
+    rows, submodels = prepare_ladder(case, source, run, method, kind, complete)
+    fitted = case.stages.once(compute_ladder, rows, submodels, settings["cad_prior"], run=run)
+    rng = np.random.default_rng(settings["seed"]).spawn(2)[1]
+    return replace(conclude_analysis(fitted, rng, settings, rows.missing), source=source)
 
 
 def choose_settings(
@@ -219,30 +223,30 @@ def prepare_ladder(
     source: LadderSource,
     run: Run,
     method: Method,
-    estimator: Kind,
+    kind: Kind,
     complete: bool,
 ) -> tuple[WeightedRows, tuple[Submodel, ...]]:
     """Return the weighted rows of a case under the unpruned model of a ladder, and its models.
 
     Parameters
     ----------
-    case, source, run, method, estimator
+    case, source, run, method, kind
     complete : bool
         Whether the model gets the errors of measurement that it surely lacks.
     """
     given = case.structure(case.known_robot(run), ladder_model(source.entry))
     data = case.data(given, run, "analyzed")
     entry = case.stages.once(comparable_entry, source, data.recordings.commanded)
-    rows = case.weigh(data, method, estimator, run, complete=complete)
+    rows = case.weigh(data, method, kind, run, complete=complete)
     try:
         return rows, case.stages.once(build_comparison, entry, rows.data.structure)
     except ModelError:  # its models are of parameters of the model as it was given
         literal = case.data(given, run, "analyzed", apply=False)
-        rows = case.weigh(literal, method, estimator, run)
+        rows = case.weigh(literal, method, kind, run)
         return rows, case.stages.once(build_comparison, entry, rows.data.structure)
 
 
-def believe(found: Analysis, rng: np.random.Generator, say: Progress) -> Analysis:
+def believe(found: Analysis, say: Progress) -> Analysis:
     """Return the analysis with the posteriors of the selected model."""
     if found.nothing:
         return replace(found, belief=Belief(None, {}, found.nothing))
@@ -251,6 +255,7 @@ def believe(found: Analysis, rng: np.random.Generator, say: Progress) -> Analysi
     model = FittedModel(found.structure, chosen.submodel, information, part, chosen.estimate)
     sampling = share(say, "sampling the posterior", 0.9, 0.99)
     within, models = found.settings["prior"], list(found.models)
+    rng = np.random.default_rng(found.settings["seed"]).spawn(3)[2]
     belief = form_belief(model, rng, share=within, progress=sampling)
     models[found.selected] = replace(chosen, verdicts=refine_verdicts(chosen.verdicts, belief))
     return replace(found, models=tuple(models), belief=belief)

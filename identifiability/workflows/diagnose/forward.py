@@ -116,7 +116,6 @@ def compare_forward(
     after: Physical,
     unseen: Sequence[Dataset],
     rng: np.random.Generator,
-    stretches: int = DRAWN_STRETCHES,
 ) -> ForwardGap:
     """Simulate stretches of unseen motion with two models of a robot.
 
@@ -127,8 +126,6 @@ def compare_forward(
         Logs that neither was fitted to.
     rng : numpy.random.Generator
         For the interval.
-    stretches : int
-        At most; evenly spaced over the logs.
 
     Returns
     -------
@@ -137,7 +134,7 @@ def compare_forward(
     """
     dt = signals.sampling_step(unseen[0].motion.t)
     steps = max(2, round(HORIZON / dt))
-    at = _stretches(unseen, dt, steps, stretches)
+    at = _stretches(unseen, dt, steps, DRAWN_STRETCHES)
     if not at:
         return ForwardGap.none(
             f"no stretch of {HORIZON:g} s without gaps is left in the unseen motion"

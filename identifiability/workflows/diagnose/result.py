@@ -457,25 +457,29 @@ class Diagnosis(Result, Predicts):
             "model": list(self.structure.model.texts),
             **pick(self, "fixed", "statement", "hints", "seed", "physical"),
             "before": pick(self, error_ra="error_before", error_ra_validation="held_before"),
-            "effects": [_effect_row(e) for e in self.effects],
-            "refuted": [pick(x, "name", "place", "unseen", odds="before") for x in self.refuted],
-            "changes": [_change_row(c) for c in self.changes],
+            **self._missing(),
             "after": pick(self, error_ra="error_after", error_ra_validation="held_after"),
             "errors": {"joints": self.error_frame().to_dict("records")},
             "change": {"interval95": list(self.interval), "measured": f"on {self.verified_on}"},
             "roles": self._roles(),
             "forward": None if forward is None else _forward_row(forward),
             "fit": self.fit.to_dict(),
-            "unexplained": {
-                "statement": self.unexplained,
-                "rms": {x.joint: x.rms for x in self.discrepancies},
-            },
-            "not_applicable": [vars(r) for r in self.refusals],
-            "evidence": [_odds_row(x) for x in self.evidence],
             "preparation": {s.path or s.name: list(s.notes) for s in logs},
             "provenance": dict(self.provenance),
         }
         return found if self.moved is None else found | {"rollout": self.moved.to_rollout()}
+
+    def _missing(self) -> dict[str, Any]:
+        """Return what is missing, what is not, and what stays unexplained, for JSON."""
+        rms = {x.joint: x.rms for x in self.discrepancies}
+        return {
+            "effects": [_effect_row(e) for e in self.effects],
+            "refuted": [pick(x, "name", "place", "unseen", odds="before") for x in self.refuted],
+            "changes": [_change_row(c) for c in self.changes],
+            "unexplained": {"statement": self.unexplained, "rms": rms},
+            "not_applicable": [vars(r) for r in self.refusals],
+            "evidence": [_odds_row(x) for x in self.evidence],
+        }
 
     def _roles(self) -> dict[str, Any]:
         """Return what chose, what verified, and what was left out, for JSON."""

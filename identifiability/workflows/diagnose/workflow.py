@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from identifiability.effects import Placed, default_effects, find_families, title_of
+from identifiability.effects import Part, Placed, default_effects, find_families, title_of
 from identifiability.effects.measurement import CommandDelay
 from identifiability.estimation.estimate import Outliers
 from identifiability.estimation.groups import NO_MISSING_EFFECTS, place_of
@@ -784,6 +784,17 @@ def _place(naming: Naming, k: int) -> Placement:
     )
 
 
+def _unfiltered(naming: Naming, part: Part) -> Array:
+    """Return the columns of a part as they are, (N, n, m).
+
+    The low-pass leaves what depends on where the motion came from.
+    """
+    robot, rows, effect = naming.problem.robot, naming.fitted, Placed([part])
+    columns = np.zeros((*rows.measured.shape, len(effect.parameters(robot))))
+    effect.fill(robot, complete_motion(robot, rows.seen.t, *rows.states), columns)
+    return columns
+
+
 def _curve(naming: Naming, left: Array, k: int, placed: Placement) -> Curve:
     """Return what a part was learned to be, along the fitted motion."""
     c, rows = naming.parts[k].candidate, naming.fitted
@@ -794,11 +805,7 @@ def _curve(naming: Naming, left: Array, k: int, placed: Placement) -> Curve:
     law, of = columns[j], c.effect.drawn_over(robot, j)
     added = law @ placed.values
     if c.family.against in ("velocity", "position") and not (c.family.remembers or robot.closed):
-        # As it is, not as the low-pass leaves it, which depends on where the motion came from.
-        every = np.zeros((*rows.measured.shape, law.shape[1]))
-        motion = complete_motion(robot, rows.seen.t, *rows.states)
-        Placed([c.part]).fill(robot, motion, every)
-        law = every[:, j]
+        law = _unfiltered(naming, c.part)[:, j]
     return Curve(
         title=c.family.title,
         joint=j,

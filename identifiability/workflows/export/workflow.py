@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from difflib import unified_diff
 from functools import partial
@@ -173,9 +173,32 @@ def write_parameters(
             template = _convert(robot, Path(folder) / f"{path.stem}{ending}")
             return write_parameters(template, whole, path, keep=False, **more)
     robot, values = merge_springs(robot, convert_asymmetry(robot, whole))
+    tables = {"shapes": shapes, "reference": reference}
+    return _write_native(robot, values, path, tables, comment)
+
+
+def _write_native(
+    robot: Robot,
+    values: dict[str, float],
+    path: Path,
+    tables: dict[str, Mapping[str, float]],
+    comment: str,
+) -> Written:
+    """Write a robot file in the format of the robot's own, and its sidecar.
+
+    Parameters
+    ----------
+    robot : Robot
+    values : mapping
+        All standard parameters.
+    path : Path
+    tables : mapping
+        Of the sidecar, without the values that the file does not have.
+    comment : str
+    """
     nominal = _values_beside(robot, values)
     rest = {} if robot.mjcf else _rests(robot, values)
-    tables = {"nominal": nominal, "shapes": shapes, "reference": reference, "rest": rest}
+    tables = {"nominal": nominal, **tables, "rest": rest}
     bodies = {b: np.array([values[f"{b}.{kind}"] for kind in INERTIAL_KINDS]) for b in robot.bodies}
     stated = stated_numbers(robot, values)
     sidecar = write_robot(robot, path, bodies, stated, tables, comment)
@@ -316,19 +339,7 @@ def export(
     given |= _as_stated(robot, given)
     if wanted == "isaaclab":
         return _describe(robot, content, given, Written(write_isaaclab(robot, given, content, out)))
-    loaded = any(x and n in known and FAMILIES[known[n].group].loaded for n, x in given.items())
-    # What torque told hangs on no servo of the file, which stay as they are.
-    moved = robot if content.rollout else replace(robot, servo=None)
-    write = partial(
-        write_parameters,
-        moved,
-        given,
-        keep=False,
-        shapes=content.physical.shapes,
-        reference=reference_values(robot) if loaded else {},
-        comment=state_servos(robot, content),
-    )
-    unseen = None
+    write, unseen = _prepare_writing(robot, content, given), None
     if list_logs(validate):
         with temporary_folder() as folder:
             unseen = judge_files(own, write(Path(folder) / out.name), validate, content)
@@ -337,6 +348,20 @@ def export(
             raise IdentifiabilityError(errors)
     found = _describe(robot, content, given, write(out), wanted, unseen)
     return found if found.sidecar is None else _add_snippet(own, found)
+
+
+def _prepare_writing(
+    robot: Robot, content: ResultEntry, given: Mapping[str, float]
+) -> Callable[[Path], Written]:
+    """Return the function that writes a robot file with the values of a result."""
+    shapes = content.physical.shapes
+    groups = {p.name: p.group for p in every_parameter(robot, shapes).values()}
+    loaded = any(x and n in groups and FAMILIES[groups[n]].loaded for n, x in given.items())
+    # What torque told hangs on no servo of the file, which stay as they are.
+    moved = robot if content.rollout else replace(robot, servo=None)
+    reference, comment = reference_values(robot) if loaded else {}, state_servos(robot, content)
+    how: Any = {"shapes": shapes, "reference": reference, "comment": comment}
+    return partial(write_parameters, moved, given, keep=False, **how)
 
 
 def _describe(

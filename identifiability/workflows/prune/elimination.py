@@ -29,7 +29,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
-from identifiability.workflows.prune.moves import ZERO, Kind, Move, Partition
+from identifiability.workflows.prune.moves import Kind, Move, Partition
 
 # What nested models of one regression predict of folds, from `Information` alone.
 #
@@ -274,8 +274,6 @@ def whiten_regression(
         If the logs are too short for folds.
     """
     kept, columns = list(full.kept), information.columns
-    every = np.arange(len(columns))
-    start = Partition(columns, np.where(np.isin(every, kept), every, ZERO))
     if len(kept) < len(columns):
         information = information.select(kept)
         full = full.estimator.fit(information)
@@ -288,7 +286,7 @@ def whiten_regression(
     residual = information.reduce(turned, information.columns, turned @ R[:k, k])
     tests = residual.summed(folds.tested)
     return WhitenedRegression(
-        start=start,
+        start=Partition.of(columns, {*range(len(columns))} - {*kept}),
         inverse=np.eye(len(columns))[:, kept] @ turned,
         unit=max(full.unit, least_noise(information)),
         tests=tests,
@@ -455,13 +453,8 @@ Made = tuple[Move | None, Partition]
 
 def walk(fit: WhitenedRegression, plan: Plan) -> tuple[list[Step], list[Refusal]]:
     """Return the models from a fit of all columns down, and what was refused on the way."""
-    left = Remaining.of(fit)
-    made: list[Made] = [(None, left.partition)]
+    left, made = _force(Remaining.of(fit), plan.forced)
     refused = []
-    for move in plan.forced:
-        if left.partition.alive(move.zero):
-            left = left.after(move)[0]
-            made.append((move, left.partition))
     for kind in (Kind.OFFSET, Kind.MERGE, Kind.ZERO, Kind.TIE):
         asked = [move for move in plan.suggested if move.kind is kind]
         while asked := [m for m in asked if len(left.partition.apply(m)) < len(left.partition)]:
@@ -479,6 +472,16 @@ def walk(fit: WhitenedRegression, plan: Plan) -> tuple[list[Step], list[Refusal]
         left = left.after(cheapest)[0]
         made.append((cheapest, left.partition))
     return fit.along(made), refused
+
+
+def _force(left: Remaining, forced: Sequence[Move]) -> tuple[Remaining, list[Made]]:
+    """Return what remains after forced moves, and the models on the way."""
+    made: list[Made] = [(None, left.partition)]
+    for move in forced:
+        if left.partition.alive(move.zero):
+            left = left.after(move)[0]
+            made.append((move, left.partition))
+    return left, made
 
 
 def _ask_folds(fit: WhitenedRegression, made: Sequence[Made], step: Made) -> Gain:

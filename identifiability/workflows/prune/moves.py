@@ -97,9 +97,11 @@ class Partition:
     group: np.ndarray
 
     @staticmethod
-    def of(columns: Sequence[str]) -> Partition:
-        """Return the partition in which every column is free."""
-        return Partition(tuple(columns), np.arange(len(columns)))
+    def of(columns: Sequence[str], zero: Iterable[int] = ()) -> Partition:
+        """Return the partition in which every column is free, but for some that are zero."""
+        group = np.arange(len(columns))
+        group[[*zero]] = ZERO
+        return Partition(tuple(columns), group)
 
     @property
     def leaders(self) -> list[int]:

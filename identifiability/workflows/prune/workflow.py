@@ -136,19 +136,18 @@ def prune(
     IdentifiabilityError
         With one sentence on what to do.
     """
-    usual = DEFAULTS.resampled, DEFAULTS.resampled_quick
-    draws = resolve_count(replicates, *usual, quick=quick)
-    how: dict[str, Any] = {"method": method, "estimator": estimator}
+    draws = resolve_count(replicates, DEFAULTS.resampled, DEFAULTS.resampled_quick, quick=quick)
+    options = {"method": method, "estimator": estimator, "replicates": draws}
+    wishes = {"forbid": list(forbid), "force": list(force)}
     with one_thread("blas"):
         case = take_case(robot, logs, validate, preparation)
         with running(engine) as runner:
             run = Run(progress or quiet, runner, seed)
+            settings = choose_settings(case, run, prior, cad_prior, **options, **wishes)
             source = case.ladder(ladder, beside=False)
-            more = {"forbid": list(forbid), "force": list(force), "replicates": draws}
-            settings = choose_settings(case, run, prior, cad_prior, **how, **more)
             # A model that was given is taken as it is.
             complete = ladder is None and case.model is None
-            rows = weigh_unpruned(case, source, run, **how, complete=complete)
+            rows = weigh_unpruned(case, source, run, method, estimator, complete)
             found = _reduce(pose_question(case, source, rows), source, settings, run)
         return tell_with_file(found, settings["prior"])
 
