@@ -275,7 +275,8 @@ def _state_impossible(result: Laddered[Any]) -> Iterator[str]:
     free, near = used.fitted.relative_error()[:2].tolist()
     if result.nothing or used.physical_used or real is None or near <= (1 + VISIBLE) * free:
         return
-    joint = result.robot.joints[int(np.argmax(used.fitted.joint_error()[:, 1]))]
+    each = used.fitted.joint_error()[:, 1]
+    joint = result.robot.joints[int(np.argmax(each))]
     held = join(real.nearest.active if real.nearest else ()) or "nothing"
     holes = {"near": error_text(near), "error": percent(free), "joint": joint, "names": held}
     yield sentence("decision.impossible", **holes)

@@ -90,7 +90,8 @@ def predict_everywhere(
     samples = data.validation or data.samples
     recordings = data.recordings
     logs = recordings.held_out if data.validation else recordings.fitted
-    stand = any((s.survey.rows < s.survey.outputs).any() for s in samples)
+    surveys = [s.survey for s in samples]
+    stand = any((x.rows < x.outputs).any() for x in surveys)
     hidden = data.robot.base is not None or any(x.unmeasured is not None for x in logs)
     if hidden or not stand:
         return None

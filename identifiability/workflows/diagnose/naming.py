@@ -87,7 +87,8 @@ class Part:
 
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
         """Return its parameters."""
-        return tuple(Placed([self.candidate.part]).parameters(robot))
+        placed = Placed([self.candidate.part])
+        return tuple(placed.parameters(robot))
 
 
 @frozen

@@ -651,4 +651,5 @@ def _find_format(out: Path, form: Format | None) -> Format:
     """
     endings = [ENDINGS[form]] if form else ENDINGS.values()
     check_ending(out, *endings)
-    return next(name for name, end in ENDINGS.items() if end == out.suffix.lower())
+    ending = out.suffix.lower()
+    return next(name for name, end in ENDINGS.items() if end == ending)

@@ -224,7 +224,8 @@ class WhitenedRegression:
         rows = [before.rows_to(after) for before, after in pairwise(partitions)]
         fixed = np.concatenate([np.empty((0, len(self.inverse))), *rows]) @ self.inverse
         fixed /= np.linalg.norm(fixed, axis=1, keepdims=True)
-        return np.linalg.qr(fixed.T, mode="complete")[0][:, ::-1]
+        Q, _ = np.linalg.qr(fixed.T, mode="complete")
+        return Q[:, ::-1]
 
     def _densities(self, left: Array, turn: Array, free: np.ndarray) -> Array:
         """Return the predictive log densities of folds under nested models, (M, F) [nats].

@@ -106,8 +106,9 @@ class Partition:
     @property
     def leaders(self) -> list[int]:
         """The free columns, one of each set of equal ones."""
-        own: list[int] = np.flatnonzero(self.group == np.arange(len(self.columns))).tolist()
-        return own
+        own = np.arange(len(self.columns))
+        free: list[int] = own[self.group == own].tolist()
+        return free
 
     def __len__(self) -> int:
         """Return the number of free parameters."""
