@@ -39,7 +39,7 @@ from identifiability.simulation import PAPER_NOISE, PrescribedMotion, shipped_tr
 from identifiability.simulation.simulator import ar1
 from identifiability.workflows.diagnose.problem import change_interval
 from identifiability.workflows.prune import Ladder, prune
-from identifiability.workflows.prune.elimination import find_path
+from identifiability.workflows.prune.elimination import find_path, good_steps
 
 NEXT = {"571": "595", "595": "601", "601": "571"}
 SLIDERS = {f"slider{k}.{kind}" for k in (1, 2, 3) for kind in ("Fv", "Fc", "Jr")}
@@ -147,7 +147,7 @@ def question_2(problems: int) -> dict[float, dict[str, Recovery]]:
             for _ in range(problems):
                 information, true = plant(rng, rho, precision)
                 search = find_path(information)
-                p = search.steps[search.choose()].partition
+                p = search.steps[good_steps(search.steps)[0]].partition
                 found = {p.columns[g] for g in p.leaders}
                 hits.append(found == true)
                 extra.append(len(found - true))

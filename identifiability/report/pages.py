@@ -29,7 +29,8 @@ from identifiability.foundation.rounding import (
     rough_percent,
 )
 from identifiability.report import plot
-from identifiability.report.answers.common import hint_note, sentence, words
+from identifiability.report.answers.common import NAMED, hint_note, sentence, words
+from identifiability.report.answers.diagnose import list_names
 from identifiability.report.blocks import (
     SHOWN_FIRST,
     Block,
@@ -185,7 +186,7 @@ def section_effects(d: Diagnosis) -> Section:
     for e in d.effects:
         for p in e.placements:
             shape = f"shape {format_number(p.shape, 3)}" if np.isfinite(p.shape) else ""
-            first = (Cell(" or ".join(e.names), note=shape), p.place)
+            first = (Cell(" or ".join(list_names(e)), note=shape), p.place)
             rows += [(*first, *row, p.odds, p.rms) for row in p.rows]
     found = (Table.of("Their parameters", EFFECTS, rows), gallery("curves", _curves(d, SHOWN)))
     unseen = Column("on unseen motion", digits(3), "unseen", f"On {d.verified_on}.")
@@ -308,15 +309,13 @@ THEN = Column("then", digits(3), "after", "Beside what was named as well.")
 
 def _sections_method(d: Diagnosis) -> tuple[Section, ...]:
     """Return all that was asked with its evidence, what was not, and how."""
-    from identifiability.workflows.diagnose.result import PLACES  # noqa: PLC0415
-
     order = sorted(d.evidence, key=lambda x: -x.before)
     table = Table.of("The likeliest of all that was asked", (*GROUP, THEN), order[:SHOWN_FIRST])
     why: dict[tuple[str, str], list[str]] = {}
     for r in d.refusals:
         why.setdefault((title_of(r.family), r.reason), []).append(r.place)
     refused = tuple(
-        Term(" in ".join(filter(None, (title, join(list(filter(None, places)), PLACES)))), reason)
+        Term(" in ".join(filter(None, (title, join(list(filter(None, places)), NAMED)))), reason)
         for (title, reason), places in why.items()
     )
     told = Prose((sentence("diagnosis.roles", verified=d.verified_on),))

@@ -13,6 +13,7 @@ FILES = {
     "Ladder": "prune",
     "Diagnosis": "diagnose",
     "ForwardGap": "diagnose",
+    "Change": "diagnose",
     "TorquePrediction": "predict",
     "PositionPrediction": "predict",
     "Load": "payload",

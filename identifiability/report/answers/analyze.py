@@ -33,13 +33,14 @@ from identifiability.foundation.rounding import (
     percent_text,
     stated_text,
 )
-from identifiability.foundation.rules import Tolerance
 from identifiability.report.answers import commands
 from identifiability.report.answers.common import (
+    NAMED,
     SIGMA,
     UNIT,
     VALUE,
     VERDICT,
+    VISIBLE,
     after_mass,
     answer,
     answer_next,
@@ -54,15 +55,12 @@ from identifiability.report.answers.common import (
     state_uneven,
     with_hints,
 )
-from identifiability.workflows.analyze.result import NAMED, compare_logs, stated_values
+from identifiability.workflows.analyze.result import compare_logs, stated_values
 from identifiability.workflows.case import COMPLETED
 from identifiability.workflows.provenance import given_paths
 
 if TYPE_CHECKING:
     from identifiability.workflows.analyze.result import Analysis, Laddered, ModelResult
-
-#: From which share on a robot file's error is another than that of the values to use.
-DIFFERS: Tolerance = 0.05
 
 
 class LadderedPresenter(Presenter, ABC):
@@ -78,9 +76,9 @@ class LadderedPresenter(Presenter, ABC):
         """Return what to use, how good it is, whether to trust it, what to do next."""
         result = self.result
         use = after_mass(self.answer_use(), result.mass_warning)
-        use = replace(use, short=f"{result.weight} {use.short}".lstrip())
+        use = replace(use, short=f"{state_weight(result)} {use.short}".lstrip())
         asked = use, answer_error(result), answer_doubt(result)
-        return (*reserve(asked, result.warnings), answer_next(result.commands_next))
+        return (*reserve(asked, result.warnings), answer_next(list_commands(result)))
 
     def warnings(self) -> tuple[str, ...]:
         """Return the findings on the logs, on one joint, and on contradicted bodies."""
@@ -116,7 +114,21 @@ class LadderedPresenter(Presenter, ABC):
 
     def notes(self) -> Iterator[Note]:
         """Yield the caveats of physics, motion, samples and fit."""
-        yield from _list_notes(self.result)
+        result = self.result
+        chosen, base, kept = result.chosen, result.base, result.full.estimate.kept
+        yield from map(hint_note, result.remarks)
+        for found in of_key(result.findings, "unclosed", "singular"):
+            yield note(found.key, log=found.subject, text=found)
+        if chosen.infeasible and not result.nothing and not chosen.physical_used:
+            names, near = join(chosen.infeasible), error_text(chosen.unseen_by(1))
+            yield note("impossible", names=names, near=near)
+        yield from (note("unreal", text=text) for text in _state_impossible(result))
+        if len(kept) < base.rank:
+            yield note("poor", rank=base.rank, excited=len(kept))
+        if base.ambiguous:
+            yield note("ambiguous")
+        if not result.validation:
+            yield note("inside", kind=result.validation_kind)
 
     def validation_kind(self) -> str:
         """Return the motion on which the unseen error was measured."""
@@ -125,14 +137,6 @@ class LadderedPresenter(Presenter, ABC):
             names = ", ".join(s.name for s in validation)
             return sentence("laddered.measured", "held", names=names)
         return sentence("laddered.measured", "crossed")
-
-    def weight(self) -> str:
-        """Return the weight of a floating robot by its logs; nothing for other robots."""
-        return state_weight(self.result)
-
-    def commands_next(self) -> list[tuple[str, str]]:
-        """Return at most three lines for the terminal, the most useful first."""
-        return list_commands(self.result)
 
     def to_frame(self, model: str | None = None) -> pd.DataFrame:
         """Return one row a parameter of the model to use, or of the named one."""
@@ -239,7 +243,7 @@ def _state_file_error(result: Laddered[Any]) -> str:
     held = values_in_file(robot, given, kind)
     titles = by_effect(robot, (n for n in given if given[n] != held[n]), real["shapes"])
     text = sentence("decision.left", "file", kind=kind.upper(), error=percent(alone[kind]))
-    if titles and alone[kind] > (1 + DIFFERS) * error:
+    if titles and alone[kind] > (1 + VISIBLE) * error:
         names = [f"{title} ({listing(own, NAMED)})" for title, own in titles.items()]
         text += sentence("decision.left", "lacks", names=listing(names, NAMED))
     return f"{text}."
@@ -269,30 +273,13 @@ def _state_impossible(result: Laddered[Any]) -> Iterator[str]:
     """Yield the error of the nearest physically consistent robot if it misses these logs."""
     used, real = result.chosen, result.chosen.physical
     free, near = used.fitted.relative_error()[:2].tolist()
-    if result.nothing or used.physical_used or real is None or near <= (1 + DIFFERS) * free:
+    if result.nothing or used.physical_used or real is None or near <= (1 + VISIBLE) * free:
         return
-    joint = result.robot.joints[int(np.argmax(used.fitted.joint_error()[:, 1]))]
+    each = used.fitted.joint_error()[:, 1]
+    joint = result.robot.joints[int(np.argmax(each))]
     held = join(real.nearest.active if real.nearest else ()) or "nothing"
     holes = {"near": error_text(near), "error": percent(free), "joint": joint, "names": held}
     yield sentence("decision.impossible", **holes)
-
-
-def _list_notes(result: Laddered[Any]) -> Iterator[Note]:
-    """Yield the caveats of physics, motion, samples and fit."""
-    chosen, base, kept = result.chosen, result.base, result.full.estimate.kept
-    yield from map(hint_note, result.remarks)
-    for found in of_key(result.findings, "unclosed", "singular"):
-        yield note(found.key, log=found.subject, text=found)
-    if chosen.infeasible and not result.nothing and not chosen.physical_used:
-        names, near = join(chosen.infeasible), error_text(chosen.unseen_by(1))
-        yield note("impossible", names=names, near=near)
-    yield from (note("unreal", text=text) for text in _state_impossible(result))
-    if len(kept) < base.rank:
-        yield note("poor", rank=base.rank, excited=len(kept))
-    if base.ambiguous:
-        yield note("ambiguous")
-    if not result.validation:
-        yield note("inside", kind=result.validation_kind)
 
 
 def state_physics(result: Laddered[Any]) -> str:
@@ -453,6 +440,11 @@ JOINTS = with_hints(
 LOGS = (Column("log", get="name"), Column("samples", "number", "samples"), *ERRORS)
 
 
+def bar(x: float, whole: float) -> Cell:
+    """Return a percentage with the share of a whole bar that it fills."""
+    return Cell(percent_text(x), x, share=float(np.nan_to_num(min(x / whole, 1.0))))
+
+
 def parameter_table(result: ModelResult) -> Table:
     """Return one row for each parameter of a model, filtered by verdict."""
     most = max((v.share for v in result.verdicts if np.isfinite(v.share)), default=0.0) or 1.0
@@ -464,19 +456,18 @@ def parameter_table(result: ModelResult) -> Table:
         value, meaning = used[v.name]
         return Cell(stated_text(value, v.sigma_robust), value, meaning)
 
-    def bar(x: float, whole: float) -> Cell:
-        return Cell(percent_text(x), x, share=float(np.nan_to_num(min(x / whole, 1.0))))
-
-    def drawn(v: Verdict) -> float:
-        return percent_of(v.sigma_bootstrap, v.value)
-
     columns = (
         Column("parameter", get=lambda v: Cell(v.name, note=label_note(v))),
         VALUE,
         SIGMA,
         UNIT,
         Column("σ label", "bar", lambda v: bar(v.sigma_label_percent, limit)),
-        Column("σ bootstrap", percent_text, drawn, detail=True),
+        Column(
+            "σ bootstrap",
+            percent_text,
+            lambda v: percent_of(v.sigma_bootstrap, v.value),
+            detail=True,
+        ),
         Column("used", "number", in_model, detail=not any(result.meanings)),
         Column("share of torque", "bar", lambda v: bar(100 * v.share, 100 * most)),
         Column("10× rule", get=lambda v: "✓" if v.paper_rule else "–", detail=True),

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from identifiability.foundation.answers import Answer, Column, Table
+from identifiability.foundation.keyed import Row
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import join, rough_percent
+from identifiability.foundation.rounding import REACH, join, rough_percent
 from identifiability.report.answers.commands import held_back, ladder_option, name_logs, source_name
 from identifiability.report.answers.common import answer, answer_next, reserve, sentence
 from identifiability.workflows.calibrate.rules import RULES
@@ -48,6 +50,21 @@ class CalibrationPresenter(Presenter):
         """Return the findings of the analysis that change a decision."""
         found: tuple[str, ...] = self.result.analysis.warnings
         return found
+
+    def rows_by_name(self) -> Iterator[Row]:
+        """Yield the coverage of each parameter's 95 % interval, a share with its own interval."""
+        about, cell = "calibration.rows", self.result.cell
+        reason = sentence(about, "reason", trials=len(cell.held))
+        for name, covered in zip(cell.names, cell.each, strict=True):
+            yield Row(
+                name=name,
+                estimate=covered.value,
+                standard_error=(covered.high - covered.low) / (2 * REACH),
+                interval=(covered.low, covered.high),
+                verdict=sentence(about, "below" if name in cell.below else "not_below"),
+                reason=reason,
+                details=vars(covered),
+            )
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter, the worst first: coverage with its Monte-Carlo interval."""

@@ -19,8 +19,15 @@ from identifiability.foundation.answers import Answer, Cell, Column, Note, measu
 from identifiability.foundation.findings import Finding, Level
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rounding import error_text, format_count, stated_text
+from identifiability.foundation.rules import Tolerance
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import BaseParameters
+
+#: Parameters, logs or places that a sentence names.
+NAMED = 3
+
+#: Share from which on a difference is worth a sentence.
+VISIBLE: Tolerance = 0.05
 
 WORDS: dict[str, Any] = tomllib.loads(
     Path(__file__).with_name("words.toml").read_text(encoding="utf-8")

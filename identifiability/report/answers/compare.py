@@ -23,7 +23,6 @@ from identifiability.report.answers.commands import (
     source_name,
 )
 from identifiability.report.answers.common import answer, answer_next, reserve, sentence, with_hints
-from identifiability.workflows.diagnose.changes import NAMED
 
 if TYPE_CHECKING:
     from identifiability.workflows.compare import Comparison
@@ -40,7 +39,7 @@ class ComparisonPresenter(Presenter):
         changes = self.result.changes
         if not changes:
             return sentence("comparison.how", "nothing")
-        text = "; ".join([change.called for change in changes[:NAMED]])
+        text = listing([change.called for change in changes], between="; ")
         return f"{text[0].upper()}{text[1:]}."
 
     def answers(self) -> tuple[Answer, ...]:

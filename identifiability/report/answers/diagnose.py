@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from identifiability.effects import find_family
+from identifiability.effects import find_family, title_of
 from identifiability.foundation.answers import Answer, Column, Note, Table
+from identifiability.foundation.errors import listing
+from identifiability.foundation.keyed import Row, name_estimates
 from identifiability.foundation.linalg import ROUNDOFF
+from identifiability.foundation.names import BASE
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import REACH, digits, error_text, join, percent
-from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.rounding import REACH, digits, error_text, join, measured, percent
 from identifiability.reading.rules import RULES as READING_RULES
 from identifiability.regression.reduction import full_model
 from identifiability.report.answers.commands import (
@@ -29,6 +31,8 @@ from identifiability.report.answers.commands import (
     source_name,
 )
 from identifiability.report.answers.common import (
+    NAMED,
+    VISIBLE,
     after_mass,
     answer,
     answer_next,
@@ -40,21 +44,16 @@ from identifiability.report.answers.common import (
     with_hints,
 )
 from identifiability.report.answers.compare import table_changes
-from identifiability.workflows.diagnose.result import (
-    LIKELIEST,
-    PLACES,
-    logs_disagree,
-    name_place,
-    name_places,
-)
+from identifiability.workflows.diagnose.result import logs_disagree
 from identifiability.workflows.provenance import given_paths
 
 if TYPE_CHECKING:
+    from identifiability.workflows.diagnose.changes import Change
     from identifiability.workflows.diagnose.forward import ForwardGap
     from identifiability.workflows.diagnose.result import Diagnosis, NamedEffect, Odds
 
-#: Share of its variance from which on what a residual depends on is said.
-VISIBLE: Tolerance = 0.05
+#: Names that a sentence says of one effect; JSON has them all.
+LIKELIEST = 4
 
 
 class DiagnosisPresenter(Presenter):
@@ -91,7 +90,7 @@ class DiagnosisPresenter(Presenter):
         if result.changes:
             tables.append(table_changes(result.changes, sentence(about, "changed")))
         if result.effects:
-            tables.append(Table.of(sentence(about, "named"), NAMED, result.effects))
+            tables.append(Table.of(sentence(about, "named"), FOUND, result.effects))
         rows = result.error_frame().itertuples()
         return (*tables, Table.of(sentence(about, "joints"), ERRORS, rows))
 
@@ -121,6 +120,17 @@ class DiagnosisPresenter(Presenter):
             parts.append(sentence(about, "likeliest", name=name, odds=odds))
         parts.append(sentence(about, "looks", looks=_state_looks(result)))
         return " ".join(parts)
+
+    def effect_rows(self) -> Iterator[Row]:
+        """Yield the parameters of the named effects with their log odds."""
+        about = "diagnosis.missing"
+        for e in self.result.effects:
+            verdict = sentence(about, "confirmed" if e.confirmed else "unconfirmed")
+            for p in e.placements:
+                details = {"effect": e.name, "joint": p.place, "log_odds": p.odds}
+                reason = sentence(about, "odds", name=name_effect(e), odds=p.odds)
+                rows = name_estimates(p.rows, verdict=verdict, reason=reason, details=details)
+                yield from rows
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row for every named effect and place."""
@@ -157,7 +167,7 @@ def _answer_missing(d: Diagnosis) -> Answer:
     about = "diagnosis.missing"
     named = [f"{' or '.join([c.what, *c.others])} in a part of {c.log}" for c in d.changes]
     named += map(_state_effect, d.effects)
-    short = f"{_capital(join(named, PLACES))}." if named else sentence(about, "nothing")
+    short = f"{_capital(join(named, NAMED))}." if named else sentence(about, "nothing")
     odds = max([e.odds for e in d.effects] + [c.odds for c in d.changes], default=0.0)
     unsure = odds < READING_RULES.log_odds and not d.interval[1] < 0
     weak = unsure or not (d.included or d.changes)
@@ -192,7 +202,36 @@ def _state_untried(d: Diagnosis) -> str:
 def _state_effect(e: NamedEffect) -> str:
     """Return the name of an effect with its mass and its log odds."""
     sure = f" (log odds {e.odds:.3g})" if np.isfinite(e.odds) else ""
-    return f"{e.called}{_state_mass(e)}{sure}"
+    return f"{name_effect(e)}{_state_mass(e)}{sure}"
+
+
+def name_place(name: str, place: str) -> str:
+    """Return an effect and where it is; of the base its title says it."""
+    return title_of(name) if place == BASE else f"{title_of(name)} in {place}"
+
+
+def name_places(e: NamedEffect) -> str:
+    """Return where an effect is, in words."""
+    return sentence("diagnosis.missing", "everywhere") if e.everywhere else join(e.joints, NAMED)
+
+
+def list_names(e: NamedEffect) -> list[str]:
+    """Return the name of an effect with its place, and its alternatives.
+
+    An alternative has its own place where that is another.
+    """
+    rivals = [r for p in e.placements for r in p.rivals]
+    others = [title_of(r.family) if r.place in e.joints else name_place(*r) for r in rivals]
+    return list(dict.fromkeys([name_place(e.name, name_places(e)), *others]))
+
+
+def name_effect(e: NamedEffect) -> str:
+    """Return the name of an effect and its likeliest alternatives."""
+    names = list_names(e)
+    more = len(names) - LIKELIEST
+    if more > 0:
+        names[LIKELIEST:] = [sentence("diagnosis.missing", "more", more=more)]
+    return " or ".join(names)
 
 
 def _capital(text: str) -> str:
@@ -270,7 +309,7 @@ def _list_doubts(d: Diagnosis) -> Iterator[Note]:
     about = "diagnosis.doubts"
     for e in d.effects:
         if e.alternatives:
-            text = sentence(about, "rivals", name=e.called, advice=advise_motion(e))
+            text = sentence(about, "rivals", name=name_effect(e), advice=advise_motion(e))
             yield _write_note("rivals", text)
         if e.unnamed:
             part = "near" if e.nearest else "alone"
@@ -326,6 +365,54 @@ def list_commands(d: Diagnosis) -> list[tuple[str, str]]:
     return [*out, (EXPORT, on_file(d, "json", "diagnose.json", f"{again} --json", export))]
 
 
+class ChangePresenter(Presenter):
+    """Words on what changed between logs, or while one was recorded."""
+
+    result: Change
+
+    def when(self) -> str:
+        """Return when it began and ended, and in which log; nothing where that is all logs."""
+        about, change = "diagnosis.change", self.result
+        ends = ("from", change.start, change.began), ("until", change.stop, change.ended)
+        told = [
+            sentence(about, word, at=at, low=low, high=high)
+            for word, at, (low, high) in ends
+            if np.isfinite(at)
+        ]
+        if told:
+            return sentence(about, "part", told=" ".join(told), log=change.log)
+        return sentence(about, "log", log=change.log) if change.log else ""
+
+    def called(self) -> str:
+        """Return what it is and its size, and what it may be instead."""
+        change, about = self.result, "diagnosis.change"
+        text = f"{_state_change(change)} {change.when}".rstrip()
+        if change.others:
+            others = " or ".join(change.others[:LIKELIEST])
+            text = sentence(about, "or", text=text, others=others)
+        return text if change.sure else sentence(about, "perhaps", text=text)
+
+
+def _state_change(change: Change) -> str:
+    """Return a change with its size; of one everywhere what is sure, where its sum is not."""
+    about, half = "diagnosis.change", REACH * change.sd
+    size, reach, unit = 100 * change.share, 100 * REACH * change.share_sd, "%"
+    words = "rose", "fell"
+    if change.kind == "load":
+        size, reach, unit, words = change.sizes[0], half[0], "kg", ("grew", "shrank")
+    if abs(size) > reach:
+        by = measured(abs(size), reach, unit)
+        return sentence(about, words[int(size < 0)], what=change.what, by=by)
+    parts = []
+    for name, x, h, u in zip(change.names, change.sizes, half, change.units, strict=True):
+        times, unit = (100, "%") if u == "1" else (1, u)
+        if abs(x) > h:
+            by = measured(times * x, times * h, unit)
+            parts.append(sentence(about, "by", name=name, by=by))
+    sizes = f": {listing(parts)}" if parts else ""
+    return sentence(about, "changed", what=change.what, sizes=sizes)
+
+
 class ForwardGapPresenter(Presenter):
     """Words on simulated motion before and after the named effects."""
 
@@ -344,7 +431,7 @@ class ForwardGapPresenter(Presenter):
 
 # What is missing and how large errors are, as tables.
 
-NAMED = (
+FOUND = (
     Column(
         "effect",
         "code",

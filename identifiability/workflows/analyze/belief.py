@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -197,7 +198,10 @@ def form_belief(
     """
     try:
         prior = state_prior(model.structure, model.data, share)
-        return _sample_physical(model, prior, rng, effort, progress)
+        own = LeastSquares.likelihood(model.information, model.estimate).through(model.to_x)
+        data = own.beside(*model.left_out)
+        target = Target(data, prior, model.region, fixed=model.fixed)
+        return _sample_physical(model, target, rng, effort, progress)
     except (ValueError, IdentifiabilityError) as error:
         return Belief(None, {}, str(error))
 
@@ -269,7 +273,7 @@ def start_inside(target: Target, nominal: Array) -> Array:
 
 def _sample_physical(
     model: FittedModel,
-    prior: Prior,
+    target: Target,
     rng: np.random.Generator,
     effort: Mapping[str, int],
     progress: Progress | None,
@@ -279,14 +283,9 @@ def _sample_physical(
     What the model leaves out, holds or ties is so in every draw; what bodies cannot do without
     counts as error in full, as in the nearest real robot.
     """
-    structure, region, fixed = model.structure, model.region, model.fixed
-    own = LeastSquares.likelihood(model.information, model.estimate).through(model.to_x)
-    data = own.beside(*model.left_out)
-    target = Target(data, prior, region, fixed=fixed)
-    start = start_inside(target, structure.nominal)
-    columns, to_x = structure.columns, model.to_x
-    moving = np.flatnonzero(~(fixed or Fixed.none(target.size)).parameters)  # others are not asked
-    names = [columns[k] for k in moving]
+    structure, to_x, prior = model.structure, model.to_x, target.prior
+    moving = ~(model.fixed or Fixed.none(target.size)).parameters  # others are not asked
+    names = list(compress(structure.columns, moving))
 
     def judge(posterior: Posterior) -> Convergence:
         return diagnose_convergence(replace(posterior, draws=posterior.draws[..., moving]), names)
@@ -294,14 +293,20 @@ def _sample_physical(
     def enough(so_far: Posterior) -> bool:
         return may_suffice(so_far.draws) and judge(so_far).trustworthy
 
+    start = start_inside(target, structure.nominal)
     posterior = sample_posterior(target, start, rng, enough=enough, progress=progress, **effort)
-    chains = posterior.draws @ to_x.T
-    moved = measure_prior_sensitivity(chains, log_distances(region, posterior.draws))
-    draws = chains.reshape(-1, len(to_x))
-    sd = draws.std(0, ddof=1)
-    interval = believed_interval(draws, model.submodel.nonnegative, moved * sd)
-    summary = Summary(draws.mean(0), sd, interval, chains, moved, judge(posterior))
+    summary = _summarise(model, posterior, judge(posterior))
     each = np.moveaxis(posterior.draws, -1, 0)
     wide = np.diag(np.where(np.isfinite(prior.sd), prior.sd, 0.0))
     sds = (np.linalg.norm(to_x @ root, axis=1) for root in (wide, target.root))
-    return Belief(summary, dict(zip(columns, each, strict=True)), "", *sds)
+    return Belief(summary, dict(zip(structure.columns, each, strict=True)), "", *sds)
+
+
+def _summarise(model: FittedModel, posterior: Posterior, convergence: Convergence) -> Summary:
+    """Return the posterior of the parameters of a model by draws of the standard parameters."""
+    chains = posterior.draws @ model.to_x.T
+    moved = measure_prior_sensitivity(chains, log_distances(model.region, posterior.draws))
+    draws = chains.reshape(-1, len(model.submodel))
+    sd = draws.std(0, ddof=1)
+    interval = believed_interval(draws, model.submodel.nonnegative, moved * sd)
+    return Summary(draws.mean(0), sd, interval, chains, moved, convergence)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import compress
 from typing import Any, TypeVar
 
 import numpy as np
@@ -12,9 +13,10 @@ from identifiability.estimation.estimate import fit_whole
 from identifiability.estimation.estimator import Estimate, clip_signs
 from identifiability.estimation.fit import Fit, find_left_out
 from identifiability.estimation.groups import MissingEffects
+from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Flag, Verdict, judge, narrow
-from identifiability.foundation.errors import listing
+from identifiability.foundation.findings import phrase
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.rounding import REACH
 from identifiability.physical.cad_prior import combine_with_file
@@ -60,14 +62,23 @@ def decide_model(
     if real is not None and real.as_good and real.nearest is not None:
         apart = model.to_x @ real.nearest.phi - estimate.value
         shared["prior"] = np.where(estimate.determined, apart, 0.0)[None]
-    left_out = find_left_out(structure, submodel, model.whole, estimate, full)
-    alternatives = missing.of_labels(submodel, estimate)
-    fit = replace(fit, shared=shared, left_out=left_out, alternatives=alternatives)
-    stated = np.linalg.lstsq(submodel.M, structure.nominal_base - submodel.fixed, rcond=None)[0]
-    signed = submodel.nonnegative & estimate.determined
-    forbidden = signed & (clip_signs(model.information, estimate, signed) < 0)
+    fit = replace(
+        fit,
+        shared=shared,
+        left_out=find_left_out(structure, submodel, model.whole, estimate, full),
+        alternatives=missing.of_labels(submodel, estimate),
+    )
+    beside = structure.nominal_base - submodel.fixed
+    stated = np.linalg.lstsq(submodel.M, beside, rcond=None)[0]
+    forbidden = _find_forbidden(model)
     told = submodel.labels, submodel.units, torque, _aliases(estimate), forbidden, stated
-    return fit, judge(fit, *told), tuple(np.array(submodel.columns, object)[forbidden])
+    return fit, judge(fit, *told), tuple(compress(submodel.columns, forbidden))
+
+
+def _find_forbidden(model: FittedModel) -> np.ndarray:
+    """Return which parameters surely have a sign that physics forbids, (k,) bool."""
+    signed = model.submodel.nonnegative & model.estimate.determined
+    return np.asarray(signed & (clip_signs(model.information, model.estimate, signed) < 0))
 
 
 def assess_ladder(
@@ -81,7 +92,7 @@ def assess_ladder(
     rng, replicates, missing
         As of `decide_model`.
     """
-    torque, first = float(np.sqrt(np.mean(found.fitted.rms**2))), found.fits[0].model
+    torque, first = rms_torque(found.fitted), found.fits[0].model
     full = fit_whole(first.estimate.estimator, first.whole) if first.estimate.kept else None
     how = rng, replicates, full, missing, found.shared
     results = []
@@ -102,6 +113,11 @@ def assess_ladder(
     return tuple(results)
 
 
+def rms_torque(fitted: Prediction) -> float:
+    """Return the root mean square of the measured torque."""
+    return float(np.sqrt(np.mean(fitted.rms**2)))
+
+
 Answered = TypeVar("Answered", bound=Laddered[Any])
 
 
@@ -117,7 +133,7 @@ def tell_with_file(found: Answered, share: float) -> Answered:
     share : float
         0 for none.
     """
-    structure, rules = found.structure, Thresholds()
+    structure = found.structure
     stated = structure.robot.prior or structure.robot.said.prior_share
     if found.nothing or not (share or stated):
         return found
@@ -129,19 +145,21 @@ def tell_with_file(found: Answered, share: float) -> Answered:
             both = combine_with_file(structure, data.R, data.z, to_x @ structure.G, share)
         except ValueError:  # bodies that no prior can be around are said elsewhere
             return found
-        verdicts, hint = list(model.verdicts), both.hint
-        means = both.mean - to_x @ model.submodel.fixed
-        for k, (v, mean, sd) in enumerate(zip(verdicts, means, both.sd, strict=True)):
-            if v.open and sd**2 < rules.constraint_variance * v.sigma_robust**2:
-                low, high = float(mean - REACH * sd), float(mean + REACH * sd)
-                text = (
-                    f"Who believes {both.words} is left with {low:.3g} … {high:.3g} (95 %); the "
-                    "file narrows it, not the log."
-                )
-                verdicts[k] = narrow(v, Flag.BY_PRIOR, text, (low, high))
-        models.append(replace(model, verdicts=tuple(verdicts)))
+        hint, means = both.hint, both.mean - to_x @ model.submodel.fixed
+        each = zip(model.verdicts, means.tolist(), both.sd.tolist(), strict=True)
+        verdicts = tuple(_narrow_by_file(v, mean, sd, both.words) for v, mean, sd in each)
+        models.append(replace(model, verdicts=verdicts))
     hints = tuple(filter(None, (*found.hints, hint)))
     return replace(found, models=tuple(models), hints=hints)
+
+
+def _narrow_by_file(v: Verdict, mean: float, sd: float, words: str) -> Verdict:
+    """Return a verdict with what the file's bodies add where logs leave much open."""
+    if not (v.open and sd**2 < Thresholds().constraint_variance * v.sigma_robust**2):
+        return v
+    low, high = mean - REACH * sd, mean + REACH * sd
+    text = phrase("narrowed", "file", words=words, low=low, high=high)
+    return narrow(v, Flag.BY_PRIOR, text, (low, high))
 
 
 def _aliases(fit: Estimate) -> tuple[str, ...]:
@@ -151,11 +169,7 @@ def _aliases(fit: Estimate) -> tuple[str, ...]:
         shared, own = (leans * leans[k]).max(1, initial=0.0), k in fit.kept
         near = (i for i in np.argsort(-shared) if (i in fit.kept) != own and shared[i] > NEARLY)
         others = [fit.columns[i] for i in near]
-        out[k] = (
-            f"This motion determines only its combination with {listing(others, 4)}."
-            if others
-            else "This motion never makes it act on the torque."
-        )
+        out[k] = phrase("undetermined", "shared" if others else "silent", others=others)
     return tuple(out)
 
 

@@ -25,7 +25,7 @@ from identifiability.estimation.prediction import (
 )
 from identifiability.estimation.verdict import Class, Flag, Verdict, name_rows, withdraw
 from identifiability.foundation import handed
-from identifiability.foundation.errors import IdentifiabilityError, listing
+from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.keyed import Row
 from identifiability.foundation.linalg import NEARLY
@@ -45,9 +45,6 @@ from identifiability.regression.structure import OfStructure, Structure
 from identifiability.workflows import predict
 from identifiability.workflows.analyze.belief import Belief, belief_dict
 from identifiability.workflows.provenance import state_provenance
-
-#: Parameters and logs that a sentence names.
-NAMED = 3
 
 #: Why no verdict is believed where a model would be used that is no better than no model.
 WORSE = "no model predicts motion that it has not seen better than a constant torque would"
@@ -154,13 +151,14 @@ class ModelResult:
         """What has for certain a sign that physics forbids, for after "because", if any has."""
         sure = [v for v in self.verdicts if Flag.IN_DOUBT in v.flags and v.interval95[1] < 0]
         wrong = [v.name for v in sure if v.name in self.infeasible]
-        return f"{listing(wrong, 4)} would have a sign that physics forbids" if wrong else ""
+        return phrase("forbidden", "says", names=wrong) if wrong else ""
 
     @property
     def unjudged(self) -> str:
         """Why none of its parameters is judged; nothing if some are."""
         reasons = [v.reason for v in self.verdicts if Flag.NOT_JUDGED in v.flags]
-        return reasons[0] if reasons and len(reasons) >= self.estimate.determined.sum() else ""
+        every = len(reasons) >= self.estimate.determined.sum()
+        return reasons[0] if reasons and every else ""
 
     def count(self, kind: Class | Flag) -> int:
         """Return how many parameters got a verdict, or a flag."""
@@ -201,13 +199,10 @@ class ModelResult:
         A reduced model's parameters take over some of what it leaves out, and of what is missing
         beside all base parameters: its values are such combinations, and labels are not.
         """
-        each = zip(self.verdicts, self.recommended, strict=True)
-        return tuple(
-            v.stands_for or f"{v.name} and a share of what is missing"
-            if abs(x - v.value) > REACH * v.sigma_robust
-            else ""
-            for v, x in each
-        )
+        pairs = zip(self.verdicts, self.recommended, strict=True)
+        another = [abs(x - v.value) > REACH * v.sigma_robust for v, x in pairs]
+        texts = [v.stands_for or phrase("absorbs", "says", name=v.name) for v in self.verdicts]
+        return tuple(text if own else "" for text, own in zip(texts, another, strict=True))
 
 
 # Fields that results of analyze and prune share.
@@ -302,12 +297,6 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         """What the error on unseen motion was measured on."""
         return str(self._present("validation_kind"))
 
-    @property
-    def commands_next(self) -> list[tuple[str, str]]:
-        """At most three lines for the terminal, the most useful first."""
-        lines: list[tuple[str, str]] = self._present("commands_next")
-        return lines
-
     @cached_property
     def provenance(self) -> dict[str, str]:
         """Versions, options, and hashes of the inputs."""
@@ -329,9 +318,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             If no value is believed.
         """
         if self.nothing:
-            raise IdentifiabilityError(
-                f"Nothing can be predicted, because {self.nothing}; give other logs to fit."
-            )
+            raise IdentifiabilityError(phrase("nothing", "says", why=self.nothing))
         both = self.fitted, self.held_out
         own, unseen = ((p.joint_rms()[:, 0], p.joint_rms(raw=True)[:, 0]) for p in both)
         used, whole = self.chosen, self.full
@@ -403,14 +390,6 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         return "" if self.nothing else state_mass(self.robot, real["parameters"], real["cad_prior"])
 
     @property
-    def weight(self) -> str:
-        """What a robot that floats weighs by its logs, beside its file; nothing of others.
-
-        The mass of all its bodies is one of its base parameters: gravity acts on the whole of it.
-        """
-        return str(self._present("weight"))
-
-    @property
     def left_out(self) -> dict[str, float]:
         """Share of unseen rows without weight, and ε_RA over all rows and of raw torque."""
         p, every = self.held_out, self.everywhere or self.held_out
@@ -445,10 +424,8 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
-        used, errors = self.chosen, self.error_frame().rename(columns={"name": "joint"})
-        joints, logs = (errors[errors["of"] == kind] for kind in ("joint", "log"))
-        own, real = ["joint", "error", "error_validation"], self.real_robot
-        return {
+        used, logs = self.chosen, (*self.samples, *self.validation)
+        found = {
             "schema": self.schema,
             "robot": self.robot.identity,
             "samples": self.information.samples,
@@ -457,32 +434,40 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             "nothing": self.nothing or None,
             "models": [m.row() for m in self.models],
             "selected": used.name,
-            "errors": {
-                "joints": joints.drop(columns="of").to_dict("records"),
-                "logs": logs[own].rename(columns={"joint": "log"}).to_dict("records"),
-                "left_out": self.left_out,
-            },
+            "errors": self._errors(),
             "parameters": used.rows(),
             "full_parameters": self.full.rows(),
             "fit": None if self.nothing else self.fit.to_dict(),
             "missing_functions": predict.list_missing(self.missing),
-            "physical": {
-                "feasible": used.feasible,
-                "margin": used.physical.margin if used.physical else None,
-                "certificate": used.physical.sentence if used.physical else "",
-                "infeasible": list(used.infeasible),
-                "error_ra_validation": used.unseen_by(1),
-                "used": used.physical_used,
-                **real,
-            },
-            **({} if self.moved is None else {"rollout": self.moved.to_rollout()}),
+            "physical": self._physical(),
             "hints": list(self.hints),
-            "preparation": {
-                s.path or s.name: list(s.notes) for s in (*self.samples, *self.validation)
-            },
+            "preparation": {s.path or s.name: list(s.notes) for s in logs},
             "method": self.settings["method"],
             "estimator": used.estimate.estimator.name,
             "provenance": self.provenance,
+        }
+        return found if self.moved is None else found | {"rollout": self.moved.to_rollout()}
+
+    def _errors(self) -> dict[str, Any]:
+        """Return the errors by joint and by log, for JSON."""
+        errors = self.error_frame()
+        joints, logs = (errors[errors["of"] == kind] for kind in ("joint", "log"))
+        joints = joints.drop(columns="of").rename(columns={"name": "joint"})
+        logs = logs[["name", "error", "error_validation"]].rename(columns={"name": "log"})
+        both = {"joints": joints.to_dict("records"), "logs": logs.to_dict("records")}
+        return both | {"left_out": self.left_out}
+
+    def _physical(self) -> dict[str, Any]:
+        """Return the nearest real robot of the model to use, for JSON."""
+        used = self.chosen
+        return {
+            "feasible": used.feasible,
+            "margin": used.physical.margin if used.physical else None,
+            "certificate": used.physical.sentence if used.physical else "",
+            "infeasible": list(used.infeasible),
+            "error_ra_validation": used.unseen_by(1),
+            "used": used.physical_used,
+            **self.real_robot,
         }
 
 
@@ -514,13 +499,13 @@ def compare_logs(
     columns, motions = result.submodel.columns, result.fit.motions
     if motions is None or not disagree(motions):
         return ""
-    names = listing([samples[k].name for k in motions.which], NAMED)
+    names = [samples[k].name for k in motions.which]
     order = [k for k in np.argsort(motions.p) if motions.moved[k]]
     each = zip(order, motions.values.T[order], strict=True)
     far = [f"{columns[k]} ({x.min():.3g} to {x.max():.3g})" for k, x in each]
-    told = phrase("disagree", "says", names=names, far=listing(far, NAMED))
+    told = phrase("disagree", "says", names=names, far=far)
     after = "missing" if missing else "compare"
-    return f"{told} {phrase('disagree', after, missing=listing(missing, NAMED))}"
+    return f"{told} {phrase('disagree', after, missing=list(missing))}"
 
 
 # `Analysis`: the result of `analyze`.
@@ -611,6 +596,7 @@ def stated_values(analysis: Laddered[Any], result: ModelResult) -> list[float | 
     """
     nominal, base = analysis.robot.nominal, analysis.base
     known = {n for n, x in nominal.items() if x or n.rpartition(".")[2] in INERTIAL_KINDS}
-    stated = np.array([any(p.name in known for _, p in base.terms(r)) for r in range(len(base))])
+    terms = map(base.terms, range(len(base)))
+    stated = np.array([any(p.name in known for _, p in own) for own in terms])
     states = stated @ (result.submodel.M != 0)
     return [v.projected if own else None for v, own in zip(result.verdicts, states, strict=True)]

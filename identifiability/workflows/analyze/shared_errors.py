@@ -46,15 +46,20 @@ class SharedErrors:
 
     def move(self, submodel: Submodel) -> dict[str, Array]:
         """Return by how much each of them moves the values of a model, (w, k)."""
-        own = self.estimator.fit(submodel.reduce(self.information)).value if self.others else None
-        return {
-            name: np.array([self.estimator.fit(submodel.reduce(x)).value - own for x in others])
-            for name, others in self.others.items()
-        }
+        if not self.others:
+            return {}
+
+        def fit(information: Information) -> Array:
+            return self.estimator.fit(submodel.reduce(information)).value
+
+        own = fit(self.information)
+        each = self.others.items()
+        return {name: np.array([fit(x) - own for x in others]) for name, others in each}
 
     def together(self, submodel: Submodel) -> Array:
         """Return all of them, (w, k)."""
-        return np.vstack([np.zeros((0, len(submodel))), *self.move(submodel).values()])
+        moved = self.move(submodel).values()
+        return np.vstack([np.zeros((0, len(submodel))), *moved])
 
 
 def measure_shared_errors(rows: WeightedRows) -> SharedErrors:

@@ -90,7 +90,8 @@ def predict_everywhere(
     samples = data.validation or data.samples
     recordings = data.recordings
     logs = recordings.held_out if data.validation else recordings.fitted
-    stand = any((s.survey.rows < s.survey.outputs).any() for s in samples)
+    surveys = [s.survey for s in samples]
+    stand = any((x.rows < x.outputs).any() for x in surveys)
     hidden = data.robot.base is not None or any(x.unmeasured is not None for x in logs)
     if hidden or not stand:
         return None
@@ -176,34 +177,46 @@ def analyze(
     IdentifiabilityError
         With one sentence on what to do.
     """
-    say = progress or quiet
     draws = resolve_count(replicates, DEFAULTS.refits, DEFAULTS.refits_quick, quick=quick)
-    rngs = np.random.default_rng(seed).spawn(3)
-    method_name = find_estimator(method).name
+    options = {"method": method, "estimator": estimator, "replicates": draws}
     with one_thread("blas"):
         case = take_case(robot, logs, validate, preparation)
         with running(engine) as runner:  # workers are gone when their memory is wanted elsewhere
-            run = Run(say, runner, seed)
-            source = case.ladder(ladder, beside=True)
-            commanded = case.recordings(run).commanded
-            share_, cad_prior = resolve_prior(prior, cad_prior, commanded)
-            # A model that was given is taken as it is.
-            complete = ladder is None and case.model is None
-            rows, submodels = prepare_ladder(case, source, run, method, estimator, complete)
-            settings = {
-                "method": method_name,
-                "seed": seed,
-                "estimator": estimator,
-                "replicates": draws,
-                "posterior": posterior,
-                "cad_prior": cad_prior,
-                "prior": share_,
-                "preparation": case.preparation or Preparation(),
-            }
-            fitted = case.stages.once(compute_ladder, rows, submodels, cad_prior, run=run)
-            found = conclude_analysis(fitted, rngs[1], settings, rows.missing)
-        found = tell_with_file(replace(found, source=source), share_)
-        return believe(found, rngs[2], say, share_) if posterior else found
+            run = Run(progress or quiet, runner, seed)
+            settings = choose_settings(case, run, prior, cad_prior, posterior=posterior, **options)
+            found = _fit_case(case, run, ladder, method, settings)
+        found = tell_with_file(found, settings["prior"])
+        return believe(found, run.say) if posterior else found
+
+
+def _fit_case(
+    case: Case, run: Run, ladder: LadderLike | None, method: Method, settings: Mapping[str, Any]
+) -> Analysis:
+    """Return the models of a ladder, judged, and which one to use."""
+    source = case.ladder(ladder, beside=True)
+    # A model that was given is taken as it is.
+    complete, kind = ladder is None and case.model is None, settings["estimator"]
+    rows, submodels = prepare_ladder(case, source, run, method, kind, complete)
+    fitted = case.stages.once(compute_ladder, rows, submodels, settings["cad_prior"], run=run)
+    rng = np.random.default_rng(settings["seed"]).spawn(2)[1]
+    return replace(conclude_analysis(fitted, rng, settings, rows.missing), source=source)
+
+
+def choose_settings(
+    case: Case, run: Run, prior: float | None, cad_prior: float | None, **options: Any
+) -> dict[str, Any]:
+    """Return the options that decide the numbers of a ladder, as its result keeps them.
+
+    Parameters
+    ----------
+    case, run
+    prior, cad_prior, options
+        As of `analyze` or `prune`.
+    """
+    method = find_estimator(options["method"]).name
+    share, weight = resolve_prior(prior, cad_prior, case.recordings(run).commanded)
+    chosen = {"method": method, "seed": run.seed, "cad_prior": weight, "prior": share}
+    return options | chosen | {"preparation": case.preparation or Preparation()}
 
 
 def prepare_ladder(
@@ -234,15 +247,17 @@ def prepare_ladder(
         return rows, case.stages.once(build_comparison, entry, rows.data.structure)
 
 
-def believe(found: Analysis, rng: np.random.Generator, say: Progress, within: float) -> Analysis:
-    """Return the analysis with the posteriors of the selected model, bodies within a share."""
+def believe(found: Analysis, say: Progress) -> Analysis:
+    """Return the analysis with the posteriors of the selected model."""
     if found.nothing:
         return replace(found, belief=Belief(None, {}, found.nothing))
     chosen, information = found.chosen, found.information
     part = chosen.submodel.reduce(information)
     model = FittedModel(found.structure, chosen.submodel, information, part, chosen.estimate)
     sampling = share(say, "sampling the posterior", 0.9, 0.99)
-    belief, models = form_belief(model, rng, share=within, progress=sampling), list(found.models)
+    within, models = found.settings["prior"], list(found.models)
+    rng = np.random.default_rng(found.settings["seed"]).spawn(3)[2]
+    belief = form_belief(model, rng, share=within, progress=sampling)
     models[found.selected] = replace(chosen, verdicts=refine_verdicts(chosen.verdicts, belief))
     return replace(found, models=tuple(models), belief=belief)
 

@@ -22,6 +22,7 @@ from identifiability.foundation.rounding import REACH
 from identifiability.foundation.runs import Progress, quiet, share
 from identifiability.foundation.values import frozen
 from identifiability.workflows.analyze import Analysis
+from identifiability.workflows.analyze.result import ModelResult
 from identifiability.workflows.calibrate.rules import RULES
 from identifiability.workflows.calibrate.world import Cell, World, count_outcomes
 
@@ -77,18 +78,7 @@ class Calibration(Result):
 
     def rows_by_name(self) -> Iterator[Row]:
         """Yield the coverage of each parameter's 95 % interval, a share with its own interval."""
-        told = f"coverage of the 95 % interval in {len(self.cell.held)} repetitions."
-        for name, covered in zip(self.cell.names, self.cell.each, strict=True):
-            low = name in self.cell.below
-            yield Row(
-                name=name,
-                estimate=covered.value,
-                standard_error=(covered.high - covered.low) / (2 * REACH),
-                interval=(covered.low, covered.high),
-                verdict="below 95 %" if low else "not below 95 %",
-                reason=told,
-                details=vars(covered),
-            )
+        yield from self._present("rows_by_name")
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter, the worst first: coverage with its Monte-Carlo interval."""
@@ -150,45 +140,27 @@ def calibrate(
         If the logs do not fit in memory.
     """
     analysis.robot.check_stands("calibration")
-    trials = resolve_count(
-        replicates,
-        DEFAULTS.repetitions,
-        DEFAULTS.repetitions_quick,
-        quick=quick,
-    )
-    entry = None if analysis.source is None else analysis.source.entry.models
-    alone = entry[0].name if entry and len(entry) == 1 else analysis.chosen.name
-    result = analysis.models[analysis.find_model(model or alone)]
+    usual = DEFAULTS.repetitions, DEFAULTS.repetitions_quick
+    trials = resolve_count(replicates, *usual, quick=quick)
+    result = _choose_model(analysis, model)
     repeating, making = np.random.SeedSequence(seed).spawn(2)
-    runner, say = engine or Serial(), progress or quiet
-    world = World.of(
-        analysis,
-        result,
-        refits,
-        np.random.default_rng(making),
-    )
-    steps = share(
-        say,
-        "simulating repetitions",
-        0.0,
-        1.0,
-    )
-    found = runner.map(
-        world.repeat,
-        repeating.spawn(trials),
-        progress=steps,
-    )
+    world = World.of(analysis, result, refits, np.random.default_rng(making))
+    steps = share(progress or quiet, "simulating repetitions", 0.0, 1.0)
+    runner = engine or Serial()
+    found = runner.map(world.repeat, repeating.spawn(trials), progress=steps)
     outcomes, truth = zip(*found, strict=True)
-    cell = count_outcomes(
-        outcomes,
-        np.array(truth),
-        result.submodel.columns,
-    )
     numbers = {"seed": seed, "replicates": trials, "refits": refits}
     return Calibration(
         analysis=analysis,
         model=result.name,
-        cell=cell,
+        cell=count_outcomes(outcomes, np.array(truth), result.submodel.columns),
         hints=analysis.hints,
         provenance=analysis.provenance | {k: str(v) for k, v in numbers.items()},
     )
+
+
+def _choose_model(analysis: Analysis, name: str | None) -> ModelResult:
+    """Return a model of the ladder; by default the one to use, of a model file its only one."""
+    entry = None if analysis.source is None else analysis.source.entry.models
+    alone = entry[0] if entry and len(entry) == 1 else analysis.chosen
+    return analysis.models[analysis.find_model(name or alone.name)]

@@ -31,11 +31,11 @@ from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import LEVEL, REACH, Share, clustered_share, each_share
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.logs.prepare.instruments import add_instrument, noise_again
+from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.physical.pseudo_inertia import BASIS, natural_scale, scale_matrix, to_matrix
 from identifiability.quality.recordings import in_memory
@@ -110,14 +110,16 @@ class Experiment:
     ) -> Experiment:
         """Return the experiment of samples under a model; the rest says how it is judged."""
         regression = structure.regression(samples)
-        chunks = [c for part in regression.parts(whole=True) for c in part.chunks()]
+        parts = regression.parts(whole=True)
+        chunks = [c for part in parts for c in part.chunks()]
+        logs = [np.full(len(c.tau), c.log) for c in chunks]
         return Experiment(
             structure=structure,
             submodel=submodel,
             names=tuple(p.name for p in regression.parameters),
             W=base_columns(regression)[0],
             tau=np.concatenate([c.tau for c in chunks]),
-            log=np.concatenate([np.full(len(c.tau), c.log) for c in chunks]),
+            log=np.concatenate(logs),
             moves=np.concatenate([c.data for c in chunks]),
             **how,
         )
@@ -210,7 +212,8 @@ class Cell:
     @property
     def coverage_se(self) -> float:
         """Its Monte-Carlo standard error, by trials."""
-        return float(self.held.mean(1).std(ddof=1) / np.sqrt(len(self.held)))
+        shares = self.held.mean(1)
+        return float(shares.std(ddof=1) / np.sqrt(len(shares)))
 
     @cached_property
     def each(self) -> tuple[Share, ...]:
@@ -257,9 +260,10 @@ def count_outcomes(trials: Sequence[Outcome], truth: Array, names: Sequence[str]
     names : sequence of str
         Of the k parameters.
     """
-    off = np.abs(np.array([t.value for t in trials]) - truth)
-    held = off <= REACH * np.array([t.robust for t in trials])
-    called = np.array([t.identifiable for t in trials])
+    values, robust = (np.array([getattr(t, x) for t in trials]) for x in ("value", "robust"))
+    off, called = np.abs(values - truth), np.array([t.identifiable for t in trials])
+    held = off <= REACH * robust
+    unjudged = [not t.judged for t in trials]
     return Cell(
         names=tuple(names),
         held=held,
@@ -269,7 +273,7 @@ def count_outcomes(trials: Sequence[Outcome], truth: Array, names: Sequence[str]
             called,
             ~held,
         ),
-        not_judged=float(np.mean([not t.judged for t in trials])),
+        not_judged=float(np.mean(unjudged)),
     )
 
 
@@ -355,9 +359,6 @@ def make_possible(theta: Array, like: Array) -> Array:
 #: Drawings of the errors of the motion by which the torque that they make is measured.
 DRAWS = 8
 
-#: Share of the residual's variance that noise of the torque keeps at least.
-LEAST: Tolerance = 0.01
-
 
 @frozen
 class World:
@@ -404,65 +405,52 @@ class World:
         samples, logs = in_memory(analysis.samples), in_memory(analysis.recordings.fitted)
         given: Any = analysis.settings["preparation"]
         how = [
-            given
-            if s.cutoff is None
-            else replace(
-                given,
-                cutoff=s.cutoff,
-                outputs=s.band,
-            )
+            given if s.cutoff is None else replace(given, cutoff=s.cutoff, outputs=s.band)
             for s in samples
         ]
-        # The true motion is as prepared; the signs of its speeds are those of the motion itself.
-        true = [
-            replace(s, motion=replace(s.motion, smooth_v=None), instrument=None) for s in samples
-        ]
-        asked = {"method": result.estimate.estimator, "replicates": refits}
         experiment = Experiment.of(
             analysis.structure,
-            true,
+            [_true_motion(s) for s in samples],
             result.submodel,
-            **asked,
+            method=result.estimate.estimator,
+            replicates=refits,
         )
-        W, tau = experiment.W, experiment.tau
-        moves = experiment.moves
         runs = find_runs(samples)
-        noise = fit_residual_noise(
-            tau,
-            W,
-            split_runs(runs, moves),
-        )
-        robots = TrueRobots.of(analysis.structure, result)
+        stretches = split_runs(runs, experiment.moves)
         world = World(
             experiment,
-            robots,
+            TrueRobots.of(analysis.structure, result),
             tuple(zip(logs, samples, how, strict=True)),
-            noise,
+            fit_residual_noise(experiment.tau, experiment.W, stretches),
             runs,
         )
-        again = (world.measure_anew(rng)[0] for _ in range(DRAWS))
-        made = np.mean([((x - W) @ robots.draw(rng)) ** 2 for x in again], axis=(0, 1))
-        made /= np.maximum(moves.mean(0) * analysis.full.estimate.variance, 1e-300)
-        left = zip(
-            noise,
-            np.sqrt(np.maximum(1.0 - made, LEAST)).tolist(),
-            strict=True,
-        )
-        scaled = tuple(replace(own, sigma=x * own.sigma) for own, x in left)
-        return replace(world, noise=scaled)
+        return world.without_motion_errors(analysis.full.estimate.variance, rng)
+
+    def without_motion_errors(self, variance: Array, rng: np.random.Generator) -> World:
+        """Return the world whose noise lacks the torque that errors of the motion make.
+
+        Parameters
+        ----------
+        variance : (n,) [(N·m)² or N²]
+            Of the residual.
+        rng : numpy.random.Generator
+        """
+        W, squares = self.experiment.W, list[Array]()
+        for _ in range(DRAWS):
+            apart = self.measure_anew(rng)[0] - W
+            squares.append((apart @ self.robots.draw(rng)) ** 2)
+        moving = self.experiment.moves.mean(0)
+        made = np.mean(squares, axis=(0, 1)) / np.maximum(moving * variance, 1e-300)
+        scales = np.sqrt(np.maximum(1.0 - made, LOG_RULES.small)).tolist()
+        pairs = zip(self.noise, scales, strict=True)
+        scaled = tuple(replace(x, sigma=scale * x.sigma) for x, scale in pairs)
+        return replace(self, noise=scaled)
 
     def measure_anew(self, rng: np.random.Generator) -> tuple[Array, Array | None]:
         """Return columns of base parameters along logs with new errors, and instruments."""
         structure = self.robots.structure
-        return base_columns(
-            structure.regression(
-                sample_anew(
-                    structure.robot,
-                    self.logs,
-                    rng,
-                )
-            )
-        )
+        samples = sample_anew(structure.robot, self.logs, rng)
+        return base_columns(structure.regression(samples))
 
     def repeat(self, seed: np.random.SeedSequence) -> tuple[Outcome, Array]:
         """Return one repetition, fitted and judged, and what the labels meant in it, (k,)."""
@@ -492,6 +480,11 @@ class World:
             of_fit,
         )
         return outcome, truth
+
+
+def _true_motion(samples: Dataset) -> Dataset:
+    """Return samples as the truth: the signs of their speeds are those of the motion itself."""
+    return replace(samples, motion=replace(samples.motion, smooth_v=None), instrument=None)
 
 
 def find_runs(samples: Sequence[Dataset]) -> list[tuple[int, int]]:

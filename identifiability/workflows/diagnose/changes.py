@@ -5,19 +5,21 @@ And what it may be instead.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import groupby
+from typing import Any
 
 import numpy as np
 
 from identifiability.effects import FAMILIES, find_families
 from identifiability.estimation.differences import Differences
 from identifiability.estimation.groups import describe_term, place_of
-from identifiability.estimation.mixed_model import Term, Terms
+from identifiability.estimation.mixed_model import MixedModel, Term, Terms
 from identifiability.estimation.rules import RULES
-from identifiability.foundation.errors import listing
 from identifiability.foundation.names import INERTIAL_KINDS, Array
-from identifiability.foundation.rounding import REACH, measured
+from identifiability.foundation.presenter import present
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import Candidate, number
 from identifiability.robot import Robot
@@ -45,11 +47,11 @@ def list_changes(robot: Robot, bodies: Sequence[str]) -> tuple[Candidate, ...]:
     for family in find_families(DIFFERING):
         for place, own in groupby(family.effect.parameters(robot), lambda p: p.owner):
             found.append((family, family.effect, place, tuple(p.kind for p in own)))
-    return tuple(
-        number(
-            [Candidate(f, place, np.nan, k, e, tuple(range(len(k)))) for f, e, place, k in found]
-        )
-    )
+    candidates = []
+    for family, effect, place, kinds in found:
+        columns = tuple(range(len(kinds)))
+        candidates.append(Candidate(family, place, np.nan, kinds, effect, columns))
+    return tuple(number(candidates))
 
 
 @frozen
@@ -74,21 +76,20 @@ class DifferentTorque:
     def of(found: Differences, terms: Terms) -> DifferentTorque:
         """Return what the torque of the first log has beside the model of all."""
         seen, p, a = found.missing.seen, len(found.known.precision), found.always.shape[1]
-        value, explained = found.solve(terms)[0], np.where(seen.data, 0.0, np.nan)
+        value = found.solve(terms)[0]
+        explained = np.where(seen.data, 0.0, np.nan)
         sizes = found.always @ value[p : p + a]
         each = np.concatenate([np.empty(0, int), *map(found.at, terms)])
         sizes[each] += value[found.model.fixed :]
         for (j, k), x in found.missing.entries.items():
             explained[:, j] += sizes[k] * x
-        both = (np.where(seen.data, x, np.nan) for x in (seen.y - seen.X @ value[:p], explained))
-        return DifferentTorque(*(x[seen.log == 0] for x in (seen.t, seen.raw, *both)))
+        measured = np.where(seen.data, seen.y - seen.X @ value[:p], np.nan)
+        explained = np.where(seen.data, explained, np.nan)
+        first = seen.log == 0
+        return DifferentTorque(seen.t[first], seen.raw[first], measured[first], explained[first])
 
 
 # `Change`: what differs, of which size, where and when.
-
-
-#: What a change is called that cannot be told apart, and parameters, at most.
-NAMED = 6
 
 
 @frozen(kw_only=True)
@@ -132,10 +133,10 @@ class Change:
     units: tuple[str, ...]
     sizes: Array
     sd: Array
-    share: float
-    share_sd: float
     odds: float
     others: tuple[str, ...]
+    share: float = np.nan
+    share_sd: float = np.nan
     rivals: tuple[tuple[str, str], ...] = ()
     start: float = -np.inf
     stop: float = np.inf
@@ -149,41 +150,19 @@ class Change:
         return bool(np.isinf(self.start) and np.isinf(self.stop))
 
     @property
+    def sure(self) -> bool:
+        """Whether it is as sure as what fitted and unseen rows together name."""
+        return self.odds >= RULES.name + RULES.keep
+
+    @property
     def when(self) -> str:
         """In words: ``from 41 s (95 %: 40.5 … 41.5 s) of run2``."""
-        ends = ("from", self.start, self.began), ("until", self.stop, self.ended)
-        told = [
-            f"{word} {at:.3g} s (95 %: {low:.3g} … {high:.3g} s)"
-            for word, at, (low, high) in ends
-            if np.isfinite(at)
-        ]
-        if told:
-            return f"{' '.join(told)} of {self.log}"
-        return f"in {self.log}" if self.log else ""
+        return str(present(self, "when"))
 
     @property
     def called(self) -> str:
         """What it is, without a capital letter, and what it may be instead."""
-        text = " ".join(filter(None, (self._sized, self.when)))
-        if self.others:
-            text += f", or {' or '.join(self.others[:NAMED])}"
-        # As sure as what fitted and unseen rows together name.
-        return text if self.odds >= RULES.name + RULES.keep else f"perhaps {text}"
-
-    @property
-    def _sized(self) -> str:
-        """What it is; of one everywhere what is sure, where its sum is not."""
-        half = REACH * self.sd
-        size, reach, unit = 100 * self.share, 100 * REACH * self.share_sd, "%"
-        words = "rose", "fell"
-        if self.kind == "load":
-            size, reach, unit, words = self.sizes[0], half[0], "kg", ("grew", "shrank")
-        if abs(size) > reach:
-            return f"{self.what} {words[int(size < 0)]} by {measured(abs(size), reach, unit)}"
-        every = zip(self.names, self.sizes, half, self.units, strict=True)
-        shares = ((n, 100 * x, 100 * h, "%") if u == "1" else (n, x, h, u) for n, x, h, u in every)
-        parts = [f"{n} by {measured(x, h, u)}" for n, x, h, u in shares if abs(x) > h]
-        return f"{self.what} changed{': ' if parts else ''}{listing(parts, NAMED)}"
+        return str(present(self, "called"))
 
 
 def _describe(found: Differences, term: Term, names: Sequence[str]) -> str:
@@ -193,6 +172,12 @@ def _describe(found: Differences, term: Term, names: Sequence[str]) -> str:
         return f"{describe_term(term)} that the model lacks"
     where = own.odd(names)
     return f"{own.title} of {place_of(term)}{f' in {where}' if where else ''}"
+
+
+def rows_of(model: MixedModel, terms: Terms, k: int) -> np.ndarray:
+    """Return where the values of a term stand among those of a solution, (m,)."""
+    first = model.fixed + sum(t.size for t in terms[:k])
+    return first + np.arange(terms[k].size)
 
 
 def list_log_changes(found: Differences, terms: Terms, names: Sequence[str]) -> tuple[Change, ...]:
@@ -205,44 +190,62 @@ def list_log_changes(found: Differences, terms: Terms, names: Sequence[str]) -> 
     names : sequence of str
         Of the logs, or of those that blocks are of.
     """
-    model, known = found.model, found.known
-    value, covariance = found.solve(terms)
-    levels = found.levels(known.base + known.directions @ value[: len(known.precision)])
-    each = np.split(np.arange(model.fixed, len(value)), np.cumsum([t.size for t in terms])[:-1])
-    together: dict[tuple[str, str, str], list[int]] = {}
+    known, together = found.known, defaultdict[Any, list[int]](list)
     for k, term in enumerate(terms):
         own = found.whose(term)
         if own.pattern:
-            together.setdefault((own.kind, place_of(term), own.pattern), []).append(k)
-    out = []
-    for (kind, place, _), which in together.items():
-        parts = [found.whose(terms[k]) for k in which]
-        at = np.concatenate([each[k] for k in which])
+            together[own.kind, place_of(term), own.pattern].append(k)
+    value, covariance = found.solve(terms)
+    levels = found.levels(known.base + known.directions @ value[: len(known.precision)])
+    changes = []
+    for which in together.values():
+        at = np.concatenate([rows_of(found.model, terms, k) for k in which])
         columns = np.concatenate([found.at(terms[k]) for k in which])
-        sizes, spread, level = value[at], covariance[np.ix_(at, at)], levels[columns]
-        share, share_sd = np.nan, np.nan
-        if (np.abs(level) > 0).all():
-            rms = found.missing.scale[columns]
-            slope = rms * np.sign(level) / (np.abs(level) @ rms)
-            share, share_sd = float(slope @ sizes), float(np.sqrt(slope @ spread @ slope))
-        title = parts[0].title if len({c.family.name for c in parts}) == 1 else kind
-        rivals = [r for k in which for r in model.rivals(terms, k) if r.odds > 0]
-        _, called, units = zip(*(found.columns[k] for k in columns.tolist()), strict=True)
-        out.append(
-            Change(
-                kind=kind,
-                family=parts[0].family.name,
-                what=f"{title} of {place}",
-                place=place,
-                log=parts[0].odd(names),
-                names=called,
-                units=units,
-                sizes=sizes,
-                sd=np.sqrt(np.diag(spread)),
-                share=share,
-                share_sd=share_sd,
-                odds=max(terms[k].odds for k in which),
-                others=tuple(dict.fromkeys(_describe(found, r, names) for r in rivals)),
-            )
-        )
-    return tuple(sorted(out, key=lambda c: -c.odds))
+        spread = covariance[np.ix_(at, at)]
+        share = _share_of(levels[columns], found.missing.scale[columns], value[at], spread)
+        change = _join_terms(found, terms, which, names)
+        sd = np.sqrt(np.diag(spread))
+        changes.append(replace(change, sizes=value[at], sd=sd, share=share[0], share_sd=share[1]))
+    return tuple(sorted(changes, key=lambda c: -c.odds))
+
+
+def _share_of(level: Array, rms: Array, sizes: Array, spread: Array) -> tuple[float, float]:
+    """Return by which share of its torque something changed, and its standard error.
+
+    NaN where nothing is known of the torque before.
+
+    Parameters
+    ----------
+    level, rms : (q,)
+        Numbers before the change, and the torque that each makes at 1.
+    sizes, spread : (q,), (q, q)
+        Changes of these numbers, and their covariance.
+    """
+    if not (np.abs(level) > 0).all():
+        return np.nan, np.nan
+    slope = rms * np.sign(level) / (np.abs(level) @ rms)
+    return float(slope @ sizes), float(np.sqrt(slope @ spread @ slope))
+
+
+def _join_terms(
+    found: Differences, terms: Terms, which: Sequence[int], names: Sequence[str]
+) -> Change:
+    """Return the change that some terms at one place are, without its size."""
+    place, parts = place_of(terms[which[0]]), [found.whose(terms[k]) for k in which]
+    columns = [found.columns[n] for k in which for n in found.at(terms[k]).tolist()]
+    _, called, units = zip(*columns, strict=True)
+    rivals = [r for k in which for r in found.model.rivals(terms, k) if r.odds > 0]
+    alike = len({c.family.name for c in parts}) == 1
+    return Change(
+        kind=parts[0].kind,
+        family=parts[0].family.name,
+        what=f"{parts[0].title if alike else parts[0].kind} of {place}",
+        place=place,
+        log=parts[0].odd(names),
+        names=called,
+        units=units,
+        sizes=np.empty(0),
+        sd=np.empty(0),
+        odds=max(terms[k].odds for k in which),
+        others=tuple(dict.fromkeys(_describe(found, r, names) for r in rivals)),
+    )

@@ -107,12 +107,15 @@ class Physical:
         return {p.name: self.values.get(p.name, 0.0) for p in parameters}
 
 
+#: Samples and their rows, (S + 1,) int, of each stretch.
+Stretches = list[tuple[Dataset, np.ndarray]]
+
+
 def compare_forward(
     before: Physical,
     after: Physical,
     unseen: Sequence[Dataset],
     rng: np.random.Generator,
-    stretches: int = DRAWN_STRETCHES,
 ) -> ForwardGap:
     """Simulate stretches of unseen motion with two models of a robot.
 
@@ -123,8 +126,6 @@ def compare_forward(
         Logs that neither was fitted to.
     rng : numpy.random.Generator
         For the interval.
-    stretches : int
-        At most; evenly spaced over the logs.
 
     Returns
     -------
@@ -133,49 +134,60 @@ def compare_forward(
     """
     dt = signals.sampling_step(unseen[0].motion.t)
     steps = max(2, round(HORIZON / dt))
-    starts = _starts(unseen, dt, steps, stretches)
-    if not starts:
+    at = _stretches(unseen, dt, steps, DRAWN_STRETCHES)
+    if not at:
         return ForwardGap.none(
             f"no stretch of {HORIZON:g} s without gaps is left in the unseen motion"
         )
-    at = [(samples, np.arange(start, start + steps + 1)) for samples, start in starts]
     q = np.stack([s.motion.actuated_q[rows] for s, rows in at])
-    first = np.stack([s.motion.actuated_v[rows[0]] for s, rows in at])
     moved = np.abs(np.diff(q, axis=1)).sum(1).mean(0)
     if not np.all(moved > 0):
         return ForwardGap.none("a joint does not move in the unseen motion")
-    errors = []
     try:
-        for fit in (before, after):
-            others = {id(s): other_torque(fit, s.motion) for s in unseen}
-            tau = np.stack([_mean_torque(fit, s, others[id(s)], rows) for s, rows in at])
-            simulator = ForwardRobot(fit.structure.robot, joint_values(fit))
-            positions = simulator.run(q[:, 0], first, tau, dt)
-            share = np.minimum(np.abs(positions - q[:, 1:]) / moved, 1.0)
-            errors.append(np.nan_to_num(share, nan=1.0))
+        errors = [_simulate(fit, unseen, at, dt) / moved for fit in (before, after)]
     except IdentifiabilityError as error:
         return ForwardGap.none(str(error))
+    # A stretch that has diverged is wrong by all of the distance.
+    errors = [np.nan_to_num(np.minimum(share, 1.0), nan=1.0) for share in errors]
     ends = np.stack([share[:, -1:].mean(2) for share in errors], axis=2)
     interval = change_interval(ends, np.ones((len(at), 1)), rng)
     return ForwardGap(steps * dt, dt * np.arange(1, steps + 1), errors[0], errors[1], interval)
 
 
-def _starts(
-    unseen: Sequence[Dataset], dt: float, steps: int, most: int
-) -> list[tuple[Dataset, int]]:
-    """Return (log, first row) of evenly spaced stretches without gaps."""
+def _simulate(fit: Physical, unseen: Sequence[Dataset], at: Stretches, dt: float) -> Array:
+    """Return the errors of simulated positions, (K, S, n).
+
+    Parameters
+    ----------
+    fit : Physical
+    unseen : sequence of Dataset
+    at : sequence of (Dataset, (S + 1,) int)
+        Stretches of these.
+    dt : float [s]
+    """
+    others = {id(s): other_torque(fit, s.motion) for s in unseen}
+    tau = np.stack([_mean_torque(fit, s, others[id(s)], rows) for s, rows in at])
+    q = np.stack([s.motion.actuated_q[rows] for s, rows in at])
+    first = np.stack([s.motion.actuated_v[rows[0]] for s, rows in at])
+    simulator = ForwardRobot(fit.structure.robot, joint_values(fit))
+    return np.asarray(np.abs(simulator.run(q[:, 0], first, tau, dt) - q[:, 1:]))
+
+
+def _stretches(unseen: Sequence[Dataset], dt: float, steps: int, most: int) -> Stretches:
+    """Return evenly spaced stretches without gaps."""
     found = []
     for samples in unseen:
-        kept, start = samples.motion.kept, 0
-        if abs(signals.sampling_step(samples.motion.t) / dt - 1) > LOG_RULES.small:
+        kept, t, start = samples.motion.kept, samples.motion.t, 0
+        if abs(signals.sampling_step(t) / dt - 1) > LOG_RULES.small:
             continue  # one step size for all
         while start + steps < len(kept):
-            lasts = np.diff(samples.motion.t[start : start + steps + 1]).max()
-            if kept[start + steps] - kept[start] == steps and lasts < LOG_RULES.gap * dt:
-                found.append((samples, start))
+            rows = np.arange(start, start + steps + 1)
+            jumps = np.diff(kept[rows]) > 1
+            if not jumps.any() and np.diff(t[rows]).max() < LOG_RULES.gap * dt:
+                found.append((samples, rows))
                 start += steps
             else:
-                start += 1 + int(np.argmax(np.diff(kept[start : start + steps + 1]) > 1))
+                start += 1 + int(np.argmax(jumps))
     if len(found) <= most:
         return found
     return [found[k] for k in np.linspace(0, len(found) - 1, most).astype(int)]
@@ -207,13 +219,14 @@ def other_torque(fit: Physical, motion: Motion) -> Array:
     Simulated motion leaves it little within a stretch, and friction that remembers its way and what
     drifts over a session are those of the log.
     """
-    out = np.zeros((len(motion), len(fit.structure.robot.joints)))
+    robot = fit.structure.robot
+    out = np.zeros((len(motion), len(robot.joints)))
     for effect in fit.structure.model.effects:
         if not find_family(effect.name).native:
-            values = np.array(list(fit.of(effect.parameters(fit.structure.robot)).values()))
-            W = np.zeros((*out.shape, len(values)))
-            effect.fill(fit.structure.robot, motion, W)
-            out += W @ values
+            known = fit.of(effect.parameters(robot))
+            W = np.zeros((*out.shape, len(known)))
+            effect.fill(robot, motion, W)
+            out += W @ np.array([*known.values()])
     return out
 
 

@@ -8,10 +8,11 @@ between those of its grid, at the places where it is sure.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
-from itertools import zip_longest
+from itertools import compress, zip_longest
+from typing import Any
 
 import numpy as np
 from scipy.special import chdtrc, logsumexp, softmax
@@ -29,7 +30,7 @@ from identifiability.estimation.noise import split_runs
 from identifiability.estimation.prediction import Prediction, predict
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.linalg import ROUNDOFF, scan_columns
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import Array, Parameter
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
@@ -42,7 +43,7 @@ from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure, known_rows
 from identifiability.robot import Robot
 from identifiability.workflows.analyze.ladder import hold_folds
-from identifiability.workflows.diagnose.changes import Change
+from identifiability.workflows.diagnose.changes import Change, rows_of
 from identifiability.workflows.diagnose.problem import (
     KnownValues,
     Problem,
@@ -83,6 +84,11 @@ class Part:
     rivals: Terms
     weight: float
     nearest: Terms = ()
+
+    def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
+        """Return its parameters."""
+        placed = Placed([self.candidate.part])
+        return tuple(placed.parameters(robot))
 
 
 @frozen
@@ -135,11 +141,9 @@ class Naming:
 
     def values(self, k: int) -> tuple[Array, Array]:
         """Return the values of a part (m,) and their covariance (m, m)."""
-        s = self.model.solve(self.terms)
-        first = self.model.fixed + sum(t.size for t in self.terms[:k])
-        at = np.arange(first, first + self.terms[k].size)
+        value, covariance = _values_of(self.model, self.terms, k)
         unit = self.model.scale[self.terms[k].columns]
-        return s.value[at] / unit, s.root[:, at].T @ s.root[:, at] / np.outer(unit, unit)
+        return value / unit, covariance / np.outer(unit, unit)
 
     def columns(self, parts: Sequence[int], joint: int) -> Array:
         """Return the columns of some parts in a joint along the fitted rows, (N, m)."""
@@ -174,8 +178,8 @@ class Naming:
 
     def names(self, parts: Sequence[Part]) -> list[str]:
         """Return the names of the parameters of some parts."""
-        robot = self.problem.structure.robot
-        return [x.name for p in parts for x in Placed([p.candidate.part]).parameters(robot)]
+        robot = self.problem.robot
+        return [x.name for p in parts for x in p.parameters(robot)]
 
     @cached_property
     def coordinates(self) -> tuple[Array, Array]:
@@ -183,12 +187,13 @@ class Naming:
 
         ``β = base + C x``, C (b, d + m), and what standard deviation x is known to have, (d + m,).
         """
-        known, last = self.known, {n: k for k, n in enumerate(self.completed.columns)}
-        own, names = self.of(self.problem.plain) @ known.directions, self.names(self.parts)
-        sd = [self.completed.model.random.get(name, np.inf) for name in names]
+        known, completed, names = self.known, self.completed, self.names(self.parts)
+        own = self.of(self.problem.plain) @ known.directions
+        sd = [completed.model.random.get(name, np.inf) for name in names]
         with np.errstate(divide="ignore"):
             both = np.append(1.0 / np.sqrt(known.precision), sd)
-        return np.column_stack([own, self.completed.G[:, [last[name] for name in names]]]), both
+        added = completed.G[:, [completed.columns.index(name) for name in names]]
+        return np.column_stack([own, added]), both
 
     @property
     def known(self) -> KnownValues:
@@ -302,17 +307,17 @@ def look(problem: Problem, effects: Iterable[str] | None = None) -> Naming:
     effects : iterable of str, optional
         Families that may be named; all by default.
     """
-    s, fixed = problem.structure, problem.fixed
-    columns = problem.regression(s, problem.excerpt or problem.samples)
-    fitted = ResidualRows.of(columns, problem.known)
+    s, known = problem.structure, problem.known
+    fitted = ResidualRows.of(problem.regression(s, problem.excerpt or problem.samples), known)
     others = problem.unseen_excerpt or problem.validation
-    unseen = ResidualRows.of(s.regression(others), problem.known) if others else fitted
+    unseen = ResidualRows.of(s.regression(others), known) if others else fitted
     asked = {f.name: f for f in find_families(effects, commanded=problem.commanded)}
     every = {f.name: f for f in find_families(None, commanded=problem.commanded)} | asked
-    families, motions = tuple(every.values()), [x.motion for x in fitted.samples]
-    listed, refused = list_candidates(s.robot, families, s.present, motions, fixed=fixed)
+    motions = [x.motion for x in fitted.samples]
+    families = tuple(every.values())
+    listed, refused = list_candidates(s.robot, families, s.present, motions, fixed=problem.fixed)
     candidates = with_reversals(s.robot, listed, s.present)
-    missing = Missing(candidates, fitted.seen, problem.known.root, families=frozenset(asked))
+    missing = Missing(candidates, fitted.seen, known.root, families=frozenset(asked))
     model = missing.model()
     before = tuple(model.gains())
     found = Naming(
@@ -331,44 +336,57 @@ def look(problem: Problem, effects: Iterable[str] | None = None) -> Naming:
 
 def name_missing(looked: Naming) -> Naming:
     """Return what is missing: found on fitted rows, confirmed on unseen ones."""
-    model, missing, unseen = looked.whole, looked.asked, looked.unseen
-    kept, gains = model.search(), dict[tuple[str, str], float]()
-    named = [t for t in kept if not _family(missing, t).unnamed]
+    kept, gains = looked.whole.search(), dict[tuple[str, str], float]()
+    named = [t for t in kept if not _family(looked.asked, t).unnamed]
     if named:  # their torque is no noise
-        missing = missing.beside(named)
-        model = missing.model()
-        kept = model.search()
-        looked = replace(looked, asked=missing, whole=model, missing=missing)
-    refuted = list[tuple[Term, float]]()
+        missing = looked.asked.beside(named)
+        looked = replace(looked, asked=missing, whole=missing.model(), missing=missing)
+        kept = looked.whole.search()
     if looked.problem.validation and kept:
-        found, products = kept, missing.products(unseen.seen, among=kept)
-        kept = model.confirm(found, products)
-        for terms in (found, kept):
-            news = zip(terms, model.news(terms, products), strict=True)
-            gains |= {t.key: gain for t, gain in news}
-        refuted = [(t, gains[t.key]) for t in found if t.key not in {x.key for x in kept}]
-    parts = []
+        found = kept
+        kept, gains = _confirm(looked, found)
+        standing = {t.key for t in kept}
+        refuted = tuple((t, gains[t.key]) for t in found if t.key not in standing)
+        looked = replace(looked, refuted=refuted)
+    parts = list[Part]()
     for k, term in enumerate(kept):
-        unnamed, rest = _family(missing, term).unnamed, kept[:k] + kept[k + 1 :]
-        others = [t for t in model.gains(rest) if _may_rival(t.group, term.group)]
-        named = [t for t in others if not _family(missing, t).unnamed]
-        rivals = [t for t in (others if unnamed else named) if t.odds > term.odds - RULES.rival]
-        near = [t for t in named if unnamed and t.group.place == term.group.place]
-        parts += [
-            Part(
-                candidate=c,
-                term=term,
-                unseen=gains.get(term.key, np.nan),
-                rivals=tuple(rivals),
-                weight=float(softmax([term.odds, *(t.odds for t in others)])[0]),
-                nearest=tuple(near[:3]),
-            )
-            for c in _candidates(missing, model, kept, k)
-        ]
+        parts += _write_term(looked, kept, k, gains.get(term.key, np.nan))
     came = [p.candidate.family.name for p in parts]
     parts.sort(key=lambda p: (came.index(p.candidate.family.name), p.candidate.columns))
-    looked = replace(looked, after=tuple(model.gains(kept)), refuted=tuple(refuted))
-    return with_parts(looked, parts)
+    return with_parts(replace(looked, after=tuple(looked.whole.gains(kept))), parts)
+
+
+def _confirm(looked: Naming, found: Terms) -> tuple[Terms, dict[tuple[str, str], float]]:
+    """Return the terms that unseen rows do not refute, and what all gain on these, by key."""
+    model, gains = looked.whole, dict[tuple[str, str], float]()
+    products = looked.asked.products(looked.unseen.seen, among=found)
+    kept = model.confirm(found, products)
+    for terms in (found, kept):
+        news = zip(terms, model.news(terms, products), strict=True)
+        gains |= {t.key: gain for t, gain in news}
+    return kept, gains
+
+
+def _write_term(looked: Naming, kept: Terms, k: int, gain: float) -> Iterator[Part]:
+    """Yield the parts of one of the terms that are missing.
+
+    Parameters
+    ----------
+    looked : Naming
+    kept : tuple of Term
+    k : int
+    gain : float [nat]
+        Of the term on unseen rows.
+    """
+    term, rest, missing = kept[k], kept[:k] + kept[k + 1 :], looked.asked
+    others = [t for t in looked.whole.gains(rest) if _may_rival(t.group, term.group)]
+    named = [t for t in others if not _family(missing, t).unnamed]
+    unnamed = _family(missing, term).unnamed
+    rivals = [t for t in (others if unnamed else named) if t.odds > term.odds - RULES.rival]
+    nearest = [t for t in named if unnamed and t.group.place == term.group.place]
+    weight = float(softmax([term.odds, *(t.odds for t in others)])[0])
+    for c in _candidates(missing, looked.whole, kept, k):
+        yield Part(c, term, gain, tuple(rivals), weight, tuple(nearest[:3]))
 
 
 def _may_rival(one: Group, other: Group) -> bool:
@@ -383,7 +401,8 @@ def _family(missing: Missing, term: Term) -> Family:
 
 def _candidates(missing: Missing, model: MixedModel, terms: Terms, k: int) -> list[Candidate]:
     """Return what a term is written as: one candidate a place, where it has a share."""
-    term, sets, rest = terms[k], missing.sets[terms[k].key], terms[:k] + terms[k + 1 :]
+    term, rest = terms[k], terms[:k] + terms[k + 1 :]
+    sets, everywhere = missing.sets[term.key], term.group.place == EVERYWHERE
     chosen = sets[min(term.member, len(sets) - 1)]
     if sets[0][0].family.continuous:
         chosen = _refined(model, rest, term.group, sets)
@@ -392,33 +411,53 @@ def _candidates(missing: Missing, model: MixedModel, terms: Terms, k: int) -> li
     places: dict[str, list[Candidate]] = {}
     for c in chosen:
         places.setdefault(c.place, []).append(c)
-    found = [
-        replace(
-            own[0],
-            kinds=tuple(k for c in own for k in c.kinds),
-            columns=tuple(k for c in own for k in c.columns),
-        )
-        for own in places.values()
-    ]
-    if term.group.place != EVERYWHERE:
-        return found
-    each = [
-        replace(term, group=Group(*c.group, (np.array(c.columns) + missing.fixed,), 0.0), member=0)
-        for c in found
-    ]
-    every = (*rest, *each)
-    sure = [_has_share(model, every, len(terms) - 1 + n) for n in range(len(each))]
-    if 0 < sum(sure) < MOST * len(sure):
-        found = [c for c, one in zip(found, sure, strict=True) if one]
-    return found
+    found = [_merge_kinds(own) for own in places.values()]
+    return _where_sure(missing, model, rest, term, found) if everywhere else found
+
+
+def _where_sure(
+    missing: Missing, model: MixedModel, rest: Terms, term: Term, found: list[Candidate]
+) -> list[Candidate]:
+    """Return the candidates of a term where it surely has a share; all where it has most.
+
+    Parameters
+    ----------
+    missing, model
+    rest : tuple of Term
+        All others.
+    term : Term
+        A family everywhere.
+    found : list of Candidate
+        One a place.
+    """
+    columns = [np.array(c.columns) + missing.fixed for c in found]
+    groups = [Group(*c.group, (at,), 0.0) for c, at in zip(found, columns, strict=True)]
+    every = (*rest, *(replace(term, group=group, member=0) for group in groups))
+    shares = [_has_share(model, every, len(rest) + n) for n in range(len(found))]
+    sure = list(compress(found, shares))
+    return sure if 0 < len(sure) < MOST * len(found) else found
+
+
+def _merge_kinds(own: Sequence[Candidate]) -> Candidate:
+    """Return the candidates of one place as one."""
+    kinds = tuple(kind for c in own for kind in c.kinds)
+    columns = tuple(k for c in own for k in c.columns)
+    return replace(own[0], kinds=kinds, columns=columns)
+
+
+def _values_of(model: MixedModel, terms: Terms, k: int) -> tuple[Array, Array]:
+    """Return the scaled values of a term (m,) and their covariance (m, m)."""
+    s = model.solve(terms)
+    at = rows_of(model, terms, k)
+    root = s.root[:, at]
+    return s.value[at], root.T @ root
 
 
 def _has_share(model: MixedModel, terms: Terms, k: int) -> bool:
     """Whether a term's values are surely none of zero."""
-    s = model.solve(terms)
-    at = model.fixed + sum(t.size for t in terms[:k]) + np.arange(terms[k].size)
-    square = s.value[at] @ np.linalg.solve(s.root[:, at].T @ s.root[:, at], s.value[at])
-    return bool(chdtrc(len(at), square) < Thresholds.sign_level)
+    value, covariance = _values_of(model, terms, k)
+    square = value @ np.linalg.solve(covariance, value)
+    return bool(chdtrc(len(value), square) < Thresholds.sign_level)
 
 
 def with_parts(naming: Naming, parts: Sequence[Part]) -> Naming:
@@ -517,6 +556,41 @@ def _session(rows: ResidualRows, begins: np.ndarray, log: np.ndarray) -> Array:
     return np.array([x, np.exp(-3.0 * x)])
 
 
+@frozen
+class _Grid:
+    """Between which instants of the fitted logs something may have changed.
+
+    Attributes
+    ----------
+    begins : (P + 1,) int
+        Rows at which parts of time begin, and the end of the last.
+    log : (P,) int
+        Of each part.
+    stays : (w, 2) int
+        First part of each possible change, and the one after the last.
+    courses : (c, P)
+        How what warms up through a session may go.
+    """
+
+    begins: np.ndarray
+    log: np.ndarray
+    stays: np.ndarray
+    courses: Array
+
+    @staticmethod
+    def of(rows: ResidualRows) -> _Grid:
+        """Return the grid of some rows."""
+        begins, log = _parts_of_time(rows.seen)
+        return _Grid(begins, log, _stays(log), _session(rows, begins, log))
+
+    @property
+    def weights(self) -> Array:
+        """How much each change, and each course of a session, acts in each part, (w + c, P)."""
+        parts = np.arange(len(self.log))
+        on = (parts >= self.stays[:, :1]) & (parts < self.stays[:, 1:])
+        return np.concatenate([on, self.courses])
+
+
 def find_change_in_log(naming: Naming, effects: Collection[str] | None = None) -> Change | None:
     """Return the likeliest change in the middle of a log beside what was named, if it is sure.
 
@@ -529,63 +603,85 @@ def find_change_in_log(naming: Naming, effects: Collection[str] | None = None) -
     effects : collection of str, optional
         Families that may be named; all by default.
     """
-    seen, robot = naming.fitted.seen, naming.problem.structure.robot
     families = find_families([f for f in CHANGING if effects is None or f in effects])
-    begins, log_of = _parts_of_time(seen)
-    stays = _stays(log_of)
     motions = [x.motion for x in naming.fitted.samples]
-    listed, _ = list_candidates(robot, families, (), motions, fixed=True)
+    listed, _ = list_candidates(naming.problem.robot, families, (), motions, fixed=True)
+    grid = _Grid.of(naming.fitted)
+    if not len(grid.stays) or not listed:  # families that nobody may name, or next to no time
+        return None
     held = [c for c in naming.missing.candidates if c.family is REVERSALS]
     missing = replace(naming.missing, candidates=tuple(number([*held, *listed])), families=None)
-    if not len(stays) or not listed:  # families that nobody may name, or logs of next to no time
-        return None
-    courses = _session(naming.fitted, begins, log_of)
-    every = _odds_of_stays(missing, begins, stays, courses)
+    every = _odds_of_stays(missing, grid)
     for _ in range(2):  # what it adds is no noise: once it is roughly known, that is without
-        first, last = begins[stays[int(every[0].odds.argmax())]].tolist()
-        outside = np.ones((len(seen.y), 1), bool)
-        outside[first:last] = False
-        noise = list(naming.missing.noise)
-        for j in {j for j, k in missing.entries if k in every[0].candidate.columns}:
-            (runs,) = split_runs(seen.runs[j], outside)
-            noise[j] = missing.noise_within(j, runs)
-        every = _odds_of_stays(missing.under(noise), begins, stays, courses)
-    best, at = every[0], int(every[0].odds.argmax())
-    first, last = stays[at].tolist()
-    own = np.flatnonzero(log_of == log_of[first])
-    begun, whole = first > own[0], last > own[-1]
+        every = _odds_of_stays(_noise_outside(missing, grid, every[0]), grid)
     always = [*(x.drifts for x in every), *(t.odds for t in naming.before[:1])]
     needed = max(RULES.name + RULES.keep, *always) + RULES.rival
-    if best.total < needed or (not begun and whole and len(np.unique(log_of)) < 3):
+    return None if every[0].total < needed else _write_change(naming, grid, every)
+
+
+def _noise_outside(missing: Missing, grid: _Grid, stay: _Stay) -> Missing:
+    """Return the same with noise that is measured while a change did not last."""
+    seen, noise = missing.seen, list(missing.noise)
+    first, last = grid.begins[grid.stays[stay.at]].tolist()
+    outside = np.ones((len(seen.y), 1), bool)
+    outside[first:last] = False
+    for j in {j for j, k in missing.entries if k in stay.candidate.columns}:
+        (runs,) = split_runs(seen.runs[j], outside)
+        noise[j] = missing.noise_within(j, runs)
+    return missing.under(noise)
+
+
+def _write_change(naming: Naming, grid: _Grid, every: Sequence[_Stay]) -> Change | None:
+    """Return the likeliest change; None where it is of all of one of two logs."""
+    best, c = every[0], every[0].candidate
+    when = _find_instants(grid, best, naming.fitted.seen.t)
+    if when is None:
         return None
-    total = np.array([x.total for x in every])
     near = [x for x in every[1:] if x.total > best.total - RULES.rival]
-    time = seen.t[[*begins[own].tolist(), int(begins[own[-1] + 1]) - 1]]
-    c, likely = best.candidate, softmax(best.odds)
-    change = Change(
-        kind={"payload": "load", "torque_offset": "offset"}.get(c.family.name, "friction"),
+    kinds = {"payload": "load", "torque_offset": "offset"}
+    log = int(grid.log[grid.stays[best.at, 0]])
+    parameters = Placed([c.part]).parameters(naming.problem.robot)
+    return Change(
+        kind=kinds.get(c.family.name, "friction"),
         family=c.family.name,
         what=best.title,
         place=c.place,
-        log=naming.problem.samples[log_of[first]].name,
+        log=naming.problem.samples[log].name,
         names=tuple(f"{c.place}.{kind.removeprefix('payload_')}" for kind in c.kinds),
-        units=tuple(p.unit for p in Placed([c.part]).parameters(robot)),
+        units=tuple(p.unit for p in parameters),
         sizes=best.value,
         sd=np.sqrt(np.diag(best.covariance)),
-        share=np.nan,
-        share_sd=np.nan,
         odds=best.total,
         others=tuple(x.title for x in near),
         rivals=tuple(x.candidate.group for x in near),
-        weight=float(softmax(total)[0]),
+        weight=float(softmax([x.total for x in every])[0]),
+        **when,
     )
+
+
+def _find_instants(grid: _Grid, stay: _Stay, t: Array) -> dict[str, Any] | None:
+    """Return when a change began and ended; None where it is all of one of two logs.
+
+    Parameters
+    ----------
+    grid, stay
+    t : (N,) [s]
+        Of the fitted rows.
+    """
+    first, last = grid.stays[stay.at].tolist()
+    own = np.flatnonzero(grid.log == grid.log[first])
+    begun, whole = first > own[0], last > own[-1]
+    if not begun and whole and len(np.unique(grid.log)) < 3:
+        return None
+    rows = grid.begins[[*own, own[-1] + 1]]
+    time, likely = t[[*rows[:-1], rows[-1] - 1]], softmax(stay.odds)
+    starts, stops = (grid.stays - own[0]).T
+    when: dict[str, Any] = {}
     if begun:
-        began = _ends(stays[:, 0] - own[0], likely, time)
-        change = replace(change, start=float(time[first - own[0]]), began=began)
+        when = {"start": float(time[first - own[0]]), "began": _ends(starts, likely, time)}
     if not whole:
-        ended = _ends(stays[:, 1] - own[0], likely, time)
-        change = replace(change, stop=float(time[last - own[0]]), ended=ended)
-    return change
+        when |= {"stop": float(time[last - own[0]]), "ended": _ends(stops, likely, time)}
+    return when
 
 
 @frozen
@@ -606,6 +702,11 @@ class _Stay:
     covariance: Array
 
     @property
+    def at(self) -> int:
+        """Which two instants are the likeliest."""
+        return int(self.odds.argmax())
+
+    @property
     def title(self) -> str:
         """What it is and where, in words."""
         family = self.candidate.family
@@ -613,35 +714,81 @@ class _Stay:
         return f"{what} of {self.candidate.place}"
 
 
-def _odds_of_stays(
-    missing: Missing, begins: np.ndarray, stays: np.ndarray, courses: Array
-) -> list[_Stay]:
-    """Return candidates that act between two parts of time, (w, 2), the likeliest first."""
+def _odds_of_stays(missing: Missing, grid: _Grid) -> list[_Stay]:
+    """Return candidates that act between two instants of a grid, the likeliest first."""
     model = replace(missing.model(), sizes=CHANGES)
-    blocks = missing.products(edges=begins.tolist())
-    c, scale, parts = blocks.size, np.append(model.scale, 1.0), np.arange(len(begins) - 1)
-    rows = [blocks.take(parts[[b]]).between(np.arange(c)[:, None], np.arange(c + 1)) for b in parts]
-    each = np.array(rows) / np.outer(scale[:-1], scale)
-    on = (parts >= stays[:, :1]) & (parts < stays[:, 1:])
-    weights = np.concatenate([on, courses])
-    s, p, out = model.solve(), model.fixed, list[_Stay]()
+    products = _products_of_parts(missing, model, grid)
     candidates = [x for x in missing.candidates if x.family is not REVERSALS]
     places = Counter(x.family.name for x in candidates)
+    found = []
     for x in candidates:
+        price = float(np.log(len(places) * places[x.family.name]))
         at = np.array(x.columns) + missing.fixed
-        S = np.tensordot(weights**2, each[:, at][:, :, at], 1)
-        P = np.tensordot(weights, each[:, at][:, :, [*range(p), c]], 1)
-        part = np.einsum("ij,wkj->iwk", s.root, P[:, :, :-1], optimize=True)
-        left = P[:, :, -1] - np.einsum("iwk,i->wk", part, s.half)
-        rise, _ = model.rise(S, part, left)
-        odds = logsumexp(rise, axis=1) - np.log(rise.shape[1] * len(places) * places[x.family.name])
-        total, drifts = (float(logsumexp(o) - np.log(len(o))) for o in np.split(odds, [len(on)]))
-        w, size = np.unravel_index(int(rise[: len(on)].argmax()), rise.shape)
-        outside = S[w] - part[:, w].T @ part[:, w] + np.eye(len(at)) / model.sizes[size] ** 2
-        likely, unit = Normal.of(outside, left[w]), model.scale[at]
-        covariance = likely.covariance / np.outer(unit, unit)
-        out.append(_Stay(x, odds[: len(on)], total, drifts, likely.value / unit, covariance))
-    return sorted(out, key=lambda x: -x.total)
+        found.append(_odds_of_stay(model, x, at, products, grid, price))
+    return sorted(found, key=lambda x: -x.total)
+
+
+def _products_of_parts(missing: Missing, model: MixedModel, grid: _Grid) -> Array:
+    """Return products of columns among themselves and with the torque, (P, c, c + 1)."""
+    blocks = missing.products(edges=grid.begins.tolist())
+    c, scale = blocks.size, np.append(model.scale, 1.0)
+    rows, columns = np.arange(c)[:, None], np.arange(c + 1)
+    parts = np.arange(len(grid.log))
+    each = [blocks.take(parts[[b]]).between(rows, columns) for b in parts]
+    return np.array(each) / np.outer(model.scale, scale)
+
+
+def _beside_model(
+    model: MixedModel, products: Array, at: np.ndarray, weights: Array
+) -> tuple[Array, Array, Array]:
+    """Return products of columns that act in parts of time, as `MixedModel.rise` takes them.
+
+    Parameters
+    ----------
+    model : MixedModel
+    products : (P, c, c + 1)
+    at : (k,) int
+        Columns of a candidate.
+    weights : (s, P)
+    """
+    solution, own = model.solve(), products[:, at]
+    others = own[:, :, [*range(model.fixed), -1]]
+    S, P = (np.tensordot(w, x, 1) for w, x in ((weights**2, own[:, :, at]), (weights, others)))
+    part = np.einsum("ij,wkj->iwk", solution.root, P[:, :, :-1], optimize=True)
+    return S, part, P[:, :, -1] - np.einsum("iwk,i->wk", part, solution.half)
+
+
+def _odds_of_stay(
+    model: MixedModel,
+    candidate: Candidate,
+    at: np.ndarray,
+    products: Array,
+    grid: _Grid,
+    price: float,
+) -> _Stay:
+    """Return a candidate with its log odds between each two instants.
+
+    Parameters
+    ----------
+    model : MixedModel
+    candidate : Candidate
+    at : (k,) int
+        Its columns.
+    products : (P, c, c + 1)
+    grid : _Grid
+    price : float [nat]
+        Of its family and its place.
+    """
+    count = len(grid.stays)
+    S, part, left = _beside_model(model, products, at, grid.weights)
+    rise, _ = model.rise(S, part, left)
+    odds = logsumexp(rise, axis=1) - np.log(rise.shape[1]) - price
+    total, drifts = (float(logsumexp(o) - np.log(len(o))) for o in np.split(odds, [count]))
+    w, size = np.unravel_index(int(rise[:count].argmax()), rise.shape)
+    outside = S[w] - part[:, w].T @ part[:, w] + np.eye(len(at)) / model.sizes[size] ** 2
+    likely, unit = Normal.of(outside, left[w]), model.scale[at]
+    covariance = likely.covariance / np.outer(unit, unit)
+    return _Stay(candidate, odds[:count], total, drifts, likely.value / unit, covariance)
 
 
 def _ends(at: np.ndarray, likely: Array, time: Array) -> tuple[float, float]:
@@ -687,7 +834,8 @@ def _outside(samples: Dataset, change: Change) -> Dataset | None:
 
 def _write_part(robot: Robot, part: EffectPart) -> str:
     """Return an effect at its place, with its kinds and shape, as a model file writes it."""
-    name, every = part.effect.name, replace(part, kinds=()).find(robot)[1].values()
+    name, whole = part.effect.name, replace(part, kinds=())
+    every = whole.find(robot)[1].values()
     shape = part.effect.shapes(robot).get(f"{part.owner}.{name}")
     some = "" if len(every) == len(part.kinds) else f".{'+'.join(part.kinds)}"
     where = f"{name}{some}@{part.owner}"

@@ -17,7 +17,8 @@ from identifiability.estimation.estimate import Outliers, estimate_noise, find_e
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.groups import Excerpt
 from identifiability.estimation.prediction import Prediction
-from identifiability.foundation.errors import IdentifiabilityError, listing
+from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.foundation.findings import phrase
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import ENDS, percent
@@ -136,10 +137,7 @@ class KnownValues(Known):
     @property
     def hint(self) -> str:
         """What is kept near the file, in one sentence."""
-        return (
-            f"Bodies are the robot file's within {percent(self.share)} (--prior): without "
-            "measured torque what they weigh cannot be told from the servos' gains."
-        )
+        return phrase("kept", "near", share=self.share)
 
 
 def know_nothing(structure: Structure) -> KnownValues:
@@ -151,11 +149,8 @@ def know_nothing(structure: Structure) -> KnownValues:
         open_, G = np.isinf(sd), structure.G
         covariance = np.diag(np.where(open_, 0.0, sd) ** 2)
         own = Known.of(np.zeros(b), G, covariance, np.eye(len(sd))[:, open_])
-        own = replace(
-            own,
-            directions=own.directions[:, at := own.directions.any(0)],
-            precision=own.precision[at],
-        )
+        at = own.directions.any(0)
+        own = replace(own, directions=own.directions[:, at], precision=own.precision[at])
     return KnownValues(**vars(own), words="the refitted model")
 
 
@@ -185,28 +180,29 @@ def know_share(share: float, structure: Structure, *, refitted: bool = False) ->
         If it is no share.
     """
     if not 0 < share <= 1:
-        raise IdentifiabilityError(
-            f"The values may be off by a share above 0 and up to 1, {share:g} was given; 0.1 is a "
-            "tenth of each."
-        )
+        raise IdentifiabilityError(phrase("kept", "share", share=share))
     rows, aim = state_rows(structure, share)
     if not refitted:
         own, nominal = np.flatnonzero(~rows.any(0)), structure.nominal
         sd = np.maximum(share * np.abs(nominal[own]), ROUNDOFF * np.abs(nominal).max(initial=0.0))
         rows = np.vstack([rows, np.eye(len(nominal))[own] / sd[:, None]])
         aim = np.append(aim, nominal[own] / sd)
-    size = np.linalg.norm(rows, axis=0)
-    size = np.where(size > 0, size, 1.0)
-    _, s, Vt = np.linalg.svd(rows / size)
-    rank = int(np.sum(s > ROUNDOFF * s.max(initial=0.0)))
-    standard = structure.nominal + np.linalg.pinv(rows / size) @ (aim - rows @ structure.nominal)
-    spread = (structure.G / size) @ (Vt[:rank].T / s[:rank])
     words = f"the robot file's values, each within {percent(share)},"
     words = "the refitted model" if refitted else words
-    unknown = orth((structure.G / size) @ Vt[rank:].T)
-    base = structure.G @ standard
-    both = Known.of(base, np.eye(len(base)), spread @ spread.T, unknown)
-    return KnownValues(**vars(both), words=words, share=share)
+    return KnownValues(**vars(_know_rows(rows, aim, structure)), words=words, share=share)
+
+
+def _know_rows(rows: Array, aim: Array, structure: Structure) -> Known:
+    """Return what rows about the standard parameters, each of variance 1, say of the base."""
+    size = np.linalg.norm(rows, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    scaled, G = rows / size, structure.G / size
+    _, s, Vt = np.linalg.svd(scaled)
+    rank = int(np.sum(s > ROUNDOFF * s.max(initial=0.0)))
+    moved = np.linalg.pinv(scaled) @ (aim - rows @ structure.nominal)
+    base = structure.G @ (structure.nominal + moved)
+    spread = G @ (Vt[:rank].T / s[:rank])
+    return Known.of(base, np.eye(len(base)), spread @ spread.T, orth(G @ Vt[rank:].T))
 
 
 def read_given(given: Given, robot: Robot) -> tuple[Fit | None, str]:
@@ -237,10 +233,8 @@ def know_fit(fit: Fit, structure: Structure, name: str) -> KnownValues:
         If the fit is of another model.
     """
     if fit.structure.base.names != structure.base.names:
-        raise IdentifiabilityError(
-            f"The values of {name} are those of a model of {listing(fit.structure.model.texts)}, "
-            f"and {listing(structure.model.texts)} is diagnosed; give that model, or no model."
-        )
+        models = {"kept": fit.structure.model.texts, "diagnosed": structure.model.texts}
+        raise IdentifiabilityError(phrase("kept", "other", name=name, **models))
     own = Known.of(fit.base, np.eye(len(fit.base)), fit.base_covariance, fit.base_unknown)
     return KnownValues(**vars(own), words=f"the values of {name}, with their errors,")
 

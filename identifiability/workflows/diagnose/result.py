@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
@@ -18,11 +18,10 @@ from identifiability.estimation.prediction import Prediction, measure_spread, pr
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.engines import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.foundation.keyed import Row, name_estimates
-from identifiability.foundation.names import BASE, Array
+from identifiability.foundation.keyed import Row
+from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_text
 from identifiability.foundation.result import Result
-from identifiability.foundation.rounding import join
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.physical.cad_prior import real_robot_dict, share_weight, state_mass
@@ -56,12 +55,6 @@ from identifiability.workflows.provenance import given_paths
 
 if TYPE_CHECKING:
     from identifiability.quality.recordings import Recordings
-
-
-#: Names that a sentence says of one effect; JSON has them all.
-LIKELIEST = 4
-#: Places that a sentence lists of each effect.
-PLACES = 3
 
 
 class Rival(NamedTuple):
@@ -202,20 +195,6 @@ class NamedEffect:
         """Families that the data do not tell from this one: the name is "A or B"."""
         rivals = [r for p in self.placements for r in p.rivals]
         return tuple(dict.fromkeys(r.family for r in rivals))
-
-    @property
-    def names(self) -> list[str]:
-        """The name with its place, and its alternatives, with theirs where these are others."""
-        rivals = [r for p in self.placements for r in p.rivals]
-        others = [title_of(r.family) if r.place in self.joints else name_place(*r) for r in rivals]
-        return list(dict.fromkeys([name_place(self.name, name_places(self)), *others]))
-
-    @property
-    def called(self) -> str:
-        """The same as one name, the likeliest alternatives: what is said first may not be surer."""
-        more = len(self.names) - LIKELIEST
-        others = [f"one of {more} more"] if more > 0 else []
-        return " or ".join([*self.names[:LIKELIEST], *others])
 
 
 @frozen
@@ -447,13 +426,7 @@ class Diagnosis(Result, Predicts):
     def rows_by_name(self) -> Iterator[Row]:
         """Yield the parameters of the model, then those of the named effects with their odds."""
         yield from self.fit.rows_by_name()
-        for effect in self.effects:
-            confirmed = "confirmed" if effect.confirmed else "not confirmed"
-            for place in effect.placements:
-                reason = f"{effect.called}: log odds {place.odds:.3g} on the fitted motion."
-                details = {"effect": effect.name, "joint": place.place, "log_odds": place.odds}
-                told = {"verdict": confirmed, "reason": reason, "details": details}
-                yield from name_estimates(place.rows, **told)
+        yield from self._present("effect_rows")
 
     def explain_absence(self, name: str) -> str:
         """Return in which combinations a standard parameter is."""
@@ -477,46 +450,53 @@ class Diagnosis(Result, Predicts):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
-        return {
+        logs, forward = (*self.samples, *self.validation), self.forward
+        found = {
             "schema": self.schema,
             "robot": self.completed.robot.identity,
             "model": list(self.structure.model.texts),
-            **pick(self, "fixed", "statement", "hints", "seed"),
-            "physical": self.physical,
+            **pick(self, "fixed", "statement", "hints", "seed", "physical"),
             "before": pick(self, error_ra="error_before", error_ra_validation="held_before"),
-            "effects": [_effect_row(e) for e in self.effects],
-            "refuted": [pick(x, "name", "place", "unseen", odds="before") for x in self.refuted],
-            "changes": [_change_row(c) for c in self.changes],
+            **self._missing(),
             "after": pick(self, error_ra="error_after", error_ra_validation="held_after"),
             "errors": {"joints": self.error_frame().to_dict("records")},
             "change": {"interval95": list(self.interval), "measured": f"on {self.verified_on}"},
-            "roles": {
-                "chosen": "by the evidence of the fitted logs",
-                "verified": self.verified_on,
-                "fitted": list(given_paths(self.samples)),
-                "verified_logs": list(given_paths(self.validation)),
-                "left_out": [c.log for c in self.changes if c.whole],
-                "alternative": self.alternative,
-            },
-            "forward": None if self.forward is None else _forward_row(self.forward),
+            "roles": self._roles(),
+            "forward": None if forward is None else _forward_row(forward),
             "fit": self.fit.to_dict(),
-            **({} if self.moved is None else {"rollout": self.moved.to_rollout()}),
-            "unexplained": {
-                "statement": self.unexplained,
-                "rms": {x.joint: x.rms for x in self.discrepancies},
-            },
+            "preparation": {s.path or s.name: list(s.notes) for s in logs},
+            "provenance": dict(self.provenance),
+        }
+        return found if self.moved is None else found | {"rollout": self.moved.to_rollout()}
+
+    def _missing(self) -> dict[str, Any]:
+        """Return what is missing, what is not, and what stays unexplained, for JSON."""
+        rms = {x.joint: x.rms for x in self.discrepancies}
+        return {
+            "effects": [_effect_row(e) for e in self.effects],
+            "refuted": [pick(x, "name", "place", "unseen", odds="before") for x in self.refuted],
+            "changes": [_change_row(c) for c in self.changes],
+            "unexplained": {"statement": self.unexplained, "rms": rms},
             "not_applicable": [vars(r) for r in self.refusals],
             "evidence": [_odds_row(x) for x in self.evidence],
-            "preparation": {
-                s.path or s.name: list(s.notes) for s in (*self.samples, *self.validation)
-            },
-            "provenance": dict(self.provenance),
+        }
+
+    def _roles(self) -> dict[str, Any]:
+        """Return what chose, what verified, and what was left out, for JSON."""
+        return {
+            "chosen": "by the evidence of the fitted logs",
+            "verified": self.verified_on,
+            "fitted": list(given_paths(self.samples)),
+            "verified_logs": list(given_paths(self.validation)),
+            "left_out": [c.log for c in self.changes if c.whole],
+            "alternative": self.alternative,
         }
 
 
 def pick(value: Any, *names: str, **renamed: str) -> dict[str, Any]:
     """Return some attributes as JSON has them, by their names or by others."""
-    fields = {new: getattr(value, name) for new, name in ({n: n for n in names} | renamed).items()}
+    every = dict(zip(names, names, strict=True)) | renamed
+    fields = {new: getattr(value, name) for new, name in every.items()}
     return {name: list(x) if isinstance(x, tuple) else x for name, x in fields.items()}
 
 
@@ -538,7 +518,7 @@ def _change_row(c: Change) -> dict[str, Any]:
         **pick(c, "log", "weight", effect="family", joint="place", log_odds="odds"),
         **known,
         **{name: known[name][0] for name in ("from", "to")},
-        "or": [{"effect": family, "joint": place} for family, place in c.rivals],
+        "or": _rival_rows(c.rivals),
         "parameters": dict(zip(c.names, c.sizes.tolist(), strict=True)),
         "errors": dict(zip(c.names, c.sd.tolist(), strict=True)),
     }
@@ -553,23 +533,25 @@ def _effect_row(e: NamedEffect) -> dict[str, Any]:
         "log_odds": "odds",
         "log_odds_unseen": "unseen",
     }
+    names = "joints", "weight", "confirmed", "everywhere", "unnamed", "nearest"
+    places = [
+        {
+            **pick(p, "shape", "rms", "weight", joint="place", log_odds="odds"),
+            "or": _rival_rows(p.rivals),
+            "parameters": dict(zip(p.parameters, p.values.tolist(), strict=True)),
+        }
+        for p in e.placements
+    ]
     return {
-        **pick(e, "joints", "weight", "confirmed", "everywhere", effect="name", **verified),
-        "unnamed": e.unnamed,
-        "nearest": list(e.nearest),
+        **pick(e, *names, effect="name", **verified),
         "or": list(e.alternatives),
-        "confusable_with": [
-            {"effect": r.family, "joint": r.place} for p in e.placements for r in p.rivals
-        ],
-        "places": [
-            {
-                **pick(p, "shape", "rms", "weight", joint="place", log_odds="odds"),
-                "or": [{"effect": r.family, "joint": r.place} for r in p.rivals],
-                "parameters": {name: value for name, value, *_ in p.rows},
-            }
-            for p in e.placements
-        ],
+        "confusable_with": _rival_rows(r for p in e.placements for r in p.rivals),
+        "places": places,
     }
+
+
+def _rival_rows(rivals: Iterable[tuple[str, str]]) -> list[dict[str, str]]:
+    return [{"effect": family, "joint": place} for family, place in rivals]
 
 
 def simulate_forward(d: Diagnosis, rng: np.random.Generator) -> ForwardGap:
@@ -591,16 +573,6 @@ def logs_disagree(d: Diagnosis) -> bool:
     shares = [x.explained.get("log", 0.0) for x in d.discrepancies]
     # A quarter of the residual.
     return apart or max(shares, default=0.0) > 0.25
-
-
-def name_place(name: str, place: str) -> str:
-    """Return an effect and where it is; of the base its title says it."""
-    return title_of(name) if place == BASE else f"{title_of(name)} in {place}"
-
-
-def name_places(e: NamedEffect) -> str:
-    """Return where an effect is, in words."""
-    return "all joints" if e.everywhere else join(e.joints, PLACES)
 
 
 def keep_completed(d: Diagnosis) -> Fit:

@@ -13,10 +13,11 @@ from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from identifiability.effects import Placed, default_effects, find_families, title_of
+from identifiability.effects import Part, Placed, default_effects, find_families, title_of
 from identifiability.effects.measurement import CommandDelay
 from identifiability.estimation.estimate import Outliers
 from identifiability.estimation.groups import NO_MISSING_EFFECTS, place_of
@@ -24,6 +25,7 @@ from identifiability.estimation.mixed_model import EVERYWHERE
 from identifiability.estimation.prediction import Prediction
 from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import ModelError
+from identifiability.foundation.findings import phrase
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Effects, Seed, checked
@@ -37,7 +39,7 @@ from identifiability.physical.cad_prior import resolve_prior
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.quality.hints import where_outlying
 from identifiability.quality.recordings import Logs, Recordings
-from identifiability.regression.information import gather_information
+from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import (
     USUAL_EFFECTS,
     LadderEntry,
@@ -75,6 +77,7 @@ from identifiability.workflows.diagnose.problem import (
     Given,
     KnownValues,
     Problem,
+    WeighedFit,
     along_rollouts,
     change_of,
     find_discrepancies,
@@ -96,13 +99,6 @@ from identifiability.workflows.diagnose.result import (
 )
 from identifiability.workflows.provenance import state_provenance
 from identifiability.workflows.roles import require_held_out
-
-#: What is to be known of values that are kept without their errors.
-EXACT = (
-    "The robot file's values were taken as exact, so that their errors may be named as effects: "
-    "give the result that they come from (--fixed RESULT.json) or how far they may be off "
-    "(--fixed 0.1)."
-)
 
 
 @checked
@@ -158,7 +154,7 @@ def diagnose(
     ------
     IdentifiabilityError
     """
-    rngs = tuple(np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
+    of_intervals, of_motion = map(np.random.default_rng, np.random.SeedSequence(seed).spawn(2))
     find_families(effects)  # a misspelt name is refused before logs are read
     with one_thread():
         case = take_case(robot, logs, validate, preparation)
@@ -168,13 +164,11 @@ def diagnose(
         model = case.model if model is None else model  # type: ignore[assignment]
         prior, fixed = _choose_prior(fixed, recordings)
         request = Request(effects, model, fixed, prior)
-        found, data = _diagnose_once(case, request, run, rngs[0])
-        found, data = _diagnose_again_later(case, request, run, rngs[0], found, data)
+        found, data = _diagnose_logs(case, request, run, of_intervals)
         found = _with_context(case, request, found, data, quick=quick, seed=seed)
-        found = found.moved_by(data.recordings)
         if not quick and forward and found.included and found.robot.base is None:
             run.say("simulating forward", 0.95)
-            found = replace(found, forward=simulate_forward(found, rngs[1]))
+            found = replace(found, forward=simulate_forward(found, of_motion))
         # Columns are large, and nothing needs them any more.
         return replace(found, problem=replace(found.problem, columns=()))
 
@@ -218,7 +212,7 @@ def _choose_prior(fixed: Given, recordings: Recordings) -> tuple[float, Given]:
     return resolve_prior(given, None, True)[0], False  # type: ignore[arg-type]
 
 
-def _diagnose_once(
+def _diagnose_logs(
     case: Case,
     request: Request,
     run: Run,
@@ -226,6 +220,8 @@ def _diagnose_once(
     recordings: Recordings | None = None,
 ) -> tuple[Diagnosis, Data]:
     """Return what is missing in the logs of a case, and these logs.
+
+    If a delay common to joints is found, they are diagnosed again with commands that act later.
 
     Parameters
     ----------
@@ -238,26 +234,14 @@ def _diagnose_once(
     problem, data = pose_problem(case, request, run, recordings)
     # Values that are kept are those of the file, and a wrong scale or sign is an effect.
     effects = () if data.misread and not request.keeps else request.effects
-    return name_effects(problem, effects, run, rng), data
-
-
-def _diagnose_again_later(
-    case: Case,
-    request: Request,
-    run: Run,
-    rng: np.random.Generator,
-    found: Diagnosis,
-    data: Data,
-) -> tuple[Diagnosis, Data]:
-    """Return the diagnosis with commands that act later, if a delay common to joints was found."""
-    servo = data.robot.servo
+    found, servo = name_effects(problem, effects, run, rng), data.robot.servo
     later = common_delay(found.effects, data.robot.motor_joints)
-    if not later or servo is None:
+    if recordings is not None or not later or servo is None:
         return found, data
     from identifiability.servos import delay_commands  # noqa: PLC0415 - MuJoCo
 
     delayed = delay_commands(data.recordings, servo, later)
-    return _diagnose_once(case, request, run, rng, delayed)
+    return _diagnose_logs(case, request, run, rng, delayed)
 
 
 def common_delay(effects: Sequence[NamedEffect], joints: Sequence[str]) -> float:
@@ -276,30 +260,38 @@ def _with_context(
     case: Case, request: Request, found: Diagnosis, data: Data, *, quick: bool, seed: int
 ) -> Diagnosis:
     """Return a diagnosis with what its logs, its options and its model ask to be said."""
-    model = [request.model] if isinstance(request.model, (str, Path)) else request.model
-    words = ",".join(map(str, model)) if isinstance(model, (list, tuple)) else ""
-    kept = request.fixed
-    options = {
-        **({"model": words} if words else {}),
-        "effects": "all" if request.effects is None else list(request.effects),
-        "fixed": kept if isinstance(kept, bool) else found.known.words,
-        **({"prior": request.prior} if request.prior else {}),
-        "quick": quick,
-        "preparation": case.preparation or Preparation(),
-    }
-    exact = (EXACT,) if kept is True else ()
-    believed = (found.known.hint,) if request.prior else ()
     # Torque of commands is calibrated with the cut-off.
     band = () if found.commanded else say_band(getattr(found.preparation, "band", None))
-    return replace(
+    hints = (*found.hints, *data.hints, *band, *free_again(request.model))
+    if request.prior:
+        hints = (found.known.hint, *hints)
+    if request.fixed is True:
+        hints = (phrase("kept", "exact"), *hints)
+    logs, options = (*found.samples, *found.validation), _list_options(case, request, found)
+    found = replace(
         found,
         nothing="" if found.fixed else data.misread,
         alternative="" if data.reading is None else data.reading.statement,
-        hints=(*exact, *believed, *found.hints, *data.hints, *band, *free_again(request.model)),
-        provenance=state_provenance(
-            found.robot, [*found.samples, *found.validation], seed, None, options
-        ),
+        hints=hints,
+        provenance=state_provenance(found.robot, logs, seed, None, options | {"quick": quick}),
     )
+    return found.moved_by(data.recordings)
+
+
+def _list_options(case: Case, request: Request, found: Diagnosis) -> dict[str, Any]:
+    """Return the options that decided the numbers."""
+    kept, model = request.fixed, request.model
+    names = [model] if isinstance(model, (str, Path)) else model
+    options: dict[str, Any] = {
+        "effects": "all" if request.effects is None else list(request.effects),
+        "fixed": kept if isinstance(kept, bool) else found.known.words,
+        "preparation": case.preparation or Preparation(),
+    }
+    if isinstance(names, (list, tuple)) and names:
+        options["model"] = ",".join(map(str, names))
+    if request.prior:
+        options["prior"] = request.prior
+    return options
 
 
 # From a case to what is diagnosed.
@@ -481,8 +473,7 @@ def recommend(
         Models that `analyze` compares; None where a model was given.
     run : Run
     """
-    diagnosed = problem.structure
-    models: tuple[Submodel, ...] = (full_model(diagnosed.base),)
+    models: tuple[Submodel, ...] = (full_model(problem.structure.base),)
     compared = data
     if entry is not None:
         other = reference or _under_ladder(case, data, entry, run)
@@ -491,20 +482,28 @@ def recommend(
             compared = other
     rows = case.weigh(compared, "wls", "auto", run, complete=False)
     fitted = case.stages.once(compute_ladder, rows, models, None, run=run)
-    settings = {"replicates": 0}
     rng = np.random.default_rng(problem.seed)
-    chosen = conclude_analysis(fitted, rng, settings, NO_MISSING_EFFECTS).chosen
+    chosen = conclude_analysis(fitted, rng, {"replicates": 0}, NO_MISSING_EFFECTS).chosen
     real = chosen.physical if chosen.physical_used else None
     base = chosen.submodel.expand(chosen.recommended) if real is None else real.base
     structure = compared.structure
-    # A recommended model that leaves out what the diagnosed one lacks is the diagnosed one.
+    same = _as_diagnosed(structure, problem.structure, base)
+    if same is not None:
+        return replace(problem, recommended=same)
+    columns = (*problem.columns, (structure, compared.regression))
+    return replace(problem, recommended=base, under=structure, columns=columns)
+
+
+def _as_diagnosed(structure: Structure, diagnosed: Structure, base: Array) -> Array | None:
+    """Return recommended values as base parameters of the diagnosed model; None if it lacks some.
+
+    A recommended model that leaves out what the diagnosed one lacks is the diagnosed one.
+    """
     common = [n for n in structure.columns if n in diagnosed.columns]
     G, to = (s.G[:, [s.columns.index(n) for n in common]] for s in (structure, diagnosed))
     phi = np.linalg.lstsq(G, base, rcond=None)[0]
-    if np.linalg.norm(G @ phi - base) <= NEARLY * np.linalg.norm(base):
-        return replace(problem, recommended=to @ phi)
-    columns = (*problem.columns, (structure, compared.regression))
-    return replace(problem, recommended=base, under=structure, columns=columns)
+    apart = np.linalg.norm(G @ phi - base)
+    return to @ phi if apart <= NEARLY * np.linalg.norm(base) else None
 
 
 def _under_ladder(case: Case, data: Data, entry: LadderEntry, run: Run) -> Data:
@@ -613,33 +612,29 @@ def usual_effects(robot: Robot, *, commanded: bool = False) -> tuple[str, ...]:
     return default_effects(robot, (*USUAL_EFFECTS, *offsets))
 
 
-@frozen
+@frozen(kw_only=True)
 class Verified:
     """The named effects that are in the model, after unseen motion had its say.
 
     Attributes
     ----------
-    included : int
-        How many families, the first ones.
-    used : Naming
-        Of their parts alone.
-    values : (b,)
-        Base parameters of the completed model that predict.
-    real : PhysicalResult or None
-        The robot nearest to these parts, where it was looked for.
-    gap : Prediction
-        Of unseen motion: by the plain model, after each family, and by these values.
-    error_before, error_after : float
-        ε_RA on the fitted logs.
+    included, values, nearest, gap, error_before, error_after, held_before, held_after
+        As of `Diagnosis`.
+    completed, information, weighed
+        The same; `weighed` wherever values were fitted.
     """
 
     included: int
-    used: Naming
     values: Array
-    real: PhysicalResult | None
+    nearest: PhysicalResult | None
     gap: Prediction
     error_before: float
     error_after: float
+    held_before: float
+    held_after: float
+    completed: Structure
+    information: Information
+    weighed: WeighedFit | None
 
 
 def verify_effects(
@@ -663,16 +658,28 @@ def verify_effects(
     problem, families = naming.problem, len(ends) - 1
     for n in range(families, -1, -1):
         used = naming if n == families else with_parts(naming, naming.parts[: ends[n]])
-        adds = bool(n or problem.changes)
-        values, real = (used.best, used.real) if adds else (plain, None)
+        values, real = (used.best, used.real) if n or problem.changes else (plain, None)
         last = naming.of(used.completed) @ values
         # The best values stand for the fit of all families.
         each = [*fits[: len(fits) - (0 < n == families)], last]
         gap = naming.predict_unseen(each)
         if not n or ((problem.fixed or used.predicts) and not gap.surely_better(0, -1)):
             break
-    errors = naming.predict_fitted([fits[0], last]).relative_error()
-    return Verified(n, used, values, real, gap, float(errors[0]), float(errors[-1]))
+    before, after = naming.predict_fitted([fits[0], last]).relative_error().tolist()
+    held = gap.relative_error().tolist()
+    return Verified(
+        included=n,
+        values=values,
+        nearest=real,
+        gap=gap,
+        error_before=before,
+        error_after=after,
+        held_before=held[0],
+        held_after=held[-1],
+        completed=used.completed,
+        information=used.information,
+        weighed=used.weighed if problem.known.tells_nothing else None,
+    )
 
 
 def _plain_values(naming: Naming) -> Array:
@@ -699,28 +706,16 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     residual = naming.predict_excerpt(fits[-1]).residual[:, :, 0]
     found = verify_effects(naming, ends, fits, plain)
     placed = [_place(naming, k) for k in range(len(parts))]
-    effects = _list_effects(naming, ends, placed, found.gap, rng)
-    errors = found.gap.relative_error()
     return Diagnosis(
         problem=problem,
-        effects=effects,
+        effects=_list_effects(naming, ends, placed, found.gap, rng),
         curves=tuple(_curve(naming, residual, k, p) for k, p in enumerate(placed)),
-        gap=found.gap,
-        error_before=found.error_before,
-        error_after=found.error_after,
-        held_before=float(errors[0]),
-        held_after=float(errors[-1]),
         refuted=_list_refuted(naming),
         interval=change_of(found.gap, 0, -1, rng),
         discrepancies=find_discrepancies(naming.fitted, residual, problem.robot.joints),
         refusals=naming.refusals,
         evidence=_list_evidence(naming),
-        values=found.values,
-        completed=found.used.completed,
-        information=found.used.information,
-        weighed=found.used.weighed if problem.known.tells_nothing else None,
-        nearest=found.real,
-        included=found.included,
+        **vars(found),
     )
 
 
@@ -760,22 +755,20 @@ def _list_refuted(naming: Naming) -> tuple[Odds, ...]:
 
 def _list_evidence(naming: Naming) -> tuple[Odds, ...]:
     """Return the log odds of all groups, without and with the named effects."""
-    after = {t.key: t.odds for t in naming.after}
-    unknown = float("nan")
-    return tuple(
-        Odds(t.group.family, place_of(t), t.odds, after.get(t.key, unknown)) for t in naming.before
-    )
+    after, unknown = {t.key: t.odds for t in naming.after}, float("nan")
+    pairs = [(t, after.get(t.key, unknown)) for t in naming.before]
+    return tuple(Odds(t.group.family, place_of(t), t.odds, odds) for t, odds in pairs)
 
 
 def _place(naming: Naming, k: int) -> Placement:
     """Return what is known of a part."""
-    part, robot = naming.parts[k], naming.problem.structure.robot
-    c = part.candidate
+    part, c = naming.parts[k], naming.parts[k].candidate
     value, covariance = naming.values(k)
-    parameters = Placed([c.part]).parameters(robot)
+    parameters = part.parameters(naming.problem.robot)
     added = [naming.columns([k], j) @ value for j in naming.acts(k)]
+    sizes = [float(np.sqrt(np.mean(x**2))) for x in added]
     every = [r.group for r in part.rivals]  # what is everywhere is here, too
-    rivals = dict.fromkeys(Rival(g.family, g.place.replace(EVERYWHERE, c.place)) for g in every)
+    rivals = [Rival(g.family, g.place.replace(EVERYWHERE, c.place)) for g in every]
     return Placement(
         place=c.place,
         shape=c.shape,
@@ -783,27 +776,36 @@ def _place(naming: Naming, k: int) -> Placement:
         units=tuple(x.unit for x in parameters),
         values=value,
         errors=np.sqrt(np.maximum(np.diag(covariance), 0.0)),
-        rms=max((float(np.sqrt(np.mean(x**2))) for x in added), default=0.0),
-        rivals=tuple(rivals),
+        rms=max(sizes, default=0.0),
+        rivals=tuple(dict.fromkeys(rivals)),
         weight=part.weight,
         odds=part.term.odds,
         unseen=part.unseen,
     )
 
 
+def _unfiltered(naming: Naming, part: Part) -> Array:
+    """Return the columns of a part as they are, (N, n, m).
+
+    The low-pass leaves what depends on where the motion came from.
+    """
+    robot, rows, effect = naming.problem.robot, naming.fitted, Placed([part])
+    columns = np.zeros((*rows.measured.shape, len(effect.parameters(robot))))
+    effect.fill(robot, complete_motion(robot, rows.seen.t, *rows.states), columns)
+    return columns
+
+
 def _curve(naming: Naming, left: Array, k: int, placed: Placement) -> Curve:
     """Return what a part was learned to be, along the fitted motion."""
     c, rows = naming.parts[k].candidate, naming.fitted
-    joints, robot = naming.acts(k), naming.problem.structure.robot
-    columns = {j: naming.columns([k], j) for j in joints}
-    j = max(joints, key=lambda j: float(np.abs(columns[j] @ placed.values).sum()))
+    robot = naming.problem.robot
+    columns = {j: naming.columns([k], j) for j in naming.acts(k)}
+    sizes = {j: np.abs(own @ placed.values).sum() for j, own in columns.items()}
+    j = max(sizes, key=sizes.__getitem__)
     law, of = columns[j], c.effect.drawn_over(robot, j)
     added = law @ placed.values
     if c.family.against in ("velocity", "position") and not (c.family.remembers or robot.closed):
-        # As it is, not as the low-pass leaves it, which depends on where the motion came from.
-        every = np.zeros((*rows.measured.shape, law.shape[1]))
-        Placed([c.part]).fill(robot, complete_motion(robot, rows.seen.t, *rows.states), every)
-        law = every[:, j]
+        law = _unfiltered(naming, c.part)[:, j]
     return Curve(
         title=c.family.title,
         joint=j,

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import field
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -81,14 +80,11 @@ class Draws:
         if path.suffix.lower() not in (".xml", ".urdf"):
             return (write_table(path, self.to_frame()),)
         digits = max(3, len(str(len(self.values))))
-        return tuple(
-            save_robot(
-                self.structure.robot,
-                values,
-                path.with_name(f"{path.stem}-{k:0{digits}d}{path.suffix}"),
-            )
-            for k, values in enumerate(self.robots, start=1)
-        )
+        written = []
+        for k, values in enumerate(self.robots, start=1):
+            name = f"{path.stem}-{k:0{digits}d}{path.suffix}"
+            written.append(save_robot(self.structure.robot, values, path.with_name(name)))
+        return tuple(written)
 
     @property
     def statement(self) -> str:
@@ -129,22 +125,26 @@ def draw_robots(
     # Share of their size by which bodies differ from the file's, where logs hold no torque.
     usual = robot.said.prior_relative if robot.servo is None else PHYSICAL_RULES.body_within
     share = usual if prior is None else prior
-    structure, data = fit.structure, fit.of_standard
-    region, rng = physical_set(structure), np.random.default_rng(seed)
+    rng = np.random.default_rng(seed)
     try:
-        target = Target(data, _prior(structure, data, share), region, variance=1.0)
-        start = start_inside(target, structure.nominal)
-        draws = APART * -(-count // (ENSEMBLES * WALKERS))
-        walk = partial(sample_posterior, walkers=WALKERS, warmup=WARMUP)
-        found = walk(target, start, rng, draws=draws)
+        values = _draw_values(fit, share, count, rng)
     except ValueError as error:
         raise IdentifiabilityError(f"No robot can be drawn: {error}") from None
+    drawn = {name: rng.normal(x, sd, count) for name, (x, sd) in fit.servo.items()}
+    servos = pd.DataFrame(drawn)
+    return Draws(structure=fit.structure, values=values, share=share, servos=servos)
+
+
+def _draw_values(fit: Fit, share: float, count: int, rng: np.random.Generator) -> Array:
+    """Return standard parameters of physically consistent robots, (count, p)."""
+    structure, data = fit.structure, fit.of_standard
+    prior = _prior(structure, data, share)
+    target = Target(data, prior, physical_set(structure), variance=1.0)
+    start = start_inside(target, structure.nominal)
+    steps = APART * -(-count // (ENSEMBLES * WALKERS))
+    found = sample_posterior(target, start, rng, walkers=WALKERS, warmup=WARMUP, draws=steps)
     kept = found.draws[:, :, APART - 1 :: APART].reshape(-1, len(structure.columns))
-    values = kept[rng.permutation(len(kept))[:count]]
-    servos = pd.DataFrame(
-        {name: rng.normal(x, sd, len(values)) for name, (x, sd) in fit.servo.items()}
-    )
-    return Draws(structure=structure, values=values, share=share, servos=servos)
+    return np.asarray(kept[rng.permutation(len(kept))[:count]])
 
 
 def _prior(structure: Structure, data: LeastSquares, share: float) -> Prior:

@@ -60,6 +60,10 @@ def add_torque(model, data):
 '''
 
 
+#: Effects of a joint by title, each with the values that the robot file lacks.
+Parts = dict[str, tuple[AlongAxes, list[float]]]
+
+
 def write_snippet(whole: Robot, alone: Robot, path: Path) -> tuple[Path | None, list[str]]:
     """Write what a robot has beside its file; return the path, and titles of effects in it.
 
@@ -70,55 +74,75 @@ def write_snippet(whole: Robot, alone: Robot, path: Path) -> tuple[Path | None, 
     path : Path
         Where it is written if anything is.
     """
-    tables, found, usual = {}, dict[str, None](), usual_limits(whole)
+    tables, titles = {}, dict[str, None]()
     for axis in (a for a in whole.axes if a.name in whole.joints):
-        k, parts = whole.joints.index(axis.name), list[tuple[AlongAxes, list[float]]]()
-        for title, effect in OWN.items():
-            here = effect.placed(axis.name)
-            names = [f"{axis.name}.{kind}" for kind in here.kinds(whole, axis)]
-            values = [whole.nominal.get(n, 0.0) - alone.nominal.get(n, 0.0) for n in names]
-            if any(values):
-                parts.append((here, values))
-                found[title] = None
-        if not parts:
-            continue
-        home = whole.actuated_positions(whole.home[None])[0, k]
-        most = min(whole.speed_limits[k], 10.0 * usual["v"][k])
-        low, high = np.where(
-            np.isfinite(whole.limits[k]),
-            whole.limits[k],
-            usual["q"][k],
-        )
-        v, q = np.geomspace(1e-4 * most, most, POINTS), np.linspace(low, high, POINTS)
-        at = partial(_halves, whole, axis, parts, home)
-        (level, torque), (levels, torques) = (
-            at(np.full(POINTS, home), v),
-            at(q, np.full(POINTS, v[0])),
-        )
-        own = alone.nominal.get(f"{axis.name}.Fc", 0.0)
-        tables[axis.name] = {
-            "friction over speed": _rounded(v, own + level),
-            "friction over position": _rounded(q, levels - level[0]),
-            "torque over speed": _rounded(np.append(-v[::-1], v), np.append(torque[::-1], torque)),
-            "torque over position": _rounded(q, torques - torque[0]),
-        }
+        parts = _find_parts(whole, alone, axis)
+        if parts:
+            titles |= dict.fromkeys(parts)
+            friction = alone.nominal.get(f"{axis.name}.Fc", 0.0)
+            tables[axis.name] = _tabulate(whole, axis, parts, friction)
+    if not tables:
+        return None, []
     text = TEXT.format(file=for_python(alone.path.name), tables=for_python(tables, width=96))
-    return write_text(path, text) if tables else None, [*found]
+    return write_text(path, text), [*titles]
+
+
+def _find_parts(whole: Robot, alone: Robot, axis: Axis) -> Parts:
+    """Return the effects of a joint that the robot file lacks."""
+    parts: Parts = {}
+    for title, effect in OWN.items():
+        here = effect.placed(axis.name)
+        names = [f"{axis.name}.{kind}" for kind in here.kinds(whole, axis)]
+        values = [whole.nominal.get(n, 0.0) - alone.nominal.get(n, 0.0) for n in names]
+        if any(values):
+            parts[title] = here, values
+    return parts
+
+
+def _tabulate(robot: Robot, axis: Axis, parts: Parts, friction: float) -> dict[str, Any]:
+    """Return the tables of a joint: dry friction and torque, over speed and over position.
+
+    Parameters
+    ----------
+    robot, axis, parts
+    friction : float [N·m or N]
+        Level of dry friction that the robot file states.
+    """
+    k, usual = robot.joints.index(axis.name), usual_limits(robot)
+    home = robot.actuated_positions(robot.home[None])[0, k]
+    fastest = min(robot.speed_limits[k], 10.0 * usual["v"][k])
+    limits = robot.limits[k]
+    low, high = np.where(np.isfinite(limits), limits, usual["q"][k])
+    v, q = np.geomspace(1e-4 * fastest, fastest, POINTS), np.linspace(low, high, POINTS)
+    at = partial(_halves, robot, axis, parts.values(), home)
+    level, torque = at(np.full(POINTS, home), v)
+    levels, torques = at(q, np.full(POINTS, v[0]))
+    both_ways = np.append(torque[::-1], torque)
+    return {
+        "friction over speed": _rounded(v, friction + level),
+        "friction over position": _rounded(q, levels - level[0]),
+        "torque over speed": _rounded(np.append(-v[::-1], v), both_ways),
+        "torque over position": _rounded(q, torques - torque[0]),
+    }
 
 
 def _halves(robot: Robot, axis: Axis, parts: Any, home: float, q: Array, v: Array) -> list[Array]:
     """Return what turns with the sign of speed, and what does not, of effects along an axis."""
     both = []
     for sign in (1.0, -1.0):
+        ones = np.ones_like(v)
         places = {
             "position": q,
             "travel": q - home,
             "speed": sign * v,
-            "sign": sign * np.ones_like(v),
+            "sign": sign * ones,
         }
-        at: Any = SimpleNamespace(robot=robot, axis=axis, ones=np.ones_like(v), **places)
-        both.append(sum(x * y for e, own in parts for x, y in zip(own, e.curves(at), strict=True)))
-    return [0.5 * (both[0] - both[1]), 0.5 * (both[0] + both[1])]
+        at: Any = SimpleNamespace(robot=robot, axis=axis, ones=ones, **places)
+        curves = ((own, effect.curves(at)) for effect, own in parts)
+        pairs = (pair for own, curve in curves for pair in zip(own, curve, strict=True))
+        both.append(sum(x * y for x, y in pairs))
+    forward, backward = both
+    return [0.5 * (forward - backward), 0.5 * (forward + backward)]
 
 
 def _rounded(x: Array, y: Array) -> tuple[list[float], ...]:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import io
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from difflib import unified_diff
 from functools import partial
@@ -28,18 +27,20 @@ from identifiability.effects.vocabulary import (
     read_back,
     stated_numbers,
 )
-from identifiability.estimation import prediction
+from identifiability.estimation.prediction import Prediction
+from identifiability.estimation.prediction import predict as predict_torque
 from identifiability.foundation.documents import toml_text
-from identifiability.foundation.errors import IdentifiabilityError, RobotError, listing, near_match
+from identifiability.foundation.errors import IdentifiabilityError, RobotError, near_match
 from identifiability.foundation.findings import Finding, phrase
-from identifiability.foundation.linalg import NEARLY
-from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS
+from identifiability.foundation.linalg import NEARLY, ROUNDOFF
+from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array
 from identifiability.foundation.options import ExportFormat, FilePath, checked
 from identifiability.foundation.output import check_ending, temporary_folder, write_text
 from identifiability.foundation.presenter import present
 from identifiability.foundation.quoting import for_patch, for_python
 from identifiability.foundation.runs import Run
 from identifiability.foundation.values import frozen
+from identifiability.logs.prepare import Preparation
 from identifiability.physical.cad_prior import state_mass
 from identifiability.physical.pseudo_inertia import check_body
 from identifiability.quality.recordings import Logs, list_logs
@@ -62,30 +63,27 @@ from identifiability.workflows.predict import (
 
 
 def check_result(robot: Robot, path: Path, content: ResultEntry, known: set[str]) -> None:
-    """Refuse a result of another robot, or of a part of one.
+    """Refuse a result of another robot, or of a part of one, and bodies that cannot exist.
 
     Raises
     ------
     IdentifiabilityError
     """
     given = content.physical.parameters
-    for name in given:
-        if name not in known:
-            where, why = f"{path} is about '{content.robot.name}'", f"it has no '{name}'."
-            raise IdentifiabilityError(Finding("result.other", where, robot=robot.name, why=why))
-    weigh = {body: robot.nominal[f"{body}.m"] for body in robot.bodies}
+    unknown = next((name for name in given if name not in known), None)
+    if unknown is not None:
+        where, why = f"{path} is about '{content.robot.name}'", f"it has no '{unknown}'."
+        raise IdentifiabilityError(Finding("result.other", where, robot=robot.name, why=why))
+    masses = {body: robot.nominal[f"{body}.m"] for body in robot.bodies}
     # A body with less than this share of the robot's mass weighs nothing: formats want a number.
-    least = 1e-9 * sum(weigh.values())
-    found = {b: given.get(f"{b}.m", 0.0) for b in weigh}
-    missing = [b for b in weigh if weigh[b] > least and not abs(found[b]) > SMALLEST]
+    heavy = [b for b, mass in masses.items() if mass > ROUNDOFF * sum(masses.values())]
+    missing = [b for b in heavy if not abs(given.get(f"{b}.m", 0.0)) > SMALLEST]
     if missing:
-        raise IdentifiabilityError(
-            f"{path} has no mass of {listing(missing)}, and a robot file needs one of every body: "
-            "make a result whose model has the effect rigid_body, at each of them."
-        )
+        raise IdentifiabilityError(phrase("exported", "massless", path=path, bodies=missing))
     whole = complete_values(robot, given, keep=False)
     for body in robot.bodies:
-        wrong = check_body(np.array([whole[f"{body}.{kind}"] for kind in GROUPED_KINDS]), body)
+        numbers = np.array([whole[f"{body}.{kind}"] for kind in GROUPED_KINDS])
+        wrong = check_body(numbers, body)
         if wrong:
             raise IdentifiabilityError(f"{path}: {wrong}")
 
@@ -106,8 +104,8 @@ class Written:
     """
 
     robot: Path
-    sidecar: Path | None
-    beside: tuple[str, ...]
+    sidecar: Path | None = None
+    beside: tuple[str, ...] = ()
 
 
 def save_robot(robot: Robot, values: Mapping[str, float], path: str | Path) -> Path:
@@ -167,35 +165,64 @@ def write_parameters(
     robot, parameters = apply_tilt(robot, parameters)
     shapes = robot.shapes if shapes is None else shapes
     reference = robot.reference if reference is None else reference
-    if path.suffix.lower() in (".xml", ".urdf") and (path.suffix.lower() == ".urdf") == robot.mjcf:
-        with temporary_folder() as folder:  # the same robot in the other format is the template
-            beside = Path(folder) / f"{path.stem}{path.suffix.lower()}"
-            write_converted(robot, beside)
-            there = replace(Robot.load(beside), rest=robot.rest, servo=robot.servo)
-            converted = there.turned(robot.gravity)
-            more: Any = {"shapes": shapes, "reference": reference, "comment": comment}
-            whole = complete_values(robot, parameters, keep=keep)
-            return write_parameters(converted, whole, path, keep=False, **more)
-    whole = convert_asymmetry(robot, complete_values(robot, parameters, keep=keep))
-    robot, values = merge_springs(robot, whole)
-    alone = read_back(robot, values)
-    nominal = {n: v for n, v in values.items() if v != alone.get(n, 0.0)}
-    if robot.mjcf and robot.known_servo is not None:  # whose rotors the file has for its own step
-        exact = {f"{joint}.{part}" for joint in robot.joints for part in robot.inertia_parts}
-        nominal |= {n: v for n, v in values.items() if n in exact}
-    tables = {
-        "nominal": nominal,
-        "shapes": shapes,
-        "reference": reference,
-        "rest": {} if robot.mjcf else _rests(robot, values),
-    }
+    whole = complete_values(robot, parameters, keep=keep)
+    ending = path.suffix.lower()
+    if ending in (".xml", ".urdf") and (ending == ".urdf") == robot.mjcf:
+        more: Any = {"shapes": shapes, "reference": reference, "comment": comment}
+        with temporary_folder() as folder:
+            template = _convert(robot, Path(folder) / f"{path.stem}{ending}")
+            return write_parameters(template, whole, path, keep=False, **more)
+    robot, values = merge_springs(robot, convert_asymmetry(robot, whole))
+    tables = {"shapes": shapes, "reference": reference}
+    return _write_native(robot, values, path, tables, comment)
+
+
+def _write_native(
+    robot: Robot,
+    values: dict[str, float],
+    path: Path,
+    tables: dict[str, Mapping[str, float]],
+    comment: str,
+) -> Written:
+    """Write a robot file in the format of the robot's own, and its sidecar.
+
+    Parameters
+    ----------
+    robot : Robot
+    values : mapping
+        All standard parameters.
+    path : Path
+    tables : mapping
+        Of the sidecar, without the values that the file does not have.
+    comment : str
+    """
+    nominal = _values_beside(robot, values)
+    rest = {} if robot.mjcf else _rests(robot, values)
+    tables = {"nominal": nominal, **tables, "rest": rest}
     bodies = {b: np.array([values[f"{b}.{kind}"] for kind in INERTIAL_KINDS]) for b in robot.bodies}
     stated = stated_numbers(robot, values)
     sidecar = write_robot(robot, path, bodies, stated, tables, comment)
     parts = robot.inertia_parts if robot.mjcf else ()
     # The file has the sum of rotors.
     lost = tuple(name for name in nominal if name.rpartition(".")[2] not in parts)
-    return Written(Path(path), sidecar, lost)
+    return Written(path, sidecar, lost)
+
+
+def _convert(robot: Robot, path: Path) -> Robot:
+    """Return the same robot in the other format, as a template that stands in a file."""
+    write_converted(robot, path)
+    converted = replace(Robot.load(path), rest=robot.rest, servo=robot.servo)
+    return converted.turned(robot.gravity)
+
+
+def _values_beside(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
+    """Return the values that the robot file alone does not have."""
+    alone = read_back(robot, values)
+    beside = {n: v for n, v in values.items() if v != alone.get(n, 0.0)}
+    if robot.mjcf and robot.known_servo is not None:  # whose rotors the file has for its own step
+        exact = {f"{joint}.{part}" for joint in robot.joints for part in robot.inertia_parts}
+        beside |= {n: v for n, v in values.items() if n in exact}
+    return beside
 
 
 def _rests(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
@@ -302,64 +329,88 @@ def export(
         If the file is no result, one of another robot, or has no masses; if a robot file errs more
         than the one that it comes from.
     """
-    own, wanted = Robot.of(robot), _find_format(Path(out), form)
+    own, out = Robot.of(robot), Path(out)
+    wanted = _find_format(out, form)
     if wanted == "patch":
-        return _write_patch(own, result, Path(out), validate=validate, force=force)
+        return _write_patch(own, result, out, validate=validate, force=force)
     content, robot, given = read_real(result, own, "exported")
-    physical, shapes = content.physical, content.physical.shapes
-    known = every_parameter(robot, shapes)
+    known = every_parameter(robot, content.physical.shapes)
     check_result(robot, Path(result), content, {*known, *robot.nominal})
     given |= _as_stated(robot, given)
-    loaded = any(x and n in known and FAMILIES[known[n].group].loaded for n, x in given.items())
-    unseen, snippet, added = None, None, list[str]()
-    alone, written = physical.error_ra, Written(Path(out), None, ())
-    kind: Kind | None = None
     if wanted == "isaaclab":
-        write_isaaclab(robot, given, content, Path(out))
-        alone = None  # it holds no bodies
-    else:
-        kind = wanted
-        alone = physical.error_ra_files.get(kind)
-        # What torque told hangs on no servo of the file, which stay as they are.
-        moved = robot if content.rollout else replace(robot, servo=None)
-        what: dict[str, Any] = {
-            "keep": False,
-            "shapes": shapes,
-            "reference": reference_values(robot) if loaded else {},
-            "comment": state_servos(robot, content),
-        }
-        if list_logs(validate):
-            with temporary_folder() as folder:
-                tried = write_parameters(moved, given, Path(folder) / Path(out).name, **what)
-                unseen = judge_files(own, tried, validate, content)
-            if unseen.totals[1] > unseen.totals[0] and not force:
-                raise IdentifiabilityError(
-                    f"{unseen.told} So {Path(out).name} would be worse than the file that it comes "
-                    "from: write it all the same with --force."
-                )
-        written = write_parameters(moved, given, out, **what)
-        if written.sidecar is not None:
-            read = partial(_reread, own, written.robot, written.sidecar)
-            # Not that of another format's file.
-            place = written.robot.with_name(f"{written.sidecar.stem.replace('.', '_')}_torque.py")
-            snippet, added = write_snippet(read(alone=False), read(alone=True), place)
+        return _describe(robot, content, given, Written(write_isaaclab(robot, given, content, out)))
+    write, unseen = _prepare_writing(robot, content, given), None
+    if list_logs(validate):
+        with temporary_folder() as folder:
+            unseen = judge_files(own, write(Path(folder) / out.name), validate, content)
+        if unseen.totals[1] > unseen.totals[0] and not force:
+            errors = phrase("exported", "worse", told=unseen.told, file=out.name)
+            raise IdentifiabilityError(errors)
+    found = _describe(robot, content, given, write(out), wanted, unseen)
+    return found if found.sidecar is None else _add_snippet(own, found)
+
+
+def _prepare_writing(
+    robot: Robot, content: ResultEntry, given: Mapping[str, float]
+) -> Callable[[Path], Written]:
+    """Return the function that writes a robot file with the values of a result."""
+    shapes = content.physical.shapes
+    groups = {p.name: p.group for p in every_parameter(robot, shapes).values()}
+    loaded = any(x and n in groups and FAMILIES[groups[n]].loaded for n, x in given.items())
+    # What torque told hangs on no servo of the file, which stay as they are.
+    moved = robot if content.rollout else replace(robot, servo=None)
+    reference, comment = reference_values(robot) if loaded else {}, state_servos(robot, content)
+    how: Any = {"shapes": shapes, "reference": reference, "comment": comment}
+    return partial(write_parameters, moved, given, keep=False, **how)
+
+
+def _describe(
+    robot: Robot,
+    content: ResultEntry,
+    given: Mapping[str, float],
+    written: Written,
+    kind: Kind | None = None,
+    unseen: Unseen | PositionPrediction | None = None,
+) -> Exported:
+    """Return what was exported, without a function for MuJoCo.
+
+    Parameters
+    ----------
+    robot, content
+    given : mapping
+        Standard parameters that were written.
+    written : Written
+    kind : {"mjcf", "urdf"}, optional
+        Format of a robot file.
+    unseen : Unseen or PositionPrediction, optional
+    """
+    physical, known = content.physical, every_parameter(robot, content.physical.shapes)
     # A level of one direction, where no effect has it, is part of that of both.
-    own_names = (n for n in written.beside if n in known or n[:-1] not in written.beside)
-    beside = by_effect(robot, own_names, shapes)
-    if isinstance(unseen, Unseen) and snippet is not None and set(beside) == set(added):
-        unseen = replace(unseen, callback=snippet.name)
+    beside = [n for n in written.beside if n in known or n[:-1] not in written.beside]
     return Exported(
         robot=written.robot,
         sidecar=written.sidecar,
-        beside=beside,
+        beside=by_effect(robot, beside, physical.shapes),
         error_ra=physical.error_ra,
-        error_ra_file=alone,
+        error_ra_file=None if kind is None else physical.error_ra_files.get(kind),
         unseen=unseen,
         mass=state_mass(robot, given, physical.cad_prior),
         notes=_notes(robot, content, kind, written.robot.name, said=unseen is not None),
-        snippet=snippet,
-        added=tuple(added),
     )
+
+
+def _add_snippet(robot: Robot, found: Exported) -> Exported:
+    """Return what was exported, with a function for MuJoCo where its file lacks torque."""
+    assert found.sidecar is not None
+    read = partial(_reread, robot, found.robot, found.sidecar)
+    # Not that of another format's file.
+    stem = found.sidecar.stem.replace(".", "_")
+    place = found.robot.with_name(f"{stem}_torque.py")
+    snippet, added = write_snippet(read(alone=False), read(alone=True), place)
+    unseen = found.unseen
+    if isinstance(unseen, Unseen) and snippet is not None and {*found.beside} == {*added}:
+        unseen = replace(unseen, callback=snippet.name)
+    return replace(found, snippet=snippet, added=tuple(added), unseen=unseen)
 
 
 def _write_patch(robot: Robot, result: Path | str, path: Path, **how: Any) -> Exported:
@@ -373,28 +424,29 @@ def _write_patch(robot: Robot, result: Path | str, path: Path, **how: Any) -> Ex
 
 def _difference(own: Path | None, new: Path) -> str:
     """Return a unified diff of two files, the first of which need not be there."""
-    old, changed = (
-        [] if path is None else _lines_of(path.read_bytes().decode("utf-8")) for path in (own, new)
-    )
     before = "/dev/null" if own is None else for_patch(f"a/{own.name}")
-    names = before, for_patch(f"b/{(own or new).name}")
+    after = for_patch(f"b/{(own or new).name}")
+    old = [] if own is None else _read_lines(own)
     ended = "{}\n\\ No newline at end of file\n"
-    lines = unified_diff(old, changed, *names)
+    lines = unified_diff(old, _read_lines(new), before, after)
     return "".join(line if line.endswith("\n") else ended.format(line) for line in lines)
 
 
-def _lines_of(text: str) -> list[str]:
-    """Return the lines of a text as a patch counts them: a line feed alone ends one."""
-    return io.StringIO(text, newline="\n").readlines()
+def _read_lines(path: Path) -> list[str]:
+    """Return the lines of a file as a patch counts them: a line feed alone ends one."""
+    with path.open(encoding="utf-8", newline="\n") as file:
+        return file.readlines()
 
 
 def _as_stated(robot: Robot, given: Mapping[str, float]) -> dict[str, float]:
     """Return the bodies that are those of the file but for rounding, as it states them."""
     out: dict[str, float] = {}
     for body in robot.bodies:
-        own = {n: robot.nominal[n] for n in (f"{body}.{kind}" for kind in INERTIAL_KINDS)}
-        apart = max(abs(given.get(n, np.inf) - x) for n, x in own.items())
-        out |= own if apart <= NEARLY * max(map(abs, own.values())) else {}
+        names = [f"{body}.{kind}" for kind in INERTIAL_KINDS]
+        own = {n: robot.nominal[n] for n in names}
+        apart = [abs(given.get(n, np.inf) - x) for n, x in own.items()]
+        if max(apart) <= NEARLY * max(map(abs, own.values())):
+            out |= own
     return out
 
 
@@ -472,32 +524,34 @@ def judge_files(
     content : ResultEntry
         Which says that, and how logs become motion.
     """
+    read = partial(_reread, robot, written.robot, written.sidecar)
     if content.rollout is not None:
-        copy = _reread(robot, written.robot, written.sidecar, alone=False)
-        return cast("PositionPrediction", predict(robot, copy, logs, forward=True))
+        return cast("PositionPrediction", predict(robot, read(alone=False), logs, forward=True))
     how = None if content.fit is None else content.fit.preparation
-    paths = [(robot.path, robot.sidecar, True), (written.robot, written.sidecar, True)]
-    paths += [(written.robot, written.sidecar, False)] if written.sidecar else []
-    errors, worst = [], []
-    for path, sidecar, alone in paths:
-        copy = _reread(robot, path, sidecar, alone=alone)
-        named = {name for name, value in copy.nominal.items() if value}
-        model = Model(
-            tuple(
-                family.effect
-                for family in FAMILIES.values()
-                if family.name != "coulomb_friction"  # one level stands for both directions, too
-                and any(p.name in named for p in family.effect.parameters(copy))
-            )
-        )
-        structure = Structure.of(copy, model)
-        case = Case(copy, logs, preparation=how, use=Use(divides=False, commands=False))
-        samples = case.samples(copy, Run(), "compared")
-        found = prediction.predict(Regression(copy, model, samples), structure.nominal[:, None])
-        errors.append(float(found.relative_error()[0]))
-        worst.append(copy.joints[int(np.argmax(found.joint_error()[:, 0]))])
-    files, logs = (robot.path.name, written.robot.name), tuple(s.name for s in samples)
-    return Unseen(logs, files, errors[0], errors[1], errors[-1], worst[1])
+    files = [_reread(robot, robot.path, robot.sidecar, alone=True), read(alone=True)]
+    files += [read(alone=False)] if written.sidecar else []
+    judged = [_predict_by_file(copy, logs, how) for copy in files]
+    errors = [float(found.relative_error()[0]) for found, _ in judged]
+    found, names = judged[1]
+    worst = robot.joints[int(np.argmax(found.joint_error()[:, 0]))]
+    both = robot.path.name, written.robot.name
+    return Unseen(names, both, errors[0], errors[1], errors[-1], worst)
+
+
+def _predict_by_file(
+    robot: Robot, logs: Logs, how: Preparation | None
+) -> tuple[Prediction, tuple[str, ...]]:
+    """Return torque along logs by all that a robot file states, and the names of the logs."""
+    stated = {name for name, value in robot.nominal.items() if value}
+    # One level of dry friction stands for both directions, too.
+    effects = [f.effect for name, f in FAMILIES.items() if name != "coulomb_friction"]
+    model = Model(tuple(e for e in effects if stated & {p.name for p in e.parameters(robot)}))
+    structure = Structure.of(robot, model)
+    case = Case(robot, logs, preparation=how, use=Use(divides=False, commands=False))
+    samples = case.samples(robot, Run(), "compared")
+    regression = Regression(robot, model, samples)
+    found = predict_torque(regression, structure.nominal[:, None])
+    return found, tuple(s.name for s in samples)
 
 
 def _reread(robot: Robot, path: Path, sidecar: Path | None, *, alone: bool) -> Robot:
@@ -524,12 +578,8 @@ def state_servos(robot: Robot, content: ResultEntry) -> str:
     servo, moved = robot.servo, content.rollout
     if servo is None or moved is None:
         return ""
-    return (
-        f"{moved.statement} C{state_delay(np.array(moved.delays))[1:]}. "
-        "An MJCF states rotors (armature), gains and friction for its own step of 1 ms and "
-        "integrator, with which MuJoCo moves as said; its sidecar, a URDF and Isaac have those of "
-        f"continuous time, of servos that measure at {servo.rate:g} Hz."
-    )
+    delay = state_delay(np.array(moved.delays))[1:]
+    return phrase("exported", "servos", moved=moved.statement, delay=delay, rate=servo.rate)
 
 
 ACTUATORS = '''"""Fitted servos of a robot: a configuration for Isaac Lab.
@@ -565,33 +615,31 @@ def write_isaaclab(
     """
     servo = robot.servo
     if servo is None or servo.unknown.any():
-        raise RobotError(
-            f"{robot.path} states no gains of servos, which a configuration of actuators is made "
-            "of; give them in the sidecar: [servo] kp = …, kv = …."
-        )
+        raise RobotError(phrase("exported", "gainless", path=robot.path))
     delay = servo.delay if content.rollout is None else content.rollout.delay
     limits = np.minimum(-servo.low, servo.high)
-    columns = {
-        "stiffness": servo.kp,
-        "damping": servo.kv,
-        "effort_limit": np.where(np.isfinite(limits), limits, np.nan),
-    }
+    limits = np.where(np.isfinite(limits), limits, np.nan)
+    columns = {"stiffness": servo.kp, "damping": servo.kv, "effort_limit": limits}
     kinds = {"armature": robot.inertia_parts[0], "friction": "Fc", "viscous_friction": "Fv"}
     for word, kind in (kinds | {"dynamic_friction": "Fc"}).items():
         columns[word] = np.array([given.get(f"{j}.{kind}", 0.0) for j in robot.joints])
-    rows = []
     names = [re.escape(joint) for joint in robot.joints]  # Isaac Lab reads them as patterns
-    for word, values in columns.items():
-        pairs = zip(names, values.tolist(), strict=True)
-        known = {name: float(f"{x:.6g}") for name, x in pairs if not np.isnan(x)}
-        rows += [f"    {word}={for_python(known)},"] if known else []
     text = ACTUATORS.format(
         title=for_python(robot.title or robot.name),
         delay=max(delay or 0.0, 0.0),
         joints=for_python(names),
-        rows="\n".join(rows),
+        rows="\n".join(_actuator_rows(names, columns)),
     )
     return write_text(out, text)
+
+
+def _actuator_rows(names: Sequence[str], columns: Mapping[str, Array]) -> Iterator[str]:
+    """Yield the lines of numbers of a configuration; unknown numbers are left out."""
+    for word, values in columns.items():
+        pairs = zip(names, values.tolist(), strict=True)
+        known = {name: float(f"{x:.6g}") for name, x in pairs if not np.isnan(x)}
+        if known:
+            yield f"    {word}={for_python(known)},"
 
 
 def _find_format(out: Path, form: Format | None) -> Format:
@@ -601,5 +649,7 @@ def _find_format(out: Path, form: Format | None) -> Format:
     ------
     OutputError
     """
-    check_ending(out, *([ENDINGS[form]] if form else ENDINGS.values()))
-    return next(name for name, end in ENDINGS.items() if end == out.suffix.lower())
+    endings = [ENDINGS[form]] if form else ENDINGS.values()
+    check_ending(out, *endings)
+    ending = out.suffix.lower()
+    return next(name for name, end in ENDINGS.items() if end == ending)

@@ -23,13 +23,13 @@ from identifiability.estimation.estimate import Method, estimate
 from identifiability.estimation.estimator import Estimate, combine
 from identifiability.estimation.evidence import LEVELS, Folds, Gain, Score, least_noise, may_stand
 from identifiability.estimation.gaussian import Normal
-from identifiability.foundation.findings import Finding
+from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.linalg import ROUNDOFF, unit_coordinates
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
-from identifiability.workflows.prune.moves import ZERO, Kind, Move, Partition
+from identifiability.workflows.prune.moves import Kind, Move, Partition
 
 # What nested models of one regression predict of folds, from `Information` alone.
 #
@@ -201,7 +201,7 @@ class WhitenedRegression:
     folds: Folds
     refits: Refits
 
-    def along(self, path: Sequence[tuple[Move | None, Partition]]) -> list[Step]:
+    def along(self, path: Sequence[Made]) -> list[Step]:
         """Return nested models with their fits, and what these predict of the folds.
 
         Parameters
@@ -210,43 +210,22 @@ class WhitenedRegression:
             What led to each model, of all that the motion excites first.
         """
         partitions = [partition for _, partition in path]
-        rows = [before.rows_to(after) for before, after in pairwise(partitions)]
-        fixed = np.concatenate([np.empty((0, len(self.inverse))), *rows]) @ self.inverse
-        fixed /= np.linalg.norm(
-            fixed,
-            axis=1,
-            keepdims=True,
-        )
-        turn = np.linalg.qr(fixed.T, mode="complete")[0][:, ::-1]
-        free = np.array([len(partition) for partition in partitions])
+        turn, free = self._turn(partitions), np.array(list(map(len, partitions)))
         delta = self.refits.along(turn, free)
         values = (self.refits.centre + delta) @ self.inverse.T
         left = np.concatenate([-delta[:, 1:], np.ones((len(free), self.folds.count, 1))], 2)
         squares = self.tests.squares_of_blocks(left)
-        about, density = (
-            (self.variation, self.folds.ratio),
-            self._densities(
-                left,
-                turn,
-                free,
-            ),
-        )
-        steps = zip(
-            path,
-            density,
-            squares,
-            values,
-            strict=True,
-        )
-        return [
-            Step(
-                p,
-                Score(y, own, *about),
-                x,
-                move,
-            )
-            for (move, p), y, own, x in steps
-        ]
+        about, density = (self.variation, self.folds.ratio), self._densities(left, turn, free)
+        steps = zip(path, density, squares, values, strict=True)
+        return [Step(p, Score(y, own, *about), x, move) for (move, p), y, own, x in steps]
+
+    def _turn(self, partitions: Sequence[Partition]) -> Array:
+        """Return orthonormal directions (k, k): the first ones span what a model leaves free."""
+        rows = [before.rows_to(after) for before, after in pairwise(partitions)]
+        fixed = np.concatenate([np.empty((0, len(self.inverse))), *rows]) @ self.inverse
+        fixed /= np.linalg.norm(fixed, axis=1, keepdims=True)
+        Q, _ = np.linalg.qr(fixed.T, mode="complete")
+        return Q[:, ::-1]
 
     def _densities(self, left: Array, turn: Array, free: np.ndarray) -> Array:
         """Return the predictive log densities of folds under nested models, (M, F) [nats].
@@ -296,48 +275,26 @@ def whiten_regression(
         If the logs are too short for folds.
     """
     kept, columns = list(full.kept), information.columns
-    every = np.arange(len(columns))
-    start = Partition(
-        columns,
-        np.where(
-            np.isin(every, kept),
-            every,
-            ZERO,
-        ),
-    )
     if len(kept) < len(columns):
         information = information.select(kept)
         full = full.estimator.fit(information)
     k = information.size
     R = full.estimator.loss(information, full)
     length = float(np.linalg.norm(R[:, k]))
-    R[k, k] = max(
-        abs(R[k, k]),
-        1e-9 * length,
-        1e-300,
-    )
+    R[k, k] = max(abs(R[k, k]), ROUNDOFF * length, 1e-300)
     turned = unit_coordinates(R[:k, :k])
-    floor, folds = least_noise(information), Folds.of(information, float(full.times.max()))
-    tests = information.reduce(turned, information.columns, turned @ R[:k, k]).summed(folds.tested)
+    folds = Folds.of(information, float(full.times.max()))
+    residual = information.reduce(turned, information.columns, turned @ R[:k, k])
+    tests = residual.summed(folds.tested)
     return WhitenedRegression(
-        start=start,
+        start=Partition.of(columns, {*range(len(columns))} - {*kept}),
         inverse=np.eye(len(columns))[:, kept] @ turned,
-        unit=max(full.unit, floor),
+        unit=max(full.unit, least_noise(information)),
         tests=tests,
-        gram=_see(
-            information,
-            full,
-            R,
-            tests,
-        ),
+        gram=_see(information, full, R, tests),
         variation=information.torque if variation is None else variation,
         folds=folds,
-        refits=Refits.of(
-            information,
-            full,
-            R,
-            folds.train,
-        ),
+        refits=Refits.of(information, full, R, folds.train),
     )
 
 
@@ -350,13 +307,13 @@ def _see(information: Information, full: Estimate, R: Array, tests: Information)
     """
     k = information.size
     one = np.eye(k + 1)
-    noise = np.maximum(full.variance * full.times, least_noise(information))
-    weights = 1.0 / noise
+    weights = 1.0 / np.maximum(full.variance * full.times, least_noise(information))
     if not (full.estimator.instruments and information.instrumented):
         return tests.products(weights, one, one)
-    T = combine(information, full).left.reshape(2, k, k)
-    left = np.vstack([*(R[:k, :k] @ T), np.zeros((1, k))])
-    both = np.hstack([left, np.vstack([np.zeros((k, k + 1)), one])])
+    turned = R[:k, :k] @ combine(information, full).left.reshape(2, k, k)
+    left = np.vstack([*turned, np.zeros((1, k))])
+    errors = np.vstack([np.zeros((k, k + 1)), one])
+    both = np.hstack([left, errors])
     out = []
     for own in tests.joint.products(weights, left, both):
         values, vectors = np.linalg.eigh(own[:, :k])
@@ -488,39 +445,50 @@ class Refusal:
     @property
     def reason(self) -> str:
         """Why, in words."""
-        return (
-            "The predictive log density of unseen stretches would fall by "
-            f"{-self.gain.value:.3g} ± {self.gain.se:.2g} nats."
-        )
+        return phrase("pruned", "refused", fall=-self.gain.value, se=self.gain.se)
+
+
+#: What led to a model, and the model.
+Made = tuple[Move | None, Partition]
 
 
 def walk(fit: WhitenedRegression, plan: Plan) -> tuple[list[Step], list[Refusal]]:
     """Return the models from a fit of all columns down, and what was refused on the way."""
-    left = Remaining.of(fit)
-    made: list[tuple[Move | None, Partition]] = [(None, left.partition)]
+    left, made = _force(Remaining.of(fit), plan.forced)
     refused = []
-    for move in plan.forced:
-        if left.partition.alive(move.zero):
-            left = left.after(move)[0]
-            made.append((move, left.partition))
     for kind in (Kind.OFFSET, Kind.MERGE, Kind.ZERO, Kind.TIE):
         asked = [move for move in plan.suggested if move.kind is kind]
         while asked := [m for m in asked if len(left.partition.apply(m)) < len(left.partition)]:
             move = asked.pop(int(np.argmin([left.cost(m) for m in asked])))
             after, rise = left.after(move)
+            step = move, after.partition
             # What costs no more of the fit than models near the best may is not asked of folds.
-            if rise > 2.0 * LEVELS.nats * fit.unit:
-                *_, before, then = fit.along([made[0], made[-1], (move, after.partition)])
-                gain = then.score.gain(before.score)
-                if gain.value < -max(LEVELS.nats, gain.se):
-                    refused.append(Refusal(move, gain))
-                    continue
+            gain = _ask_folds(fit, made, step) if rise > 2.0 * LEVELS.nats * fit.unit else None
+            if gain is not None and gain.value < -max(LEVELS.nats, gain.se):
+                refused.append(Refusal(move, gain))
+                continue
             left = after
-            made.append((move, left.partition))
+            made.append(step)
     while (cheapest := left.cheapest(plan)) is not None:
         left = left.after(cheapest)[0]
         made.append((cheapest, left.partition))
     return fit.along(made), refused
+
+
+def _force(left: Remaining, forced: Sequence[Move]) -> tuple[Remaining, list[Made]]:
+    """Return what remains after forced moves, and the models on the way."""
+    made: list[Made] = [(None, left.partition)]
+    for move in forced:
+        if left.partition.alive(move.zero):
+            left = left.after(move)[0]
+            made.append((move, left.partition))
+    return left, made
+
+
+def _ask_folds(fit: WhitenedRegression, made: Sequence[Made], step: Made) -> Gain:
+    """Return what one more step does to the predictive log density of folds."""
+    *_, before, then = fit.along([made[0], made[-1], step])
+    return then.score.gain(before.score)
 
 
 # The path of a regression, and which model of it to use: the smallest as good as the best.
@@ -545,10 +513,6 @@ class Search:
     whitened: WhitenedRegression
     steps: tuple[Step, ...]
     refused: tuple[Refusal, ...] = ()
-
-    def choose(self) -> int:
-        """Return the step to use, physics aside."""
-        return good_steps(self.steps)[0]
 
 
 def find_path(
@@ -577,47 +541,38 @@ def find_path(
     """
     full = estimate(information, method)
     whitened = whiten_regression(information, full, variation)
-    usable = [replace(m, zero=tuple(c for c in m.zero if c not in forbid)) for m in suggested]
+    usable = []
+    for move in suggested:
+        zero = tuple(c for c in move.zero if c not in forbid)
+        usable.append(replace(move, zero=zero))
+    asked = phrase("pruned", "asked")
     plan = Plan(
         suggested=tuple(usable),
         pairs=tuple(m for m in usable if m.kind is Kind.MERGE),
-        forced=tuple(Move(Kind.FORCED, (c,), why="You asked for it") for c in force),
+        forced=tuple(Move(Kind.FORCED, (c,), why=asked) for c in force),
         kept=frozenset(forbid),
     )
     (first, *steps), refused = walk(whitened, plan)
     idle = tuple(whitened.start.zeroed())
     if idle:  # what the motion does not excite is the first move
-        why = "The motion does not excite it, or only together with what is left"
-        steps.insert(
-            0,
-            replace(
-                first,
-                move=Move(
-                    Kind.UNEXCITED,
-                    idle,
-                    why=why,
-                ),
-            ),
-        )
+        move = Move(Kind.UNEXCITED, idle, why=phrase("pruned", "idle"))
+        steps = [replace(first, move=move), *steps]
         first = replace(first, partition=Partition.of(full.columns))
-    return Search(
-        full,
-        whitened,
-        (first, *steps),
-        tuple(refused),
-    )
+    return Search(full, whitened, (first, *steps), tuple(refused))
 
 
 def first_allowed(steps: Sequence[Step]) -> int:
     """Return the first step after what must go: what the motion or the user leaves out."""
+    kinds = [s.move and s.move.kind for s in steps]
     must = (Kind.UNEXCITED, Kind.FORCED)
-    return max((k for k, s in enumerate(steps) if s.move and s.move.kind in must), default=0)
+    return max((k for k, kind in enumerate(kinds) if kind in must), default=0)
 
 
 def best_step(steps: Sequence[Step]) -> int:
     """Return the step with the best predictive log density of those that may be used."""
     first = first_allowed(steps)
-    return first + int(np.argmax([s.density for s in steps[first:]]))
+    densities = [s.density for s in steps[first:]]
+    return first + int(np.argmax(densities))
 
 
 def good_steps(steps: Sequence[Step]) -> list[int]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from enum import StrEnum
-from functools import cache, cached_property
+from functools import cached_property
 from itertools import takewhile
 from typing import Literal
 
@@ -97,15 +97,18 @@ class Partition:
     group: np.ndarray
 
     @staticmethod
-    def of(columns: Sequence[str]) -> Partition:
-        """Return the partition in which every column is free."""
-        return Partition(tuple(columns), np.arange(len(columns)))
+    def of(columns: Sequence[str], zero: Iterable[int] = ()) -> Partition:
+        """Return the partition in which every column is free, but for some that are zero."""
+        group = np.arange(len(columns))
+        group[[*zero]] = ZERO
+        return Partition(tuple(columns), group)
 
     @property
     def leaders(self) -> list[int]:
         """The free columns, one of each set of equal ones."""
-        own: list[int] = np.flatnonzero(self.group == np.arange(len(self.columns))).tolist()
-        return own
+        own = np.arange(len(self.columns))
+        free: list[int] = own[self.group == own].tolist()
+        return free
 
     def __len__(self) -> int:
         """Return the number of free parameters."""
@@ -144,12 +147,6 @@ class Partition:
             for g in rest:
                 group[group == g] = first
         return after
-
-    @property
-    def matrix(self) -> Array:
-        """Columns of the starting model from the m free parameters, (k, m)."""
-        M: Array = (self.group[:, None] == self.leaders).astype(float)
-        return M
 
     def zeroed(self) -> list[str]:
         """Return the columns that are held at zero."""
@@ -320,48 +317,46 @@ def find_mirrors(parts: list[Attachment]) -> list[Mirror]:
         if not fixed:
             continue
         mirror = Mirror(normal, float(np.mean([a.position @ normal for a in fixed])))
-        if all(any(a.reflected(mirror).equals(b) for b in parts) for a in parts):
+        images = [a.reflected(mirror) for a in parts]
+        if all(any(image.equals(b) for b in parts) for image in images):
             mirrors.append(mirror)
     return mirrors
 
 
 def find_equal_bodies(robot: Robot) -> list[tuple[int, ...]]:
     """Return the sets of bodies at the same place of equal chains from the base."""
-    joints, links = robot.tree.joints, robot.links
-    parts = attachments(robot)
-
-    @cache
-    def same(a: int, b: int) -> bool:
-        """Whether the chains to two bodies are equal but for where they stand on the base."""
-        one, other = (joints[link.first : link.last + 1] for link in (links[a], links[b]))
-        above = links[a].parent, links[b].parent
-        if [j.kind for j in one] != [j.kind for j in other] or len(parts[a]) != len(parts[b]):
-            return False
-        if not all(p.equals(q) for p, q in zip(parts[a], parts[b], strict=True)):
-            return False
-        if WORLD in above:
-            apart = [one[0].axis - other[0].axis]
-            return above[0] == above[1] and bool(np.abs(apart).max() < CLOSE)
-        apart = [_place(u) - _place(v) for u, v in zip(one, other, strict=True)]
-        return bool(np.abs(apart).max() < CLOSE) and same(*above)
-
-    sets: list[list[int]] = []
-    for k in range(len(links)):
-        home = next((s for s in sets if same(s[0], k)), [])
+    parts, sets, numbers = attachments(robot), list[list[int]](), {WORLD: WORLD}
+    for k, link in enumerate(robot.links):
+        above = numbers[link.parent]
+        near = [s for s in sets if numbers[robot.links[s[0]].parent] == above]
+        home = next((s for s in near if _are_alike(robot, parts, s[0], k)), [])
         if not home:
             sets.append(home)
         home.append(k)
+        numbers[k] = home[0]
     return [tuple(s) for s in sets if len(s) > 1]
+
+
+def _are_alike(robot: Robot, parts: Sequence[list[Attachment]], a: int, b: int) -> bool:
+    """Whether two bodies, and the chains to them from the bodies before, are equal.
+
+    Of chains on the base, where they stand does not count.
+    """
+    joints, links = robot.tree.joints, (robot.links[a], robot.links[b])
+    one, other = (joints[link.first : link.last + 1] for link in links)
+    if [j.kind for j in one] != [j.kind for j in other] or len(parts[a]) != len(parts[b]):
+        return False
+    if not all(p.equals(q) for p, q in zip(parts[a], parts[b], strict=True)):
+        return False
+    apart = [_place(u) - _place(v) for u, v in zip(one, other, strict=True)]
+    if links[0].parent == WORLD:
+        apart = [one[0].axis - other[0].axis]
+    return bool(np.abs(apart).max() < CLOSE)
 
 
 def _place(joint: Joint) -> Array:
     """Return the axis of a joint and where it is on the joint before it, (15,)."""
     return np.concatenate([joint.axis, joint.rotation.ravel(), joint.translation])
-
-
-def body_shapes(mirrors: list[Mirror]) -> Array:
-    """Return a basis of the ten parameters that mirrors allow a body, (10, free)."""
-    return np.asarray(null_space(np.vstack([m.constraints() for m in mirrors])), float)
 
 
 # Moves that knowledge of the robot suggests, declared in its sidecar or proposed from its file.
@@ -384,8 +379,8 @@ def propose_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
     moves = offset_moves(structure, columns) + merge_moves(structure, columns)
     moves += declared_moves(structure.robot, columns)
     moves += zero_moves(structure, columns)
-    ties = {frozenset(c) for m in moves if m.kind is Kind.TIE for c in m.tie}
-    return moves + [m for m in tie_moves(structure, columns) if frozenset(m.tie[0]) not in ties]
+    ties = [{*c} for m in moves if m.kind is Kind.TIE for c in m.tie]
+    return moves + [m for m in tie_moves(structure, columns) if {*m.tie[0]} not in ties]
 
 
 def offset_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
@@ -401,31 +396,16 @@ def merge_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
     """Return the merges of a joint's two Coulomb levels."""
     pairs = ((f"{joint}.Fc+", f"{joint}.Fc-") for joint in structure.robot.joints)
     why = "Friction of the same size in both directions"
-    return [
-        Move(
-            Kind.MERGE,
-            tie=(p,),
-            why=why,
-        )
-        for p in pairs
-        if set(p) <= set(columns)
-    ]
+    return [Move(Kind.MERGE, tie=(p,), why=why) for p in pairs if {*p} <= {*columns}]
 
 
 def declared_moves(robot: Robot, columns: Sequence[str]) -> list[Move]:
     """Return the ties of the robot's sidecar."""
     known = set(columns)
-    sets = (members for tie in robot.ties for members in tie.values())
+    sets = [tuple(members) for tie in robot.ties for members in tie.values()]
     where = robot.sidecar.name if robot.sidecar is not None else "the sidecar"
-    return [
-        Move(
-            Kind.TIE,
-            tie=(tuple(s),),
-            why=f"{where} declares them equal",
-        )
-        for s in sets
-        if set(s) <= known and len(s) > 1
-    ]
+    why = f"{where} declares them equal"
+    return [Move(Kind.TIE, tie=(s,), why=why) for s in sets if {*s} <= known and len(s) > 1]
 
 
 def zero_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
@@ -440,7 +420,8 @@ def zero_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
         mirrors = find_mirrors(parts[bodies[0]]) if len(parts[bodies[0]]) > 1 else []
         if not mirrors:
             continue
-        shape = body_shapes(mirrors)
+        # A basis of the ten parameters that mirrors allow a body.
+        shape = null_space(np.vstack([m.constraints() for m in mirrors]))
         reach, size = _confine(structure, [((k,), shape) for k in bodies])
         gone = (size > 0) & (np.abs(reach).max(1, initial=0.0) <= RANK_TOLERANCE * size)
         vanished = [n for n, g in zip(structure.base.names, gone, strict=True) if g]
@@ -456,27 +437,15 @@ def tie_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
     """Return what becomes equal if bodies of equal chains are equal."""
     sets = find_equal_bodies(structure.robot)
     reach, size = _confine(structure, [(bodies, np.eye(len(GROUPED_KINDS))) for bodies in sets])
-    known, moves = set(columns), []
-    left = (
-        np.flatnonzero(np.abs(reach).max(1, initial=0.0) > RANK_TOLERANCE * size).tolist()
-        if sets
-        else []
-    )
-    while left:
-        first = left[0]
-        equal = [
-            k for k in left if np.abs(reach[k] - reach[first]).max() < RANK_TOLERANCE * size[first]
-        ]
-        left = [k for k in left if k not in equal]
-        names = tuple(structure.base.names[k] for k in equal)
-        if len(names) > 1 and set(names) <= known:
-            moves.append(
-                Move(
-                    Kind.TIE,
-                    tie=(names,),
-                    why="Their chains have equal joints",
-                )
-            )
+    told = np.abs(reach).max(1, initial=0.0) > RANK_TOLERANCE * size
+    left, moves = np.flatnonzero(told) if sets else np.empty(0, int), []
+    while len(left):
+        apart = np.abs(reach[left] - reach[left[0]]).max(1)
+        equal = apart < RANK_TOLERANCE * size[left[0]]
+        names = tuple(structure.base.names[k] for k in left[equal])
+        left = left[~equal]
+        if len(names) > 1 and {*names} <= {*columns}:
+            moves.append(Move(Kind.TIE, tie=(names,), why="Their chains have equal joints"))
     return moves
 
 

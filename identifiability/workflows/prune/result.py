@@ -5,6 +5,7 @@ from typing import Any, ClassVar
 
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.verdict import percent_of
+from identifiability.foundation.findings import phrase
 from identifiability.foundation.output import write_text
 from identifiability.foundation.values import frozen
 from identifiability.regression.reduction import (
@@ -62,9 +63,10 @@ class PrunedModel(ModelResult):
     @property
     def reason(self) -> str:
         """Why the move was made, in words."""
-        if self.step.move is None:
-            return "Every base parameter of the model."
-        return f"{self.step.move.why or 'The least costly of what is left'}."
+        move = self.step.move
+        if move is None:
+            return phrase("pruned", "start")
+        return f"{move.why}." if move.why else phrase("pruned", "cheapest")
 
     @property
     def worst_sigma_percent(self) -> float:

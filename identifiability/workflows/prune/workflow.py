@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from identifiability.estimation.estimate import (
-    Kind,
-    Method,
-    estimate_noise,
-    find_estimator,
-    fit_whole,
-)
+from identifiability.estimation.estimate import Kind, Method, estimate_noise, fit_whole
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.evidence import Evidence, HeldOut, near_best
 from identifiability.estimation.prediction import Prediction, Task, predict_all
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, one_thread
-from identifiability.foundation.errors import IdentifiabilityError, ModelError, listing, near_match
-from identifiability.foundation.findings import of_key
+from identifiability.foundation.errors import IdentifiabilityError, ModelError, near_match
+from identifiability.foundation.findings import of_key, phrase
 from identifiability.foundation.options import (
     Names,
     NotNegative,
@@ -31,12 +25,10 @@ from identifiability.foundation.options import (
     checked,
     resolve_count,
 )
-from identifiability.foundation.rounding import percent
 from identifiability.foundation.runs import Progress, Run, quiet, running
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import find_signal
-from identifiability.physical.cad_prior import resolve_prior
 from identifiability.physical.feasibility import PhysicalResult, certify_model
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.quality.recordings import Logs
@@ -50,11 +42,16 @@ from identifiability.regression.reduction import (
     ladder_model,
 )
 from identifiability.robot import RobotLike
-from identifiability.workflows.analyze.judge import decide_model, tell_with_file
+from identifiability.workflows.analyze.judge import decide_model, rms_torque, tell_with_file
 from identifiability.workflows.analyze.ladder import LadderFit, fit_with_robot
 from identifiability.workflows.analyze.result import WORSE
 from identifiability.workflows.analyze.shared_errors import SharedErrors, measure_shared_errors
-from identifiability.workflows.analyze.workflow import predict_everywhere, say_band, say_of_fit
+from identifiability.workflows.analyze.workflow import (
+    choose_settings,
+    predict_everywhere,
+    say_band,
+    say_of_fit,
+)
 from identifiability.workflows.case import Case, WeightedRows, take_case
 from identifiability.workflows.prune.elimination import (
     Search,
@@ -139,65 +136,70 @@ def prune(
     IdentifiabilityError
         With one sentence on what to do.
     """
-    say = progress or quiet
     draws = resolve_count(replicates, DEFAULTS.resampled, DEFAULTS.resampled_quick, quick=quick)
-    rng = np.random.default_rng(seed).spawn(3)[2]
-    method_name = find_estimator(method).name
+    options = {"method": method, "estimator": estimator, "replicates": draws}
+    wishes = {"forbid": list(forbid), "force": list(force)}
     with one_thread("blas"):
         case = take_case(robot, logs, validate, preparation)
         with running(engine) as runner:
-            run = Run(say, runner, seed)
+            run = Run(progress or quiet, runner, seed)
+            settings = choose_settings(case, run, prior, cad_prior, **options, **wishes)
             source = case.ladder(ladder, beside=False)
-            commanded = case.recordings(run).commanded
-            share_, cad_prior = resolve_prior(prior, cad_prior, commanded)
             # A model that was given is taken as it is.
             complete = ladder is None and case.model is None
             rows = weigh_unpruned(case, source, run, method, estimator, complete)
-            question = pose_question(case, source, rows)
-            _check_wishes(question.start, forbid, force)
-            say("walking down the ladder", 0.4)
-            search = walk_down(question, forbid, force)
-            selected, fit = _choose(question, search, cad_prior)
-            search, selected, thinned = thin_path(search, selected)
-            say("measuring errors", 0.5)
-            measured = measure_models(question, search, selected, fit, replicates=draws, rng=rng)
-        data, hints = rows.data, _hint(rows, measured["models"], selected)
-        found = Ladder(
-            structure=data.structure,
-            samples=data.samples,
-            validation=data.validation,
-            hints=tuple(filter(None, (*hints, thinned))),
-            recordings=data.recordings,
-            information=rows.information,
-            start=question.start,
-            selected=selected,
-            least=best_step(search.steps),
-            refused=search.refused,
-            late=question.shared.together(full_model(data.structure.base)),
-            source=source,
-            settings={
-                "method": method_name,
-                "seed": seed,
-                "estimator": estimator,
-                "forbid": list(forbid),
-                "force": list(force),
-                "replicates": draws,
-                "cad_prior": cad_prior,
-                "prior": share_,
-                "preparation": case.preparation or Preparation(),
-            },
-            **measured,
-        )
-        return tell_with_file(found, share_)
+            found = _reduce(pose_question(case, source, rows), source, settings, run)
+        return tell_with_file(found, settings["prior"])
+
+
+def _reduce(
+    question: Question, source: LadderSource, settings: Mapping[str, Any], run: Run
+) -> Ladder:
+    """Walk down from a model, choose a step and measure the models on the way.
+
+    Parameters
+    ----------
+    question, source
+    settings : mapping
+        As of `Laddered`.
+    run : Run
+    """
+    data, wishes = question.rows.data, [settings[name] for name in ("forbid", "force")]
+    _check_wishes(question.start, *wishes)
+    run.say("walking down the ladder", 0.4)
+    search = walk_down(question, *wishes)
+    selected, fit = _choose(question, search, settings["cad_prior"])
+    search, selected, thinned = thin_path(search, selected)
+    run.say("measuring errors", 0.5)
+    rng = np.random.default_rng(settings["seed"]).spawn(3)[2]
+    draws = settings["replicates"]
+    measured = measure_models(question, search, selected, fit, replicates=draws, rng=rng)
+    hints = *_hint(question.rows, measured["models"], selected), thinned
+    return Ladder(
+        structure=data.structure,
+        samples=data.samples,
+        validation=data.validation,
+        hints=tuple(filter(None, hints)),
+        recordings=data.recordings,
+        information=question.rows.information,
+        start=question.start,
+        selected=selected,
+        least=best_step(search.steps),
+        refused=search.refused,
+        late=question.shared.together(full_model(data.structure.base)),
+        source=source,
+        settings=settings,
+        **measured,
+    )
 
 
 def weigh_unpruned(
-    case: Case, source: LadderSource, run: Run, method: Method, kind: Kind, complete: bool
+    case: Case, source: LadderSource, run: Run, method: Method, estimator: Kind, complete: bool
 ) -> WeightedRows:
     """Return the weighted rows of a case under the first model of a ladder."""
     given = case.structure(case.known_robot(run), ladder_model(source.entry))
     data = case.data(given, run, "pruned")
-    return case.weigh(data, method, kind, run, complete=complete)
+    return case.weigh(data, method, estimator, run, complete=complete)
 
 
 def pose_question(case: Case, source: LadderSource, rows: WeightedRows) -> Question:
@@ -244,23 +246,18 @@ def _state_foreign(full: PrunedModel) -> str:
     constant = full.unseen.constant_error()
     if not error > max(constant, 2.0 * own):
         return ""
-    return (
-        f"The unpruned model predicts the logs held out worse ({percent(error)}) than a constant "
-        f"torque would ({percent(constant)}), and unseen stretches of the fitted ones to "
-        f"{percent(own)}: are they of the same robot, with the same units and signs?"
-    )
+    return phrase("pruned", "foreign", error=error, constant=constant, own=own)
 
 
 def _check_wishes(start: Submodel, forbid: Sequence[str], force: Sequence[str]) -> None:
-    for name in (*forbid, *force):
-        if name not in start.columns:
-            raise ModelError(
-                f"'{name}' is not a parameter that can be kept or dropped"
-                f"{near_match(name, start.columns)} The model has {listing(start.columns)}."
-            )
+    unknown = [name for name in (*forbid, *force) if name not in start.columns]
+    if unknown:
+        near = near_match(unknown[0], start.columns)
+        names = phrase("pruned", "unknown", name=unknown[0], near=near, columns=start.columns)
+        raise ModelError(names)
     both = sorted(set(forbid) & set(force))
     if both:
-        raise ModelError(f"'{both[0]}' is to be kept and to be dropped; say which.")
+        raise ModelError(phrase("pruned", "both", name=both[0]))
 
 
 def _choose(question: Question, search: Search, cad_prior: float | None) -> tuple[int, LadderFit]:
@@ -286,17 +283,8 @@ def _choose(question: Question, search: Search, cad_prior: float | None) -> tupl
             break
     found = []
     for k, model, *certified in tried[:1] + tried[1:][-1:]:
-        found.append(
-            (
-                k,
-                fit_with_robot(
-                    model,
-                    held_out,
-                    cad_prior,
-                    certified=certified,
-                ),
-            )
-        )
+        fit = fit_with_robot(model, held_out, cad_prior, certified=certified)
+        found.append((k, fit))
     (_, first), (_, last) = found[0], found[-1]
     pair = [x.real for x in (last, first) if x.real is not None]
     alike = len(pair) > 1 and near_best(pair)[0]
@@ -465,7 +453,7 @@ def judge_step(
     steps = search.steps
     submodel, estimate = found.fits[k]
     model = question.recall(submodel, estimate)
-    torque = float(np.sqrt(np.mean(found.fitted.rms**2)))
+    torque = rms_torque(found.fitted)
     how = rng, draws, question.full, question.rows.data.missing, question.shared
     fit, verdicts, infeasible = decide_model(model, torque, *how, real=robot)
     judged = Evidence.of(steps[k].score, steps[best_step(steps)].score)

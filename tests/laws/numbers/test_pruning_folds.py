@@ -25,6 +25,10 @@ def rows():
     return W, W @ [1.0, -2.0, 0.1] + rng.normal(size=(320, 2)) * [0.5, 2.0]
 
 
+def matrix_of(partition):
+    return np.stack([partition.group == g for g in partition.leaders], 1).astype(float)
+
+
 def folds_of(rows, logs=(), size=8):
     information = gather(*rows, size=size, logs=logs)
     full = estimate(information, "ols")
@@ -62,7 +66,7 @@ def test_densities_are_the_judges(rows, moves):
     fixed = HeldOut.of(information, noise, folds.folds)
     # The variance of noise of weight 1 is the fit's own: 1 where weights are those of the noise.
     fit = after(replace(folds, unit=1.0), *moves)
-    M = fit.partition.matrix
+    M = matrix_of(fit.partition)
     own = estimate(information.reduce(M, [f"c{j}" for j in range(M.shape[1])]), "ols")
     expected = score_of(fixed, replace(own, weights=WEIGHTS), M)
     np.testing.assert_allclose(fit.score.density, expected.density, rtol=1e-6)
@@ -90,8 +94,7 @@ def test_a_constraint_costs_what_refitting_with_it_costs(rows, move):
     W, tau = rows
     folds = folds_of(rows)
     fit = after(folds, move)
-    M = np.stack([fit.partition.group == g for g in fit.partition.leaders], 1).astype(float)
-    np.testing.assert_array_equal(fit.partition.matrix, M)
+    M = matrix_of(fit.partition)
     x = M @ solve(W @ M, tau)
     np.testing.assert_allclose(fit.values[0], x, atol=1e-7)
     start = Remaining.of(folds)
@@ -129,7 +132,7 @@ def test_fits_along_a_whole_path_are_those_from_the_rows(seed, drawn):
     for move in [*ties, *drops]:
         path.append((move, path[-1][1].apply(move)))
     for fit in folds.along(path):
-        M = fit.partition.matrix
+        M = matrix_of(fit.partition)
         for f in range(-1, folds.folds.count):
             mine = train[f] if f >= 0 else np.ones(n, bool)
             A = W[mine, 0] @ M

@@ -19,7 +19,7 @@ from identifiability.logs.spectrum import bandwidth_of_windows, noise_level
 from identifiability.regression.information import gather_information
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import find_base_parameters
-from identifiability.workflows.diagnose.forward import _starts
+from identifiability.workflows.diagnose.forward import _stretches
 
 #: Step [s], cut-off [Hz]: half of its period is 25.8 steps.
 DT, CUTOFF = 0.002, 9.7
@@ -227,7 +227,7 @@ def test_the_smoothed_motion_is_no_second_record_across_a_gap(two):
 
 def test_nothing_is_simulated_forward_along_a_bridged_gap(two):
     s = prepared(two, without(2000, (700, 5)), decimate=1)
-    starts = [k for _, k in _starts([s], DT, 100, 10**6)]
+    starts = [int(rows[0]) for _, rows in _stretches([s], DT, 100, 10**6)]
     assert len(starts) > 15
     assert not any(k <= 700 < k + 100 for k in starts)
 
