@@ -8,7 +8,7 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
-from identifiability.cli.options import helps
+from .options import helps
 
 
 class Verbs(Mapping[str, Any]):

@@ -38,7 +38,6 @@ import typer
 from typer import Argument, Option
 from typer.models import OptionInfo, ParameterInfo
 
-from identifiability.cli.common import VERBOSE, check_outputs, progress, sentences, write_all
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.errors import OutputError, near_match
@@ -55,6 +54,8 @@ from identifiability.foundation.options import (
     choices,
 )
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
+
+from .common import VERBOSE, check_outputs, progress, sentences, write_all
 
 if TYPE_CHECKING:
     from identifiability.foundation.engines import Engine

@@ -16,15 +16,13 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from typer import Argument, Exit, Option, echo
 
-from identifiability.cli.common import (
-    check_outputs,
-    print_command,
-    print_end,
-    print_result,
-    progress,
-    write_all,
-)
-from identifiability.cli.options import (
+from identifiability.foundation import options as kinds
+from identifiability.foundation.defaults import DEFAULTS
+from identifiability.foundation.errors import IdentifiabilityError, listing
+from identifiability.foundation.findings import Finding, phrase
+
+from .common import check_outputs, print_command, print_end, print_result, progress, write_all
+from .options import (
     Derived,
     Effects,
     Fitted,
@@ -51,10 +49,6 @@ from identifiability.cli.options import (
     Writes,
     alone,
 )
-from identifiability.foundation import options as kinds
-from identifiability.foundation.defaults import DEFAULTS
-from identifiability.foundation.errors import IdentifiabilityError, listing
-from identifiability.foundation.findings import Finding, phrase
 
 if TYPE_CHECKING:
     from identifiability.logs import Log

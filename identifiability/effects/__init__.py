@@ -10,8 +10,8 @@ where it stands among the others.
 from importlib import import_module
 from pkgutil import iter_modules
 
-from identifiability.effects.effect import AlongAxes, Effect, Family, Part, Placed, Shaped, Span
-from identifiability.effects.registry import (
+from .effect import AlongAxes, Effect, Family, Part, Placed, Shaped, Span
+from .registry import (
     FAMILIES,
     default_effects,
     effect_laws,

@@ -8,15 +8,16 @@ from typing import ClassVar
 import numpy as np
 import pinocchio as pin
 
-from identifiability.effects.effect import POSTURES, Effect
-from identifiability.effects.nominal import gravity_torque, has_masses, load_model, needs_masses
-from identifiability.effects.registry import declare
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import BASE, Array, Parameter
 from identifiability.robot import Motion, Robot
 from identifiability.robot.closure import project, tree_motion
 from identifiability.robot.floating import SIX, base_acceleration
 from identifiability.robot.kinematics import turn
+
+from .effect import POSTURES, Effect
+from .nominal import gravity_torque, has_masses, load_model, needs_masses
+from .registry import declare
 
 # A base that does not stand as the robot file says: gravity points elsewhere in its world.
 

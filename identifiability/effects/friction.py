@@ -11,21 +11,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from identifiability.effects.effect import (
-    RESTS,
-    SPEEDS,
-    Along,
-    AlongAxes,
-    Family,
-    Shaped,
-    Span,
-    actuated_joints,
-)
-from identifiability.effects.registry import declare
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.robot import Axis, Robot
+
+from .effect import RESTS, SPEEDS, Along, AlongAxes, Family, Shaped, Span, actuated_joints
+from .registry import declare
 
 # Viscous friction at every actuated joint and coupled motor.
 

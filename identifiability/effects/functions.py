@@ -13,25 +13,17 @@ from typing import Any, Literal
 import numpy as np
 import scipy
 
-from identifiability.effects.effect import (
-    POSTURES,
-    SPEEDS,
-    Along,
-    Family,
-    Shaped,
-    Span,
-    actuated_joints,
-    counted,
-)
-from identifiability.effects.measurement import FromJoint, is_alone, other_joints
-from identifiability.effects.nominal import needs_masses
-from identifiability.effects.registry import declare, register
-from identifiability.effects.transmission import rigid_load
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot import Axis, Motion, Robot
+
+from .effect import POSTURES, SPEEDS, Along, Family, Shaped, Span, actuated_joints, counted
+from .measurement import FromJoint, is_alone, other_joints
+from .nominal import needs_masses
+from .registry import declare, register
+from .transmission import rigid_load
 
 # Torque along a joint of which nothing is known but what it depends on: smooth functions.
 #

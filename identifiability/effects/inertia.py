@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from identifiability.effects.effect import Along, AlongAxes, Effect, Part, Placed, in_motor
-from identifiability.effects.registry import declare
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter, inertial_unit
 from identifiability.robot import Axis, Motion, Robot
 from identifiability.robot.closure import tree_motion
 from identifiability.robot.robot import last_bodies
+
+from .effect import Along, AlongAxes, Effect, Part, Placed, in_motor
+from .registry import declare
 
 # Rigid-body dynamics: ten inertial parameters a body, by Pinocchio's joint torque regressor.
 

@@ -8,7 +8,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from identifiability.effects.effect import (
+from identifiability.foundation.errors import ModelError
+from identifiability.foundation.linalg import NEARLY, without_rounding
+from identifiability.foundation.names import Array, Parameter
+from identifiability.robot import Axis, Motion, Robot
+
+from .effect import (
     POSTURES,
     RESTS,
     Along,
@@ -19,15 +24,11 @@ from identifiability.effects.effect import (
     actuated_joints,
     in_motor,
 )
-from identifiability.effects.friction import CoulombAsymmetry, CoulombFriction, ViscousFriction
-from identifiability.effects.inertia import ActuatorInertia
-from identifiability.effects.nominal import needs_masses, once, reference_values, rigid_torque
-from identifiability.effects.registry import declare
-from identifiability.effects.springs import FreeSpring, GravitySpring, JointStiffness
-from identifiability.foundation.errors import ModelError
-from identifiability.foundation.linalg import NEARLY, without_rounding
-from identifiability.foundation.names import Array, Parameter
-from identifiability.robot import Axis, Motion, Robot
+from .friction import CoulombAsymmetry, CoulombFriction, ViscousFriction
+from .inertia import ActuatorInertia
+from .nominal import needs_masses, once, reference_values, rigid_torque
+from .registry import declare
+from .springs import FreeSpring, GravitySpring, JointStiffness
 
 
 class AtMotors(AlongAxes):

@@ -11,10 +11,11 @@ from typing import Any, TypeVar
 
 import cloudpickle
 
-from identifiability.effects.effect import Effect, Family, Law, joint_places
 from identifiability.foundation.errors import ModelError, listing, near_match
 from identifiability.foundation.names import Parameter
 from identifiability.robot import Robot
+
+from .effect import Effect, Family, Law, joint_places
 
 #: Modules that workers have, or that are sent to them with what is defined there.
 _WITH_WORKERS = ("identifiability", "__main__")

@@ -6,21 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identifiability.effects.effect import (
-    POSTURES,
-    RESTS,
-    Along,
-    AlongAxes,
-    Shaped,
-    Span,
-    counted,
-    every_axis,
-)
-from identifiability.effects.registry import declare
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import Array
 from identifiability.robot import Axis, Robot
 from identifiability.robot.closure import rest_along
+
+from .effect import POSTURES, RESTS, Along, AlongAxes, Shaped, Span, counted, every_axis
+from .registry import declare
 
 # Springs along joints.
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from identifiability.effects.effect import POSTURES, Along, AlongAxes, Shaped, Span, split_runs
-from identifiability.effects.nominal import needs_masses, rigid_torque
-from identifiability.effects.registry import declare
 from identifiability.foundation.linalg import TINY, without_rounding
 from identifiability.foundation.names import Array
 from identifiability.robot import Axis, Motion, Robot
+
+from .effect import POSTURES, Along, AlongAxes, Shaped, Span, split_runs
+from .nominal import needs_masses, rigid_torque
+from .registry import declare
 
 # What a joint remembers of its way since it turned: play and stop [Brokate & Sprekels 1996].
 #

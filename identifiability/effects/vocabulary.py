@@ -8,12 +8,13 @@ from functools import lru_cache
 from itertools import product
 from typing import Literal
 
-from identifiability.effects.effect import AlongAxes, Family
-from identifiability.effects.friction import complete_coulomb_levels
-from identifiability.effects.registry import FAMILIES
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Parameter
 from identifiability.robot import Robot
 from identifiability.robot.description import name_numbers
+
+from .effect import AlongAxes, Family
+from .friction import complete_coulomb_levels
+from .registry import FAMILIES
 
 # What a robot file holds of a model's parameters, as their effects say it.
 #

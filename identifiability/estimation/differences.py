@@ -16,15 +16,16 @@ from typing import cast
 
 import numpy as np
 
-from identifiability.estimation.groups import Excerpt, Missing
-from identifiability.estimation.mixed_model import Group, MixedModel, Term, Terms
-from identifiability.estimation.noise import THIN
 from identifiability.foundation.linalg import ROUNDOFF, or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import Candidate, Entries, number
 from identifiability.regression.information import Information
+
+from .groups import Excerpt, Missing
+from .mixed_model import Group, MixedModel, Term, Terms
+from .noise import THIN
 
 #: Standard deviation of friction in a log, relative to it: it differs by 3 % between two logs.
 DRIFT: Tolerance = 0.021

@@ -8,16 +8,17 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtri
 
-from identifiability.estimation.estimator import Estimate, Estimator
-from identifiability.estimation.evidence import HeldOut
-from identifiability.estimation.noise import Noise
-from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import EstimatorKind, check_choice, checked
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
+
+from .estimator import Estimate, Estimator
+from .evidence import HeldOut
+from .noise import Noise
+from .rules import RULES, Thresholds
 
 #: An estimator, or its name.
 Method = str | Estimator

@@ -12,8 +12,6 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.special import chdtri, polygamma
 
-from identifiability.estimation.noise import Noise
-from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.linalg import (
     NEARLY,
     RANK_TOLERANCE,
@@ -31,6 +29,9 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen, remember
 from identifiability.regression.information import Information
+
+from .noise import Noise
+from .rules import RULES, Thresholds
 
 
 @frozen

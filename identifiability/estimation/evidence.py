@@ -40,14 +40,15 @@ from functools import cached_property
 import numpy as np
 from scipy.special import stdtrit
 
-from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.gaussian import Normal
-from identifiability.estimation.noise import Noise
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
+
+from .estimator import Estimate
+from .gaussian import Normal
+from .noise import Noise
 
 
 @frozen

@@ -13,9 +13,6 @@ from dataclasses import field
 import numpy as np
 from scipy.special import fdtrc, ndtr, ndtri, stdtrit
 
-from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.groups import LabelAlternatives
-from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.linalg import ROUNDOFF, TINY, sandwich, unit_coordinates
 from identifiability.foundation.names import GROUPED_KINDS, Array
@@ -25,6 +22,10 @@ from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import Structure
+
+from .estimator import Estimate
+from .groups import LabelAlternatives
+from .rules import RULES, Thresholds
 
 # Refits on resampled blocks of time, from `Information` alone.
 #

@@ -19,24 +19,6 @@ from scipy.linalg import block_diag
 from identifiability.effects import Family, find_families, title_of
 from identifiability.effects.friction import REVERSALS, ReversalFriction, RisingFriction
 from identifiability.effects.measurement import TorqueScale
-from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.mixed_model import (
-    EVERYWHERE,
-    Group,
-    MixedModel,
-    Term,
-    Terms,
-    whitened_information,
-)
-from identifiability.estimation.noise import (
-    ARNoise,
-    JointNoise,
-    JointRuns,
-    Runs,
-    rich_noise,
-    split_runs,
-)
-from identifiability.estimation.rules import RULES
 from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import (
     NEARLY,
@@ -64,6 +46,11 @@ from identifiability.regression.reduction import Submodel
 from identifiability.regression.regression import Chunk, Regression, choose_windows, inside
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
+
+from .estimator import Estimate
+from .mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms, whitened_information
+from .noise import ARNoise, JointNoise, JointRuns, Runs, rich_noise, split_runs
+from .rules import RULES
 
 #: What a compact load of 1 kg has of each inertial parameter, by its radius [m].
 RADIUS: Tolerance = 0.1

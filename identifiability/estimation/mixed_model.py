@@ -21,13 +21,14 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import log_ndtr, softmax
 
-from identifiability.estimation.gaussian import Normal
-from identifiability.estimation.noise import THIN, ARNoise, JointRuns, whiten
-from identifiability.estimation.rules import RULES
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import ActuatorBlocks, Information, factor_each
+
+from .gaussian import Normal
+from .noise import THIN, ARNoise, JointRuns, whiten
+from .rules import RULES
 
 #: Sizes that a group may have, relative to the torque of its joint: uniform in the logarithm.
 SIZES = np.geomspace(1e-4, 1.0, 40)

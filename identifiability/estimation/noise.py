@@ -11,11 +11,12 @@ from dataclasses import replace
 import numpy as np
 import scipy
 
-from identifiability.estimation.rules import RULES
 from identifiability.foundation.linalg import RANK_TOLERANCE, ROUNDOFF, TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
+
+from .rules import RULES
 
 # What residuals say about the noise: autocorrelation and what it does to σ.
 

@@ -11,9 +11,6 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import stdtrit
 
-from identifiability.estimation.estimator import Estimate
-from identifiability.estimation.evidence import LEVELS, Folds
-from identifiability.estimation.fit import Fit, remembering_covariance
 from identifiability.foundation.linalg import or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import ENDS, REACH
@@ -22,6 +19,10 @@ from identifiability.logs.prepare.dataset import find_signal
 from identifiability.logs.signals import is_constant
 from identifiability.regression.information import Information
 from identifiability.regression.regression import Regression
+
+from .estimator import Estimate
+from .evidence import LEVELS, Folds
+from .fit import Fit, remembering_covariance
 
 # `TorqueUncertainty`: how far predicted torque may lie from the truth and from a sample.
 #

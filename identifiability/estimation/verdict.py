@@ -10,13 +10,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.special import ndtr
 
-from identifiability.estimation.fit import OF_VALUES, Fit
-from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.keyed import Row
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import REACH
 from identifiability.foundation.values import frozen
+
+from .fit import OF_VALUES, Fit
+from .rules import RULES, Thresholds
 
 
 class Class(StrEnum):

@@ -27,20 +27,14 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.options import OptionError
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset
-from identifiability.physical.fitted_model import LeastSquares
-from identifiability.physical.pseudo_inertia import (
-    BASIS,
-    BOUNDARY,
-    THIN,
-    check_body,
-    natural_scale,
-    to_matrix,
-)
-from identifiability.physical.rules import RULES
 from identifiability.regression.information import gather_information
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
+
+from .fitted_model import LeastSquares
+from .pseudo_inertia import BASIS, BOUNDARY, THIN, check_body, natural_scale, to_matrix
+from .rules import RULES
 
 # A nominal robot as a prior on the cone: the log-det divergence of each body.
 

@@ -15,14 +15,14 @@ from identifiability.foundation.engines import one_thread
 from identifiability.foundation.linalg import ROUNDOFF, or_one
 from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.values import frozen
-from identifiability.physical.cad_prior import WEAK, WEIGHTS, CadPrior, draw_bodies, state_rows
-from identifiability.physical.fitted_model import (
-    FittedModel,
-    LeastSquares,
-    PhysicalSet,
-    physical_set,
-)
-from identifiability.physical.project import (
+from identifiability.regression.reduction import Submodel, leave_to_terms
+from identifiability.regression.structure import Structure
+from identifiability.robot import Robot
+from identifiability.robot.inertials import describe_faults, find_faults
+
+from .cad_prior import WEAK, WEIGHTS, CadPrior, draw_bodies, state_rows
+from .fitted_model import FittedModel, LeastSquares, PhysicalSet, physical_set
+from .project import (
     COLUMN,
     EXACTER,
     LOWER,
@@ -33,12 +33,8 @@ from identifiability.physical.project import (
     Projection,
     unsolved,
 )
-from identifiability.physical.pseudo_inertia import BOUNDARY, check_body
-from identifiability.physical.rules import RULES
-from identifiability.regression.reduction import Submodel, leave_to_terms
-from identifiability.regression.structure import Structure
-from identifiability.robot import Robot
-from identifiability.robot.inertials import describe_faults, find_faults
+from .pseudo_inertia import BOUNDARY, check_body
+from .rules import RULES
 
 
 @frozen

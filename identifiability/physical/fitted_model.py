@@ -19,10 +19,11 @@ from identifiability.foundation.linalg import ROUNDOFF, SPAN_TOLERANCE, or_one
 from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.values import frozen
 from identifiability.physical import pseudo_inertia
-from identifiability.physical.pseudo_inertia import BASIS, entry_scale, natural_scale, scale_matrix
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel, list_functions
 from identifiability.regression.structure import Structure
+
+from .pseudo_inertia import BASIS, entry_scale, natural_scale, scale_matrix
 
 # The set of parameter vectors that a real robot can have: every body has a positive semidefinite
 # pseudo-inertia, friction and actuator inertia are not negative, and masses and centres of mass

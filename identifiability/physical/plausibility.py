@@ -10,14 +10,15 @@ import numpy as np
 
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import GROUPED_KINDS, Array
-from identifiability.physical.feasibility import check_bodies
-from identifiability.physical.pseudo_inertia import to_matrix
-from identifiability.physical.rules import RULES
 from identifiability.robot import Robot
 from identifiability.robot.floating import find_legs
 from identifiability.robot.inertials import read_inertials
 from identifiability.robot.kinematics import WORLD
 from identifiability.robot.locate import read_markup
+
+from .feasibility import check_bodies
+from .pseudo_inertia import to_matrix
+from .rules import RULES
 
 
 def check_plausible(robot: Robot) -> list[Finding]:

@@ -26,8 +26,9 @@ from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.physical.cad_prior import CadPrior, relative_to
-from identifiability.physical.fitted_model import Fixed, LeastSquares, PhysicalSet
+
+from .cad_prior import CadPrior, relative_to
+from .fitted_model import Fixed, LeastSquares, PhysicalSet
 
 #: Cost that nothing notices [σ²]: of the distance to an optimum, and of the pull to the reference
 #: per squared column scale, which decides where the data say nothing.

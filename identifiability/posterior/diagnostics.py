@@ -16,8 +16,9 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.logs.spectrum import integrate_correlation
 from identifiability.physical.fitted_model import PhysicalSet
-from identifiability.posterior.ensemble import ENSEMBLES, Posterior
-from identifiability.posterior.rules import RULES, Thresholds
+
+from .ensemble import ENSEMBLES, Posterior
+from .rules import RULES, Thresholds
 
 # Does the likelihood decide, or the density that the prior happens to have at the edge?
 #

@@ -15,8 +15,9 @@ import numpy as np
 from identifiability.foundation.engines import one_thread
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
-from identifiability.posterior.exact import ExactSampler, Progress, build_sampler, interior
-from identifiability.posterior.target import Target
+
+from .exact import ExactSampler, Progress, build_sampler, interior
+from .target import Target
 
 #: Independent ensembles: walkers of one ensemble say nothing about its own convergence.
 ENSEMBLES = 4

@@ -15,7 +15,8 @@ from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.posterior.target import Diagonal, Target
+
+from .target import Diagonal, Target
 
 # The exit of a straight path from the cone of pseudo-inertias, and the barrier of the cone.
 #

@@ -19,8 +19,9 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.options import at_least, checked
 from identifiability.foundation.values import frozen, remember
 from identifiability.logs.prepare.dataset import Dataset
-from identifiability.regression.regression import LogPart, Regression, map_parts
-from identifiability.regression.structure import random_motion
+
+from .regression import LogPart, Regression, map_parts
+from .structure import random_motion
 
 # `ActuatorBlocks`: what the rows of one actuator say, over the columns that it can see.
 #

@@ -26,10 +26,11 @@ from identifiability.foundation.options import Expected
 from identifiability.foundation.quoting import for_toml, toml_comment
 from identifiability.foundation.values import frozen
 from identifiability.logs.rules import RULES as LOG_RULES
-from identifiability.regression.information import Information
-from identifiability.regression.regression import Model
-from identifiability.regression.structure import BaseParameters, Structure
 from identifiability.robot import Robot
+
+from .information import Information
+from .regression import Model
+from .structure import BaseParameters, Structure
 
 #: The model of those that judge one alone: no torque offset, so that one can be named, or asked
 #: for by a motion.

@@ -26,8 +26,9 @@ from identifiability.foundation.options import Expected, checked
 from identifiability.foundation.result import shown
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
-from identifiability.regression.regression import CHUNK, Model, Regression
 from identifiability.robot import KnownRobot, Motion, Robot, complete_motion
+
+from .regression import CHUNK, Model, Regression
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from identifiability.foundation.answers import Answer, Cell, Column, Note, Table, frame_table
     from identifiability.foundation.quoting import for_svg
     from identifiability.report import plot
-    from identifiability.report.blocks import (
+
+    from .blocks import (
         Answers,
         Block,
         Fold,
@@ -37,14 +38,8 @@ if TYPE_CHECKING:
         Terms,
         check_cell,
     )
-    from identifiability.report.figures import COLOURS, canvas, drawn, svg
-    from identifiability.report.results import (
-        Page,
-        build_page,
-        render_page,
-        write_page,
-        write_result,
-    )
+    from .figures import COLOURS, canvas, drawn, svg
+    from .results import Page, build_page, render_page, write_page, write_result
 
 #: Where the names of `__all__` stand. Answers, in this room too, need neither Matplotlib nor Jinja.
 _HOMES = (

@@ -34,7 +34,11 @@ from identifiability.report.answers.analyze import (
     parameter_table,
 )
 from identifiability.report.answers.common import note, sentence
-from identifiability.report.blocks import (
+from identifiability.robot import Robot
+from identifiability.workflows.analyze import Analysis
+from identifiability.workflows.predict import Fit
+
+from .blocks import (
     GLOSSARY,
     SHOWN_FIRST,
     Fold,
@@ -49,10 +53,7 @@ from identifiability.report.blocks import (
     section,
     torque_traces,
 )
-from identifiability.report.skeleton import move_with_torque
-from identifiability.robot import Robot
-from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.predict import Fit
+from .skeleton import move_with_torque
 
 
 def analysis_heading(analysis: Analysis) -> tuple[str, str]:

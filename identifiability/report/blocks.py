@@ -22,8 +22,9 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import format_count, format_number
 from identifiability.foundation.values import frozen
 from identifiability.report.answers.common import WORDS, sentence, words
-from identifiability.report.figures import break_gaps, peak_rows, svg
 from identifiability.robot import Robot
+
+from .figures import break_gaps, peak_rows, svg
 
 
 @frozen

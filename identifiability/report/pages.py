@@ -31,7 +31,10 @@ from identifiability.foundation.rounding import (
 from identifiability.report import plot
 from identifiability.report.answers.common import NAMED, hint_note, sentence, words
 from identifiability.report.answers.diagnose import list_names
-from identifiability.report.blocks import (
+from identifiability.robot import complete_motion
+from identifiability.robot.kinematics import Point
+
+from .blocks import (
     SHOWN_FIRST,
     Block,
     Fold,
@@ -52,10 +55,8 @@ from identifiability.report.blocks import (
     torque_traces,
     traces,
 )
-from identifiability.report.figures import POINTS, draw_curve, draw_forward, draw_intervals
-from identifiability.report.skeleton import STRETCH, move_skeletons, move_with_torque
-from identifiability.robot import complete_motion
-from identifiability.robot.kinematics import Point
+from .figures import POINTS, draw_curve, draw_forward, draw_intervals
+from .skeleton import STRETCH, move_skeletons, move_with_torque
 
 if TYPE_CHECKING:
     from identifiability.workflows.calibrate.calibration import Calibration
@@ -607,7 +608,7 @@ def prediction_sections(result: TorquePrediction) -> list[Section]:
 
 def pruning_heading(ladder: Ladder) -> tuple[str, str]:
     """Return what kind of page it is, and what it is about."""
-    from identifiability.report.analysis import fitted_logs  # noqa: PLC0415
+    from .analysis import fitted_logs  # noqa: PLC0415
 
     return "Pruning report", f"{ladder.robot.path.name} · {fitted_logs(ladder.samples)}"
 
@@ -619,7 +620,7 @@ def pruning_below(ladder: Ladder) -> Picture:
 
 def pruning_sections(ladder: Ladder) -> list[Section | None]:
     """Return the sections of the page."""
-    from identifiability.report.analysis import mass_table, section_correlated  # noqa: PLC0415
+    from .analysis import mass_table, section_correlated  # noqa: PLC0415
 
     masses = mass_table(ladder.robot, ladder.real_robot["parameters"])
     real = ladder.chosen.physical
@@ -642,8 +643,9 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
 
 def section_survivors(ladder: Ladder) -> Section:
     """Return the parameters of the model to use."""
-    from identifiability.report.analysis import fold_verdicts  # noqa: PLC0415
     from identifiability.report.answers.analyze import parameter_table  # noqa: PLC0415
+
+    from .analysis import fold_verdicts  # noqa: PLC0415
 
     table = parameter_table(ladder.chosen)
     size = len(ladder.chosen)

@@ -24,7 +24,8 @@ from identifiability.estimation.rules import Thresholds
 from identifiability.foundation.errors import near_match
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import OptionError
-from identifiability.report.figures import draw_ladder, draw_precision, draw_torque
+
+from .figures import draw_ladder, draw_precision, draw_torque
 
 if TYPE_CHECKING:  # every report loads this module, and few need what prunes or diagnoses
     from identifiability.workflows.analyze import Analysis

@@ -32,16 +32,9 @@ from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import superscript
 from identifiability.foundation.values import frozen
 from identifiability.report.answers.common import hint_note, note
-from identifiability.report.blocks import (
-    Answers,
-    Block,
-    Notes,
-    Picture,
-    Section,
-    sort_key,
-    words_of,
-)
-from identifiability.report.figures import TEMPLATES, mark_of
+
+from .blocks import Answers, Block, Notes, Picture, Section, sort_key, words_of
+from .figures import TEMPLATES, mark_of
 
 if TYPE_CHECKING:
     from xarray import DataTree

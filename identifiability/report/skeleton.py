@@ -11,10 +11,11 @@ import pinocchio as pin
 from identifiability.foundation.names import Array
 from identifiability.foundation.quoting import for_svg
 from identifiability.report.answers.common import sentence
-from identifiability.report.blocks import Moving, Trace
-from identifiability.report.figures import POINTS
 from identifiability.robot import Motion, Robot
 from identifiability.robot.kinematics import Point, shortest_turn
+
+from .blocks import Moving, Trace
+from .figures import POINTS
 
 #: Size of the drawing and the margin around it [px].
 WIDTH, HEIGHT, MARGIN = 400, 280, 30

@@ -298,7 +298,7 @@ class Robot(Description):
             If the files cannot be written.
         """
         place = new_place("robot_from_dh", ".urdf") if out is None else out
-        from identifiability.robot.table import write_table  # noqa: PLC0415 - few have a table
+        from .table import write_table  # noqa: PLC0415 - few have a table
 
         write_table(table, place)
         return Robot.load(place)

@@ -11,14 +11,14 @@ It imports MuJoCo, so verbs import it inside functions.
 
 from __future__ import annotations
 
-from identifiability.servos.calibration import calibrate_torque, roll_delayed
-from identifiability.servos.fit import fit_rollouts
-from identifiability.servos.follow import delay_commands, follow_commands
-from identifiability.servos.gains import file_shares, learn_gains, select_commanded, state_gains
-from identifiability.servos.odd_joints import find_odd_joints
-from identifiability.servos.positions import forgotten
-from identifiability.servos.rollouts import Rollouts
-from identifiability.servos.torque import check_commands, compute_torque, replace_servo, servo_log
+from .calibration import calibrate_torque, roll_delayed
+from .fit import fit_rollouts
+from .follow import delay_commands, follow_commands
+from .gains import file_shares, learn_gains, select_commanded, state_gains
+from .odd_joints import find_odd_joints
+from .positions import forgotten
+from .rollouts import Rollouts
+from .torque import check_commands, compute_torque, replace_servo, servo_log
 
 __all__ = [
     "Rollouts",

@@ -18,12 +18,13 @@ from identifiability.foundation.names import Array
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.structure import Structure
-from identifiability.servos.descent import descend
-from identifiability.servos.positions import forgotten, record
-from identifiability.servos.problem import RolloutProblem
-from identifiability.servos.rollouts import KINDS
-from identifiability.servos.torque import servo_log
 from identifiability.simulation.rollout import CommandedRobot
+
+from .descent import descend
+from .positions import forgotten, record
+from .problem import RolloutProblem
+from .rollouts import KINDS
+from .torque import servo_log
 
 #: Recordings of a rollout that differ in where the encoders' steps lie.
 PHASES = 4

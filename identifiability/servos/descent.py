@@ -11,8 +11,9 @@ import scipy
 from identifiability.foundation.linalg import or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
-from identifiability.servos.problem import RolloutProblem
-from identifiability.servos.rollouts import Rollouts
+
+from .problem import RolloutProblem
+from .rollouts import Rollouts
 
 #: Stretches of time of a rollout that are left out in turn [s].
 BLOCK: Tolerance = 0.5

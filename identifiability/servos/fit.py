@@ -15,11 +15,12 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.logs import Log, signals
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
-from identifiability.servos.descent import BEGUN, conclude, descend
-from identifiability.servos.problem import RolloutProblem
-from identifiability.servos.rollouts import KINDS, Rollouts, are_contradicted
-from identifiability.servos.start import start_rollouts
-from identifiability.servos.torque import servo_log
+
+from .descent import BEGUN, conclude, descend
+from .problem import RolloutProblem
+from .rollouts import KINDS, Rollouts, are_contradicted
+from .start import start_rollouts
+from .torque import servo_log
 
 #: Total length of the logs that are rolled out [s]: more says little more.
 LONG: Tolerance = 45.0

@@ -24,12 +24,13 @@ from identifiability.quality.recordings import Recordings
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo, state_delay
-from identifiability.servos.calibration import calibrate_torque
-from identifiability.servos.fit import fit_rollouts
-from identifiability.servos.gains import file_shares, with_numbers
-from identifiability.servos.odd_joints import find_odd_joints
-from identifiability.servos.rollouts import Rollouts
-from identifiability.servos.torque import replace_servo
+
+from .calibration import calibrate_torque
+from .fit import fit_rollouts
+from .gains import file_shares, with_numbers
+from .odd_joints import find_odd_joints
+from .rollouts import Rollouts
+from .torque import replace_servo
 
 
 @frozen

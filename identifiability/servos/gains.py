@@ -21,9 +21,10 @@ from identifiability.logs.contradictions import check_units
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.robot import Robot
 from identifiability.robot.servo import FOUND, Servo
-from identifiability.servos.fit import fit_rollouts
-from identifiability.servos.rollouts import Rollouts
-from identifiability.servos.torque import check_commands
+
+from .fit import fit_rollouts
+from .rollouts import Rollouts
+from .torque import check_commands
 
 
 def file_shares(robot: Robot) -> dict[str, float]:

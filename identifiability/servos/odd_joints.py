@@ -11,11 +11,12 @@ from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
-from identifiability.servos.descent import BEGUN, SearchEnd, conclude, descend
-from identifiability.servos.positions import encoder_noise
-from identifiability.servos.problem import PLAY, RolloutProblem
-from identifiability.servos.rollouts import KINDS, Rollouts
-from identifiability.servos.torque import servo_log
+
+from .descent import BEGUN, SearchEnd, conclude, descend
+from .positions import encoder_noise
+from .problem import PLAY, RolloutProblem
+from .rollouts import KINDS, Rollouts
+from .torque import servo_log
 
 #: Shares of the time in which torque exceeds the limits that are tried first.
 EXCEEDED = np.geomspace(0.004, 0.4, 5)

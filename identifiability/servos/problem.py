@@ -16,9 +16,10 @@ from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs import Log, signals
 from identifiability.logs.spectrum import autocorrelation_time
-from identifiability.servos.positions import explicable, forgotten
-from identifiability.servos.rollouts import KINDS
 from identifiability.simulation.rollout import COARSE, STEP, CommandedRobot
+
+from .positions import explicable, forgotten
+from .rollouts import KINDS
 
 #: Standard deviation of the logarithm of an unknown gain, beside its start.
 LOOSE: Tolerance = 10.0

@@ -11,8 +11,9 @@ from identifiability.foundation.names import Array
 from identifiability.logs import Log, signals
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
-from identifiability.servos.positions import explicable
 from identifiability.simulation.rollout import COARSE, STEP, CommandedRobot
+
+from .positions import explicable
 
 #: Natural frequencies of a servo and its load that are tried [rad/s].
 FREQUENCIES = np.geomspace(2, 250, 17)

@@ -5,15 +5,15 @@ same motions, with one size of every hidden effect in all of them; `MujocoRobot`
 rigid-body torques.
 """
 
-from identifiability.simulation.motion import (
+from .motion import (
     PrescribedMotion,
     Trajectory,
     random_trajectory,
     read_trajectories,
     shipped_trajectory,
 )
-from identifiability.simulation.mujoco_robot import MujocoRobot, RigidTorque
-from identifiability.simulation.simulator import PAPER_NOISE, Campaign, Noise, simulate
+from .mujoco_robot import MujocoRobot, RigidTorque
+from .simulator import PAPER_NOISE, Campaign, Noise, simulate
 
 __all__ = [
     "PAPER_NOISE",

@@ -17,8 +17,9 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot import Axis, Robot
 from identifiability.robot.closure import rest_along
-from identifiability.simulation.motion import PrescribedMotion
-from identifiability.simulation.mujoco_robot import MujocoRobot, RigidTorque
+
+from .motion import PrescribedMotion
+from .mujoco_robot import MujocoRobot, RigidTorque
 
 # Friction, rotor inertia and springs of the simulated robot.
 #

@@ -22,8 +22,9 @@ from identifiability.robot.locate import LARGEST
 from identifiability.robot.mjcf import quiet
 from identifiability.robot.servo import Servo
 from identifiability.robot.write import own_inertial, share_out
-from identifiability.simulation.forces import JointTerms, both_directions
-from identifiability.simulation.mujoco_robot import MujocoRobot, compile_robot, robot_spec
+
+from .forces import JointTerms, both_directions
+from .mujoco_robot import MujocoRobot, compile_robot, robot_spec
 
 # The MuJoCo model that is simulated forward: the robot file with other values, and its sidecar.
 #

@@ -30,7 +30,8 @@ from identifiability.logs.commands import acting
 from identifiability.robot import Robot
 from identifiability.robot.mjcf import quiet
 from identifiability.robot.servo import Servo
-from identifiability.simulation.forward import DIVERGED, HARD, ForwardRobot
+
+from .forward import DIVERGED, HARD, ForwardRobot
 
 #: Longest step of the integrator [s].
 STEP: Tolerance = 1e-3

@@ -16,16 +16,10 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.robot import Robot, RobotLike
-from identifiability.simulation.forces import (
-    PAUSE,
-    Law,
-    both_directions,
-    hidden_torque,
-    joint_torque,
-    parse_hidden,
-)
-from identifiability.simulation.motion import PrescribedMotion, Trajectory
-from identifiability.simulation.mujoco_robot import MujocoRobot, RigidTorque
+
+from .forces import PAUSE, Law, both_directions, hidden_torque, joint_torque, parse_hidden
+from .motion import PrescribedMotion, Trajectory
+from .mujoco_robot import MujocoRobot, RigidTorque
 
 # Noise on simulated logs.
 

@@ -62,7 +62,8 @@ from identifiability.regression.structure import (
     count_offsets,
 )
 from identifiability.robot import Robot, RobotLike
-from identifiability.workflows.roles import assign_roles
+
+from .roles import assign_roles
 
 #: Why no verdict stands on columns that are misread, for after "because".
 MISREAD = (

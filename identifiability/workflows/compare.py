@@ -39,14 +39,15 @@ from identifiability.regression.regression import Regression
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Motion, RobotLike
 from identifiability.robot.robot import tool_bodies
-from identifiability.workflows.case import MEASURED, Case, take_case
 from identifiability.workflows.diagnose.changes import (
     Change,
     DifferentTorque,
     list_changes,
     list_log_changes,
 )
-from identifiability.workflows.provenance import given_paths
+
+from .case import MEASURED, Case, take_case
+from .provenance import given_paths
 
 # Logs of several sides as one question.
 

@@ -38,8 +38,9 @@ from identifiability.regression.reduction import ModelLike, choose_model, ladder
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.robot.sidecar import read_sidecar
-from identifiability.workflows.case import Case, Use, take_case
-from identifiability.workflows.provenance import state_provenance
+
+from .case import Case, Use, take_case
+from .provenance import state_provenance
 
 # What a robot file and logs hold, before anything is fitted.
 #

@@ -29,9 +29,10 @@ from identifiability.logs.prepare import Preparation
 from identifiability.logs.tables import write_table
 from identifiability.robot.locate import ENDINGS
 from identifiability.robot.sidecar import read_settings
-from identifiability.workflows.analyze import analyze
-from identifiability.workflows.diagnose import diagnose
-from identifiability.workflows.prune import prune
+
+from .analyze import analyze
+from .diagnose import diagnose
+from .prune import prune
 
 Verb = Literal["analyze", "prune", "diagnose"]
 

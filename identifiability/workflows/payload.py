@@ -48,10 +48,11 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.robot import Point, body_of, ten_parameters, tool_bodies
-from identifiability.workflows.case import MEASURED, Case, take_case
-from identifiability.workflows.compare import Sides, find_differences, read_sides
 from identifiability.workflows.diagnose.changes import Change, DifferentTorque, list_log_changes
-from identifiability.workflows.predict import Fit, FitLike, find_fit, is_result, state_missing
+
+from .case import MEASURED, Case, take_case
+from .compare import Sides, find_differences, read_sides
+from .predict import Fit, FitLike, find_fit, is_result, state_missing
 
 # `LoadEstimate`: the ten parameters of a load, with everything that is not known of them.
 

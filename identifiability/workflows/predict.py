@@ -52,8 +52,9 @@ from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.robot import new_place
 from identifiability.robot.servo import FOUND, Servo
 from identifiability.robot.sidecar import Value
-from identifiability.workflows.case import Case, Use, take_case
-from identifiability.workflows.provenance import given_paths
+
+from .case import Case, Use, take_case
+from .provenance import given_paths
 
 #: No log is set aside, and none needs torque.
 MOTION = Use(divides=False, commands=False, motion_alone=True)

@@ -34,7 +34,11 @@ from identifiability.foundation.rounding import (
     stated_text,
 )
 from identifiability.report.answers import commands
-from identifiability.report.answers.common import (
+from identifiability.workflows.analyze.result import compare_logs, stated_values
+from identifiability.workflows.case import COMPLETED
+from identifiability.workflows.provenance import given_paths
+
+from .common import (
     NAMED,
     SIGMA,
     UNIT,
@@ -55,9 +59,6 @@ from identifiability.report.answers.common import (
     state_uneven,
     with_hints,
 )
-from identifiability.workflows.analyze.result import compare_logs, stated_values
-from identifiability.workflows.case import COMPLETED
-from identifiability.workflows.provenance import given_paths
 
 if TYPE_CHECKING:
     from identifiability.workflows.analyze.result import Analysis, Laddered, ModelResult

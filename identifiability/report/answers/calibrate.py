@@ -12,10 +12,11 @@ from identifiability.foundation.keyed import Row
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import REACH, join, rough_percent
-from identifiability.report.answers.commands import held_back, ladder_option, name_logs, source_name
-from identifiability.report.answers.common import answer, answer_next, reserve, sentence
 from identifiability.workflows.calibrate.rules import RULES
 from identifiability.workflows.provenance import given_paths
+
+from .commands import held_back, ladder_option, name_logs, source_name
+from .common import answer, answer_next, reserve, sentence
 
 if TYPE_CHECKING:
     from identifiability.workflows.calibrate.calibration import Calibration

@@ -13,10 +13,11 @@ from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.prepare.preparation import CommonPreparation
 from identifiability.regression.reduction import LadderSource, ladder_path
-from identifiability.report.answers.common import sentence
 from identifiability.robot import Robot
 from identifiability.robot.locate import find_sidecar, shipped_folder
 from identifiability.workflows.provenance import given_paths
+
+from .common import sentence
 
 #: What of a preparation an option says; others are only said from Python.
 OPTIONS = ("derivatives", "cutoff", "decimate")

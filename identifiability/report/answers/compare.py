@@ -15,14 +15,9 @@ from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import REACH
-from identifiability.report.answers.commands import (
-    EXPORT,
-    export_line,
-    ladder_option,
-    name_logs,
-    source_name,
-)
-from identifiability.report.answers.common import answer, answer_next, reserve, sentence, with_hints
+
+from .commands import EXPORT, export_line, ladder_option, name_logs, source_name
+from .common import answer, answer_next, reserve, sentence, with_hints
 
 if TYPE_CHECKING:
     from identifiability.workflows.compare import Comparison

@@ -21,16 +21,11 @@ from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import REACH, digits, error_text, join, measured, percent
 from identifiability.reading.rules import RULES as READING_RULES
 from identifiability.regression.reduction import full_model
-from identifiability.report.answers.commands import (
-    EXPORT,
-    compare_line,
-    export_line,
-    held_back,
-    name_logs,
-    on_file,
-    source_name,
-)
-from identifiability.report.answers.common import (
+from identifiability.workflows.diagnose.result import logs_disagree
+from identifiability.workflows.provenance import given_paths
+
+from .commands import EXPORT, compare_line, export_line, held_back, name_logs, on_file, source_name
+from .common import (
     NAMED,
     VISIBLE,
     after_mass,
@@ -43,9 +38,7 @@ from identifiability.report.answers.common import (
     state_uneven,
     with_hints,
 )
-from identifiability.report.answers.compare import table_changes
-from identifiability.workflows.diagnose.result import logs_disagree
-from identifiability.workflows.provenance import given_paths
+from .compare import table_changes
 
 if TYPE_CHECKING:
     from identifiability.workflows.diagnose.changes import Change

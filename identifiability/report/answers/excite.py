@@ -14,9 +14,10 @@ from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import digits, format_count, format_number, percent
-from identifiability.report.answers.commands import name_logs, source_name
-from identifiability.report.answers.common import answer, answer_next, sentence
 from identifiability.workflows.excite.criteria import LogDet
+
+from .commands import name_logs, source_name
+from .common import answer, answer_next, sentence
 
 if TYPE_CHECKING:
     from identifiability.workflows.excite.next_motion import NextMotion

@@ -8,8 +8,9 @@ from identifiability.effects import FAMILIES
 from identifiability.foundation.errors import listing
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.rounding import percent
-from identifiability.report.answers.common import sentence
 from identifiability.workflows.export.workflow import MISREADS
+
+from .common import sentence
 
 if TYPE_CHECKING:
     from identifiability.workflows.export.draws import Draws

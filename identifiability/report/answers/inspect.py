@@ -21,15 +21,10 @@ from identifiability.foundation.rounding import (
     percent,
     rough_percent,
 )
-from identifiability.report.answers.commands import name_logs, robot_word, source_name
-from identifiability.report.answers.common import (
-    answer,
-    answer_next,
-    hint_note,
-    sentence,
-    with_hints,
-)
 from identifiability.workflows.inspect import required_columns
+
+from .commands import name_logs, robot_word, source_name
+from .common import answer, answer_next, hint_note, sentence, with_hints
 
 if TYPE_CHECKING:
     from identifiability.workflows.inspect import Inspection

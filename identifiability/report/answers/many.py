@@ -14,7 +14,8 @@ from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import for_link
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import NONE, error_text, format_count, percent
-from identifiability.report.answers.common import TONES, answer, grade_of, sentence, with_hints
+
+from .common import TONES, answer, grade_of, sentence, with_hints
 
 if TYPE_CHECKING:
     from identifiability.workflows.many import Fleet

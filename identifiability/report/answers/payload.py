@@ -14,8 +14,9 @@ from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import measured
-from identifiability.report.answers.commands import name_logs, source_name
-from identifiability.report.answers.common import answer, answer_next, reserve, sentence, with_hints
+
+from .commands import name_logs, source_name
+from .common import answer, answer_next, reserve, sentence, with_hints
 
 if TYPE_CHECKING:
     from identifiability.workflows.payload import Load

@@ -17,18 +17,11 @@ from identifiability.foundation.quoting import path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import digits, error_text, format_count, join
 from identifiability.logs.commands import has_commands
-from identifiability.report.answers.commands import EXPORT, export_line, name_logs, source_name
-from identifiability.report.answers.common import (
-    answer,
-    answer_next,
-    answer_quality,
-    reserve,
-    sentence,
-    state_uneven,
-    with_hints,
-)
 from identifiability.workflows.predict import WINDOW
 from identifiability.workflows.provenance import given_paths
+
+from .commands import EXPORT, export_line, name_logs, source_name
+from .common import answer, answer_next, answer_quality, reserve, sentence, state_uneven, with_hints
 
 if TYPE_CHECKING:
     from identifiability.workflows.predict import PositionPrediction, TorquePrediction

@@ -15,14 +15,9 @@ from identifiability.foundation.rounding import (
     percent,
     percent_text,
 )
-from identifiability.report.answers.analyze import (
-    LadderedPresenter,
-    error_tables,
-    found_cell,
-    possible_cell,
-    state_physics,
-)
-from identifiability.report.answers.common import answer, note, sentence, with_hints
+
+from .analyze import LadderedPresenter, error_tables, found_cell, possible_cell, state_physics
+from .common import answer, note, sentence, with_hints
 
 if TYPE_CHECKING:
     from identifiability.workflows.prune.result import Ladder, PrunedModel

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import path_for_shell
-from identifiability.report.answers.common import sentence
 from identifiability.workflows.study import RUNS
+
+from .common import sentence
 
 if TYPE_CHECKING:
     from identifiability.workflows.study import Study

@@ -5,7 +5,7 @@ files: models are fitted and judged, and one is selected (`workflow`); its value
 (`belief`); and the answer is told (`result`).
 """
 
-from identifiability.workflows.analyze.result import Analysis
-from identifiability.workflows.analyze.workflow import analyze
+from .result import Analysis
+from .workflow import analyze
 
 __all__ = ["Analysis", "analyze"]

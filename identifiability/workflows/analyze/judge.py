@@ -22,9 +22,10 @@ from identifiability.foundation.rounding import REACH
 from identifiability.physical.cad_prior import combine_with_file
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.physical.fitted_model import FittedModel
-from identifiability.workflows.analyze.ladder import FittedLadder
-from identifiability.workflows.analyze.result import Laddered, ModelResult
-from identifiability.workflows.analyze.shared_errors import SharedErrors
+
+from .ladder import FittedLadder
+from .result import Laddered, ModelResult
+from .shared_errors import SharedErrors
 
 
 def decide_model(

@@ -26,8 +26,9 @@ from identifiability.physical.feasibility import (
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel
-from identifiability.workflows.analyze.shared_errors import SharedErrors, measure_shared_errors
 from identifiability.workflows.case import WeightedRows
+
+from .shared_errors import SharedErrors, measure_shared_errors
 
 
 @frozen

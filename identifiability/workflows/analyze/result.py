@@ -43,8 +43,9 @@ from identifiability.regression.information import Information
 from identifiability.regression.reduction import LadderSource, Submodel
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.workflows import predict
-from identifiability.workflows.analyze.belief import Belief, belief_dict
 from identifiability.workflows.provenance import state_provenance
+
+from .belief import Belief, belief_dict
 
 #: Why no verdict is believed where a model would be used that is no better than no model.
 WORSE = "no model predicts motion that it has not seen better than a constant torque would"

@@ -37,11 +37,12 @@ from identifiability.regression.reduction import (
     ladder_model,
 )
 from identifiability.robot import RobotLike
-from identifiability.workflows.analyze.belief import Belief, form_belief, refine_verdicts
-from identifiability.workflows.analyze.judge import assess_ladder, select_model, tell_with_file
-from identifiability.workflows.analyze.ladder import FittedLadder, LadderFit, compute_ladder
-from identifiability.workflows.analyze.result import Analysis, ModelResult, compare_logs, doubt
 from identifiability.workflows.case import Case, Data, WeightedRows, comparable_entry, take_case
+
+from .belief import Belief, form_belief, refine_verdicts
+from .judge import assess_ladder, select_model, tell_with_file
+from .ladder import FittedLadder, LadderFit, compute_ladder
+from .result import Analysis, ModelResult, compare_logs, doubt
 
 # What is reported beside the models: an unsuitable cut-off, and what the fit says of its logs.
 

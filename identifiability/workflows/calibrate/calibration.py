@@ -23,8 +23,9 @@ from identifiability.foundation.runs import Progress, quiet, share
 from identifiability.foundation.values import frozen
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.analyze.result import ModelResult
-from identifiability.workflows.calibrate.rules import RULES
-from identifiability.workflows.calibrate.world import Cell, World, count_outcomes
+
+from .rules import RULES
+from .world import Cell, World, count_outcomes
 
 # May intervals and verdicts be trusted?
 

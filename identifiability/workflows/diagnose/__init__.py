@@ -6,9 +6,9 @@ out, `problem.find_discrepancies` says where the residual sits. A study adds its
 `identifiability.effects.register`.
 """
 
-from identifiability.workflows.diagnose.naming import look
-from identifiability.workflows.diagnose.problem import Problem
-from identifiability.workflows.diagnose.result import Diagnosis
-from identifiability.workflows.diagnose.workflow import diagnose
+from .naming import look
+from .problem import Problem
+from .result import Diagnosis
+from .workflow import diagnose
 
 __all__ = ["Diagnosis", "Problem", "diagnose", "look"]

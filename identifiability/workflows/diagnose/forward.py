@@ -24,7 +24,8 @@ from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion
 from identifiability.simulation.forward import ForwardRobot
-from identifiability.workflows.diagnose.problem import DRAWN_STRETCHES, change_interval
+
+from .problem import DRAWN_STRETCHES, change_interval
 
 #: Length of a simulated stretch [s].
 HORIZON: Tolerance = 0.25

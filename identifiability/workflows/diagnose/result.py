@@ -33,17 +33,6 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.analyze.result import disagree
-from identifiability.workflows.diagnose.changes import Change
-from identifiability.workflows.diagnose.forward import ForwardGap, Physical, compare_forward
-from identifiability.workflows.diagnose.problem import (
-    Discrepancy,
-    KnownValues,
-    Problem,
-    WeighedFit,
-    fit_structure,
-    nearest_robot,
-    weigh_fit,
-)
 from identifiability.workflows.predict import (
     Fit,
     PositionPrediction,
@@ -52,6 +41,18 @@ from identifiability.workflows.predict import (
     with_cutoff,
 )
 from identifiability.workflows.provenance import given_paths
+
+from .changes import Change
+from .forward import ForwardGap, Physical, compare_forward
+from .problem import (
+    Discrepancy,
+    KnownValues,
+    Problem,
+    WeighedFit,
+    fit_structure,
+    nearest_robot,
+    weigh_fit,
+)
 
 if TYPE_CHECKING:
     from identifiability.quality.recordings import Recordings

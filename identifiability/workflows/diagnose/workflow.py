@@ -63,8 +63,11 @@ from identifiability.workflows.case import (
     look_up_ladder,
     take_case,
 )
-from identifiability.workflows.diagnose.changes import Change
-from identifiability.workflows.diagnose.naming import (
+from identifiability.workflows.provenance import state_provenance
+from identifiability.workflows.roles import require_held_out
+
+from .changes import Change
+from .naming import (
     Naming,
     find_change_in_log,
     leave_out,
@@ -73,7 +76,7 @@ from identifiability.workflows.diagnose.naming import (
     with_parts,
     without_outliers,
 )
-from identifiability.workflows.diagnose.problem import (
+from .problem import (
     Given,
     KnownValues,
     Problem,
@@ -88,17 +91,7 @@ from identifiability.workflows.diagnose.problem import (
     read_given,
     weigh_fit,
 )
-from identifiability.workflows.diagnose.result import (
-    Curve,
-    Diagnosis,
-    NamedEffect,
-    Odds,
-    Placement,
-    Rival,
-    simulate_forward,
-)
-from identifiability.workflows.provenance import state_provenance
-from identifiability.workflows.roles import require_held_out
+from .result import Curve, Diagnosis, NamedEffect, Odds, Placement, Rival, simulate_forward
 
 
 @checked

@@ -11,9 +11,9 @@ The method, in the order of the files: what must be kept (`limits`), what is ask
 what candidates cost and the search among them (`search`), and the answer (`result`).
 """
 
-from identifiability.workflows.excite.limits import find_limits
-from identifiability.workflows.excite.next_motion import NextMotion, find_next
-from identifiability.workflows.excite.result import Excitation
-from identifiability.workflows.excite.workflow import excite
+from .limits import find_limits
+from .next_motion import NextMotion, find_next
+from .result import Excitation
+from .workflow import excite
 
 __all__ = ["Excitation", "NextMotion", "excite", "find_limits", "find_next"]

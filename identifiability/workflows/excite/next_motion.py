@@ -40,18 +40,12 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.simulation import Trajectory
 from identifiability.workflows.diagnose.result import Diagnosis, Placement
-from identifiability.workflows.excite.criteria import (
-    Ask,
-    Discrimination,
-    Known,
-    Question,
-    add_beside,
-    gather_known,
-)
-from identifiability.workflows.excite.limits import LimitsLike, find_limits
-from identifiability.workflows.excite.result import Excitation
-from identifiability.workflows.excite.search import Series
-from identifiability.workflows.excite.workflow import find_motion
+
+from .criteria import Ask, Discrimination, Known, Question, add_beside, gather_known
+from .limits import LimitsLike, find_limits
+from .result import Excitation
+from .search import Series
+from .workflow import find_motion
 
 #: Similarity from which on two torques are the same one.
 SAME: Tolerance = 1.0 - 1e-6

@@ -26,8 +26,9 @@ from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot, complete_motion
 from identifiability.simulation.motion import PrescribedMotion, Trajectory, write_trajectory_bag
-from identifiability.workflows.excite.criteria import Criterion
-from identifiability.workflows.excite.limits import CLEARANCE, Clearance, Drive, Limits, survey
+
+from .criteria import Criterion
+from .limits import CLEARANCE, Clearance, Drive, Limits, survey
 
 # From a periodic motion to what a controller plays: from rest, into the periods, back to rest.
 #

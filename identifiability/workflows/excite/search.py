@@ -18,16 +18,9 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot import Motion, complete_motion
 from identifiability.simulation.motion import Trajectory
-from identifiability.workflows.excite.criteria import Known, Question
-from identifiability.workflows.excite.limits import (
-    CLEARANCE,
-    Clearance,
-    Drive,
-    Limits,
-    Workspace,
-    nearness,
-    survey,
-)
+
+from .criteria import Known, Question
+from .limits import CLEARANCE, Clearance, Drive, Limits, Workspace, nearness, survey
 
 # Candidate motions: what a series keeps by construction, what it does, and what it costs.
 #

@@ -34,19 +34,12 @@ from identifiability.regression.reduction import USUAL_EFFECTS, ModelLike, choos
 from identifiability.regression.structure import Structure
 from identifiability.robot import RobotLike
 from identifiability.workflows.case import MEASURED, Case, Data, take_case
-from identifiability.workflows.excite.criteria import (
-    Known,
-    LogDet,
-    Question,
-    gather_known,
-    know_nothing,
-    pose_question,
-    scaled,
-)
-from identifiability.workflows.excite.limits import CLEARANCE, LimitsLike, Workspace, find_limits
-from identifiability.workflows.excite.result import Excitation, Merit
-from identifiability.workflows.excite.search import OPEN, Objective, Search, Series, search
 from identifiability.workflows.provenance import state_provenance
+
+from .criteria import Known, LogDet, Question, gather_known, know_nothing, pose_question, scaled
+from .limits import CLEARANCE, LimitsLike, Workspace, find_limits
+from .result import Excitation, Merit
+from .search import OPEN, Objective, Search, Series, search
 
 
 @checked

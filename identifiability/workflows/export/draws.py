@@ -30,8 +30,9 @@ from identifiability.posterior.target import Prior, Target
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.belief import start_inside, state_prior, widest
-from identifiability.workflows.export.workflow import save_robot
 from identifiability.workflows.predict import Fit, read_fit
+
+from .workflow import save_robot
 
 #: Steps of the sampler: before the first draw, and from one that is kept to the next.
 WARMUP, APART, WALKERS = 12, 3, 16

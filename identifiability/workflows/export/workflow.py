@@ -52,7 +52,6 @@ from identifiability.robot.servo import state_delay
 from identifiability.robot.table import write_converted
 from identifiability.robot.write import write_robot
 from identifiability.workflows.case import Case, Use
-from identifiability.workflows.export.snippet import write_snippet
 from identifiability.workflows.predict import (
     PositionPrediction,
     ResultEntry,
@@ -60,6 +59,8 @@ from identifiability.workflows.predict import (
     read_real,
     state_missing,
 )
+
+from .snippet import write_snippet
 
 
 def check_result(robot: Robot, path: Path, content: ResultEntry, known: set[str]) -> None:

@@ -29,7 +29,8 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
-from identifiability.workflows.prune.moves import Kind, Move, Partition
+
+from .moves import Kind, Move, Partition
 
 # What nested models of one regression predict of folds, from `Information` alone.
 #

@@ -16,7 +16,8 @@ from identifiability.regression.reduction import (
     model_entry,
 )
 from identifiability.workflows.analyze.result import Laddered, ModelResult
-from identifiability.workflows.prune.elimination import Refusal, Step
+
+from .elimination import Refusal, Step
 
 # The models of the reduction path.
 

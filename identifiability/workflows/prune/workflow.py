@@ -53,7 +53,8 @@ from identifiability.workflows.analyze.workflow import (
     say_of_fit,
 )
 from identifiability.workflows.case import Case, WeightedRows, take_case
-from identifiability.workflows.prune.elimination import (
+
+from .elimination import (
     Search,
     Step,
     best_step,
@@ -63,8 +64,8 @@ from identifiability.workflows.prune.elimination import (
     thin_path,
     weigh_models,
 )
-from identifiability.workflows.prune.moves import propose_moves
-from identifiability.workflows.prune.result import Ladder, PrunedModel
+from .moves import propose_moves
+from .result import Ladder, PrunedModel
 
 #: Models as good as the best, and smaller ones, whose physical certificate is asked for.
 CERTIFIED = 4
