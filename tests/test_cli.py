@@ -56,16 +56,20 @@ DRAWING = ["matplotlib", "mujoco"]
 @pytest.mark.parametrize(
     ("words", "needless"), [([], NEEDLESS + DRAWING), (["--report", "report.html"], NEEDLESS)]
 )
-def test_an_analysis_imports_no_large_module_that_it_does_not_use(words, needless, run, tmp_path):
+def test_an_analysis_imports_no_large_module_that_it_does_not_use(
+    words, needless, command, tmp_path
+):
     log = tmp_path / "run.csv"
-    assert run("simulate", "six-dof-arm", "random", "--samples", 600, "--out", log).exit_code == 0
+    assert (
+        command("simulate", "six-dof-arm", "random", "--samples", 600, "--out", log).exit_code == 0
+    )
     code = (
         "import sys; from identifiability.cli import app\n"
         f"try: app(['analyze', 'six-dof-arm', 'run.csv', *{words}])\n"
         f"finally: print('imported:', *({set(needless)} & set(sys.modules)))"
     )
-    command = [sys.executable, "-c", code]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    started = [sys.executable, "-c", code]
+    done = subprocess.run(started, cwd=tmp_path, capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "imported:"
 
 

@@ -15,7 +15,6 @@ from functools import cached_property
 
 import numpy as np
 import scipy
-from scipy.linalg.lapack import dtbtrs
 from scipy.special import binom
 
 from identifiability.foundation.linalg import ROUNDOFF
@@ -109,36 +108,11 @@ def lowpass(x: Array, dt: float, cutoff: float) -> Array:
     It is of fourth order each way; beyond its ends x goes on point-symmetrically, and before that
     it is as if it had always been as there.
     """
+    from scipy.signal import butter, sosfiltfilt  # noqa: PLC0415 - loads scipy.stats
+
     pad = min(len(x) - 1, int(3 / (cutoff * dt)))
-    before, after = x[pad:0:-1], x[-2 : -2 - pad : -1]
-    extended = np.concatenate([2 * x[0] - before, x, 2 * x[-1] - after])
-    forwards = _filter_forwards(extended, dt, cutoff)
-    filtered = _filter_forwards(forwards[::-1], dt, cutoff)[::-1]
-    return filtered[pad : pad + len(x)]
-
-
-def _butterworth_poles(dt: float, cutoff: float) -> Array:
-    """Return one pole of each conjugate pair of the digital filter of fourth order, (2,)."""
-    analog = np.tan(np.pi * cutoff * dt) * np.exp(1j * np.pi * np.array([5, 7]) / 8)
-    poles: Array = (1 + analog) / (1 - analog)
-    return poles
-
-
-def _filter_forwards(x: Array, dt: float, cutoff: float) -> Array:
-    """Return x (N, …) filtered by the Butterworth low-pass, which is settled at the first sample.
-
-    Each recursion is a triangular system of three bands. `scipy.signal` has a function for that,
-    but its import loads `scipy.stats`, and takes a quarter of a second.
-    """
-    y = (x - x[0]).reshape(len(x), -1).T.copy()  # what LAPACK takes without copies
-    for pole in _butterworth_poles(dt, cutoff):
-        feedback = np.array([1.0, -2 * pole.real, abs(pole) ** 2])
-        bands = np.tile(feedback, (len(x), 1)).T
-        y *= feedback.sum() / 4
-        for _ in range(2):
-            y[:, 1:] += y[:, :-1].copy()
-        y = dtbtrs(bands, y.T, uplo="L", overwrite_b=True)[0].T
-    filtered: Array = x[0] + y.T.reshape(x.shape)
+    sections = butter(4, 2 * cutoff * dt, output="sos")
+    filtered: Array = sosfiltfilt(sections, x, axis=0, padlen=pad)
     return filtered
 
 
@@ -147,8 +121,10 @@ def settling_rows(dt: float, cutoff: float) -> int:
 
     Its slowest pole has decayed to 1e-14 then, which twice differentiated is small beside 1e-8.
     """
-    slowest = np.abs(_butterworth_poles(dt, cutoff)).max()
-    return int(np.ceil(np.log(1e-14) / np.log(slowest)))
+    from scipy.signal import butter  # noqa: PLC0415
+
+    _, poles, _ = butter(4, 2 * cutoff * dt, output="zpk")
+    return int(np.ceil(np.log(1e-14) / np.log(np.abs(poles).max())))
 
 
 #: Samples on each side that a difference draws on, and what those ahead count for.
