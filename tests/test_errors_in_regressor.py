@@ -1,66 +1,130 @@
-"""Ten periods of the 3-RPS with the paper's noise."""
+"""Noise in the motion: labels hold, and the record of the motion that is fitted is the better."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from identifiability import Log, Model, Noise, Robot, analyze, gather_information, prepare_log
-from identifiability.estimation.estimator import Estimator
-from identifiability.estimation.fit import scatter_scores
-from identifiability.logs.prepare.instruments import add_instrument
+from identifiability import Noise, Preparation, Robot, analyze, diagnose
+from identifiability.estimation.motion import choose_motion
+from identifiability.logs.prepare import prepare_log
+from identifiability.logs.prepare.preparation import choose_cutoff
+from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
+from identifiability.simulation.simulator import ar1
 
-PERIODS = 10
 MODEL = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
-NOISE = Noise(motion=0.04, torque=0.05)
+#: δ and η of the paper.
+MOTION, TORQUE = 0.04, 0.05
 
 
-def test_additive_noise_of_velocities_does_not_bias_friction(simulated_session):
-    """Sign(velocity + noise) is wrong near reversals, and more so the more often it is asked."""
-    robot, noise = Robot.load("two-link"), Noise(motion_additive=0.03, torque=0.05)
-    structure = Structure.of(robot, Model.of(*MODEL))
-    once = simulated_session("two-link", "a", noise=Noise())
-    q, dq, ddq, tau = (np.tile(x, (PERIODS, 1)) for x in (once.q, once.dq, once.ddq, once.tau))
-    t = once.t[0] + np.median(np.diff(once.t)) * np.arange(len(q))
-    off = []
-    for seed in range(4):
-        rng = np.random.default_rng([seed, PERIODS])
-        moved = [noise.on_motion(x, rng) for x in (q, dq, ddq)]
-        log = Log("noisy", once.joints, t, moved[0], noise.on_torque(tau, rng), *moved[1:], "")
-        samples = prepare_log(robot, log)
-        samples = add_instrument(robot, log, samples) or samples
-        information = gather_information(structure.regression([samples]))
-        fit = Estimator(instruments=True).fit(information)
-        sigma = scatter_scores(information, fit, 1.0).widened
-        off.append((fit.value - structure.nominal_base) / sigma)
-    assert np.mean(np.abs(off) <= 1.96) >= 0.85  # .70 with signs of the measured velocity
-    assert np.abs(np.mean(off, axis=0)).max() < 2.0  # 4.4
+def repeat(log, periods):
+    """Return a log that goes through the same motion several times, exactly."""
+    # The last sample of a period may be the first of the next.
+    rows = slice(0, -1 if np.allclose(log.q[0], log.q[-1], atol=1e-6) else None)
+    step = np.median(np.diff(log.t))
+    q, dq, ddq, tau = (np.tile(x[rows], (periods, 1)) for x in (log.q, log.dq, log.ddq, log.tau))
+    return replace(log, t=step * np.arange(len(q)), q=q, dq=dq, ddq=ddq, tau=tau)
 
 
-def test_results_say_that_they_are_by_instruments_and_least_squares_can_be_asked_for(noisy_log):
-    found = analyze("3-rps", noisy_log, "none", replicates=20)
-    plain = analyze("3-rps", noisy_log, "none", replicates=20, estimator="ls")
-    assert found.to_dict()["estimator"] == "iv"
-    assert plain.to_dict()["estimator"] == "wls"
-    assert plain.chosen.estimate.bias is None
-    assert any("Fourier series" in note for note in found.samples[0].notes)
+def disturb(exact, kind, seed):
+    """Return a log with noise in the motion and the torque, and one of the same torque alone."""
+    rng = np.random.default_rng([seed, 41])
+    correlation = 0.9 if kind == "coloured" else 0.0
+
+    def noisy(x, share):
+        own = x if kind == "multiplicative" else x.std(0)
+        return x + share * own * ar1(x.shape, correlation, rng)
+
+    tau = noisy(exact.tau, TORQUE)
+    q, dq, ddq = (noisy(x, MOTION) for x in (exact.q, exact.dq, exact.ddq))
+    return replace(exact, q=q, dq=dq, ddq=ddq, tau=tau), replace(exact, tau=tau)
+
+
+def count(robot, log):
+    """Return how many values are called identifiable, hold, and are more than 20 % off."""
+    rows = analyze(robot, log, "none").to_frame()
+    called = rows[rows["verdict"] == "identifiable"]
+    truth = called["nominal"].astype(float)
+    held = (called["lower"] <= truth) & (truth <= called["upper"])
+    off = (called["value"] - truth).abs() > 0.2 * truth.abs()
+    return np.array([len(called), held.sum(), off.sum()])
+
+
+@pytest.mark.parametrize("kind", ["multiplicative", "additive"])
+def test_labels_hold_along_ten_noisy_periods(simulated_session, kind):
+    """Along the motion as measured they held in .76, and 9 of 56 were more than 20 % off."""
+    once = simulated_session("3-rps", "601", noise=Noise())
+    noisy, exact = disturb(repeat(once, 10), kind, 0)
+    called, held, off = count("3-rps", noisy)
+    # Of 12 values of which 93 % hold, at least 9 do so in 99 of 100 draws.
+    assert held >= called - 3
+    assert off <= 1
+    assert called >= 0.75 * count("3-rps", exact)[0]
 
 
 @pytest.mark.everything
-def test_a_log_without_a_second_record_is_named_and_does_not_stop_the_others(
-    simulated_session, monkeypatch
-):
-    logs = [simulated_session("3-rps", name, noise=NOISE) for name in ("601", "595")]
-    logs[1] = replace(logs[1], name="bare")
-    monkeypatch.setattr(
-        "identifiability.workflows.case.add_instrument",
-        lambda robot, log, samples, **how: (
-            None if log.name == "bare" else add_instrument(robot, log, samples, **how)
-        ),
-    )
-    mixed = analyze("3-rps", logs, replicates=20, posterior=False)
-    assert mixed.chosen.estimate.estimator.name.endswith("iv")
-    assert ["no second record" in s.notes[-1] for s in mixed.samples] == [False, True]
-    alone = analyze("3-rps", logs[1], replicates=20, posterior=False)
-    assert not alone.chosen.estimate.estimator.name.endswith("iv")
+@pytest.mark.parametrize("periods", [1, 3])
+@pytest.mark.parametrize("kind", ["multiplicative", "additive", "coloured"])
+def test_labels_hold_whatever_the_noise(simulated_session, kind, periods):
+    found, known = np.zeros(3), np.zeros(3)
+    for robot, name in (("3-rps", "571"), ("six-dof-arm", ""), ("two-link", "a")):
+        once = simulated_session(robot, name, noise=Noise())
+        for seed in range(3):
+            noisy, exact = disturb(repeat(once, periods), kind, seed)
+            found += count(robot, noisy)
+            known += count(robot, exact)
+    called, held, off = found
+    assert held >= 0.91 * called
+    assert off <= 0.04 * called
+    assert called >= 0.7 * known[0]
+
+
+def choose(log, robot="two-link", asked=None):
+    """Return the record of the motion that is chosen for a log."""
+    robot = Robot.load(robot)
+    how = choose_cutoff(robot, [log], asked)
+    return choose_motion(Structure.of(robot, Model.of(*MODEL)), [log], how, asked)
+
+
+def test_a_noisy_motion_is_replaced_by_a_series_and_an_exact_one_is_not(simulated_session):
+    once = repeat(simulated_session("two-link", "a", noise=Noise()), 3)
+    noisy, exact = disturb(once, "additive", 0)
+    choice = choose(noisy)
+    assert choice.record == "fourier"
+    measured, series = choice.trials
+    assert series.error < 0.5 * measured.error
+    assert series.coverage > 0.9
+    assert choose(exact).record == "auto"
+    assert choose(noisy, asked=Preparation("given")).record == "auto"
+
+
+def test_a_series_that_lacks_what_the_robot_did_is_not_used(simulated_session):
+    """The measured torque has the say: it knows of a motion that a series takes for noise."""
+    once = repeat(simulated_session("two-link", "a", noise=Noise()), 2)
+    # Shaking of a fifth of the sampling rate, which the torque follows.
+    rate = 2 * np.pi * 20.0
+    wave = np.exp(1j * rate * once.t)[:, None] * [1.0, 1j]
+    shake = 2e-4 * np.stack([wave, 1j * rate * wave, -(rate**2) * wave]).real
+    q, dq, ddq = (x + y for x, y in zip((once.q, once.dq, once.ddq), shake, strict=True))
+    moved = replace(once, q=q, dq=dq, ddq=ddq)
+    structure = Structure.of(Robot.load("two-link"), Model.of(*MODEL))
+    samples = prepare_log(structure.robot, moved, Preparation("given", keep_rest=True))
+    phi = np.linalg.lstsq(structure.G, structure.nominal_base, rcond=None)[0]
+    true = structure.torque_along(samples.motion, phi)
+    noisy, _ = disturb(replace(moved, tau=true), "additive", 0)
+    assert choose(noisy).record == "auto"
+
+
+def test_what_was_chosen_is_said_and_another_record_can_be_asked_for(simulated_session):
+    noisy, _ = disturb(simulated_session("3-rps", "601", noise=Noise()), "multiplicative", 0)
+    found = analyze("3-rps", noisy, "none", replicates=0)
+    assert any("planted on this motion" in hint for hint in found.hints)
+    assert "Fourier series" in found.samples[0].notes[0]
+    named = diagnose("3-rps", noisy)
+    assert any("planted on this motion" in hint for hint in named.hints)
+    words = {"given": "log's own", "spline": "a spline", "fourier": "Fourier series"}
+    for kind, word in words.items():
+        plain = analyze("3-rps", noisy, "none", replicates=0, preparation=Preparation(kind))
+        assert not any("planted on this motion" in hint for hint in plain.hints)
+        assert word in plain.samples[0].notes[0]

@@ -83,7 +83,7 @@ Names = Annotated[Sequence[str], Expected("a list of names")]
 Effects = Names
 
 #: Choices that a command line offers without the rooms that know what they mean.
-Derivatives = Literal["auto", "given", "butterworth"]
+Derivatives = Literal["auto", "given", "butterworth", "fourier", "spline"]
 EstimatorKind = Literal["auto", "ls", "iv"]
 ExportFormat = Literal["mjcf", "urdf", "isaaclab", "patch"]
 

@@ -90,6 +90,9 @@ class Log:
         has it.
     path : str
         The path that was given, behind which a bag names its topic; empty for arrays.
+    speed_error : (n,) or None [rad/s or m/s]
+        Standard deviation of its velocities, if its motion is a series through what was measured;
+        None of a motion as it was measured.
     """
 
     name: str
@@ -111,6 +114,7 @@ class Log:
     rollout: Array | None = None
     base: Array | None = None
     path: str = ""
+    speed_error: Array | None = None
 
     def __len__(self) -> int:
         return len(self.t)

@@ -244,12 +244,12 @@ class FourierFit:
 
     def motion(self, t: Array) -> tuple[Array, Array, Array]:
         """Return q, dq, ddq (N, n) at times t, differentiated analytically."""
-        bases = (_fourier_basis(t, self.period, self.harmonics, order) for order in range(3))
+        bases = (fourier_basis(t, self.period, self.harmonics, order) for order in range(3))
         q, dq, ddq = (basis @ self.coefficients for basis in bases)
         return q, dq, ddq
 
 
-def _fourier_basis(t: Array, period: float, harmonics: int, order: int = 0) -> Array:
+def fourier_basis(t: Array, period: float, harmonics: int, order: int = 0) -> Array:
     """Return the functions of the series, or their first or second derivatives, (N, 2 H + 1)."""
     w = 2 * np.pi / period * np.arange(1, harmonics + 1)
     S = np.sin(np.outer(t, w))
@@ -283,7 +283,7 @@ def fit_fourier(
     """
     origin = q.mean(0)  # small numbers, small rounding
     channels = {k: x for k, x in enumerate((q - origin, *rates)) if x is not None}
-    bases = {k: _fourier_basis(t, period, harmonics, k) for k in channels}
+    bases = {k: fourier_basis(t, period, harmonics, k) for k in channels}
     weights = {}
     for k, y in channels.items():
         if noise is None:
@@ -299,29 +299,3 @@ def fit_fourier(
         values[:, j] = np.linalg.lstsq(rows, right, rcond=None)[0]
     values[0] += origin
     return FourierFit(period, values)
-
-
-def find_period(t: Array, q: Array, harmonics: int) -> float:
-    """Return the period, a whole fraction of the duration, whose Fourier series fits q best [s].
-
-    These series are bins of one discrete Fourier transform, and what they leave is the power of all
-    others.
-    """
-    N = len(t)
-    step = sampling_step(t)
-    duration = t[-1] - t[0] + step
-    best = np.inf
-    chosen = duration
-    power = (np.abs(np.fft.rfft(q - q.mean(0), axis=0)) ** 2).sum(1)
-    # More than forty periods are found by their multiples.
-    for k in range(1, 41):
-        # Its shortest period has four samples.
-        if 4 * harmonics * k > N:
-            break
-        left = np.ones(len(power), bool)
-        left[: harmonics * k + 1 : k] = False
-        error = power[left].sum()
-        if error < 0.5 * best:  # a longer period with k× the harmonics always fits a little better
-            best = error
-            chosen = duration / k
-    return float(chosen)

@@ -27,6 +27,7 @@ from identifiability.estimation.estimate import Kind, Method, Outliers, find_est
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.groups import MissingEffects, describe_term, find_missing
 from identifiability.estimation.mixed_model import Term
+from identifiability.estimation.motion import MotionChoice, choose_motion
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding, of_key, phrase
 from identifiability.foundation.options import OptionError
@@ -39,7 +40,8 @@ from identifiability.logs.prepare import Dataset, Preparation, prepare_log
 from identifiability.logs.prepare.dataset import explain_silence, require_signal
 from identifiability.logs.prepare.excerpt import prepare_excerpt
 from identifiability.logs.prepare.instruments import add_instrument
-from identifiability.logs.prepare.preparation import choose_cutoff, fit_band
+from identifiability.logs.prepare.preparation import CommonPreparation, choose_cutoff, fit_band
+from identifiability.logs.series import KINDS
 from identifiability.physical.cad_prior import load_by_fit
 from identifiability.quality import MeasuredLogs, find_always, find_oddities
 from identifiability.quality.hints import leave_out_rows, weigh_rows
@@ -100,6 +102,21 @@ class Use:
 
 #: Of logs with torque, of which none is set aside.
 MEASURED = Use(divides=False, commands=False)
+
+
+@frozen
+class Motions:
+    """Logs with the motion that is fitted with, and how they are prepared.
+
+    Attributes
+    ----------
+    recordings : Recordings
+    how : Preparation
+        With one cut-off for all logs.
+    """
+
+    recordings: Recordings
+    how: Preparation
 
 
 @frozen
@@ -307,6 +324,18 @@ class Case:
         """Return how logs are prepared, with one cut-off for all fitted ones."""
         return self.stages.once(choose_cutoff, robot, recordings.fitted, self.preparation)
 
+    def motion(self, structure: Structure, recordings: Recordings, how: Preparation) -> Motions:
+        """Return logs and their preparation with the record of the motion that serves best."""
+        literal = self.stages.once(Motions, recordings, how)
+        # Rollouts are a record of their own.
+        if recordings.commanded:
+            return literal
+        inputs = structure, recordings.fitted, how, self.preparation
+        choice = self.stages.once(choose_motion, *inputs)
+        if choice.record == "auto":
+            return literal
+        return self.stages.once(use_series, recordings, self.preparation, choice, structure.robot)
+
     def ladder(self, ladder: LadderLike | None = None, *, beside: bool) -> LadderSource:
         """Return the models to compare: those given, those of the case, or the default ones.
 
@@ -392,10 +421,11 @@ class Case:
         # Rollouts were calibrated with the cut-off of the logs as they were read.
         source = self.recordings(run) if recordings.commanded else recordings
         how = self.common_preparation(self.known_robot(run), source)
-        prepared = self.prepared(structure.robot, recordings, how, run, most)
+        motion = self.motion(structure, recordings, how)
+        prepared = self.prepared(structure.robot, motion.recordings, motion.how, run, most)
         if done:
             require_signal(prepared.fitted, done)
-        unchecked = self.gathered(structure, recordings, how, prepared)
+        unchecked = self.gathered(structure, recordings, motion.how, prepared)
         reading = self.stages.once(seek_reading, unchecked) if seek else None
         return self.stages.once(check_logs, unchecked, reading)
 
@@ -403,11 +433,11 @@ class Case:
         """Return data under another reading of their logs."""
         structure = self.stages.once(apply_to_structure, reading, data.structure)
         recordings = self.stages.once(apply_to_logs, reading, data.recordings, structure)
-        how = data.preparation
-        if recordings is not data.recordings:
-            how = self.common_preparation(self.known_robot(run), recordings)
-        prepared = self.prepared(structure.robot, recordings, how, run, most)
-        unchecked = self.gathered(structure, recordings, how, prepared)
+        source = self.recordings(run) if recordings.commanded else recordings
+        how = self.common_preparation(self.known_robot(run), source)
+        motion = self.motion(data.structure, recordings, how)
+        prepared = self.prepared(structure.robot, motion.recordings, motion.how, run, most)
+        unchecked = self.gathered(structure, recordings, motion.how, prepared)
         return self.stages.once(
             read_otherwise, self.stages.once(check_logs, unchecked, None), reading
         )
@@ -618,6 +648,16 @@ def follow(
     return found
 
 
+def use_series(
+    recordings: Recordings, asked: Preparation | None, choice: MotionChoice, robot: Robot
+) -> Motions:
+    """Return logs whose motion is a series, as was chosen, and how they are prepared."""
+    how = CommonPreparation(**vars(asked or Preparation()))
+    how = replace(how, derivatives=choice.record, reason=choice.tell())
+    common = choose_cutoff(robot, choice.logs, how)
+    return Motions(replace(recordings, fitted=choice.logs), common)
+
+
 def prepare_logs(
     robot: Robot,
     fitted: Sequence[Log],
@@ -646,7 +686,8 @@ def prepare_logs(
         prepare = partial(prepare_log, robot, how=how, engine=run.engine, progress=reading)
         each: Any = map
     else:
-        chosen = asked if how.cutoff is None else how
+        own = how.cutoff is not None or how.derivatives in KINDS
+        chosen = how if own else asked
         prepare = partial(prepare_excerpt, robot, how=chosen, most=most)
         each = run.engine.map
     unseen = partial(prepare_held_out, prepare=prepare, robot=robot, how=how)
@@ -703,9 +744,14 @@ def gather_data(
         samples=prepared.fitted,
         validation=prepared.held_out,
         regression=regression,
-        hints=(*recordings.hints, *split),
+        hints=(*recordings.hints, *split, *_tell_motion(how)),
     )
     return replace(data, validation=()) if data.silence else data
+
+
+def _tell_motion(how: Preparation) -> tuple[str, ...]:
+    """Return why the motion is a series, where that was chosen."""
+    return (how.reason,) if isinstance(how, CommonPreparation) and how.reason else ()
 
 
 def seek_reading(data: Data) -> Reading | None:

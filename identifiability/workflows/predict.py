@@ -644,8 +644,13 @@ def _other_robot(where: str, robot: Robot, why: str) -> IdentifiabilityError:
 
 
 def with_cutoff(given: Preparation, samples: Sequence[Dataset]) -> Preparation:
-    """Return a preparation with the low-pass that was chosen for some logs."""
-    own = next(({"cutoff": s.cutoff, "outputs": s.band} for s in samples if s.cutoff), {})
+    """Return a preparation with the low-pass, or the series, that was chosen for some logs."""
+    own: dict[str, Any] = {}
+    for s in reversed(samples):
+        if s.cutoff:
+            own = {"cutoff": s.cutoff, "outputs": s.band}
+    # Another log may not repeat its motion.
+    own |= {"derivatives": "spline"} if any(s.series for s in samples) else {}
     return Preparation(**{f.name: getattr(given, f.name) for f in fields(Preparation)} | own)
 
 

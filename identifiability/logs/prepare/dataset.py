@@ -30,7 +30,7 @@ from identifiability.robot import KnownRobot, Motion, Robot, complete_motion
 from identifiability.robot.closure import known_torque, project
 from identifiability.robot.floating import SIX, closed_contacts, wrench_torque
 
-from .preparation import Plan, Preparation, joint_log, make_plan
+from .preparation import Plan, Preparation, joint_log, make_plan, smoothed
 
 # `Survey`: what there is to know of a prepared log as a whole.
 #
@@ -222,6 +222,8 @@ class Dataset:
         What seems to be wrong with the log.
     path : str
         As of the log.
+    series : bool
+        Whether its motion is a series through what was measured.
     """
 
     name: str
@@ -239,6 +241,7 @@ class Dataset:
     hints: Strings = ()
     path: str = ""
     weight: Array = np.ones((1, 1))
+    series: bool = False
 
     def __post_init__(self) -> None:
         """Count every row alike where nobody says otherwise."""
@@ -438,6 +441,9 @@ def _prepare_rows(rows: tuple[Log, int, Rows], robot: Robot, plan: Plan) -> Data
     if robot.base is not None and log.base is not None:
         tau = motion.freed(tau + _pushed(robot, motion, log.base[at]))
     silent = np.zeros(tau.shape, bool) if plan.dwells is None else plan.dwells.find(dq)[at]
+    undirected = plan.undirected(log)
+    if undirected is not None:
+        silent = silent | undirected[at]
     if robot.base is not None:
         silent = _silent(motion, silent)
     if log.unmeasured is not None:
@@ -463,6 +469,7 @@ def _prepare_rows(rows: tuple[Log, int, Rows], robot: Robot, plan: Plan) -> Data
         hints=plan.hints,
         path=log.path,
         weight=1.0 - silent[left],
+        series=log.speed_error is not None,
     )
 
 
@@ -571,6 +578,7 @@ def prepare_log(
     """
     how = how or Preparation()
     total = len(log)
+    log = smoothed(robot, log, how)
     plan = make_plan(robot, log, how)
     reach = plan.reach
     rows = []

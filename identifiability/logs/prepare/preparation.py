@@ -19,19 +19,22 @@ from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.options import Count, Derivatives, Positive, check_fields
 from identifiability.foundation.rounding import percent
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.base import ACC, GYRO
 from identifiability.logs.commands import of_commands
 from identifiability.logs.contradictions import check_units
 from identifiability.logs.gaps import Gaps, Grid, StaleRule, fill
-from identifiability.logs.log import join_logs
+from identifiability.logs.log import join_logs, too_long
 from identifiability.logs.rows import WINDOW
 from identifiability.logs.rules import RULES
+from identifiability.logs.series import KINDS, smooth_log
 from identifiability.logs.spectrum import (
     ORDER,
     Band,
     Spectrum,
+    bandwidth_of_windows,
     choose_band,
     noise_at_rest,
     noise_level,
@@ -97,6 +100,9 @@ class Smoothing:
 
 # `Plan`: what was decided about the preparation of a log once; `DwellRule`: where joints stand.
 
+
+#: Below so many standard deviations the sign of a speed is in doubt.
+UNSURE: Tolerance = 3.0
 
 #: Samples of a dwell at least.
 SEVERAL = 3
@@ -406,6 +412,16 @@ class Plan:
             if b - a >= self.grid.least:
                 yield slice(a, b), self.grid.places(origin + a, origin + b)
 
+    @staticmethod
+    def undirected(log: Log) -> np.ndarray | None:
+        """Return where nobody knows which way a joint of a series moves, (N, n) bool.
+
+        The sign of friction there would err at the same rows of every period.
+        """
+        if log.speed_error is None or log.dq is None:
+            return None
+        return np.asarray(np.abs(log.dq) < UNSURE * log.speed_error)
+
     def lacking(self, unmeasured: Array) -> Array:
         """Return where torque is no data, from where it was not measured, (N, n) bool.
 
@@ -595,9 +611,10 @@ class Preparation:
 
     Attributes
     ----------
-    derivatives : {"auto", "given", "butterworth"}
+    derivatives : {"auto", "given", "butterworth", "fourier", "spline"}
         Velocity and acceleration: ``auto`` takes the log's own where it has them, else computes
-        them by Butterworth.
+        them by Butterworth. ``fourier`` and ``spline`` replace the whole motion by a series through
+        all that was measured of it (`identifiability.logs.series`).
     cutoff : float or None [Hz]
         Low-pass for computed derivatives [Hz]; by default it is chosen for all logs together, from
         the noise and the bandwidth of the motion.
@@ -636,11 +653,15 @@ class CommonPreparation(Preparation):
         Whether joints ever stand in any of the logs; None asks each log.
     common : float or None [Hz]
         The cut-off of the fitted logs, where a log that cannot have it gets its own band.
+    reason : str
+        Why the motion is a series, where that was chosen; empty where the user asked for it. A log
+        that has no such series is then prepared by another one.
     """
 
     band: Band | None = None
     stands: bool | None = None
     common: float | None = None
+    reason: str = ""
 
 
 def choose_cutoff(
@@ -663,6 +684,8 @@ def choose_cutoff(
         If a log does not fit the robot.
     """
     how = how or Preparation()
+    how = with_series_band(how, [log for log in logs if log.ddq is None])
+    logs = [smoothed(robot, log, how) for log in logs]
     raw = [Windows.of(log, mend=_is_filtered(log, how)) for log in logs]
     computed = [x for log, x in zip(logs, raw, strict=True) if _is_filtered(log, how)]
     if computed:
@@ -675,6 +698,39 @@ def choose_cutoff(
         for log, x, band in zip(logs, raw, bands, strict=True)
     ]
     return CommonPreparation(**{**vars(how), "stands": ever_stand(stays)})
+
+
+def smoothed(robot: Robot, log: Log, how: Preparation) -> Log:
+    """Return a log with the series that its preparation asks for as its motion.
+
+    Raises
+    ------
+    LogError
+        If the log is too long for memory, or its motion does not repeat where it must.
+    """
+    if how.derivatives not in KINDS or log.speed_error is not None:
+        return log
+    if log.long:
+        raise too_long(log.name)
+    chosen = bool(isinstance(how, CommonPreparation) and how.reason)
+    return smooth_log(joint_log(robot, log), how.derivatives, strict=not chosen)
+
+
+def with_series_band(how: Preparation, logs: Sequence[Log]) -> Preparation:
+    """Return a preparation with the band in which torque is kept beside series through positions.
+
+    Parameters
+    ----------
+    how : Preparation
+    logs : sequence of Log
+        Those without measured accelerations: with these, all torque is kept.
+    """
+    if how.derivatives not in KINDS or how.decimate or how.outputs or not logs:
+        return how
+    steps = [signals.sampling_step(log.t) for log in logs]
+    bands = [bandwidth_of_windows([log.q], dt) for log, dt in zip(logs, steps, strict=True)]
+    wide = max(RULES.cutoff_wide * max(bands), RULES.cutoff_lowest)
+    return replace(how, outputs=min(wide, RULES.cutoff_highest / max(steps)))
 
 
 def _with_band(robot: Robot, logs: Sequence[Windows], how: Preparation) -> CommonPreparation:
@@ -736,6 +792,7 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
     LogError
         If the log does not fit the robot or what is asked for.
     """
+    log = smoothed(robot, log, how)
     filtered = _is_filtered(log, how)
     raw = Windows.of(log, mend=filtered)
     windows = [joint_log(robot, w) for w in raw.logs]
@@ -750,7 +807,7 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
     if filtered and how.cutoff is None:
         how = _with_band(robot, [raw], how)
     plan = _plan_motion(log, raw, how)
-    if plan.cutoff is None:
+    if plan.cutoff is None and log.speed_error is None:
         speeds = [w.dq for w in windows if w.dq is not None]
         if len(speeds[0]) > SHORT:
             plan = replace(plan, smoothing=Smoothing.choose(speeds, plan.step))
@@ -805,6 +862,8 @@ def _plan_derivatives(log: Log, gaps: Gaps, how: Preparation) -> Plan:
             "or let the derivatives be computed (derivatives = auto)."
         )
     plan = Plan(gaps.step, None, None, 1, ())
+    if log.speed_error is not None:
+        return replace(plan, notes=log.notes[-1:], band=how.outputs)
     if have and how.derivatives in ("auto", "given"):
         return replace(plan, notes=("velocity and acceleration are the log's own",))
     return _plan_filter(log, gaps, plan, how)

@@ -15,6 +15,7 @@ from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset, Preparation, prepare_log
 from identifiability.logs.prepare.instruments import noise_again
 from identifiability.logs.rules import RULES as LOG_RULES
+from identifiability.logs.series import KINDS, measured_noise
 from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import Submodel
 from identifiability.robot import Robot
@@ -80,8 +81,20 @@ def measure_shared_errors(rows: WeightedRows) -> SharedErrors:
 
 def _has_loud_motion(data: Data) -> bool:
     """Return whether the motion has more than little noise; that of a base always has."""
-    band = data.band
-    return data.robot.base is not None or (band is not None and band.noise > LOG_RULES.small)
+    band, how = data.band, data.preparation
+    derived = band is not None and band.noise > LOG_RULES.small
+    return data.robot.base is not None or derived or how.derivatives in KINDS or _is_noisy(data)
+
+
+def _is_noisy(data: Data) -> bool:
+    """Return whether derivatives were measured with more than negligible noise."""
+    logs = [x for x in data.recordings.fitted if not x.long and x.ddq is not None]
+    return any(
+        bool(np.any(measured_noise(x, log.t) > LOG_RULES.small * x.std(0)))
+        for log in logs
+        for x in (log.q, log.dq, log.ddq)
+        if x is not None
+    )
 
 
 def _motion_is_noisy(rows: WeightedRows) -> bool:

@@ -13,7 +13,6 @@ from identifiability.logs import Log
 from identifiability.logs import rows as log_rows
 from identifiability.logs.gaps import Gaps, fill
 from identifiability.logs.prepare import Preparation, dataset, prepare_log
-from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.signals import has_gap
 from identifiability.logs.spectrum import bandwidth_of_windows, noise_level
 from identifiability.regression.information import gather_information
@@ -209,20 +208,6 @@ def test_noise_is_not_that_of_jumps_across_gaps():
     assert noise_level(x, t) == pytest.approx(1e-3, rel=0.05)
     assert noise_level(x)[0] > 4e-3  # as one stretch the jumps would be noise
     assert noise_level(x[:1000], t[:1000]) == noise_level(x[:1000])
-
-
-def test_the_smoothed_motion_is_no_second_record_across_a_gap(two):
-    rng = np.random.default_rng(4)
-    for gaps, found in (((), True), (((1999, 300),), False)):
-        table = frame(without(6000, *gaps), derivatives=True)
-        for column in table.filter(regex="q$"):
-            size = 0.01 * table[column].std()
-            table[column] += size * rng.standard_normal(len(table))
-        table[["shoulder.q", "elbow.q"]] += 0.3 * np.sqrt(table["t"].to_numpy())[:, None]
-        log = Log.from_frame(table)
-        samples = prepare_log(two, log, Preparation(keep_rest=True))
-        record = add_instrument(two, log, samples)
-        assert (record is not None and "smoothed" in record.notes[-1]) == found
 
 
 def test_nothing_is_simulated_forward_along_a_bridged_gap(two):

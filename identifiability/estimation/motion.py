@@ -1,0 +1,276 @@
+"""Which record of the motion is fitted with: as it was measured, or a series through it.
+
+Noise in the motion biases least squares [Fuller 1987]. A series through the measured motion has
+less noise (`identifiability.logs.series`), but a wrong one would lack part of the motion. So it is
+decided by planted truth, on the user's own motion with its own noise: a robot that is known moves
+along the series, noise like the one that was measured is added, and each record is fitted with.
+The series is used if it finds the planted values better, and if the measured torque agrees.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import ndtr
+
+from identifiability.foundation.errors import ClosureError
+from identifiability.foundation.findings import Finding, phrase
+from identifiability.foundation.names import Array
+from identifiability.foundation.options import Derivatives
+from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.values import frozen
+from identifiability.logs import Log
+from identifiability.logs.prepare.dataset import Dataset
+from identifiability.logs.prepare.preparation import Plan, Preparation, joint_log, make_plan
+from identifiability.logs.rules import RULES
+from identifiability.logs.series import Kind, MotionSeries, find_series, plant, refit, with_series
+from identifiability.regression.information import Information
+from identifiability.regression.structure import Structure
+from identifiability.robot import Robot, complete_motion
+from identifiability.robot.closure import known_torque
+
+from .estimator import Estimate, Estimator
+
+#: Rows of all logs together along which columns are computed.
+ROWS = 600
+
+#: A series is used if the error of the planted torque falls below this share of that as measured.
+BETTER: Tolerance = 0.9
+
+#: The measured torque agrees with a series that explains it up to this share of the error.
+AGREES: Tolerance = 1.0
+
+
+@frozen
+class MotionTrial:
+    """How well a record of the motion finds planted values.
+
+    Attributes
+    ----------
+    record : {"auto", "fourier", "spline"}
+        As `Preparation.derivatives`: ``auto`` is the motion as it was measured.
+    error : float
+        Of the planted torque along the true motion, over its root mean square.
+    coverage : float
+        Share of 95 % intervals of base parameters that would hold the planted value.
+    torque : float
+        What the record leaves of the measured torque, over its root mean square.
+    """
+
+    record: str
+    error: float
+    coverage: float
+    torque: float
+
+
+@frozen
+class MotionChoice:
+    """The record of the motion that is fitted with, and why.
+
+    Attributes
+    ----------
+    record : {"auto", "fourier", "spline"}
+    trials : tuple of MotionTrial
+        As measured first; empty where nothing was to be decided.
+    logs : tuple of Log
+        The fitted logs with the series as their motion; empty where none is used.
+    """
+
+    record: Derivatives = "auto"
+    trials: tuple[MotionTrial, ...] = ()
+    logs: tuple[Log, ...] = ()
+
+    def tell(self) -> Finding:
+        """Return why a series is used."""
+        measured, series = self.trials
+        what = phrase("motion", self.record)
+        return Finding("motion", what=what, series=series.error, measured=measured.error)
+
+
+def choose_motion(
+    structure: Structure, logs: Sequence[Log], how: Preparation, asked: Preparation | None
+) -> MotionChoice:
+    """Return the record of the motion that finds planted values best.
+
+    Parameters
+    ----------
+    structure : Structure
+    logs : sequence of Log
+        The fitted ones.
+    how : Preparation
+        As the logs are prepared by default.
+    asked : Preparation or None
+        What the user asked for: who asked for derivatives or a band has chosen.
+    """
+    chosen = asked is not None and (asked.derivatives != "auto" or asked.cutoff or asked.outputs)
+    # Computed derivatives are low-passed with torque and columns, which takes most of their noise.
+    unfit = any(x.long or x.ddq is None or x.motion_alone for x in logs)
+    if chosen or unfit or structure.robot.base is not None or not logs:
+        return MotionChoice()
+    records = [Record.of(structure.robot, log, how) for log in logs]
+    if any(not r.series for r in records) or all(r.is_quiet() for r in records):
+        return MotionChoice()
+    kind = preferred_kind(records)
+    try:
+        trials = try_records(structure, records, kind)
+    except ClosureError:
+        return MotionChoice()
+    measured, series = trials
+    better = series.error < BETTER * measured.error
+    agrees = series.torque <= AGREES * measured.torque
+    if not (better and agrees):
+        return MotionChoice("auto", trials)
+    return MotionChoice(kind, trials, tuple(with_series(r.log, r.series[kind]) for r in records))
+
+
+def preferred_kind(records: Sequence[Record]) -> Kind:
+    """Return the kind of series that all logs together prefer by Akaike's criterion."""
+    if not all("fourier" in r.series for r in records):
+        return "spline"
+    scores = {k: sum(r.series[k].score for r in records) for k in ("fourier", "spline")}
+    return "fourier" if scores["fourier"] < scores["spline"] else "spline"
+
+
+@frozen
+class Record:
+    """The motion of one log as it is prepared by default, and the series through it.
+
+    Attributes
+    ----------
+    robot : Robot
+    log : Log
+        On the joint side.
+    plan : Plan
+        How its motion is derived by default.
+    series : mapping of kind to MotionSeries
+    """
+
+    robot: Robot
+    log: Log
+    plan: Plan
+    series: dict[Kind, MotionSeries]
+
+    @staticmethod
+    def of(robot: Robot, log: Log, how: Preparation) -> Record:
+        """Return the record of a log in memory."""
+        plan = make_plan(robot, log, how)
+        joints = joint_log(robot, plan.mend(log))
+        return Record(robot, joints, plan, find_series(joints))
+
+    def is_quiet(self) -> bool:
+        """Return whether the default preparation leaves next to no noise in any channel."""
+        spline = self.series["spline"]
+        moving = spline.q.std(0) > RULES.negligible * max(float(np.ptp(spline.q)), 1e-12)
+        shares = [
+            np.std(x - own, axis=0)[moving] / np.maximum(own.std(0)[moving], 1e-12)
+            for x, own in zip(self.plan.derive(self.log), spline.motion, strict=True)
+        ]
+        return all(bool(np.all(share <= RULES.small)) for share in shares)
+
+    def samples(self, motion: Sequence[Array], step: int, speeds: Array | None) -> Dataset:
+        """Return every so many rows along a motion, closed; standing joints are no data.
+
+        Parameters
+        ----------
+        motion : sequence of (N, n)
+            Position, velocity and acceleration of the actuated joints.
+        step : int
+        speeds : (N, 2, n) or None
+            Smoothed speeds for signs, with their standard deviation; None for the motion's own.
+        """
+        at = slice(None, None, step)
+        q, dq, ddq = (x[at] for x in motion)
+        found = complete_motion(self.robot, self.log.t[at], q, dq, ddq)
+        if speeds is not None:
+            found = replace(found, smooth_v=speeds[at][found.kept])
+        tau = self.log.tau[at][found.kept] - known_torque(self.robot, found)
+        creep = RULES.creep * np.abs(dq).max(0)
+        weight = (np.abs(dq) > creep)[found.kept].astype(float)
+        return Dataset(self.log.name, found, tau, None, (), "", weight=weight)
+
+    def measured(self, log: Log, step: int) -> Dataset:
+        """Return every so many rows of a log with this motion, as prepared by default."""
+        return self.samples(self.plan.derive(log), step, self.plan.smooth_speed(log))
+
+
+def try_records(
+    structure: Structure, records: Sequence[Record], kind: Kind
+) -> tuple[MotionTrial, MotionTrial]:
+    """Return how well the motion as measured and a series of it find planted values.
+
+    Raises
+    ------
+    ClosureError
+        If loops close nowhere along a record.
+    """
+    rng = np.random.default_rng(0)
+    step = -(-sum(len(r.log) for r in records) // ROWS)
+    measured = [r.measured(r.log, step) for r in records]
+    true = [r.samples(r.series[kind].motion, step, None) for r in records]
+    found = [_fit(structure, samples) for samples in (measured, true)]
+    values = found[1].value
+    planted = plant_torque(structure, true, values)
+    exact = _gather(structure, planted)
+
+    # Without noise of the torque: all that is off comes from the noise of the motion.
+    logs = [plant(r.log, r.series[kind], rng) for r in records]
+    again = (
+        [r.measured(log, step) for r, log in zip(records, logs, strict=True)],
+        [
+            r.samples(refit(r.series[kind], log).motion, step, None)
+            for r, log in zip(records, logs, strict=True)
+        ],
+    )
+    trials = []
+    for name, samples, own in zip(("auto", kind), again, found, strict=True):
+        fit = _fit(structure, _with_torque(samples, planted))
+        error = _share(exact.squares(np.append(-fit.value, 1.0)), exact.torque)
+        known = fit.determined & own.determined
+        off = (fit.value - values)[known] / np.maximum(own.sigma[known], 1e-300)
+        held = ndtr(1.96 - off) - ndtr(-1.96 - off)
+        torque = _share(own.rss, _torque(measured))
+        trials.append(MotionTrial(name, error, float(np.mean(held)), torque))
+    return trials[0], trials[1]
+
+
+def plant_torque(structure: Structure, samples: Sequence[Dataset], values: Array) -> list[Dataset]:
+    """Return samples with the torque of values of the base parameters along their motion."""
+    phi = np.linalg.lstsq(structure.G, values, rcond=None)[0]
+    return [replace(s, tau=structure.torque_along(s.motion, phi)) for s in samples]
+
+
+def _with_torque(samples: Sequence[Dataset], planted: Sequence[Dataset]) -> list[Dataset]:
+    """Return samples with planted torque, at the rows that both have."""
+    found = []
+    for own, other in zip(samples, planted, strict=True):
+        _, here, there = np.intersect1d(own.motion.kept, other.motion.kept, return_indices=True)
+        found.append(replace(own.take(here), tau=other.tau[there]))
+    return found
+
+
+def _fit(structure: Structure, samples: Sequence[Dataset]) -> Estimate:
+    return Estimator().fit(_gather(structure, samples))
+
+
+def _gather(structure: Structure, samples: Sequence[Dataset]) -> Information:
+    """Return the information of few rows, which are held in memory."""
+    regression = structure.regression(samples)
+    logs, _, columns, torque = zip(*regression.chunks(), strict=True)
+    log = np.repeat(logs, [len(tau) for tau in torque])
+    moves = np.concatenate([s.weight > 0 for s in samples])
+    names = [p.name for p in regression.parameters]
+    W, tau = np.concatenate(columns), np.concatenate(torque)
+    return Information.of_rows(names, W, tau, log, len(log), moves=moves)
+
+
+def _torque(samples: Sequence[Dataset]) -> Array:
+    """Return each actuator's sum of squared torque, (n,)."""
+    return np.asarray(sum((s.weight * s.tau**2).sum(0) for s in samples))
+
+
+def _share(squares: Array, torque: Array) -> float:
+    """Return the root mean over actuators of squares over those of their torque."""
+    moved = torque > 0
+    return float(np.sqrt(np.mean(squares[moved] / torque[moved]))) if moved.any() else 0.0

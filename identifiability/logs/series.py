@@ -1,0 +1,404 @@
+"""The motion of a log as a finite series: what its channels agree on, without most of their noise.
+
+Noise in the motion biases least squares, and more data do not help. A series with few coefficients
+that is fitted to all measured channels together (positions, velocities, accelerations) averages the
+noise of many samples. Two kinds are known: splines, for any motion; Fourier series, for a motion
+that repeats, which average over its periods, too. The number of coefficients is chosen by Akaike's
+criterion [Akaike 1974] with as many samples as are independent.
+
+What to use when: `smooth_log` for a log whose motion is to be replaced; `find_series` for the
+series themselves; `resample` for noise like that which a series left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any, Literal
+
+import numpy as np
+import scipy
+
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.findings import Finding
+from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.values import frozen
+from identifiability.logs import signals
+
+from .log import Log
+from .spectrum import autocorrelation_time, noise_level, resolution
+
+#: The kinds of series, as `Preparation.derivatives` names them.
+Kind = Literal["fourier", "spline"]
+KINDS: tuple[Kind, ...] = ("fourier", "spline")
+
+#: Degree of splines: their second derivative has two continuous derivatives itself.
+DEGREE = 5
+
+#: Numbers of coefficients of splines that are tried grow by this factor from the fewest.
+FEWEST_COEFFICIENTS, DENSER = 12, 1.4
+
+#: A spline has at most one coefficient in so many samples.
+SAMPLES_A_COEFFICIENT = 4
+
+#: Harmonics that are tried.
+HARMONICS = (3, 5, 7, 10, 14, 20, 28, 40)
+
+#: A motion repeats if, one period later, it differs by at most this share of its variance.
+REPEATED: Tolerance = 0.1
+
+#: Samples of which a period is refined.
+SAMPLES_FOR_PERIOD = 2000
+
+#: A period this close to a whole number of samples is that number [samples].
+WHOLE: Tolerance = 0.05
+
+#: A series of this kind was asked for and leaves so many times the power that splines leave.
+UNLIKE: Tolerance = 2.0
+
+
+@frozen
+class MotionSeries:
+    """A series that was fitted to the motion of a log.
+
+    Attributes
+    ----------
+    kind : {"fourier", "spline"}
+    q, dq, ddq : (N, n) [rad or m, a second, a second squared]
+        At the times of the log.
+    coefficients : int
+        Of each joint.
+    period : float or None [s]
+        Of a Fourier series.
+    score : float
+        Akaike's criterion; less is better.
+    """
+
+    kind: Kind
+    q: Array
+    dq: Array
+    ddq: Array
+    coefficients: int
+    period: float | None
+    score: float
+
+    @property
+    def motion(self) -> tuple[Array, Array, Array]:
+        """Position, velocity and acceleration, (N, n) each."""
+        return self.q, self.dq, self.ddq
+
+    @property
+    def note(self) -> str:
+        """What it is, for the report."""
+        told = "the motion is a spline through all that was measured of it, of "
+        if self.period is not None:
+            told = (
+                f"the motion is a Fourier series of all that was measured of it, with period "
+                f"{self.period:.6g} s and "
+            )
+        return f"{told}{self.coefficients} coefficients a joint"
+
+    def left_of(self, log: Log) -> dict[str, Array]:
+        """Return what the series leaves of each measured channel, (N, n) each."""
+        pairs = zip(("q", "dq", "ddq"), self.motion, strict=True)
+        channels = ((name, getattr(log, name), own) for name, own in pairs)
+        return {name: x - own for name, x, own in channels if x is not None}
+
+
+def smooth_log(log: Log, kind: Kind, *, strict: bool = True) -> Log:
+    """Return a log whose motion is a series, with velocities and accelerations.
+
+    Parameters
+    ----------
+    log : Log
+        In memory.
+    kind : {"fourier", "spline"}
+    strict : bool
+        Whether a log is refused whose motion does not repeat; else a spline is used.
+
+    Raises
+    ------
+    LogError
+        If the motion does not repeat and a Fourier series must be used.
+    """
+    found = find_series(log)
+    # Of so few rows a series says no more than they do.
+    if "spline" not in found:
+        return log
+    series, spline = found.get(kind, found["spline"]), found["spline"]
+    if kind == "fourier" and not _repeats(log, series, spline):
+        if strict:
+            raise LogError(Finding("series.none", log.name))
+        series = spline
+    return with_series(log, series)
+
+
+def _repeats(log: Log, fourier: MotionSeries, spline: MotionSeries) -> bool:
+    """Return whether a Fourier series leaves hardly more of any channel than a spline."""
+    left, least = (
+        [float(np.sum(x**2)) for x in own.left_of(log).values()] for own in (fourier, spline)
+    )
+    floor = 1e-12 * len(log)
+    return fourier is not spline and all(
+        a <= UNLIKE * b + floor for a, b in zip(left, least, strict=True)
+    )
+
+
+def with_series(log: Log, series: MotionSeries) -> Log:
+    """Return a log with the motion of a series, how well it knows speeds, and a note."""
+    q, dq, ddq = series.motion
+    again = refit(series, plant(log, series, np.random.default_rng(0)))
+    error = np.sqrt(np.mean((again.dq - dq) ** 2, axis=0))
+    notes = (*log.notes, series.note)
+    return replace(log, q=q, dq=dq, ddq=ddq, notes=notes, speed_error=error)
+
+
+def plant(log: Log, series: MotionSeries, rng: np.random.Generator) -> Log:
+    """Return a log that moves as a series, with noise like what the series leaves."""
+    true = dict(zip(("q", "dq", "ddq"), series.motion, strict=True))
+    left = series.left_of(log)
+    noisy: dict[str, Any] = {name: true[name] + resample(x, rng) for name, x in left.items()}
+    return replace(log, **noisy)
+
+
+def find_series(log: Log) -> dict[Kind, MotionSeries]:
+    """Return the best series of each kind; without a Fourier series of a motion never repeated."""
+    t = log.t - log.t[0]
+    channels = [x for x in (log.q, log.dq, log.ddq) if x is not None]
+    noise = [measured_noise(x, log.t) for x in channels]
+    splines = [
+        _solve("spline", _spline_bases(t, count), channels, noise) for count in _counts(len(t))
+    ]
+    if not splines:
+        return {}
+    # How long the noise remembers is seen behind the richest spline.
+    richest = splines[-1].motion
+    memory = [autocorrelation_time(x - own) for x, own in zip(channels, richest, strict=False)]
+    best = _best(splines, channels, memory)
+    found: dict[Kind, MotionSeries] = {"spline": best}
+    fourier = list(_fourier_series(t, channels, noise, best))
+    if fourier:
+        found["fourier"] = _best(fourier, channels, memory)
+    return found
+
+
+def refit(series: MotionSeries, log: Log) -> MotionSeries:
+    """Return a series with as many coefficients, and the same period, through another log."""
+    t = log.t - log.t[0]
+    channels = [x for x in (log.q, log.dq, log.ddq) if x is not None]
+    noise = [measured_noise(x, log.t) for x in channels]
+    if series.period is None:
+        return _solve("spline", _spline_bases(t, series.coefficients), channels, noise)
+    bases = _fourier_bases(t, series.period, (series.coefficients - 1) // 2)
+    return _solve("fourier", bases, channels, noise, series.period)
+
+
+def resample(left: Array, rng: np.random.Generator) -> Array:
+    """Return noise like what a series left, (N, n): stretches of it with signs by chance.
+
+    Stretches are several times as long as the noise remembers, so that it remembers as long; its
+    size along the motion stays, as that of noise in proportion to the speed.
+    """
+    # A stretch of five correlation times loses a tenth of the correlation at its ends.
+    length = max(1, int(np.ceil(5 * np.median(autocorrelation_time(left) - 1.0))))
+    stretch = np.arange(len(left)) // length
+    signs = rng.choice([-1.0, 1.0], (int(stretch[-1]) + 1, left.shape[1]))
+    return np.asarray(left * signs[stretch])
+
+
+def measured_noise(x: Array, t: Array) -> Array:
+    """Return the standard deviation of white noise in signals (N, n), (n,)."""
+    # While a coarse encoder stands still, its noise does so too: differences do not see it.
+    return np.asarray(np.maximum(noise_level(x, t), resolution(x) / np.sqrt(12)))
+
+
+def _counts(samples: int) -> list[int]:
+    """Return the numbers of coefficients that are tried for splines."""
+    most = samples / SAMPLES_A_COEFFICIENT
+    if most < FEWEST_COEFFICIENTS:
+        return []
+    steps = int(np.log(most / FEWEST_COEFFICIENTS) / np.log(DENSER)) + 1
+    return [int(FEWEST_COEFFICIENTS * DENSER**k) for k in range(steps)]
+
+
+# Bases: the columns of position, velocity and acceleration, (N, K) each.
+
+
+def _spline_bases(t: Array, count: int) -> list[Any]:
+    """Return sparse bases of splines with evenly spaced knots."""
+    inner = np.linspace(t[0], t[-1], count - DEGREE + 1)
+    knots = np.concatenate([[t[0]] * DEGREE, inner, [t[-1]] * DEGREE])
+    design = scipy.interpolate.BSpline.design_matrix
+    bases, slopes = [design(t, knots, DEGREE)], scipy.sparse.eye_array(count, format="csr")
+    for order in (1, 2):
+        degree = DEGREE - order + 1
+        # The slope of a B-spline is a difference of two of one degree less [de Boor 1978].
+        width = knots[degree + 1 : -1] - knots[1 : -degree - 1]
+        rate = degree / np.where(width > 0, width, np.inf)
+        step = scipy.sparse.diags_array(
+            [-rate, rate], offsets=[0, 1], shape=(len(rate), len(rate) + 1)
+        )
+        slopes, knots = step @ slopes, knots[1:-1]
+        bases.append(design(t, knots, degree - 1) @ slopes)
+    return [scipy.sparse.csr_array(x) for x in bases]
+
+
+def _fourier_bases(t: Array, period: float, harmonics: int) -> list[Any]:
+    """Return bases of a Fourier series."""
+    return [signals.fourier_basis(t, period, harmonics, order) for order in range(3)]
+
+
+def _solve(
+    kind: Kind,
+    bases: Sequence[Any],
+    channels: Sequence[Array],
+    noise: Sequence[Array],
+    period: float | None = None,
+) -> MotionSeries:
+    """Return the series that fits all channels best, each joint weighted by the channels' noise."""
+    squares = [_gram(B) for B, _ in zip(bases, channels, strict=False)]
+    motion = np.empty((3, *channels[0].shape))
+    for joint in range(channels[0].shape[1]):
+        own = [x[:, joint] for x in channels]
+        origin = own[0].mean()  # small numbers, small rounding
+        own[0] = own[0] - origin
+        weights = _channel_weights(own, [s[joint] for s in noise])
+        bands = sum(w * G for w, G in zip(weights, squares, strict=True))
+        right = sum(w * (B.T @ x) for w, B, x in zip(weights, bases, own, strict=False))
+        # A spline may have coefficients in a gap, of which no sample tells.
+        bands[-1] += 1e-12 * bands[-1].mean()
+        values = scipy.linalg.solveh_banded(bands, right)
+        for order, basis in enumerate(bases):
+            motion[order, :, joint] = basis @ values
+        motion[0, :, joint] += origin
+    q, dq, ddq = motion
+    return MotionSeries(kind, q, dq, ddq, bases[0].shape[1], period, np.inf)
+
+
+def _gram(basis: Any) -> Array:
+    """Return the products of a basis with itself by diagonals, the main one last, (b, K)."""
+    product = basis.T @ basis
+    K = product.shape[0]
+    width = DEGREE if scipy.sparse.issparse(product) else K - 1
+    bands = np.zeros((width + 1, K))
+    for offset in range(width + 1):
+        bands[width - offset, offset:] = product.diagonal(offset)
+    return bands
+
+
+def _channel_weights(channels: Sequence[Array], noise: Sequence[float]) -> Array:
+    """Return one over the variance of each channel's noise, the largest being one."""
+    floor = [1e-9 * x.std() for x in channels]
+    variance = np.maximum(np.maximum(noise, floor), 1e-150) ** 2
+    return np.asarray(variance.min() / variance)
+
+
+def _best(
+    tried: Sequence[MotionSeries], channels: Sequence[Array], memory: Sequence[Array]
+) -> MotionSeries:
+    """Return the series with the least criterion of Akaike, with its score."""
+    scored = [replace(x, score=_score(x, channels, memory)) for x in tried]
+    return min(scored, key=lambda x: x.score)
+
+
+def _score(series: MotionSeries, channels: Sequence[Array], memory: Sequence[Array]) -> float:
+    """Return Akaike's criterion: samples count as far as they are independent."""
+    N, joints = channels[0].shape
+    score = 2.0 * series.coefficients * joints
+    for x, own, times in zip(channels, series.motion, memory, strict=False):
+        power = np.mean((x - own) ** 2, axis=0)
+        least = (1e-9 * x.std(0)) ** 2 + 1e-300  # rounding is no noise
+        score += float(np.sum(N / times * np.log(np.maximum(power, least))))
+    return score
+
+
+# Fourier series: the period is found from the spline, which has little noise.
+
+
+def _fourier_series(
+    t: Array, channels: Sequence[Array], noise: Sequence[Array], spline: MotionSeries
+) -> Iterator[MotionSeries]:
+    """Yield Fourier series of the motion's period, with more and more harmonics."""
+    step = signals.sampling_step(t)
+    for found in _periods(t, spline):
+        period = _refine(t, channels, noise, found)
+        for harmonics in HARMONICS:
+            # The shortest period of a harmonic has four samples, and samples must outnumber them.
+            if 4 * harmonics * step > period or 8 * harmonics > len(t):
+                break
+            bases = _fourier_bases(t, period, harmonics)
+            yield _solve("fourier", bases, channels, noise, period)
+
+
+def _periods(t: Array, spline: MotionSeries) -> list[float]:
+    """Return periods that are tried: the whole log, and that after which the motion repeats."""
+    step = signals.sampling_step(t)
+    tried = [float(t[-1] + step)]
+    if signals.has_gap(t).any():
+        return tried
+    size = [np.maximum(x.std(0), 1e-300) for x in (spline.q, spline.dq)]
+    state = np.hstack(
+        [(x - x.mean(0)) / s for x, s in zip((spline.q, spline.dq), size, strict=True)]
+    )
+    moving = spline.q.std(0) > 1e-9
+    state = state[:, np.tile(moving, 2)]
+    if not state.size:
+        return tried
+    apart = _differences(state)
+    # Behind the first lag at which the motion is another one.
+    elsewhere = np.flatnonzero(apart > 0.5)
+    if not len(elsewhere):
+        return tried
+    first = int(elsewhere[0])
+    least = apart[first:].min(initial=np.inf)
+    if least > REPEATED:
+        return tried
+    # The first lag that is nearly as good as the best: multiples of a period are as good.
+    near = first + np.flatnonzero(apart[first:] <= 2.0 * least + 1e-3)
+    stop = near[0]
+    while stop + 1 < len(apart) and apart[stop + 1] < apart[stop]:
+        stop += 1
+    return [*tried, float(stop * step)]
+
+
+def _differences(state: Array) -> Array:
+    """Return how far a motion is from itself k samples later, over its variance, (N / 2,)."""
+    N = len(state)
+    size = 1 << (2 * N - 1).bit_length()
+    spectrum = np.fft.rfft(state, size, axis=0)
+    products = np.fft.irfft(np.abs(spectrum) ** 2, size, axis=0)[:N].sum(1)
+    power = np.concatenate([[0.0], np.cumsum((state**2).sum(1))])
+    lags = np.arange(N // 2 + 1)
+    both = power[N - lags] + (power[N] - power[lags])
+    mean = (both - 2.0 * products[lags]) / (N - lags)
+    return np.asarray(mean / (2.0 * power[N] / N))
+
+
+def _refine(t: Array, channels: Sequence[Array], noise: Sequence[Array], period: float) -> float:
+    """Return the period near one that was found whose series leaves least [s]."""
+    step = signals.sampling_step(t)
+    harmonics = min(HARMONICS[1], int(period / (4 * step)))
+    if period > t[-1] or not harmonics:  # the whole log
+        return period
+    # Some samples of all periods tell it well enough.
+    every = slice(None, None, -(-len(t) // SAMPLES_FOR_PERIOD))
+    t, channels = t[every], [x[every] for x in channels]
+    levels = [np.maximum(s, 1e-9 * x.std(0) + 1e-150) for s, x in zip(noise, channels, strict=True)]
+
+    def left(tried: float) -> float:
+        bases = _fourier_bases(t, tried, harmonics)
+        motion = _solve("fourier", bases, channels, noise, tried).motion
+        rests = ((x - own) / s for x, own, s in zip(channels, motion, levels, strict=False))
+        return float(sum(np.sum(rest**2) for rest in rests))
+
+    found = scipy.optimize.minimize_scalar(
+        left,
+        bounds=(period - step, period + step),
+        method="bounded",
+        options={"xatol": 1e-4 * step},
+    )
+    # A controller repeats its motion after a whole number of samples.
+    samples = float(found.x) / step
+    whole = abs(samples - round(samples)) < WHOLE
+    return step * round(samples) if whole else float(found.x)
