@@ -39,9 +39,6 @@ ROWS = 600
 #: A series is used if the error of the planted torque falls below this share of that as measured.
 BETTER: Tolerance = 0.9
 
-#: The measured torque agrees with a series that explains it up to this share of the error.
-AGREES: Tolerance = 1.0
-
 
 @frozen
 class MotionTrial:
@@ -119,7 +116,7 @@ def choose_motion(
         return MotionChoice()
     measured, series = trials
     better = series.error < BETTER * measured.error
-    agrees = series.torque <= AGREES * measured.torque
+    agrees = series.torque <= measured.torque
     if not (better and agrees):
         return MotionChoice("auto", trials)
     return MotionChoice(kind, trials, tuple(with_series(r.log, r.series[kind]) for r in records))

@@ -36,20 +36,11 @@ KINDS: tuple[Kind, ...] = ("fourier", "spline")
 #: Degree of splines: their second derivative has two continuous derivatives itself.
 DEGREE = 5
 
-#: Numbers of coefficients of splines that are tried grow by this factor from the fewest.
-FEWEST_COEFFICIENTS, DENSER = 12, 1.4
-
-#: A spline has at most one coefficient in so many samples.
-SAMPLES_A_COEFFICIENT = 4
+#: Fewest coefficients of a spline, and fewest samples for each.
+FEWEST_COEFFICIENTS, SAMPLES_A_COEFFICIENT = 12, 4
 
 #: Harmonics that are tried.
 HARMONICS = (3, 5, 7, 10, 14, 20, 28, 40)
-
-#: A motion repeats if, one period later, it differs by at most this share of its variance.
-REPEATED: Tolerance = 0.1
-
-#: Samples of which a period is refined.
-SAMPLES_FOR_PERIOD = 2000
 
 #: A period this close to a whole number of samples is that number [samples].
 WHOLE: Tolerance = 0.05
@@ -218,8 +209,9 @@ def _counts(samples: int) -> list[int]:
     most = samples / SAMPLES_A_COEFFICIENT
     if most < FEWEST_COEFFICIENTS:
         return []
-    steps = int(np.log(most / FEWEST_COEFFICIENTS) / np.log(DENSER)) + 1
-    return [int(FEWEST_COEFFICIENTS * DENSER**k) for k in range(steps)]
+    # Every second one has twice as many.
+    tries = int(2 * np.log2(most / FEWEST_COEFFICIENTS)) + 1
+    return [int(FEWEST_COEFFICIENTS * 2 ** (k / 2)) for k in range(tries)]
 
 
 # Bases: the columns of position, velocity and acceleration, (N, K) each.
@@ -352,8 +344,6 @@ def _periods(t: Array, spline: MotionSeries) -> list[float]:
         return tried
     first = int(elsewhere[0])
     least = apart[first:].min(initial=np.inf)
-    if least > REPEATED:
-        return tried
     # The first lag that is nearly as good as the best: multiples of a period are as good.
     near = first + np.flatnonzero(apart[first:] <= 2.0 * least + 1e-3)
     stop = near[0]
@@ -381,8 +371,8 @@ def _refine(t: Array, channels: Sequence[Array], noise: Sequence[Array], period:
     harmonics = min(HARMONICS[1], int(period / (4 * step)))
     if period > t[-1] or not harmonics:  # the whole log
         return period
-    # Some samples of all periods tell it well enough.
-    every = slice(None, None, -(-len(t) // SAMPLES_FOR_PERIOD))
+    # Two thousand samples of all periods tell it well enough.
+    every = slice(None, None, -(-len(t) // 2000))
     t, channels = t[every], [x[every] for x in channels]
     levels = [np.maximum(s, 1e-9 * x.std(0) + 1e-150) for s, x in zip(noise, channels, strict=True)]
 
