@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import Annotated, Any
@@ -19,7 +19,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.options import at_least, checked
 from identifiability.foundation.values import frozen, remember
 from identifiability.logs.prepare.dataset import Dataset
-from identifiability.regression.regression import LogPart, Regression, map_parts
+from identifiability.regression.regression import Chunk, LogPart, Regression, map_parts
 from identifiability.regression.structure import random_motion
 
 # `ActuatorBlocks`: what the rows of one actuator say, over the columns that it can see.
@@ -519,6 +519,7 @@ def gather_information(
     regression: Regression,
     blocks: Annotated[int, at_least(1)] = BLOCKS,
     *,
+    transform: Callable[[Chunk], Chunk] | None = None,
     engine: Engine | None = None,
     progress: Steps | None = None,
 ) -> Information:
@@ -530,6 +531,9 @@ def gather_information(
     blocks : int
         Blocks of time over all logs, at most; each holds consecutive samples of one log, and none
         reaches across a long gap.
+    transform : callable, optional
+        Changes the rows of each chunk, such as `noise.whiten_chunk`. The engine must be able to
+        pickle it.
     engine : Engine, optional
         Where stretches of long logs are worked on; here without.
     progress : callable(int, int), optional
@@ -545,7 +549,8 @@ def gather_information(
     longest, missed = int(counts.max()), True
     while missed:
         every = _Blocks(len(counts), longest, [np.flatnonzero(own) for own in acts])
-        gather, found = partial(_gather_part, seen=every.seen, edges=edges, longest=longest), acts
+        how = {"seen": every.seen, "edges": edges, "longest": longest, "transform": transform}
+        gather, found = partial(_gather_part, **how), acts
         for first, own, acting in map_parts(gather, regression.parts(), engine, progress):
             found = found | acting
             every.add_all(first, own)
@@ -573,14 +578,19 @@ def _block_edges(samples: Dataset, size: int) -> Array:
 
 
 def _gather_part(
-    part: LogPart, seen: Sequence[np.ndarray], edges: Sequence[np.ndarray], longest: int
+    part: LogPart,
+    seen: Sequence[np.ndarray],
+    edges: Sequence[np.ndarray],
+    longest: int,
+    transform: Callable[[Chunk], Chunk] | None,
 ) -> tuple[int, _Blocks, np.ndarray]:
     """Return the first block of a part, its blocks, and which columns act in which actuator."""
     own, before = edges[part.log], sum(map(len, edges[: part.log]))
     first = max(int(np.searchsorted(own, part.start, "right")) - 1, 0)
     count = int(np.searchsorted(own, part.start + part.samples.outputs)) - first
     blocks, acting = _Blocks(count, longest, seen), np.zeros((len(seen), 1), bool)
-    for chunk in part.chunks():
+    for measured in part.chunks():
+        chunk = measured if transform is None else transform(measured)
         acting = acting | np.asarray(chunk.wide.any(0))
         blocks.take((chunk.wide, chunk.tau, chunk.data), chunk.start, own, -first)
     return before + first, blocks, acting

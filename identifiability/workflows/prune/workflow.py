@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -15,9 +15,13 @@ from identifiability.estimation.estimate import (
     estimate_noise,
     find_estimator,
     fit_whole,
+    weigh_outliers,
+    with_known,
 )
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.evidence import Evidence, HeldOut, near_best
+from identifiability.estimation.groups import Excerpt, Missing
+from identifiability.estimation.noise import whiten_chunk
 from identifiability.estimation.prediction import Prediction, Task, predict_all
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, one_thread
@@ -40,6 +44,7 @@ from identifiability.physical.cad_prior import resolve_prior
 from identifiability.physical.feasibility import PhysicalResult, certify_model
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.quality.recordings import Logs
+from identifiability.regression.information import gather_information
 from identifiability.regression.reduction import (
     LadderEntry,
     LadderLike,
@@ -156,7 +161,8 @@ def prune(
             question = pose_question(case, source, rows)
             _check_wishes(question.start, forbid, force)
             say("walking down the ladder", 0.4)
-            search = walk_down(question, forbid, force)
+            whitened = whiten_rows(rows, run)
+            search = walk_down(question, whitened, forbid, force)
             selected, fit = _choose(question, search, cad_prior)
             search, selected, thinned = thin_path(search, selected)
             say("measuring errors", 0.5)
@@ -209,18 +215,42 @@ def pose_question(case: Case, source: LadderSource, rows: WeightedRows) -> Quest
     return Question(rows, start, noise_known, shared)
 
 
-def walk_down(question: Question, forbid: Sequence[str], force: Sequence[str]) -> Search:
-    """Return the path of ever smaller models from the model that pruning starts from."""
-    rows, start = question.rows, question.start
+def whiten_rows(rows: WeightedRows, run: Run) -> WeightedRows:
+    """Return the rows whitened by the autoregressive noise of each joint.
+
+    Autocorrelated noise hides a parameter from least squares that whitened rows show, and makes
+    predictions of blocks scatter. So the path and the choice use whitened rows. White noise leaves
+    the rows as they are.
+    """
     data = rows.data
+    seen = Excerpt.of(data.regression)
+    noise = Missing((), seen).noise
+    if not any(joint.pacf.size for joint in noise):
+        return rows
+    information = gather_information(
+        data.regression,
+        transform=partial(whiten_chunk, noise=noise),
+        engine=run.engine,
+    )
+    unweighted = with_known(information, data.structure.known)
+    weighted, _ = weigh_outliers(unweighted, replace(rows.estimator, noise=None))
+    return replace(rows, unweighted=unweighted, information=weighted)
+
+
+def walk_down(
+    question: Question, whitened: WeightedRows, forbid: Sequence[str], force: Sequence[str]
+) -> Search:
+    """Return the path of ever smaller models from the model that pruning starts from."""
+    start, data = question.start, question.rows.data
     signal = find_signal([s.survey for s in data.samples])
+    information = start.reduce(whitened.information)
     return find_path(
-        start.reduce(rows.information),
-        variation=rows.unweighted.variation * signal,
+        information,
+        variation=whitened.unweighted.variation * signal,
         suggested=propose_moves(data.structure, start.columns),
         forbid=forbid,
         force=force,
-        method=question.estimator,
+        method=estimate_noise(whitened.estimator, information),
     )
 
 
