@@ -47,7 +47,9 @@ class Step:
     ----------
     partition : Partition
     score : Score
-        What it predicts of each fold, fitted to the rest.
+        What it predicts of each fold, fitted to the rest: what it is chosen by.
+    errors : Score
+        The same of the rows as measured; it differs where the choice rests on whitened rows.
     values : (F + 1, c)
         All columns, fitted to everything, then to the rest of each fold.
     move : Move or None
@@ -56,6 +58,7 @@ class Step:
 
     partition: Partition
     score: Score
+    errors: Score
     values: Array
     move: Move | None = None
 
@@ -231,22 +234,11 @@ class WhitenedRegression:
                 free,
             ),
         )
-        steps = zip(
-            path,
-            density,
-            squares,
-            values,
-            strict=True,
-        )
-        return [
-            Step(
-                p,
-                Score(y, own, *about),
-                x,
-                move,
-            )
-            for (move, p), y, own, x in steps
-        ]
+        found = []
+        for (move, partition), each, own, x in zip(path, density, squares, values, strict=True):
+            score = Score(each, own, *about)
+            found.append(Step(partition, score, score, x, move))
+        return found
 
     def _densities(self, left: Array, turn: Array, free: np.ndarray) -> Array:
         """Return the predictive log densities of folds under nested models, (M, F) [nats].
@@ -276,7 +268,10 @@ class WhitenedRegression:
 
 
 def whiten_regression(
-    information: Information, full: Estimate, variation: Array | None = None
+    information: Information,
+    full: Estimate,
+    variation: Array | None = None,
+    folds: Folds | None = None,
 ) -> WhitenedRegression:
     """Return the folds of a regression.
 
@@ -289,6 +284,8 @@ def whiten_regression(
     variation : (n,), optional [(N·m)² or N²]
         Of the torque of each joint about its mean; by default the
         torque's sum of squares.
+    folds : Folds, optional
+        By default those of the estimate's autocorrelation time.
 
     Raises
     ------
@@ -317,7 +314,8 @@ def whiten_regression(
         1e-300,
     )
     turned = unit_coordinates(R[:k, :k])
-    floor, folds = least_noise(information), Folds.of(information, float(full.times.max()))
+    floor = least_noise(information)
+    folds = folds or Folds.of(information, float(full.times.max()))
     tests = information.reduce(turned, information.columns, turned @ R[:k, k]).summed(folds.tested)
     return WhitenedRegression(
         start=start,
@@ -554,6 +552,7 @@ class Search:
 def find_path(
     information: Information,
     *,
+    whitened: Information | None = None,
     variation: Array | None = None,
     suggested: Sequence[Move] = (),
     forbid: Sequence[str] = (),
@@ -565,7 +564,10 @@ def find_path(
     Parameters
     ----------
     information : Information
-        About the k columns of the starting model.
+        About the k columns of the starting model. Its rows say how large errors are.
+    whitened : Information, optional
+        The same rows, whitened by the noise of each joint. They say what goes first and how well
+        each model predicts. By default the noise is white.
     variation : (n,), optional [(N·m)² or N²]
         Of the torque of each joint about its mean, as in `whiten_regression`.
     suggested : sequence of Move
@@ -576,7 +578,7 @@ def find_path(
         Its refits are the fits of the path.
     """
     full = estimate(information, method)
-    whitened = whiten_regression(information, full, variation)
+    measured = whiten_regression(information, full, variation)
     usable = [replace(m, zero=tuple(c for c in m.zero if c not in forbid)) for m in suggested]
     plan = Plan(
         suggested=tuple(usable),
@@ -584,8 +586,13 @@ def find_path(
         forced=tuple(Move(Kind.FORCED, (c,), why="You asked for it") for c in force),
         kept=frozenset(forbid),
     )
-    (first, *steps), refused = walk(whitened, plan)
-    idle = tuple(whitened.start.zeroed())
+    walked, refused = walk(measured, plan)
+    if whitened is not None:
+        under_noise = walk_whitened(measured, full, whitened, plan)
+        if not is_contradicted(under_noise[0], walked):
+            walked, refused = under_noise
+    first, *steps = walked
+    idle = tuple(measured.start.zeroed())
     if idle:  # what the motion does not excite is the first move
         why = "The motion does not excite it, or only together with what is left"
         steps.insert(
@@ -602,10 +609,45 @@ def find_path(
         first = replace(first, partition=Partition.of(full.columns))
     return Search(
         full,
-        whitened,
+        measured,
         (first, *steps),
         tuple(refused),
     )
+
+
+def walk_whitened(
+    measured: WhitenedRegression, full: Estimate, whitened: Information, plan: Plan
+) -> tuple[list[Step], list[Refusal]]:
+    """Return the models that whitened rows lead to, and the refused moves.
+
+    Values and errors are those of the rows as measured, which every other answer rests on.
+
+    Parameters
+    ----------
+    measured : WhitenedRegression
+        Of the rows as measured.
+    full : Estimate
+        Of its columns.
+    whitened : Information
+    plan : Plan
+    """
+    estimator = replace(full.estimator, noise=None)
+    fit = replace(estimator.fit(whitened), kept=tuple(measured.start.leaders))
+    steps, refused = walk(whiten_regression(whitened, fit, folds=measured.folds), plan)
+    as_measured = measured.along([(step.move, step.partition) for step in steps])
+    pairs = zip(steps, as_measured, strict=True)
+    return [replace(x, values=y.values, errors=y.errors) for x, y in pairs], refused
+
+
+def is_contradicted(whitened: Sequence[Step], measured: Sequence[Step]) -> bool:
+    """Return whether rows as measured surely prefer their own model to that of whitened rows.
+
+    What a model lacks looks like slow noise. Whitening then hides what the torque needs, and
+    unseen stretches of the rows as measured show it.
+    """
+    chosen = whitened[good_steps(whitened)[0]].errors
+    other = measured[good_steps(measured)[0]].errors
+    return other.gain(chosen).limits(len(other.density))[0] > 0
 
 
 def first_allowed(steps: Sequence[Step]) -> int:

@@ -20,8 +20,8 @@ from identifiability.estimation.estimate import (
 )
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.evidence import Evidence, HeldOut, near_best
-from identifiability.estimation.groups import Excerpt, Missing
-from identifiability.estimation.noise import whiten_chunk
+from identifiability.estimation.groups import Excerpt
+from identifiability.estimation.noise import pooled_noise, whiten_chunk
 from identifiability.estimation.prediction import Prediction, Task, predict_all
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, one_thread
@@ -44,7 +44,7 @@ from identifiability.physical.cad_prior import resolve_prior
 from identifiability.physical.feasibility import PhysicalResult, certify_model
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.quality.recordings import Logs
-from identifiability.regression.information import gather_information
+from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import (
     LadderEntry,
     LadderLike,
@@ -161,8 +161,7 @@ def prune(
             question = pose_question(case, source, rows)
             _check_wishes(question.start, forbid, force)
             say("walking down the ladder", 0.4)
-            whitened = whiten_rows(rows, run)
-            search = walk_down(question, whitened, forbid, force)
+            search = walk_down(question, whiten_rows(rows, run), forbid, force)
             selected, fit = _choose(question, search, cad_prior)
             search, selected, thinned = thin_path(search, selected)
             say("measuring errors", 0.5)
@@ -215,42 +214,54 @@ def pose_question(case: Case, source: LadderSource, rows: WeightedRows) -> Quest
     return Question(rows, start, noise_known, shared)
 
 
-def whiten_rows(rows: WeightedRows, run: Run) -> WeightedRows:
-    """Return the rows whitened by the autoregressive noise of each joint.
+def whiten_rows(rows: WeightedRows, run: Run) -> Information | None:
+    """Return the rows whitened by the noise of each joint; None if the noise is white.
 
-    Autocorrelated noise hides a parameter from least squares that whitened rows show, and makes
-    predictions of blocks scatter. So the path and the choice use whitened rows. White noise leaves
-    the rows as they are.
+    Autocorrelated noise hides a parameter from least squares that whitened rows show. The noise is
+    measured once beside all columns: beside a smaller model, what that lacks would count as noise.
     """
     data = rows.data
     seen = Excerpt.of(data.regression)
-    noise = Missing((), seen).noise
+    columns = [x[:, x.any(0)] for x in seen.X.swapaxes(0, 1)]
+    noise = pooled_noise(columns, seen.residual(seen.centre), seen.runs)
     if not any(joint.pacf.size for joint in noise):
-        return rows
+        return None
     information = gather_information(
         data.regression,
         transform=partial(whiten_chunk, noise=noise),
         engine=run.engine,
     )
     unweighted = with_known(information, data.structure.known)
-    weighted, _ = weigh_outliers(unweighted, replace(rows.estimator, noise=None))
-    return replace(rows, unweighted=unweighted, information=weighted)
+    return weigh_outliers(unweighted, replace(rows.estimator, noise=None))[0]
 
 
 def walk_down(
-    question: Question, whitened: WeightedRows, forbid: Sequence[str], force: Sequence[str]
+    question: Question,
+    whitened: Information | None,
+    forbid: Sequence[str],
+    force: Sequence[str],
 ) -> Search:
-    """Return the path of ever smaller models from the model that pruning starts from."""
-    start, data = question.start, question.rows.data
+    """Return the path of ever smaller models from the model that pruning starts from.
+
+    Parameters
+    ----------
+    question : Question
+    whitened : Information or None
+        Whitened rows of all base parameters, as `whiten_rows` returned them.
+    forbid, force : sequence of str
+        Parameters that are kept, and that are dropped, whatever the logs say.
+    """
+    rows, start = question.rows, question.start
+    data = rows.data
     signal = find_signal([s.survey for s in data.samples])
-    information = start.reduce(whitened.information)
     return find_path(
-        information,
-        variation=whitened.unweighted.variation * signal,
+        start.reduce(rows.information),
+        whitened=None if whitened is None else start.reduce(whitened),
+        variation=rows.unweighted.variation * signal,
         suggested=propose_moves(data.structure, start.columns),
         forbid=forbid,
         force=force,
-        method=estimate_noise(whitened.estimator, information),
+        method=question.estimator,
     )
 
 
@@ -498,7 +509,9 @@ def judge_step(
     torque = float(np.sqrt(np.mean(found.fitted.rms**2)))
     how = rng, draws, question.full, question.rows.data.missing, question.shared
     fit, verdicts, infeasible = decide_model(model, torque, *how, real=robot)
-    judged = Evidence.of(steps[k].score, steps[best_step(steps)].score)
+    best = steps[best_step(steps)]
+    density = steps[k].score.gain(best.score)
+    error = Evidence.of(steps[k].errors, best.errors).error
     accounts = [k] if robot is None else range(len(steps), len(steps) + 4)
     return PrunedModel(
         step=steps[k],
@@ -511,8 +524,8 @@ def judge_step(
         fitted=found.fitted.select(accounts),
         unseen=found.unseen.select(accounts),
         crossed=found.crossed.select(accounts),
-        spread=judged.error.se,
-        density=judged.density.value,
-        density_se=judged.density.se,
+        spread=error.se,
+        density=density.value,
+        density_se=density.se,
         weight=0.0,
     )
