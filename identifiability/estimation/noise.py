@@ -247,7 +247,7 @@ class RestrictedLikelihood:
         G.ravel()[:: len(G) + 1][:-1] += TINY * np.diag(lagged.products[0, 0])[:-1]
         return G
 
-    def profile(self, values: Array) -> Profile:
+    def profile(self, values: Array) -> Callable[[Array], tuple[float, Array, float]]:
         """Return what takes transformed partial autocorrelations (p,), sigma profiled out.
 
         It gives minus twice the log-likelihood, its slope (p,) and sigma.
@@ -282,7 +282,24 @@ class RestrictedLikelihood:
 
     def maximise(self, values: Array) -> Array:
         """Return the transformed partial autocorrelations (p,) of the order with the least BIC."""
-        return maximise_profiles([self.profile(values)], self.rows)[0]
+        profile = self.profile(values)
+        best = theta = np.empty(0)
+        least, how = profile(best)[0], {"ftol": 1e-3 / self.rows, "gtol": 0.0}
+        for order in range(1, HIGHEST_ORDER + 1):
+            start = np.append(theta, 0.3 if order == 1 else 0.0)
+            limits = [(-BOUND, BOUND)] * order
+            try:
+                found = scipy.optimize.minimize(
+                    lambda x: profile(x)[:2], start, jac=True, bounds=limits, options=how
+                )
+            except np.linalg.LinAlgError:  # noise that slow leaves nothing of the columns
+                break
+            theta, value = found.x, float(found.fun) + order * np.log(self.rows)
+            if value < least - ROUNDOFF:
+                best, least = theta, value
+            elif order - len(best) == 2:  # of no use, nor was the one before
+                break
+        return best
 
     def backfit(self, values: Array, best: Array) -> tuple[float, JointNoise]:
         """Return deviance with prices, and noise, where functions and noise took turns.
@@ -316,51 +333,6 @@ class RestrictedLikelihood:
         deviance, _, sigma = self.profile(values)(best)
         paid = price * np.sum(values < none) + len(best) * np.log(self.rows)
         return deviance + float(paid), JointNoise(np.tanh(best), sigma)
-
-
-Profile = Callable[[Array], tuple[float, Array, float]]
-
-
-def maximise_profiles(profiles: Sequence[Profile], rows: int) -> tuple[Array, float]:
-    """Return the partial autocorrelations that series share, of the order with the least BIC.
-
-    Parameters
-    ----------
-    profiles : sequence of Profile
-        Of each series (`RestrictedLikelihood.profile`).
-    rows : int
-        Rows of all series.
-
-    Returns
-    -------
-    theta : (p,)
-        Transformed partial autocorrelations.
-    criterion : float
-        Their BIC.
-    """
-
-    def sum_profiles(theta: Array) -> tuple[float, Array]:
-        each = [profile(theta)[:2] for profile in profiles]
-        slope: Array = np.sum([x for _, x in each], axis=0)
-        return float(sum(value for value, _ in each)), slope
-
-    best = theta = np.empty(0)
-    least, how = sum_profiles(best)[0], {"ftol": 1e-3 / rows, "gtol": 0.0}
-    for order in range(1, HIGHEST_ORDER + 1):
-        start = np.append(theta, 0.3 if order == 1 else 0.0)
-        limits = [(-BOUND, BOUND)] * order
-        try:
-            found = scipy.optimize.minimize(
-                sum_profiles, start, jac=True, bounds=limits, options=how
-            )
-        except np.linalg.LinAlgError:  # noise that slow leaves nothing of the columns
-            break
-        theta, value = found.x, float(found.fun) + order * np.log(rows)
-        if value < least - ROUNDOFF:
-            best, least = theta, value
-        elif order - len(best) == 2:  # of no use, nor was the one before
-            break
-    return best, least
 
 
 # `ARNoise`: autoregressive noise of each joint, fitted beside whatever the dictionary explains.
@@ -460,42 +432,6 @@ def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs, least: float = 0.0
     found = every.backfit(none, every.maximise(none)), every.backfit(np.ones(len(parts)), none[:0])
     noise = min(found, key=lambda x: x[0])[1]
     return replace(noise, sigma=max(noise.sigma, least))
-
-
-def pooled_noise(columns: Sequence[Array], torque: Array, runs: JointRuns) -> ARNoise:
-    """Return the noise of all joints by restricted likelihood beside their columns.
-
-    A short log says little of slow noise, because its columns are slow too. So the joints share
-    one autoregression if that has the smaller BIC. Innovations keep their own size.
-
-    Parameters
-    ----------
-    columns : sequence of (N, k)
-        Columns that act in each of the n joints.
-    torque : (N, n) [N·m or N]
-    runs : JointRuns
-        Stretches of data of each joint.
-    """
-    likelihoods = {}
-    for j, (X, stretches) in enumerate(zip(columns, runs, strict=True)):
-        rows = sum(stop - start for start, stop in stretches)
-        if any(stop - start >= HIGHEST_ORDER for start, stop in stretches):
-            basis = span_columns(X, int(RULES.columns_most * rows))
-            likelihood = RestrictedLikelihood(torque[:, j], basis, stretches)
-            if not likelihood.rounding:
-                likelihoods[j] = likelihood
-    noise = [JointNoise(np.empty(0), 0.0) for _ in runs]
-    if not likelihoods:
-        return tuple(noise)
-    profiles = {j: x.profile(np.empty(0)) for j, x in likelihoods.items()}
-    separate = {j: maximise_profiles([profiles[j]], x.rows) for j, x in likelihoods.items()}
-    rows = sum(x.rows for x in likelihoods.values())
-    shared, criterion = maximise_profiles(list(profiles.values()), rows)
-    share = criterion < sum(each for _, each in separate.values())
-    for j, profile in profiles.items():
-        theta = shared if share else separate[j][0]
-        noise[j] = JointNoise(np.tanh(theta), profile(theta)[2])
-    return tuple(noise)
 
 
 def _choose_parts(parts: Sequence[Array], room: int) -> list[Array]:

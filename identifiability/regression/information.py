@@ -549,8 +549,10 @@ def gather_information(
     longest, missed = int(counts.max()), True
     while missed:
         every = _Blocks(len(counts), longest, [np.flatnonzero(own) for own in acts])
-        how = {"seen": every.seen, "edges": edges, "longest": longest, "transform": transform}
-        gather, found = partial(_gather_part, **how), acts
+        gather = partial(
+            _gather_part, seen=every.seen, edges=edges, longest=longest, transform=transform
+        )
+        found = acts
         for first, own, acting in map_parts(gather, regression.parts(), engine, progress):
             found = found | acting
             every.add_all(first, own)

@@ -8,6 +8,9 @@
    Coulomb levels are merged or dropped together, never torn apart.
 
 Of the path the smallest model as good as the best is used.
+
+Autocorrelated noise hides parameters, so whitened rows choose where there are any
+(`find_path`). Rows as measured may refute their choice (`is_contradicted`).
 """
 
 from __future__ import annotations
@@ -21,7 +24,15 @@ from scipy.linalg import solve_triangular
 
 from identifiability.estimation.estimate import Method, estimate
 from identifiability.estimation.estimator import Estimate, combine
-from identifiability.estimation.evidence import LEVELS, Folds, Gain, Score, least_noise, may_stand
+from identifiability.estimation.evidence import (
+    LEVELS,
+    Folds,
+    Gain,
+    HeldOut,
+    Score,
+    least_noise,
+    may_stand,
+)
 from identifiability.estimation.gaussian import Normal
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.linalg import ROUNDOFF, unit_coordinates
@@ -47,9 +58,9 @@ class Step:
     ----------
     partition : Partition
     score : Score
-        What it predicts of each fold, fitted to the rest: what it is chosen by.
+        What it predicts of each fold, fitted to the rest. It chooses the model.
     errors : Score
-        The same of the rows as measured; it differs where the choice rests on whitened rows.
+        The score on rows as measured. It differs from `score` if whitened rows choose.
     values : (F + 1, c)
         All columns, fitted to everything, then to the rest of each fold.
     move : Move or None
@@ -564,10 +575,10 @@ def find_path(
     Parameters
     ----------
     information : Information
-        About the k columns of the starting model. Its rows say how large errors are.
+        About the k columns of the starting model.
     whitened : Information, optional
-        The same rows, whitened by the noise of each joint. They say what goes first and how well
-        each model predicts. By default the noise is white.
+        The same rows, whitened by the noise of each joint. They choose the model unless the rows as
+        measured contradict them. By default the noise is white.
     variation : (n,), optional [(N·m)² or N²]
         Of the torque of each joint about its mean, as in `whiten_regression`.
     suggested : sequence of Move
@@ -588,9 +599,11 @@ def find_path(
     )
     walked, refused = walk(measured, plan)
     if whitened is not None:
-        under_noise = walk_whitened(measured, full, whitened, plan)
-        if not is_contradicted(under_noise[0], walked):
-            walked, refused = under_noise
+        judge = _whiten_same(measured, full, whitened)
+        steps, others = walk(judge, plan)
+        held_out = HeldOut.of(information, full.noise, measured.folds)
+        if not is_contradicted(steps, walked, held_out):
+            walked, refused = _measure_errors(steps, measured), others
     first, *steps = walked
     idle = tuple(measured.start.zeroed())
     if idle:  # what the motion does not excite is the first move
@@ -615,39 +628,40 @@ def find_path(
     )
 
 
-def walk_whitened(
-    measured: WhitenedRegression, full: Estimate, whitened: Information, plan: Plan
-) -> tuple[list[Step], list[Refusal]]:
-    """Return the models that whitened rows lead to, and the refused moves.
+def _whiten_same(
+    measured: WhitenedRegression, full: Estimate, whitened: Information
+) -> WhitenedRegression:
+    """Return the regression of whitened rows, with the columns and folds of rows as measured."""
+    estimator = replace(full.estimator, noise=None)
+    fit = replace(estimator.fit(whitened), kept=tuple(measured.start.leaders))
+    return whiten_regression(whitened, fit, folds=measured.folds)
 
-    Values and errors are those of the rows as measured, which every other answer rests on.
+
+def _measure_errors(steps: Sequence[Step], measured: WhitenedRegression) -> list[Step]:
+    """Return steps with the values and errors of rows as measured, which reports state."""
+    fitted = measured.along([(step.move, step.partition) for step in steps])
+    pairs = zip(steps, fitted, strict=True)
+    return [replace(x, values=y.values, errors=y.errors) for x, y in pairs]
+
+
+def is_contradicted(whitened: Sequence[Step], measured: Sequence[Step], held_out: HeldOut) -> bool:
+    """Return whether unseen torque surely contradicts the choice of whitened rows.
+
+    Errors of the model look like slow noise, and whitening then hides parameters that the torque
+    needs. So both kinds of rows choose a model, and both models predict the folds as measured.
+    Each model keeps the values that its own rows gave.
 
     Parameters
     ----------
-    measured : WhitenedRegression
-        Of the rows as measured.
-    full : Estimate
-        Of its columns.
-    whitened : Information
-    plan : Plan
+    whitened, measured : sequence of Step
+        The models that whitened rows and rows as measured lead to.
+    held_out : HeldOut
+        Folds of the rows as measured.
     """
-    estimator = replace(full.estimator, noise=None)
-    fit = replace(estimator.fit(whitened), kept=tuple(measured.start.leaders))
-    steps, refused = walk(whiten_regression(whitened, fit, folds=measured.folds), plan)
-    as_measured = measured.along([(step.move, step.partition) for step in steps])
-    pairs = zip(steps, as_measured, strict=True)
-    return [replace(x, values=y.values, errors=y.errors) for x, y in pairs], refused
-
-
-def is_contradicted(whitened: Sequence[Step], measured: Sequence[Step]) -> bool:
-    """Return whether rows as measured surely prefer their own model to that of whitened rows.
-
-    What a model lacks looks like slow noise. Whitening then hides what the torque needs, and
-    unseen stretches of the rows as measured show it.
-    """
-    chosen = whitened[good_steps(whitened)[0]].errors
-    other = measured[good_steps(measured)[0]].errors
-    return other.gain(chosen).limits(len(other.density))[0] > 0
+    chosen, other = (
+        held_out.score(steps[good_steps(steps)[0]].values[1:]) for steps in (whitened, measured)
+    )
+    return other.gain(chosen).limits(held_out.folds.count)[0] > 0
 
 
 def first_allowed(steps: Sequence[Step]) -> int:

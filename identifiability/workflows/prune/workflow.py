@@ -20,8 +20,7 @@ from identifiability.estimation.estimate import (
 )
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.evidence import Evidence, HeldOut, near_best
-from identifiability.estimation.groups import Excerpt
-from identifiability.estimation.noise import pooled_noise, whiten_chunk
+from identifiability.estimation.noise import whiten_chunk
 from identifiability.estimation.prediction import Prediction, Task, predict_all
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, one_thread
@@ -218,12 +217,11 @@ def whiten_rows(rows: WeightedRows, run: Run) -> Information | None:
     """Return the rows whitened by the noise of each joint; None if the noise is white.
 
     Autocorrelated noise hides a parameter from least squares that whitened rows show. The noise is
-    measured once beside all columns: beside a smaller model, what that lacks would count as noise.
+    measured in the presence of all columns and of all effects that may be missing. Without them,
+    errors of the model would count as noise.
     """
     data = rows.data
-    seen = Excerpt.of(data.regression)
-    columns = [x[:, x.any(0)] for x in seen.X.swapaxes(0, 1)]
-    noise = pooled_noise(columns, seen.residual(seen.centre), seen.runs)
+    noise = data.missing.noise
     if not any(joint.pacf.size for joint in noise):
         return None
     information = gather_information(
