@@ -328,6 +328,14 @@ class Gain:
     value: float
     se: float
 
+    def limits(self, folds: int) -> tuple[float, float]:
+        """Return the limits of Student's t at the confidence of `LEVELS`, by so many folds."""
+        if folds < 2:
+            return -np.inf, np.inf
+        tail = 0.5 * (1.0 - LEVELS.confidence)
+        reach = float(-stdtrit(folds - 1, tail)) * self.se
+        return self.value - reach, self.value + reach
+
 
 @frozen
 class Evidence:
@@ -356,11 +364,7 @@ class Evidence:
     @property
     def limits(self) -> tuple[float, float]:
         """Of the gain of the error over all joints."""
-        if self.folds < 2:
-            return -np.inf, np.inf
-        tail = 0.5 * (1.0 - LEVELS.confidence)
-        reach = float(-stdtrit(self.folds - 1, tail)) * self.error.se
-        return self.error.value - reach, self.error.value + reach
+        return self.error.limits(self.folds)
 
     @property
     def replaceable(self) -> bool:

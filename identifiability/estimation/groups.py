@@ -528,12 +528,15 @@ class MissingEffects:
         Of these, and of all others.
     XX, XB : (n, k, k), (n, k, u)
         Products of model and groups at each joint, neither weighed nor whitened.
+    noise : ARNoise
+        Noise of each joint, measured in the presence of all groups; empty where there are none.
     """
 
     named: Terms
     shares: tuple[Share, ...]
     XX: Array
     XB: Array
+    noise: ARNoise = ()
 
     @property
     def functions(self) -> tuple[str, ...]:
@@ -691,4 +694,4 @@ def _conclude(missing: Missing, model: MixedModel, terms: Terms) -> MissingEffec
         Z = [missing.entries.get((j, k), none) for k in (used - missing.fixed).tolist()]
         XX.append(X @ X.T)
         XB.append(X @ np.reshape(Z, (-1, len(none))).T)
-    return MissingEffects(terms, tuple(shares), np.array(XX), np.array(XB))
+    return MissingEffects(terms, tuple(shares), np.array(XX), np.array(XB), missing.noise)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import scipy
@@ -15,6 +16,8 @@ from identifiability.foundation.linalg import RANK_TOLERANCE, ROUNDOFF, TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
+from identifiability.logs import signals
+from identifiability.regression.regression import Chunk
 
 from .rules import RULES
 
@@ -99,6 +102,39 @@ def whiten(x: Array, runs: Runs, pacf: Array) -> Array:
     np.add.at(edges, stop, -1)
     out[np.cumsum(edges[:-1]) == 0] = 0.0
     return out
+
+
+def whiten_joints(x: Array, runs: JointRuns, noise: ARNoise) -> Array:
+    """Return the whitened rows of each joint in the unit of the rows.
+
+    Parameters
+    ----------
+    x : (N, n, ...)
+        Rows of each of the n joints.
+    runs : JointRuns
+        Stretches of data of each joint. Rows between them become zero.
+    noise : ARNoise
+    """
+    each = zip(x.swapaxes(0, 1), runs, noise, strict=True)
+    return np.stack([whiten(rows, stretches, joint.pacf) for rows, stretches, joint in each], 1)
+
+
+def whiten_chunk(chunk: Chunk, noise: ARNoise) -> Chunk:
+    """Return a chunk of a regression with whitened columns, instruments and torque.
+
+    Each chunk begins a new stretch. That costs at most one row per chunk and joint.
+    """
+    N = len(chunk.t)
+    gaps = np.flatnonzero(signals.has_gap(chunk.t)) + 1 if N > 1 else np.empty(0, int)
+    stretches = list(pairwise([0, *gaps.tolist(), N]))
+    runs = split_runs(stretches, chunk.data)
+    V = chunk.instruments
+    return replace(
+        chunk,
+        W=whiten_joints(chunk.W, runs, noise),
+        tau=whiten_joints(chunk.tau, runs, noise),
+        instruments=None if V is None else whiten_joints(V, runs, noise),
+    )
 
 
 # Restricted likelihood of autoregressive noise beside columns that are fitted with it.

@@ -12,10 +12,13 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.optimize import nnls
 
 from identifiability.effects import find_families
 from identifiability.effects.inertia import ActuatorInertia
 from identifiability.effects.transmission import Hysteresis
+from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
@@ -356,18 +359,29 @@ class TorqueRows:
 
 
 def solve_nonnegative(gram: Array, cross: Array, nonnegative: Array) -> Array:
-    """Return the solution (b,) of normal equations; columns with a forbidden sign are left out."""
+    """Return the solution (b,) of normal equations without forbidden signs [Lawson & Hanson 1974].
+
+    Parameters
+    ----------
+    gram : (b, b)
+    cross : (b,)
+    nonnegative : (b,) bool
+        Values that must not be negative.
+    """
     size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     gram = gram / np.outer(size, size)
-    cross = cross / size
     # Rounding leaves something of a column that is zero.
-    kept = np.diag(gram) > ROUNDOFF
-    while True:
-        at = np.flatnonzero(kept)
-        value = np.zeros(len(cross))
-        ridge = ROUNDOFF * np.eye(len(at))
-        value[at] = np.linalg.solve(gram[np.ix_(at, at)] + ridge, cross[at])
-        forbidden = (value < 0) & nonnegative
-        if not forbidden.any():
-            return np.asarray(value / size)
-        kept &= ~forbidden
+    acts = np.diag(gram) > ROUNDOFF
+    free, signed = np.flatnonzero(acts & ~nonnegative), np.flatnonzero(acts & nonnegative)
+    order = np.concatenate([free, signed])
+    fit = Normal.ridged(gram[np.ix_(order, order)], (cross / size)[order])
+    # The trailing block of the factor is that of the signed columns beside the free ones.
+    k = len(free)
+    positive = (
+        nnls(np.ascontiguousarray(fit.factor[k:, k:].T), fit.half[k:])[0] if len(signed) else []
+    )
+    half = fit.half[:k] - fit.factor[k:, :k].T @ positive
+    value = np.zeros(len(cross))
+    value[signed] = positive
+    value[free] = solve_triangular(fit.factor[:k, :k], half, lower=True, trans="T")
+    return np.asarray(value / size)

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import Annotated, Any
@@ -20,7 +20,7 @@ from identifiability.foundation.options import at_least, checked
 from identifiability.foundation.values import frozen, remember
 from identifiability.logs.prepare.dataset import Dataset
 
-from .regression import LogPart, Regression, map_parts
+from .regression import Chunk, LogPart, Regression, map_parts
 from .structure import random_motion
 
 # `ActuatorBlocks`: what the rows of one actuator say, over the columns that it can see.
@@ -523,6 +523,7 @@ def gather_information(
     regression: Regression,
     blocks: Annotated[int, at_least(1)] = BLOCKS,
     *,
+    transform: Callable[[Chunk], Chunk] | None = None,
     engine: Engine | None = None,
     progress: Steps | None = None,
 ) -> Information:
@@ -534,6 +535,9 @@ def gather_information(
     blocks : int
         Blocks of time over all logs, at most; each holds consecutive samples of one log, and none
         reaches across a long gap.
+    transform : callable, optional
+        Changes the rows of each chunk, such as `noise.whiten_chunk`. The engine must be able to
+        pickle it.
     engine : Engine, optional
         Where stretches of long logs are worked on; here without.
     progress : callable(int, int), optional
@@ -551,7 +555,9 @@ def gather_information(
     missed = True
     while missed:
         every = _Blocks(len(counts), longest, [np.flatnonzero(own) for own in acts])
-        gather = partial(_gather_part, seen=every.seen, edges=edges, longest=longest)
+        gather = partial(
+            _gather_part, seen=every.seen, edges=edges, longest=longest, transform=transform
+        )
         found = acts
         for first, own, acting in map_parts(gather, regression.parts(), engine, progress):
             found = found | acting
@@ -581,7 +587,11 @@ def _block_edges(samples: Dataset, size: int) -> Array:
 
 
 def _gather_part(
-    part: LogPart, seen: Sequence[np.ndarray], edges: Sequence[np.ndarray], longest: int
+    part: LogPart,
+    seen: Sequence[np.ndarray],
+    edges: Sequence[np.ndarray],
+    longest: int,
+    transform: Callable[[Chunk], Chunk] | None,
 ) -> tuple[int, _Blocks, np.ndarray]:
     """Return the first block of a part, its blocks, and which columns act in which actuator."""
     own = edges[part.log]
@@ -590,7 +600,8 @@ def _gather_part(
     count = int(np.searchsorted(own, part.start + part.samples.outputs)) - first
     blocks = _Blocks(count, longest, seen)
     acting = np.zeros((len(seen), 1), bool)
-    for chunk in part.chunks():
-        acting = acting | chunk.wide.any(0)
+    for measured in part.chunks():
+        chunk = measured if transform is None else transform(measured)
+        acting = acting | np.asarray(chunk.wide.any(0))
         blocks.take((chunk.wide, chunk.tau, chunk.data), chunk.start, own, -first)
     return before + first, blocks, acting

@@ -6,9 +6,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from identifiability import IdentifiabilityError, Noise, analyze, prune
+from identifiability import IdentifiabilityError, Noise, Robot, analyze, prune
 from identifiability.estimation.evidence import LEVELS
 from identifiability.estimation.verdict import Class
+from identifiability.regression.reduction import ladder_path
 
 SLIDERS = {f"slider{k}.{kind}" for k in (1, 2, 3) for kind in ("Fv", "Fc", "Jr")}
 MODEL_4 = SLIDERS | {"platform.mx", "leg2_upper.m", "leg3_upper.m"}
@@ -19,6 +20,13 @@ def test_the_3rps_ends_at_the_papers_smallest_model_without_knowing_it(pruned):
     assert pruned.chosen.feasible
     sure = [v.verdict is Class.IDENTIFIABLE for v in pruned.chosen.verdicts]
     assert sum(sure) >= len(sure) - 1  # what may be missing may put one in doubt
+
+
+@pytest.mark.parametrize(("trajectory", "seed"), [("601", 100), ("601", 103), ("571", 110)])
+def test_slow_torque_noise_hides_no_parameter_and_adds_none(simulated, trajectory, seed):
+    log = simulated("3-rps", trajectory, seed, Noise(additive=0.05, correlation=0.9))
+    out = prune("3-rps", log, "none", ladder_path(Robot.load("3-rps")), replicates=0)
+    assert set(out.chosen.columns) == MODEL_4
 
 
 def test_a_model_that_no_real_robot_can_have_gives_way_where_real_robots_predict_alike(simulated):

@@ -8,6 +8,9 @@
    Coulomb levels are merged or dropped together, never torn apart.
 
 Of the path the smallest model as good as the best is used.
+
+Autocorrelated noise hides parameters, so whitened rows choose where there are any
+(`find_path`). Rows as measured may refute their choice (`is_contradicted`).
 """
 
 from __future__ import annotations
@@ -21,7 +24,15 @@ from scipy.linalg import solve_triangular
 
 from identifiability.estimation.estimate import Method, estimate
 from identifiability.estimation.estimator import Estimate, combine
-from identifiability.estimation.evidence import LEVELS, Folds, Gain, Score, least_noise, may_stand
+from identifiability.estimation.evidence import (
+    LEVELS,
+    Folds,
+    Gain,
+    HeldOut,
+    Score,
+    least_noise,
+    may_stand,
+)
 from identifiability.estimation.gaussian import Normal
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.linalg import ROUNDOFF, unit_coordinates
@@ -48,7 +59,9 @@ class Step:
     ----------
     partition : Partition
     score : Score
-        What it predicts of each fold, fitted to the rest.
+        What it predicts of each fold, fitted to the rest. It chooses the model.
+    errors : Score
+        The score on rows as measured. It differs from `score` if whitened rows choose.
     values : (F + 1, c)
         All columns, fitted to everything, then to the rest of each fold.
     move : Move or None
@@ -57,6 +70,7 @@ class Step:
 
     partition: Partition
     score: Score
+    errors: Score
     values: Array
     move: Move | None = None
 
@@ -216,9 +230,13 @@ class WhitenedRegression:
         values = (self.refits.centre + delta) @ self.inverse.T
         left = np.concatenate([-delta[:, 1:], np.ones((len(free), self.folds.count, 1))], 2)
         squares = self.tests.squares_of_blocks(left)
-        about, density = (self.variation, self.folds.ratio), self._densities(left, turn, free)
-        steps = zip(path, density, squares, values, strict=True)
-        return [Step(p, Score(y, own, *about), x, move) for (move, p), y, own, x in steps]
+        about = (self.variation, self.folds.ratio)
+        density = self._densities(left, turn, free)
+        found = []
+        for (move, partition), each, own, x in zip(path, density, squares, values, strict=True):
+            score = Score(each, own, *about)
+            found.append(Step(partition, score, score, x, move))
+        return found
 
     def _turn(self, partitions: Sequence[Partition]) -> Array:
         """Return orthonormal directions (k, k): the first ones span what a model leaves free."""
@@ -256,7 +274,10 @@ class WhitenedRegression:
 
 
 def whiten_regression(
-    information: Information, full: Estimate, variation: Array | None = None
+    information: Information,
+    full: Estimate,
+    variation: Array | None = None,
+    folds: Folds | None = None,
 ) -> WhitenedRegression:
     """Return the folds of a regression.
 
@@ -269,6 +290,8 @@ def whiten_regression(
     variation : (n,), optional [(N·m)² or N²]
         Of the torque of each joint about its mean; by default the
         torque's sum of squares.
+    folds : Folds, optional
+        By default those of the estimate's autocorrelation time.
 
     Raises
     ------
@@ -284,7 +307,7 @@ def whiten_regression(
     length = float(np.linalg.norm(R[:, k]))
     R[k, k] = max(abs(R[k, k]), ROUNDOFF * length, 1e-300)
     turned = unit_coordinates(R[:k, :k])
-    folds = Folds.of(information, float(full.times.max()))
+    folds = folds or Folds.of(information, float(full.times.max()))
     residual = information.reduce(turned, information.columns, turned @ R[:k, k])
     tests = residual.summed(folds.tested)
     return WhitenedRegression(
@@ -519,6 +542,7 @@ class Search:
 def find_path(
     information: Information,
     *,
+    whitened: Information | None = None,
     variation: Array | None = None,
     suggested: Sequence[Move] = (),
     forbid: Sequence[str] = (),
@@ -531,6 +555,9 @@ def find_path(
     ----------
     information : Information
         About the k columns of the starting model.
+    whitened : Information, optional
+        The same rows, whitened by the noise of each joint. They choose the model unless the rows as
+        measured contradict them. By default the noise is white.
     variation : (n,), optional [(N·m)² or N²]
         Of the torque of each joint about its mean, as in `whiten_regression`.
     suggested : sequence of Move
@@ -541,7 +568,7 @@ def find_path(
         Its refits are the fits of the path.
     """
     full = estimate(information, method)
-    whitened = whiten_regression(information, full, variation)
+    measured = whiten_regression(information, full, variation)
     usable = []
     for move in suggested:
         zero = tuple(c for c in move.zero if c not in forbid)
@@ -553,13 +580,56 @@ def find_path(
         forced=tuple(Move(Kind.FORCED, (c,), why=asked) for c in force),
         kept=frozenset(forbid),
     )
-    (first, *steps), refused = walk(whitened, plan)
-    idle = tuple(whitened.start.zeroed())
+    walked, refused = walk(measured, plan)
+    if whitened is not None:
+        judge = _whiten_same(measured, full, whitened)
+        steps, others = walk(judge, plan)
+        held_out = HeldOut.of(information, full.noise, measured.folds)
+        if not is_contradicted(steps, walked, held_out):
+            walked, refused = _measure_errors(steps, measured), others
+    first, *steps = walked
+    idle = tuple(measured.start.zeroed())
     if idle:  # what the motion does not excite is the first move
         move = Move(Kind.UNEXCITED, idle, why=phrase("pruned", "idle"))
         steps = [replace(first, move=move), *steps]
         first = replace(first, partition=Partition.of(full.columns))
-    return Search(full, whitened, (first, *steps), tuple(refused))
+    return Search(full, measured, (first, *steps), tuple(refused))
+
+
+def _whiten_same(
+    measured: WhitenedRegression, full: Estimate, whitened: Information
+) -> WhitenedRegression:
+    """Return the regression of whitened rows, with the columns and folds of rows as measured."""
+    estimator = replace(full.estimator, noise=None)
+    fit = replace(estimator.fit(whitened), kept=tuple(measured.start.leaders))
+    return whiten_regression(whitened, fit, folds=measured.folds)
+
+
+def _measure_errors(steps: Sequence[Step], measured: WhitenedRegression) -> list[Step]:
+    """Return steps with the values and errors of rows as measured, which reports state."""
+    fitted = measured.along([(step.move, step.partition) for step in steps])
+    pairs = zip(steps, fitted, strict=True)
+    return [replace(x, values=y.values, errors=y.errors) for x, y in pairs]
+
+
+def is_contradicted(whitened: Sequence[Step], measured: Sequence[Step], held_out: HeldOut) -> bool:
+    """Return whether unseen torque surely contradicts the choice of whitened rows.
+
+    Errors of the model look like slow noise, and whitening then hides parameters that the torque
+    needs. So both kinds of rows choose a model, and both models predict the folds as measured.
+    Each model keeps the values that its own rows gave.
+
+    Parameters
+    ----------
+    whitened, measured : sequence of Step
+        The models that whitened rows and rows as measured lead to.
+    held_out : HeldOut
+        Folds of the rows as measured.
+    """
+    chosen, other = (
+        held_out.score(steps[good_steps(steps)[0]].values[1:]) for steps in (whitened, measured)
+    )
+    return other.gain(chosen).limits(held_out.folds.count)[0] > 0
 
 
 def first_allowed(steps: Sequence[Step]) -> int:

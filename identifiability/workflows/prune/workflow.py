@@ -4,14 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
-from identifiability.estimation.estimate import Kind, Method, estimate_noise, fit_whole
+from identifiability.estimation.estimate import (
+    Kind,
+    Method,
+    estimate_noise,
+    fit_whole,
+    weigh_outliers,
+    with_known,
+)
 from identifiability.estimation.estimator import Estimate, Estimator
 from identifiability.estimation.evidence import Evidence, HeldOut, near_best
+from identifiability.estimation.noise import whiten_chunk
 from identifiability.estimation.prediction import Prediction, Task, predict_all
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, one_thread
@@ -32,6 +40,7 @@ from identifiability.logs.prepare.dataset import find_signal
 from identifiability.physical.feasibility import PhysicalResult, certify_model
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.quality.recordings import Logs
+from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import (
     LadderEntry,
     LadderLike,
@@ -168,7 +177,7 @@ def _reduce(
     data, wishes = question.rows.data, [settings[name] for name in ("forbid", "force")]
     _check_wishes(question.start, *wishes)
     run.say("walking down the ladder", 0.4)
-    search = walk_down(question, *wishes)
+    search = walk_down(question, whiten_rows(question.rows, run), *wishes)
     selected, fit = _choose(question, search, settings["cad_prior"])
     search, selected, thinned = thin_path(search, selected)
     run.say("measuring errors", 0.5)
@@ -212,13 +221,48 @@ def pose_question(case: Case, source: LadderSource, rows: WeightedRows) -> Quest
     return Question(rows, start, noise_known, shared)
 
 
-def walk_down(question: Question, forbid: Sequence[str], force: Sequence[str]) -> Search:
-    """Return the path of ever smaller models from the model that pruning starts from."""
+def whiten_rows(rows: WeightedRows, run: Run) -> Information | None:
+    """Return the rows whitened by the noise of each joint; None if the noise is white.
+
+    Autocorrelated noise hides a parameter from least squares that whitened rows show. The noise is
+    measured in the presence of all columns and of all effects that may be missing. Without them,
+    errors of the model would count as noise.
+    """
+    data = rows.data
+    noise = data.missing.noise
+    if not any(joint.pacf.size for joint in noise):
+        return None
+    information = gather_information(
+        data.regression,
+        transform=partial(whiten_chunk, noise=noise),
+        engine=run.engine,
+    )
+    unweighted = with_known(information, data.structure.known)
+    return weigh_outliers(unweighted, replace(rows.estimator, noise=None))[0]
+
+
+def walk_down(
+    question: Question,
+    whitened: Information | None,
+    forbid: Sequence[str],
+    force: Sequence[str],
+) -> Search:
+    """Return the path of ever smaller models from the model that pruning starts from.
+
+    Parameters
+    ----------
+    question : Question
+    whitened : Information or None
+        Whitened rows of all base parameters, as `whiten_rows` returned them.
+    forbid, force : sequence of str
+        Parameters that are kept, and that are dropped, whatever the logs say.
+    """
     rows, start = question.rows, question.start
     data = rows.data
     signal = find_signal([s.survey for s in data.samples])
     return find_path(
         start.reduce(rows.information),
+        whitened=None if whitened is None else start.reduce(whitened),
         variation=rows.unweighted.variation * signal,
         suggested=propose_moves(data.structure, start.columns),
         forbid=forbid,
@@ -457,7 +501,9 @@ def judge_step(
     torque = rms_torque(found.fitted)
     how = rng, draws, question.full, question.rows.data.missing, question.shared
     fit, verdicts, infeasible = decide_model(model, torque, *how, real=robot)
-    judged = Evidence.of(steps[k].score, steps[best_step(steps)].score)
+    best = steps[best_step(steps)]
+    density = steps[k].score.gain(best.score)
+    error = Evidence.of(steps[k].errors, best.errors).error
     accounts = [k] if robot is None else range(len(steps), len(steps) + 4)
     return PrunedModel(
         step=steps[k],
@@ -470,8 +516,8 @@ def judge_step(
         fitted=found.fitted.select(accounts),
         unseen=found.unseen.select(accounts),
         crossed=found.crossed.select(accounts),
-        spread=judged.error.se,
-        density=judged.density.value,
-        density_se=judged.density.se,
+        spread=error.se,
+        density=density.value,
+        density_se=density.se,
         weight=0.0,
     )

@@ -49,9 +49,11 @@ def step(density, size, *, kind=Kind.DROP, columns=8):
     """Return a step with these densities of folds; `size` parameters are left."""
     group = np.where(np.arange(columns) < size, np.arange(columns), ZERO)
     nothing = np.exp(-np.asarray(density, float))[:, None]  # errors that differ as densities do
+    score = Score(np.asarray(density, float), nothing, np.ones(1), 0.25)
     return Step(
         partition=Partition(tuple(f"p{j}" for j in range(columns)), group),
-        score=Score(np.asarray(density, float), nothing, np.ones(1), 0.25),
+        score=score,
+        errors=score,
         values=np.zeros((2, columns)),
         move=Move(kind, ("x",)),
     )
