@@ -166,12 +166,11 @@ def ledger(said: Iterable[str], *, every: bool = False) -> tuple[Table, ...]:
     """
     from .answers import Column, Table  # noqa: PLC0415 - pandas
 
-    columns = (
-        Column("check", get="key"),
-        Column("of", get="subject"),
-        Column("rows", get=lambda x: str(x.numbers.get("rows", ""))),
-        Column("columns", get=lambda x: listing(x.numbers.get("columns", ()), 4)),
-        Column("what was done", get=lambda x: x.done or "said"),
-    )
-    rows = [x for x in of_key(said) if every or x.done]
+    columns = [Column(title) for title in ("check", "of", "rows", "columns", "what was done")]
+    rows = []
+    for found in of_key(said):
+        if every or found.done:
+            touched = listing(found.numbers.get("columns", ()), 4)
+            count = str(found.numbers.get("rows", ""))
+            rows.append((found.key, found.subject, count, touched, found.done or "said"))
     return (Table.of("What was done with the logs", columns, rows),) if rows else ()

@@ -6,22 +6,15 @@ Parameters, masses, contributions to torque and correlations are shown alike of 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from operator import itemgetter
 
 import numpy as np
 
 from identifiability.effects import title_of
 from identifiability.estimation.prediction import Prediction, loaded_joints
 from identifiability.estimation.verdict import Class, Verdict
-from identifiability.foundation.answers import Cell, Column, Note, Table
+from identifiability.foundation.answers import Cell, Note, Table
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import (
-    digits,
-    format_count,
-    format_number,
-    join,
-    stated_text,
-)
+from identifiability.foundation.rounding import format_count, format_number, join
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.cad_prior import mass_rows, total_mass
 from identifiability.posterior.rules import RULES as POSTERIOR_RULES
@@ -34,6 +27,7 @@ from identifiability.report.answers.analyze import (
     parameter_table,
 )
 from identifiability.report.answers.common import note, sentence
+from identifiability.report.answers.tables import make_table
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.predict import Fit
@@ -261,16 +255,9 @@ def mass_table(robot: Robot, parameters: Mapping[str, float]) -> Table | None:
     parameters : mapping
         Standard parameters by name.
     """
-    rows = mass_rows(robot, parameters)
-    if not rows:
-        return None
+    rows = [tuple(row.values()) for row in mass_rows(robot, parameters)]
     whole = ("all", total_mass(robot, parameters), total_mass(robot, robot.nominal))
-    columns = (
-        Column("body"),
-        Column("nearest real robot [kg]", stated_text),
-        Column("robot file [kg]", stated_text),
-    )
-    return Table.of("Masses", columns, [*(tuple(row.values()) for row in rows), whole])
+    return make_table("masses", [*rows, whole]) if rows else None
 
 
 # How it was done: motion, thresholds, words, versions.
@@ -284,12 +271,11 @@ def _how(analysis: Analysis) -> tuple[Section, ...]:
     rows = [(k, v) for k, v in analysis.provenance.items() if not k.startswith("sha256")]
     rows.append((f"robot {robot.path.name}", f"sha256 {robot.sha256}"))
     rows += [(f"{use} {s.name}", f"sha256 {s.sha256}") for use, s in logs]
-    columns = (Column("what"), Column("version, seed or hash", "code"))
     glossary = Fold("Glossary", (Terms(GLOSSARY),))
     return (
         section(
             "analysis.motion",
-            Table.of("", MOTION, logs),
+            make_table("prepared", [_log_row(use, s) for use, s in logs]),
             detail=True,
             seen=format_count(analysis.information.samples, "sample"),
             estimator=sentence("estimators", analysis.chosen.estimate.estimator.name),
@@ -297,26 +283,16 @@ def _how(analysis: Analysis) -> tuple[Section, ...]:
             kind=analysis.validation_kind,
         ),
         section("analysis.thresholds", glossary, detail=True),
-        section("analysis.provenance", Table.of("", columns, rows), detail=True),
+        section("analysis.provenance", make_table("provenance", rows), detail=True),
     )
 
 
-def _span(row: tuple[str, Dataset]) -> str:
-    survey = row[1].survey
-    return f"{survey.start:.4g} … {survey.stop:.4g}" if survey.kept else ""
-
-
-def _notes(row: tuple[str, Dataset]) -> str:
-    return "; ".join(row[1].notes) + "." if row[1].notes else ""
-
-
-MOTION = (
-    Column("log", get=lambda row: row[1].name),
-    Column("use", get=itemgetter(0)),
-    Column("samples", "number", get=lambda row: row[1].outputs),
-    Column("from … to [s]", get=_span),
-    Column("how it was prepared", get=_notes),
-)
+def _log_row(use: str, log: Dataset) -> tuple[str | int, ...]:
+    """Return a prepared log as one row of a table: name, use, samples, span and preparation."""
+    survey = log.survey
+    span = f"{survey.start:.4g} … {survey.stop:.4g}" if survey.kept else ""
+    notes = "; ".join(log.notes) + "." if log.notes else ""
+    return log.name, use, log.outputs, span, notes
 
 
 # What is believed after the data: the parameters of the model to use by every road.
@@ -372,20 +348,9 @@ def posterior_table(analysis: Analysis) -> Table | None:
         summary.interval,
         np.nan,
     )
-    each = zip(
-        analysis.chosen.verdicts,
-        summary.mean,
-        summary.sd,
-        *ends.T,
-        strict=True,
-    )
-    columns = (
-        Column("parameter", get=lambda row: Cell(row[0].name, note=label_note(row[0]))),
-        Column("estimate", stated_text, lambda row: row[0].value),
-        Column("mean", stated_text, itemgetter(1)),
-        Column("sd", digits(2), itemgetter(2)),
-        Column("from (95 %)", stated_text, itemgetter(3)),
-        Column("to", stated_text, itemgetter(4)),
-        Column("unit", get=lambda row: row[0].unit),
-    )
-    return Table.of("Posterior of each parameter", columns, each)
+    numbers = zip(summary.mean, summary.sd, *ends.T, strict=True)
+    rows = [
+        (Cell(v.name, note=label_note(v.label)), v.value, *each, v.unit)
+        for v, each in zip(analysis.chosen.verdicts, numbers, strict=True)
+    ]
+    return make_table("posterior", rows)

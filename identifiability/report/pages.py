@@ -10,7 +10,7 @@ asked for: a page needs its own alone.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,16 +21,15 @@ from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.quoting import for_svg
 from identifiability.foundation.rounding import (
     NONE,
-    digits,
     format_count,
     format_number,
     join,
-    percent,
     rough_percent,
 )
 from identifiability.report import plot
 from identifiability.report.answers.common import NAMED, hint_note, sentence, words
 from identifiability.report.answers.diagnose import list_names
+from identifiability.report.answers.tables import make_table
 from identifiability.robot import complete_motion
 from identifiability.robot.kinematics import Point
 
@@ -62,7 +61,7 @@ if TYPE_CHECKING:
     from identifiability.workflows.calibrate.calibration import Calibration
     from identifiability.workflows.compare import Comparison
     from identifiability.workflows.diagnose.forward import ForwardGap
-    from identifiability.workflows.diagnose.result import Curve, Diagnosis
+    from identifiability.workflows.diagnose.result import Curve, Diagnosis, Odds
     from identifiability.workflows.excite.result import Excitation
     from identifiability.workflows.inspect import Inspection, Record
     from identifiability.workflows.payload import Load
@@ -189,10 +188,10 @@ def section_effects(d: Diagnosis) -> Section:
             shape = f"shape {format_number(p.shape, 3)}" if np.isfinite(p.shape) else ""
             first = (Cell(" or ".join(list_names(e)), note=shape), p.place)
             rows += [(*first, *row, p.odds, p.rms) for row in p.rows]
-    found = (Table.of("Their parameters", EFFECTS, rows), gallery("curves", _curves(d, SHOWN)))
-    unseen = Column("on unseen motion", digits(3), "unseen", f"On {d.verified_on}.")
-    caption = "Not confirmed by the motion that verifies, and in no model"
-    refuted = Table.of(caption, (*GROUP, unseen), d.refuted) if d.refuted else None
+    found = (make_table("effects", rows), gallery("curves", _curves(d, SHOWN)))
+    refuted = None
+    if d.refuted:
+        refuted = make_table("refuted", map(_odds_row, d.refuted), verified=d.verified_on)
     blocks = (*d.tables()[:-1], *(found if rows else ()), refuted)
     nothing = sentence("diagnosis.nothing") if not any(blocks) else None
     return section("diagnosis.effects", *blocks, nothing)
@@ -256,18 +255,13 @@ def section_forward(gap: ForwardGap, joints: tuple[str, ...]) -> Section:
         gap.before.mean(2),
         gap.after.mean(2),
     )
-    columns = (
-        Column("joint"),
-        Column("before", percent, hint="Of the distance moved, at the end."),
-        Column("after", percent),
-    )
     rows = zip(
         joints,
         gap.before[:, -1].mean(0),
         gap.after[:, -1].mean(0),
         strict=True,
     )
-    table = Table.of("Position error at the end of a stretch", columns, rows)
+    table = make_table("forward", rows)
     shown = picture("forward", figure, stretches=len(gap.before))
     return section("diagnosis.motion", shown, table, horizon=horizon)
 
@@ -278,40 +272,19 @@ def _section_where(d: Diagnosis) -> Section:
         (x.joint, x.rms, x.share, *(x.explained.get(k, np.nan) for k in causes))
         for x in d.discrepancies
     ]
-    columns = (
-        Column("joint"),
-        Column("residual, rms", digits(3)),
-        Column("of the torque", percent),
-        *(Column(k, rough_percent) for k in causes),
-    )
-    caption = "Residual by joint, and the share of it that its averages over each of these explain"
-    return section("diagnosis.where", Table.of(caption, columns, rows))
+    explained = [Column(cause, rough_percent) for cause in causes]
+    return section("diagnosis.where", make_table("where", rows, more=explained))
 
 
-EFFECTS = (
-    Column("effect"),
-    Column("where"),
-    Column("parameter", "code"),
-    Column("value", digits(3)),
-    Column("± se", digits(2)),
-    Column("unit"),
-    Column("log odds", digits(3)),
-    Column("adds, rms", digits(3)),
-)
-
-GROUP = (
-    Column("effect", get=lambda x: title_of(x.name)),
-    Column("where", get="place"),
-    Column("log odds", digits(3), "before", "Beside the model."),
-)
-
-THEN = Column("then", digits(3), "after", "Beside what was named as well.")
+def _odds_row(x: Odds) -> dict[str, Any]:
+    """Return the log odds of a family at a place as one row of a table."""
+    return {**vars(x), "title": title_of(x.name)}
 
 
 def _sections_method(d: Diagnosis) -> tuple[Section, ...]:
     """Return all that was asked with its evidence, what was not, and how."""
     order = sorted(d.evidence, key=lambda x: -x.before)
-    table = Table.of("The likeliest of all that was asked", (*GROUP, THEN), order[:SHOWN_FIRST])
+    table = make_table("evidence", map(_odds_row, order[:SHOWN_FIRST]))
     why: dict[tuple[str, str], list[str]] = {}
     for r in d.refusals:
         why.setdefault((title_of(r.family), r.reason), []).append(r.place)
@@ -360,8 +333,7 @@ def excitation_below(result: Excitation) -> Table:
     for name, merit in ((result.beside, result.before), ("this motion", result.after)):
         count = merit.identifiable
         rows.append((name, Cell(f"{count} of {size}", share=count / size)))
-    columns = (Column("identifiable by"), Column("parameters", "bar"))
-    return Table.of("", columns, rows)
+    return make_table("worth", rows)
 
 
 def excitation_notes(result: Excitation) -> list[Note]:
@@ -486,35 +458,31 @@ def _preparation(record: Record) -> Fold | None:
 
 def _robot(result: Inspection) -> list[Section]:
     """Return what the robot file says of joints, logs and parameters, and what it leaves open."""
-    from identifiability.report.answers.inspect import JOINTS  # noqa: PLC0415
+    from identifiability.report.answers.inspect import joint_table  # noqa: PLC0415
 
-    robot = result.robot
+    robot, joints = result.robot, replace(joint_table(result), caption="")
     motors = ", ".join(result.motors)
     beside = sentence("inspection.motors", motors=motors) if motors else None
     base = result.base
     groups = zip(base.names, base.units, base.labels, strict=True)
-    grouped = (Column("parameter"), Column("unit"), Column("what it stands for", "code"))
     found = [
-        section(
-            "inspection.joints", phrase("needs", "naming"), Table.of("", JOINTS, result.joints)
-        ),
+        section("inspection.joints", phrase("needs", "naming"), joints),
         section("inspection.columns", beside),
         section(
             "inspection.parameters",
-            Fold(f"All {base.rank} base parameters", (Table.of("", grouped, groups),)),
+            Fold(f"All {base.rank} base parameters", (make_table("grouped", groups),)),
             count=base.rank,
             standard=len(base.parameters),
             effects=", ".join(result.effects),
         ),
     ]
     if result.needs:
-        own = (Column("what is not stated"), Column("in the sidecar", "code"))
         rows = [(need.text, need.line.replace("\n", "  ") or NONE) for need in result.needs]
         name = robot.path.with_suffix(".toml").name
         found.append(
             section(
                 "inspection.sidecar",
-                Table.of("", own, rows),
+                make_table("needs", rows),
                 name=name,
             )
         )

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from identifiability.foundation.answers import Answer, Column, Table
+from identifiability.foundation.answers import Answer, Table
 from identifiability.foundation.keyed import Row
-from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import REACH, join, rough_percent
 from identifiability.workflows.calibrate.rules import RULES
 from identifiability.workflows.provenance import given_paths
 
 from .commands import held_back, ladder_option, name_logs, source_name
-from .common import answer, answer_next, reserve, sentence
+from .common import AnsweringPresenter, Command, answer, command, sentence
+from .tables import make_table
 
 if TYPE_CHECKING:
     from identifiability.workflows.calibrate.calibration import Calibration
@@ -25,21 +25,24 @@ if TYPE_CHECKING:
 TONES = {"yes": "green", "no": "vermilion", "not enough trials": "amber"}
 
 
-class CalibrationPresenter(Presenter):
+class CalibrationPresenter(AnsweringPresenter):
     """Answers of `calibrate`."""
 
     result: Calibration
 
-    def answers(self) -> tuple[Answer, ...]:
-        """Return whether to trust, how often verdicts are wrong, where, what to do next."""
+    def asked(self) -> tuple[Answer, ...]:
+        """Return whether to trust, how often verdicts are wrong, and where."""
         result = self.result
-        asked = _answer_trust(result), _answer_wrong(result), _answer_weakest(result)
-        return (*reserve(asked, result.warnings), answer_next(_list_commands(result)))
+        return _answer_trust(result), _answer_wrong(result), _answer_weakest(result)
+
+    def commands(self) -> list[Command]:
+        """Return lines for the terminal, the most useful first."""
+        return _list_commands(self.result)
 
     def tables(self) -> tuple[Table, ...]:
         """Return the coverage of every parameter, the worst first."""
         rows = self.result.to_frame().itertuples(index=False)
-        return (Table.of(sentence("calibration.table"), EACH, rows),)
+        return (make_table("coverage", rows),)
 
     def statement(self) -> str:
         """Return the answer in plain words, with warnings and remarks on the logs."""
@@ -126,7 +129,7 @@ def _state_reason(result: Calibration) -> str:
     return sentence(about, word, trials=4 * len(result.cell.held))
 
 
-def _list_commands(result: Calibration) -> list[tuple[str, str]]:
+def _list_commands(result: Calibration) -> list[Command]:
     """Return lines for the terminal, the most useful first."""
     analysis, word = result.analysis, result.word
     robot, how = analysis.robot, analysis.settings.get("preparation")
@@ -143,12 +146,4 @@ def _list_commands(result: Calibration) -> list[tuple[str, str]]:
     if word == "yes" and analysis.missing.functions:
         held = held_back(analysis.validation, analysis.samples)
         found.insert(0, ("missing", f"diagnose {name} {logs}{held} --report missing.html"))
-    return [(sentence("next", part), f"identifiability {line}") for part, line in found]
-
-
-EACH = (
-    Column("parameter"),
-    Column("coverage", rough_percent, hint=sentence("calibration.table", "coverage")),
-    Column("at least", rough_percent, hint=sentence("calibration.table", "low")),
-    Column("at most", rough_percent, hint=sentence("calibration.table", "high")),
-)
+    return [command(purpose, line) for purpose, line in found]

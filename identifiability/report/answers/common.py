@@ -1,23 +1,25 @@
 """Answers that results share: how good is it, may it be trusted? And the words of reports.
 
-Questions, notes and hints of columns stand in `words.toml`; whoever shows a result reads them here.
+Questions and notes stand in `words.toml`; whoever shows a result reads them here.
 """
 
 from __future__ import annotations
 
 import math
 import tomllib
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from identifiability.estimation.rules import RULES, Thresholds
-from identifiability.foundation.answers import Answer, Cell, Column, Note, measured_cells
+from identifiability.foundation.answers import Answer, Note
 from identifiability.foundation.findings import Finding, Level
 from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.rounding import error_text, format_count, stated_text
 from identifiability.foundation.rules import Tolerance
 from identifiability.regression.reduction import Submodel
@@ -78,12 +80,6 @@ def hint_note(hint: str) -> Note:
     return note(own.get(hint.key, "read"), hint=hint)
 
 
-def with_hints(table: str, *own: Column) -> tuple[Column, ...]:
-    """Return the columns of a table with their hints."""
-    hints = WORDS[f"hints.{table}"]
-    return tuple(replace(c, hint=hints.get(c.title, c.hint)) for c in own)
-
-
 #: What an error on unseen motion is called, the smallest first, and the colour of that.
 TONES = {"very-good": "green", "good": "green", "fair": "amber"}
 TONES |= dict.fromkeys(("poor", "useless"), "vermilion")
@@ -93,19 +89,6 @@ def grade_of(error: float) -> str:
     """Return the name of the grade of an error on unseen motion."""
     limits = (*RULES.grades, math.inf)
     return next(w for limit, w in zip(limits, TONES, strict=True) if error <= limit)
-
-
-#: What every table of judged parameters shows of a `Verdict`.
-VALUE = Column("value", "number", lambda v: measured_cells(v.value, v.sigma_robust)[0])
-
-
-SIGMA = Column("± σ", "error", lambda v: measured_cells(v.value, v.sigma_robust)[1])
-
-
-UNIT = Column("unit", get="unit")
-
-
-VERDICT = Column("verdict", "badge", lambda v: Cell(v.word, v.word, v.reason, v.look), quiet=True)
 
 
 def after_mass(answer: Answer, warning: str) -> Answer:
@@ -124,10 +107,39 @@ def after_mass(answer: Answer, warning: str) -> Answer:
     return replace(answer, short=f"{total}. {answer.short}", text=why, tone="vermilion")
 
 
-def answer_next(commands: Sequence[tuple[str, str]]) -> Answer:
-    """Return what to do next, with lines for the terminal."""
-    part = "one" if len(commands) == 1 else "some"
-    return replace(answer("next", part), commands=tuple(commands))
+#: What a line for the terminal is for, and the line.
+Command: TypeAlias = tuple[str, str]
+
+
+def command(purpose: str, line: str) -> Command:
+    """Return a line for the terminal, after its purpose.
+
+    Parameters
+    ----------
+    purpose : str
+        Key of what it is for, in `next` of `words.toml`.
+    line : str
+        Verb and options.
+    """
+    return sentence("next", purpose), f"identifiability {line}"
+
+
+class AnsweringPresenter(Presenter, ABC):
+    """Presenter of a result whose page answers questions and proposes commands."""
+
+    @abstractmethod
+    def asked(self) -> Sequence[Answer]:
+        """Return the questions that every reader asks first, with their answers."""
+
+    @abstractmethod
+    def commands(self) -> Sequence[Command]:
+        """Return lines for the terminal, the most useful first."""
+
+    def answers(self) -> tuple[Answer, ...]:
+        """Return the answers, none of them green above a warning, and what to do next."""
+        commands = tuple(self.commands())
+        following = answer("next", "one" if len(commands) == 1 else "some")
+        return (*reserve(self.asked(), self.result.warnings), replace(following, commands=commands))
 
 
 def answer_quality(

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.effects import find_family, title_of
-from identifiability.foundation.answers import Answer, Column, Note, Table
+from identifiability.foundation.answers import Answer, Note, Table
 from identifiability.foundation.errors import listing
 from identifiability.foundation.keyed import Row, name_estimates
 from identifiability.foundation.linalg import ROUNDOFF
@@ -18,27 +18,28 @@ from identifiability.foundation.names import BASE
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import REACH, digits, error_text, join, measured, percent
+from identifiability.foundation.rounding import REACH, join, measured, percent
 from identifiability.reading.rules import RULES as READING_RULES
 from identifiability.regression.reduction import full_model
 from identifiability.workflows.diagnose.result import logs_disagree
 from identifiability.workflows.provenance import given_paths
 
-from .commands import EXPORT, compare_line, export_line, held_back, name_logs, on_file, source_name
+from .commands import compare_line, export_line, held_back, name_logs, on_file, source_name
 from .common import (
     NAMED,
     VISIBLE,
+    AnsweringPresenter,
+    Command,
     after_mass,
     answer,
-    answer_next,
     answer_quality,
-    reserve,
+    command,
     sentence,
     state_contradicted,
     state_uneven,
-    with_hints,
 )
 from .compare import table_changes
+from .tables import make_table
 
 if TYPE_CHECKING:
     from identifiability.workflows.diagnose.changes import Change
@@ -49,17 +50,20 @@ if TYPE_CHECKING:
 LIKELIEST = 4
 
 
-class DiagnosisPresenter(Presenter):
+class DiagnosisPresenter(AnsweringPresenter):
     """Answers of `diagnose`."""
 
     result: Diagnosis
 
-    def answers(self) -> tuple[Answer, ...]:
-        """Return the missing effects, their share of the error, the residual, and next commands."""
+    def asked(self) -> tuple[Answer, ...]:
+        """Return the missing effects, their share of the error, and the residual."""
         result = self.result
         missing = after_mass(_answer_missing(result), result.mass_warning)
-        asked = missing, _answer_gap(result), _answer_error(result)
-        return (*reserve(asked, result.warnings), answer_next(list_commands(result)))
+        return missing, _answer_gap(result), _answer_error(result)
+
+    def commands(self) -> list[Command]:
+        """Return lines for the terminal, the most useful first."""
+        return list_commands(self.result)
 
     def warnings(self) -> tuple[str, ...]:
         """Return the findings on the logs, on one joint, and on contradicted bodies."""
@@ -78,14 +82,12 @@ class DiagnosisPresenter(Presenter):
 
     def tables(self) -> tuple[Table, ...]:
         """Return what changed in mid-log, the effects that were named, and the errors of joints."""
-        result, about = self.result, "diagnosis.tables"
-        tables = []
+        result, tables = self.result, []
         if result.changes:
-            tables.append(table_changes(result.changes, sentence(about, "changed")))
+            tables.append(table_changes(result.changes, sentence("diagnosis.tables", "changed")))
         if result.effects:
-            tables.append(Table.of(sentence(about, "named"), FOUND, result.effects))
-        rows = result.error_frame().itertuples()
-        return (*tables, Table.of(sentence(about, "joints"), ERRORS, rows))
+            tables.append(make_table("named", map(_effect_cells, result.effects)))
+        return (*tables, make_table("gap", result.error_frame().itertuples()))
 
     def cautions(self) -> tuple[Note, ...]:
         """Return the caveats of the named effects, and the refuted effects."""
@@ -331,31 +333,37 @@ def advise_motion(e: NamedEffect) -> str:
 # What to do next.
 
 
-def list_commands(d: Diagnosis) -> list[tuple[str, str]]:
+def list_commands(d: Diagnosis) -> list[Command]:
     """Return lines for the terminal, the most useful first."""
     robot, paths = source_name(d.robot), given_paths(d.samples)
     given = name_logs(d.robot, paths, how=d.preparation)
     logs, model = given + held_back(d.validation, d.samples), d.provenance.get("model")
-    again = f"identifiability diagnose {robot} {logs}"
+    again = f"diagnose {robot} {logs}"
     if model:
         again = f"{again} {option_for_shell('--model', model)}"
     undecided = any(e.alternatives for e in d.effects) and not d.written("next")
-    separate = sentence("next", "separate"), f"{again} --next motion.json"
-    out = [separate] if undecided else []
+    with_model = partial(on_file, d, "model", "model.toml", f"{again} --out")
+    out = []
     if logs_disagree(d):
-        text, compare = compare_line(d.robot, paths, d.preparation)
-        line = compare
+        line = compare_line(d.robot, paths, d.preparation)
         if d.included:
-            make = f"{again} --out"
-            line = on_file(d, "model", "model.toml", make, lambda x: f"{compare} --ladder {x}")
-        out.insert(0, (text, line))
+            line = with_model(partial("{} --ladder {}".format, line))
+        out.append(command("compare", line))
+    if undecided:
+        out.append(command("separate", f"{again} --next motion.json"))
     if d.included:
-        judge = f"identifiability analyze {robot} {logs}"
-        use = partial("{} --ladder {} --report report.html".format, judge)
-        line = on_file(d, "model", "model.toml", f"{again} --out", use)
-        out.append((sentence("next", "judge"), line))
+        judge = f"analyze {robot} {logs}"
+        line = with_model(partial("{} --ladder {} --report report.html".format, judge))
+        out.append(command("judge", line))
     export = partial(export_line, d.robot)
-    return [*out, (EXPORT, on_file(d, "json", "diagnose.json", f"{again} --json", export))]
+    line = on_file(d, "json", "diagnose.json", f"{again} --json", export)
+    return [*out, command("export", line)]
+
+
+def _effect_cells(e: NamedEffect) -> tuple[Any, ...]:
+    """Return an effect, its places, log odds and errors as one row of a table."""
+    names = " or ".join(dict.fromkeys([e.name, *e.alternatives][:LIKELIEST]))
+    return names, ", ".join(e.joints), e.odds, e.unseen, e.before, e.after
 
 
 class ChangePresenter(Presenter):
@@ -420,29 +428,3 @@ class ForwardGapPresenter(Presenter):
         errors = {"before": percent(gap.error_before, 2), "after": percent(gap.error_after, 2)}
         seconds = f"{gap.horizon:.2g}"
         return sentence("diagnosis.forward", seconds=seconds, low=low, high=high, **errors)
-
-
-# What is missing and how large errors are, as tables.
-
-FOUND = (
-    Column(
-        "effect",
-        "code",
-        lambda e: " or ".join(dict.fromkeys([e.name, *e.alternatives][:LIKELIEST])),
-    ),
-    Column("where", get=lambda e: ", ".join(e.joints)),
-    Column("log odds", digits(3), "odds", sentence("diagnosis.tables", "odds")),
-    Column("on unseen motion", digits(3), "unseen"),
-    Column("unseen error before", error_text, "before"),
-    Column("after", error_text, "after"),
-)
-
-ERRORS = with_hints(
-    "gap-joints",
-    Column("joint", get="joint"),
-    Column("before", error_text, "before"),
-    Column("after", error_text, "after"),
-    Column("rms before", digits(3), "rms_before", detail=True),
-    Column("rms after", digits(3), "rms_after"),
-    Column("unit", get="unit"),
-)

@@ -8,37 +8,44 @@ import numpy as np
 import pandas as pd
 
 from identifiability.effects import title_of
-from identifiability.foundation.answers import Answer, Cell, Column, Table
+from identifiability.foundation.answers import Answer, Cell, Table
 from identifiability.foundation.errors import listing
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import path_for_shell
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import digits, format_count, format_number, percent
+from identifiability.foundation.rounding import format_count, format_number, percent
 from identifiability.workflows.excite.criteria import LogDet
 
 from .commands import name_logs, source_name
-from .common import answer, answer_next, sentence
+from .common import AnsweringPresenter, Command, answer, command, sentence
+from .tables import make_table
 
 if TYPE_CHECKING:
     from identifiability.workflows.excite.next_motion import NextMotion
     from identifiability.workflows.excite.result import Excitation
 
 
-class ExcitationPresenter(Presenter):
+class ExcitationPresenter(AnsweringPresenter):
     """Answers of `excite`."""
 
     result: Excitation
 
-    def answers(self) -> tuple[Answer, ...]:
-        """Return the worth of the motion, whether the robot may play it, and next commands."""
-        result = self.result
-        following = answer_next(_list_commands(result))
-        return _answer_worth(result), _answer_safe(result), following
+    def asked(self) -> tuple[Answer, ...]:
+        """Return the worth of the motion, and whether the robot may play it."""
+        return _answer_worth(self.result), _answer_safe(self.result)
+
+    def commands(self) -> list[Command]:
+        """Return lines for the terminal, the most useful first."""
+        return _list_commands(self.result)
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint."""
-        rows = self.result.to_frame().itertuples()
-        return (Table.of(sentence("excitation.limits", "table"), LIMITS, rows),)
+        rows = self.result.to_frame().to_dict("records")
+        for row in rows:
+            low, high = row["lower_limit"], row["upper_limit"]
+            text = f"{format_number(low, 3)} … {format_number(high, 3)}"
+            row["range"] = Cell(text, high - low)
+        return (make_table("motion", rows),)
 
     def statement(self) -> str:
         """Return the answer in plain words."""
@@ -117,16 +124,15 @@ def _answer_safe(result: Excitation) -> Answer:
     return answer("excitation.safe", "yes", text, "green")
 
 
-def _list_commands(result: Excitation) -> list[tuple[str, str]]:
+def _list_commands(result: Excitation) -> list[Command]:
     """Return lines for the terminal, the most useful first."""
     robot, there = source_name(result.robot), result.written("json")
     logs = name_logs(result.robot, [*result.logs, "next.csv"])
-    analyze = f"identifiability analyze {robot} {logs} --report report.html"
-    measured = [(sentence("next", "together"), analyze)]
+    measured = [command("together", f"analyze {robot} {logs} --report report.html")]
     if there is None:  # another motion would be rehearsed
         return measured
-    line = f"identifiability simulate {robot} {path_for_shell(there)} --out rehearsal.csv"
-    return [(sentence("next", "rehearse"), line), *measured]
+    line = f"simulate {robot} {path_for_shell(there)} --out rehearsal.csv"
+    return [command("rehearse", line), *measured]
 
 
 class NextMotionPresenter(Presenter):
@@ -153,20 +159,3 @@ def _state_chance(share: float) -> str:
     """Return a probability in percent."""
     # From here on a percentage is not said.
     return "more than 99 %" if share > 0.99 else f"{100 * share:.0f} %"
-
-
-def _range(row: Any) -> Cell:
-    low, high = (format_number(x, 3) for x in (row.lower_limit, row.upper_limit))
-    return Cell(f"{low} … {high}", row.upper_limit - row.lower_limit)
-
-
-LIMITS = (
-    Column("joint", get="joint"),
-    Column("least", digits(3), "least"),
-    Column("largest", digits(3), "largest"),
-    Column("range", "number", _range, "Limits of position."),
-    Column("speed", digits(3), "speed"),
-    Column("limit", digits(3), "speed_limit", "Of the speed."),
-    Column("acceleration", digits(3), "acceleration"),
-    Column("limit", digits(3), "acceleration_limit", "Of the acceleration."),
-)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,31 +10,33 @@ import pandas as pd
 
 from identifiability.foundation.answers import Answer, Table, frame_table
 from identifiability.foundation.errors import listing
-from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import measured
 
 from .commands import name_logs, source_name
-from .common import answer, answer_next, reserve, sentence, with_hints
+from .common import AnsweringPresenter, Command, answer, command, sentence
+from .tables import with_hints
 
 if TYPE_CHECKING:
     from identifiability.workflows.payload import Load
 
 
-class LoadPresenter(Presenter):
+class LoadPresenter(AnsweringPresenter):
     """Answers of `payload`."""
 
     result: Load
 
-    def answers(self) -> tuple[Answer, ...]:
-        """Return how heavy and where, or gains; how well known, whether to trust it, what next."""
+    def asked(self) -> tuple[Answer, ...]:
+        """Return how heavy and where, or gains; how well known, and whether to trust it."""
         result = self.result
-        asked = [_answer_gains(result)]
         if result.known is None:
-            asked = [_answer_load(result), _answer_known(result), _answer_trust(result)]
-        following = answer_next(_list_commands(result))
-        return (*reserve(asked, result.warnings), following)
+            return _answer_load(result), _answer_known(result), _answer_trust(result)
+        return (_answer_gains(result),)
+
+    def commands(self) -> list[Command]:
+        """Return lines for the terminal, the most useful first."""
+        return _list_commands(self.result)
 
     def answer(self) -> str:
         """Return mass and where, or gains by a mass that is known, in one sentence."""
@@ -52,7 +54,7 @@ class LoadPresenter(Presenter):
         shown = shown.loc[:, (shown != "").any()]
         part = "quantities" if result.known is None else "gains"
         table = frame_table(shown, sentence("payload.tables", part))
-        return (replace(table, columns=with_hints("load", *table.columns)),)
+        return (with_hints(table, "load"),)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a quantity; of a load that is known one row a joint: its gain."""
@@ -127,14 +129,13 @@ def _answer_gains(result: Load) -> Answer:
     return Answer(sentence("payload.unit", "question"), result.answer, text, tone)
 
 
-def _list_commands(result: Load) -> list[tuple[str, str]]:
+def _list_commands(result: Load) -> list[Command]:
     """Return lines for the terminal, the most useful first."""
     robot, logs = source_name(result.robot), name_logs(result.robot, result.logs)
     fitted, body = path_for_shell(result.origin), option_for_shell("--body", result.body)
-    call = f"identifiability payload {robot} {fitted} {logs} {body}"
+    call = f"payload {robot} {fitted} {logs} {body}"
     out = []
     if not (result.without or result.gains):
-        out = [(sentence("next", "weigh"), f"{call} --without empty.csv")]
+        out = [command("weigh", f"{call} --without empty.csv")]
     begun = name_logs(result.robot, result.logs, "--start-from")
-    more = f"identifiability excite {robot} {begun} --out next.json"
-    return [*out, (sentence("next", "motion"), more)]
+    return [*out, command("motion", f"excite {robot} {begun} --out next.json")]

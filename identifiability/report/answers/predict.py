@@ -8,40 +8,51 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from identifiability.foundation.answers import Answer, Column, Table, frame_table
+from identifiability.foundation.answers import Answer, Table, frame_table
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import shorten_paths
-from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import path_for_shell
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import digits, error_text, format_count, join
+from identifiability.foundation.rounding import error_text, format_count, join
 from identifiability.logs.commands import has_commands
 from identifiability.workflows.predict import WINDOW
 from identifiability.workflows.provenance import given_paths
 
-from .commands import EXPORT, export_line, name_logs, source_name
-from .common import answer, answer_next, answer_quality, reserve, sentence, state_uneven, with_hints
+from .commands import export_line, name_logs, source_name
+from .common import (
+    AnsweringPresenter,
+    Command,
+    answer,
+    answer_quality,
+    command,
+    sentence,
+    state_uneven,
+)
+from .tables import make_table
 
 if TYPE_CHECKING:
     from identifiability.workflows.predict import PositionPrediction, TorquePrediction
 
 
-class TorquePredictionPresenter(Presenter):
+class TorquePredictionPresenter(AnsweringPresenter):
     """Answers of `predict` on torque."""
 
     result: TorquePrediction
 
-    def answers(self) -> tuple[Answer, ...]:
-        """Return the predicted logs, the error, whether to trust it, and next commands."""
+    def asked(self) -> tuple[Answer, ...]:
+        """Return the predicted logs, the error, and whether to trust it."""
         result = self.result
         known = [name for name, has in zip(result.logs, result.measured, strict=True) if has]
         each = result.error_frame()["error"].to_numpy(float)
         more = sentence("prediction.what", "measured", logs=join(known)) if known else ""
         about = result.error_ra, result.robot.joints, each, more
         quality = answer_quality(*about, raw=result.error_ra_raw, warnings=result.warnings)
-        asked = _answer_what(result), quality, _answer_intervals(result)
-        return (*reserve(asked, result.warnings), answer_next(_list_commands(result)))
+        return _answer_what(result), quality, _answer_intervals(result)
+
+    def commands(self) -> list[Command]:
+        """Return lines for the terminal, the most useful first."""
+        return _list_commands(self.result)
 
     def warnings(self) -> tuple[str, ...]:
         """Return the findings on the logs, and on one joint."""
@@ -54,8 +65,7 @@ class TorquePredictionPresenter(Presenter):
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint."""
-        rows = self.result.error_frame().itertuples()
-        return (Table.of(sentence("prediction.what", "table"), JOINTS, rows),)
+        return (make_table("predicted", self.result.error_frame().itertuples()),)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a sample."""
@@ -95,18 +105,6 @@ def _list_samples(result: TorquePrediction, joint: int) -> dict[str, Any]:
     return columns
 
 
-JOINTS = with_hints(
-    "predicted",
-    Column("joint", get="joint"),
-    Column("error", error_text, "error"),
-    Column("rms error", digits(3), "rms"),
-    Column("unit", get="unit"),
-    Column("error of raw torque", error_text, "error_raw"),
-    Column("inside", error_text, "inside"),
-    Column("unknown", error_text, "unknown"),
-)
-
-
 def _answer_what(result: TorquePrediction) -> Answer:
     """Return the predicted logs and the model."""
     about, logs = "prediction.what", shorten_paths(result.logs)
@@ -141,33 +139,35 @@ def _answer_intervals(result: TorquePrediction) -> Answer:
     return answer(about, part, text, "amber" if new else "green", share=share)
 
 
-def _list_commands(result: TorquePrediction) -> list[tuple[str, str]]:
+def _list_commands(result: TorquePrediction) -> list[Command]:
     """Return lines for the terminal, the most useful first."""
     robot, given = source_name(result.robot), path_for_shell(result.fit.origin)
     every = name_logs(result.robot, result.logs)
     pairs = zip(result.logs, result.measured, strict=True)
     measured = name_logs(result.robot, [name for name, known in pairs if known])
-    line = f"identifiability predict {robot} {given} {every} --out torque.csv"
-    table = [(sentence("next", "samples"), line)] if result.written("table") is None else []
+    line = f"predict {robot} {given} {every} --out torque.csv"
+    table = [command("samples", line)] if result.written("table") is None else []
     if _find_few(result):
-        line = f"identifiability diagnose {robot} {measured} --report missing.html"
-        return [(sentence("next", "missing_here"), line), *table]
-    return [*table, (EXPORT, export_line(result.robot, given))]
+        line = f"diagnose {robot} {measured} --report missing.html"
+        return [command("missing_here", line), *table]
+    return [*table, command("export", export_line(result.robot, given))]
 
 
-class PositionPredictionPresenter(Presenter):
+class PositionPredictionPresenter(AnsweringPresenter):
     """Answers of `predict --forward` on positions."""
 
     result: PositionPrediction
 
-    def answers(self) -> tuple[Answer, ...]:
-        """Return the error of positions, and next commands."""
+    def asked(self) -> tuple[Answer, ...]:
+        """Return the error of positions."""
+        return (_answer_positions(self.result),)
+
+    def commands(self) -> list[Command]:
+        """Return the line that diagnoses the logs."""
         result = self.result
         logs = name_logs(result.robot, given_paths(result.logs))
-        robot = source_name(result.robot)
-        line = f"identifiability diagnose {robot} {logs} --report missing.html"
-        following = answer_next([(sentence("next", "missing_file"), line)])
-        return _answer_positions(result), following
+        line = f"diagnose {source_name(result.robot)} {logs} --report missing.html"
+        return [command("missing_file", line)]
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint, in mrad or mm."""
