@@ -8,7 +8,7 @@ from dataclasses import replace
 from numbers import Integral, Real
 from operator import attrgetter
 from textwrap import fill, shorten
-from typing import Any, ClassVar, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -121,7 +121,6 @@ class Table:
     filter_by: int | None = None
     marked: int | None = None
     long: bool = False
-    kind: ClassVar[str] = "table"
 
     @classmethod
     def of(

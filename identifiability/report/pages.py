@@ -217,7 +217,7 @@ def _curves(d: Diagnosis, most: int) -> list[Picture]:
 def _labels(d: Diagnosis, c: Curve) -> tuple[str, str]:
     """Return the labels of the axes of a curve."""
     other = "" if c.of == c.joint else f" of {d.robot.joints[c.of]}"
-    position = "m" if d.robot.is_prismatic(int(d.robot.actuated[c.of])) else "rad"
+    position = d.robot.position_units[c.of]
     units = {"velocity": f"{position}/s", "position": position, "load": d.robot.torque_units[c.of]}
     over = "time of the session" if c.against == "session" else c.against
     labels = f"{over}{other} [{units.get(c.against, 's')}]"
@@ -366,11 +366,10 @@ def _motion(result: Excitation) -> list[Traces]:
     robot = result.robot
     highest = (limits.high, limits.speed, limits.acceleration)
     lowest = (limits.low, -limits.speed, -limits.acceleration)
-    units = ["m" if robot.is_prismatic(int(k)) else "rad" for k in robot.actuated]
     names = (("position", ""), ("velocity", "/s"), ("acceleration", "/s²"))
     shown = []
     for (name, per), x, low, high in zip(names, parts, lowest, highest, strict=True):
-        own = [f"{unit}{per}" for unit in units]
+        own = [f"{unit}{per}" for unit in robot.position_units]
         bounds = np.stack([low, high], 1)
         shown.append(motion_traces(name, t, x, limits.joints, own, bounds))
     return shown
@@ -694,14 +693,13 @@ def _positions(result: PositionPrediction) -> Section:
     """Return the positions of every joint along the first log, to zoom and read off."""
     log = result.logs[0]
     robot = result.robot
-    units = ["m" if robot.is_prismatic(int(k)) else "rad" for k in robot.actuated]
     lines = {"measured": log.q, **{run.name: run.q[0] for run in result.runs}}
     if log.q_ref is not None:
         lines["command"] = log.q_ref
     shown = traces(
         log.t - log.t[0],
         log.joints,
-        units,
+        robot.position_units,
         lines,
         "position",
     )

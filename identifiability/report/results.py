@@ -33,7 +33,7 @@ from identifiability.foundation.rounding import superscript
 from identifiability.foundation.values import frozen
 from identifiability.report.answers.common import hint_note, note
 
-from .blocks import Answers, Block, Notes, Picture, Section, sort_key, words_of
+from .blocks import Answers, Block, Notes, Picture, Section, kind_of, sort_key, words_of
 from .figures import TEMPLATES, mark_of
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def _within(blocks: Iterable[Any]) -> Iterator[Any]:
 def render_page(page: Page) -> str:
     """Return a page as HTML that loads nothing and runs no script but its own."""
     environment = page_environment()
-    kinds = {getattr(b, "kind", "") for b in _within((*page.summary, *page.sections))}
+    kinds = set(map(kind_of, _within((*page.summary, *page.sections))))
     zoomed = "traces" in kinds
     names = ["page.js", *(("uplot/uPlot.js", "traces.js") if zoomed else ())]
     names += ["moving.js"] if "moving" in kinds else []
@@ -140,7 +140,8 @@ def page_environment() -> Environment:
         undefined=StrictUndefined,
     )
     environment.filters["symbols"] = set_symbols
-    environment.globals |= {"mark_of": mark_of, "words_of": words_of, "sort_key": sort_key}
+    known = (kind_of, mark_of, words_of, sort_key)
+    environment.globals |= {function.__name__: function for function in known}
     return environment
 
 

@@ -288,11 +288,10 @@ def _describe_clock(log: Log, gaps: Gaps, prepared: Dataset) -> dict[str, Any]:
 
 def _describe_range(robot: Robot, q: Array) -> dict[str, Any]:
     """Return the range of each joint, the share of its limits, and the units of its columns."""
-    slides = [robot.is_prismatic(int(dof)) for dof in robot.actuated]
     share = np.ptp(q, axis=0) / np.diff(robot.limits, axis=1)[:, 0]
     return {
         "joint": robot.joints,
-        "unit": np.where(slides, "m", "rad"),
+        "unit": robot.position_units,
         "torque_unit": robot.torque_units,
         "low": q.min(0),
         "high": q.max(0),

@@ -743,13 +743,13 @@ class PositionPrediction(Result):
     @cached_property
     def alike(self) -> np.ndarray:
         """Which joints turn, or if none does, slide, (n,) bool: what errors are told of."""
-        slides = np.array([self.robot.is_prismatic(int(k)) for k in self.robot.actuated], bool)
+        slides = self.robot.slides
         return slides if slides.all() else ~slides
 
     @property
     def unit(self) -> str:
         """Of a thousandth of `totals`: mrad, or mm where every joint slides."""
-        return "mm" if self.robot.is_prismatic(int(self.robot.actuated[self.alike][0])) else "mrad"
+        return "mm" if self.robot.slides.all() else "mrad"
 
     @property
     def totals(self) -> Array:

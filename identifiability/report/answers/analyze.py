@@ -77,7 +77,30 @@ class LadderedPresenter(AnsweringPresenter):
 
     def commands(self) -> list[Command]:
         """Return at most three lines for the terminal, the most useful first."""
-        return list_commands(self.result)
+        result = self.result
+        verb = "prune" if "pruning" in result.schema else "analyze"
+        robot = commands.source_name(result.robot)
+        names, how = given_paths(result.samples), result.settings["preparation"]
+        logs = commands.name_logs(result.robot, names, how=how)
+        if result.nothing:
+            return [command("inspect", f"inspect {robot} {logs}")]
+        inputs = f"{robot} {logs}{commands.held_back(result.validation, result.samples)}"
+        ladder = commands.ladder_option(result.robot, result.source)
+        all_fitted = "" if result.validation else " --validate none"
+        again = f"{verb} {inputs}{all_fitted}{ladder}"
+        find, out = f"diagnose {inputs}", list[Command]()
+        if verb == "prune":
+            use = partial("{} --model {}".format, find)
+            find = commands.on_file(result, "model", "pruned.toml", f"{again} --out", use)
+        elif result.chosen.count(Class.IDENTIFIABLE) < len(result.chosen.submodel):
+            line = f"{again.replace('analyze', 'prune', 1)} --report pruned.html --json prune.json"
+            begun = commands.name_logs(result.robot, names, "--start-from", how)
+            more = f"excite {robot} {begun} --out next.json"
+            out = [command("prune", line), command("measure", more)]
+        export = partial(commands.export_line, result.robot)
+        line = commands.on_file(result, "json", f"{verb}.json", f"{again} --json", export)
+        out.append(command("export", line))
+        return _order_commands(result, out, f"{find} --report missing.html", ladder)
 
     def warnings(self) -> tuple[str, ...]:
         """Return the findings on the logs, on one joint, and on contradicted bodies."""
@@ -313,33 +336,6 @@ def state_weight(result: Laddered[Any]) -> str:
 
 
 # What to do next.
-
-
-def list_commands(result: Laddered[Any]) -> list[Command]:
-    """Return at most three lines for the terminal, the most useful first."""
-    verb = "prune" if "pruning" in result.schema else "analyze"
-    robot = commands.source_name(result.robot)
-    names, how = given_paths(result.samples), result.settings["preparation"]
-    logs = commands.name_logs(result.robot, names, how=how)
-    if result.nothing:
-        return [command("inspect", f"inspect {robot} {logs}")]
-    inputs = f"{robot} {logs}{commands.held_back(result.validation, result.samples)}"
-    ladder = commands.ladder_option(result.robot, result.source)
-    all_fitted = "" if result.validation else " --validate none"
-    again = f"{verb} {inputs}{all_fitted}{ladder}"
-    find, out = f"diagnose {inputs}", list[Command]()
-    if verb == "prune":
-        use = partial("{} --model {}".format, find)
-        find = commands.on_file(result, "model", "pruned.toml", f"{again} --out", use)
-    elif result.chosen.count(Class.IDENTIFIABLE) < len(result.chosen.submodel):
-        line = f"{again.replace('analyze', 'prune', 1)} --report pruned.html --json prune.json"
-        begun = commands.name_logs(result.robot, names, "--start-from", how)
-        more = f"excite {robot} {begun} --out next.json"
-        out = [command("prune", line), command("measure", more)]
-    export = partial(commands.export_line, result.robot)
-    line = commands.on_file(result, "json", f"{verb}.json", f"{again} --json", export)
-    out.append(command("export", line))
-    return _order_commands(result, out, f"{find} --report missing.html", ladder)
 
 
 def _order_commands(

@@ -37,7 +37,23 @@ class CalibrationPresenter(AnsweringPresenter):
 
     def commands(self) -> list[Command]:
         """Return lines for the terminal, the most useful first."""
-        return _list_commands(self.result)
+        result = self.result
+        analysis, word = result.analysis, result.word
+        robot, how = analysis.robot, analysis.settings.get("preparation")
+        given, name = given_paths(analysis.samples), source_name(robot)
+        logs = f"{name_logs(robot, given, how=how)}{ladder_option(robot, analysis.source)}"
+        more = f"--replicates {4 * len(result.cell.held)} --report calibration.html"
+        begun = name_logs(robot, given, "--start-from", how)
+        usual = {
+            "yes": ("use", f"analyze {name} {logs} --report report.html"),
+            "no": ("motion_next", f"excite {name} {begun} --out next.json"),
+            "not enough trials": ("trials", f"calibrate {name} {logs} {more}"),
+        }
+        found = [usual[word]]
+        if word == "yes" and analysis.missing.functions:
+            held = held_back(analysis.validation, analysis.samples)
+            found.insert(0, ("missing", f"diagnose {name} {logs}{held} --report missing.html"))
+        return [command(purpose, line) for purpose, line in found]
 
     def tables(self) -> tuple[Table, ...]:
         """Return the coverage of every parameter, the worst first."""
@@ -127,23 +143,3 @@ def _state_reason(result: Calibration) -> str:
         missing = analysis.missing.statement
         return sentence(about, "missing" if missing else "yes", missing=missing)
     return sentence(about, word, trials=4 * len(result.cell.held))
-
-
-def _list_commands(result: Calibration) -> list[Command]:
-    """Return lines for the terminal, the most useful first."""
-    analysis, word = result.analysis, result.word
-    robot, how = analysis.robot, analysis.settings.get("preparation")
-    given, name = given_paths(analysis.samples), source_name(robot)
-    logs = f"{name_logs(robot, given, how=how)}{ladder_option(robot, analysis.source)}"
-    more = f"--replicates {4 * len(result.cell.held)} --report calibration.html"
-    begun = name_logs(robot, given, "--start-from", how)
-    usual = {
-        "yes": ("use", f"analyze {name} {logs} --report report.html"),
-        "no": ("motion_next", f"excite {name} {begun} --out next.json"),
-        "not enough trials": ("trials", f"calibrate {name} {logs} {more}"),
-    }
-    found = [usual[word]]
-    if word == "yes" and analysis.missing.functions:
-        held = held_back(analysis.validation, analysis.samples)
-        found.insert(0, ("missing", f"diagnose {name} {logs}{held} --report missing.html"))
-    return [command(purpose, line) for purpose, line in found]

@@ -48,7 +48,24 @@ class ComparisonPresenter(AnsweringPresenter):
 
     def commands(self) -> list[Command]:
         """Return lines for the terminal, the most useful first."""
-        return _list_commands(self.result)
+        result = self.result
+        robot = source_name(result.robot)
+        sides, how = (result.before, result.after), result.preparation
+        before, after = (name_logs(result.robot, paths, how=how) for paths in sides)
+        ladder = ladder_option(result.robot, result.source)
+        if not result.changes:
+            every = name_logs(result.robot, (*result.before, *result.after), how=result.preparation)
+            fit = f"analyze {robot} {every}{ladder} --json analyze.json"
+            export = export_line(result.robot, "analyze.json")
+            return [command("export", f"{fit} && identifiability {export}")]
+        loads = [c.place for c in result.changes if c.kind == "load"]
+        if loads:
+            fitted = f"analyze {robot} {before}{ladder} --json analyze.json"
+            logs, body = name_logs(result.robot, result.after), option_for_shell("--body", loads[0])
+            call = f"{fitted} && identifiability payload {robot} analyze.json {logs} {body}"
+            return [command("fit_and_weigh", call)]
+        fit = f"analyze {robot} {after}{ladder} --json analyze.json"
+        return [command("fit_now", f"{fit} --report report.html")]
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a number that changed."""
@@ -77,24 +94,3 @@ def table_changes(changes: Sequence[Change], caption: str) -> Table:
     frame = frame_changes(changes).drop(columns=["kind", "share_sd"])
     frame = frame.loc[:, (frame != "").any()]  # no logs are named unless there are several
     return frame_table(frame.rename(columns={"log_odds": "log odds", "logs": "in"}), caption)
-
-
-def _list_commands(result: Comparison) -> list[Command]:
-    """Return lines for the terminal, the most useful first."""
-    robot = source_name(result.robot)
-    sides, how = (result.before, result.after), result.preparation
-    before, after = (name_logs(result.robot, paths, how=how) for paths in sides)
-    ladder = ladder_option(result.robot, result.source)
-    if not result.changes:
-        every = name_logs(result.robot, (*result.before, *result.after), how=result.preparation)
-        fit = f"analyze {robot} {every}{ladder} --json analyze.json"
-        export = export_line(result.robot, "analyze.json")
-        return [command("export", f"{fit} && identifiability {export}")]
-    loads = [c.place for c in result.changes if c.kind == "load"]
-    if loads:
-        fitted = f"analyze {robot} {before}{ladder} --json analyze.json"
-        logs, body = name_logs(result.robot, result.after), option_for_shell("--body", loads[0])
-        call = f"{fitted} && identifiability payload {robot} analyze.json {logs} {body}"
-        return [command("fit_and_weigh", call)]
-    fit = f"analyze {robot} {after}{ladder} --json analyze.json"
-    return [command("fit_now", f"{fit} --report report.html")]

@@ -63,7 +63,30 @@ class DiagnosisPresenter(AnsweringPresenter):
 
     def commands(self) -> list[Command]:
         """Return lines for the terminal, the most useful first."""
-        return list_commands(self.result)
+        d = self.result
+        robot, paths = source_name(d.robot), given_paths(d.samples)
+        given = name_logs(d.robot, paths, how=d.preparation)
+        logs, model = given + held_back(d.validation, d.samples), d.provenance.get("model")
+        again = f"diagnose {robot} {logs}"
+        if model:
+            again = f"{again} {option_for_shell('--model', model)}"
+        undecided = any(e.alternatives for e in d.effects) and not d.written("next")
+        with_model = partial(on_file, d, "model", "model.toml", f"{again} --out")
+        out = []
+        if logs_disagree(d):
+            line = compare_line(d.robot, paths, d.preparation)
+            if d.included:
+                line = with_model(partial("{} --ladder {}".format, line))
+            out.append(command("compare", line))
+        if undecided:
+            out.append(command("separate", f"{again} --next motion.json"))
+        if d.included:
+            judge = f"analyze {robot} {logs}"
+            line = with_model(partial("{} --ladder {} --report report.html".format, judge))
+            out.append(command("judge", line))
+        export = partial(export_line, d.robot)
+        line = on_file(d, "json", "diagnose.json", f"{again} --json", export)
+        return [*out, command("export", line)]
 
     def warnings(self) -> tuple[str, ...]:
         """Return the findings on the logs, on one joint, and on contradicted bodies."""
@@ -331,33 +354,6 @@ def advise_motion(e: NamedEffect) -> str:
 
 
 # What to do next.
-
-
-def list_commands(d: Diagnosis) -> list[Command]:
-    """Return lines for the terminal, the most useful first."""
-    robot, paths = source_name(d.robot), given_paths(d.samples)
-    given = name_logs(d.robot, paths, how=d.preparation)
-    logs, model = given + held_back(d.validation, d.samples), d.provenance.get("model")
-    again = f"diagnose {robot} {logs}"
-    if model:
-        again = f"{again} {option_for_shell('--model', model)}"
-    undecided = any(e.alternatives for e in d.effects) and not d.written("next")
-    with_model = partial(on_file, d, "model", "model.toml", f"{again} --out")
-    out = []
-    if logs_disagree(d):
-        line = compare_line(d.robot, paths, d.preparation)
-        if d.included:
-            line = with_model(partial("{} --ladder {}".format, line))
-        out.append(command("compare", line))
-    if undecided:
-        out.append(command("separate", f"{again} --next motion.json"))
-    if d.included:
-        judge = f"analyze {robot} {logs}"
-        line = with_model(partial("{} --ladder {} --report report.html".format, judge))
-        out.append(command("judge", line))
-    export = partial(export_line, d.robot)
-    line = on_file(d, "json", "diagnose.json", f"{again} --json", export)
-    return [*out, command("export", line)]
 
 
 def _effect_cells(e: NamedEffect) -> tuple[Any, ...]:

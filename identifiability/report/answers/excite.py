@@ -36,7 +36,14 @@ class ExcitationPresenter(AnsweringPresenter):
 
     def commands(self) -> list[Command]:
         """Return lines for the terminal, the most useful first."""
-        return _list_commands(self.result)
+        result = self.result
+        robot, there = source_name(result.robot), result.written("json")
+        logs = name_logs(result.robot, [*result.logs, "next.csv"])
+        measured = [command("together", f"analyze {robot} {logs} --report report.html")]
+        if there is None:  # another motion would be rehearsed
+            return measured
+        line = f"simulate {robot} {path_for_shell(there)} --out rehearsal.csv"
+        return [command("rehearse", line), *measured]
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint."""
@@ -122,17 +129,6 @@ def _answer_safe(result: Excitation) -> Answer:
     if result.limits.assumed:
         return answer("excitation.safe", "assumed", text, "amber")
     return answer("excitation.safe", "yes", text, "green")
-
-
-def _list_commands(result: Excitation) -> list[Command]:
-    """Return lines for the terminal, the most useful first."""
-    robot, there = source_name(result.robot), result.written("json")
-    logs = name_logs(result.robot, [*result.logs, "next.csv"])
-    measured = [command("together", f"analyze {robot} {logs} --report report.html")]
-    if there is None:  # another motion would be rehearsed
-        return measured
-    line = f"simulate {robot} {path_for_shell(there)} --out rehearsal.csv"
-    return [command("rehearse", line), *measured]
 
 
 class NextMotionPresenter(Presenter):

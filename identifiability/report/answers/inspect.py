@@ -39,7 +39,15 @@ class InspectionPresenter(AnsweringPresenter):
 
     def commands(self) -> list[Command]:
         """Return lines for the terminal, the most useful first."""
-        return _list_commands(self.result)
+        result = self.result
+        robot = source_name(result.robot)
+        if not result.records:
+            study = f"new study --robot {robot_word(result.robot)}"
+            motion = f"excite {robot} --out motion.json --report motion.html"
+            return [command("begin", study), command("worth", motion)]
+        logs = name_logs(result.robot, [r.path or r.name for r in result.records])
+        judge = f"analyze {robot} {logs} --report report.html --json analyze.json"
+        return [command("analyze", judge)]
 
     def ledger(self) -> tuple[Table, ...]:
         """Return the table of all that checks found, and did with the logs."""
@@ -117,18 +125,6 @@ def _answer_open(result: Inspection) -> Answer:
     faults = of_key(need.text for need in needs)  # what the file states and can hardly be
     part = "faults" if faults else "some"
     return answer(about, part, text, "amber", count=format_count(len(needs), "thing"))
-
-
-def _list_commands(result: Inspection) -> list[Command]:
-    """Return lines for the terminal, the most useful first."""
-    robot = source_name(result.robot)
-    if not result.records:
-        study = f"new study --robot {robot_word(result.robot)}"
-        motion = f"excite {robot} --out motion.json --report motion.html"
-        return [command("begin", study), command("worth", motion)]
-    logs = name_logs(result.robot, [r.path or r.name for r in result.records])
-    judge = f"analyze {robot} {logs} --report report.html --json analyze.json"
-    return [command("analyze", judge)]
 
 
 def _clock_row(record: Record) -> dict[str, Any]:

@@ -36,7 +36,15 @@ class LoadPresenter(AnsweringPresenter):
 
     def commands(self) -> list[Command]:
         """Return lines for the terminal, the most useful first."""
-        return _list_commands(self.result)
+        result = self.result
+        robot, logs = source_name(result.robot), name_logs(result.robot, result.logs)
+        fitted, body = path_for_shell(result.origin), option_for_shell("--body", result.body)
+        call = f"payload {robot} {fitted} {logs} {body}"
+        out = []
+        if not (result.without or result.gains):
+            out = [command("weigh", f"{call} --without empty.csv")]
+        begun = name_logs(result.robot, result.logs, "--start-from")
+        return [*out, command("motion", f"excite {robot} {begun} --out next.json")]
 
     def answer(self) -> str:
         """Return mass and where, or gains by a mass that is known, in one sentence."""
@@ -127,15 +135,3 @@ def _answer_gains(result: Load) -> Answer:
     text = sentence("payload.how", "untold", joints=listing(unknown, 12)) if unknown else ""
     tone = "amber" if unknown else "green"
     return Answer(sentence("payload.unit", "question"), result.answer, text, tone)
-
-
-def _list_commands(result: Load) -> list[Command]:
-    """Return lines for the terminal, the most useful first."""
-    robot, logs = source_name(result.robot), name_logs(result.robot, result.logs)
-    fitted, body = path_for_shell(result.origin), option_for_shell("--body", result.body)
-    call = f"payload {robot} {fitted} {logs} {body}"
-    out = []
-    if not (result.without or result.gains):
-        out = [command("weigh", f"{call} --without empty.csv")]
-    begun = name_logs(result.robot, result.logs, "--start-from")
-    return [*out, command("motion", f"excite {robot} {begun} --out next.json")]

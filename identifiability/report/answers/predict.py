@@ -52,7 +52,17 @@ class TorquePredictionPresenter(AnsweringPresenter):
 
     def commands(self) -> list[Command]:
         """Return lines for the terminal, the most useful first."""
-        return _list_commands(self.result)
+        result = self.result
+        robot, given = source_name(result.robot), path_for_shell(result.fit.origin)
+        every = name_logs(result.robot, result.logs)
+        pairs = zip(result.logs, result.measured, strict=True)
+        measured = name_logs(result.robot, [name for name, known in pairs if known])
+        line = f"predict {robot} {given} {every} --out torque.csv"
+        table = [command("samples", line)] if result.written("table") is None else []
+        if _find_few(result):
+            line = f"diagnose {robot} {measured} --report missing.html"
+            return [command("missing_here", line), *table]
+        return [*table, command("export", export_line(result.robot, given))]
 
     def warnings(self) -> tuple[str, ...]:
         """Return the findings on the logs, and on one joint."""
@@ -137,20 +147,6 @@ def _answer_intervals(result: TorquePrediction) -> Answer:
         return answer(about, "no", text, "vermilion", share=share)
     part = "care" if result.warnings else "yes"
     return answer(about, part, text, "amber" if new else "green", share=share)
-
-
-def _list_commands(result: TorquePrediction) -> list[Command]:
-    """Return lines for the terminal, the most useful first."""
-    robot, given = source_name(result.robot), path_for_shell(result.fit.origin)
-    every = name_logs(result.robot, result.logs)
-    pairs = zip(result.logs, result.measured, strict=True)
-    measured = name_logs(result.robot, [name for name, known in pairs if known])
-    line = f"predict {robot} {given} {every} --out torque.csv"
-    table = [command("samples", line)] if result.written("table") is None else []
-    if _find_few(result):
-        line = f"diagnose {robot} {measured} --report missing.html"
-        return [command("missing_here", line), *table]
-    return [*table, command("export", export_line(result.robot, given))]
 
 
 class PositionPredictionPresenter(AnsweringPresenter):
