@@ -20,6 +20,7 @@ from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import checked
+from identifiability.foundation.presenter import presented
 from identifiability.foundation.quoting import for_toml
 from identifiability.foundation.result import Result
 from identifiability.foundation.runs import Progress, Run, quiet, running
@@ -346,10 +347,10 @@ class Inspection(OfStructure, Result):
         transmission = self.robot.transmission
         return () if transmission is None else transmission.motors
 
+    @presented
     def parameters_frame(self) -> pd.DataFrame:
         """Return one row a base parameter: name, unit and what is grouped in it."""
-        frame: pd.DataFrame = self._present("parameters_frame")
-        return frame
+        raise NotImplementedError
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in its documented JSON schema."""
