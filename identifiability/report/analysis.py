@@ -14,7 +14,7 @@ from identifiability.estimation.prediction import Prediction, loaded_joints
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.answers import Cell, Note, Table
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import format_count, format_number, join
+from identifiability.foundation.rounding import format_count, format_number
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.cad_prior import mass_rows, total_mass
 from identifiability.posterior.rules import RULES as POSTERIOR_RULES
@@ -108,7 +108,6 @@ def section_parameters(analysis: Analysis) -> Section:
     figure = picture("precision", plot.precision(analysis), model=chosen.name)
     tables = fold_verdicts(parameter_table(chosen), chosen.verdicts)
     described = f" ({chosen.submodel.description})" if chosen.submodel.description else ""
-    size = format_count(len(chosen.submodel), "parameter")
     return section(
         "analysis.parameters",
         *tables,
@@ -116,7 +115,7 @@ def section_parameters(analysis: Analysis) -> Section:
         Fold("Which numbers of the robot file may I believe?", (file_table(analysis),)),
         _name_key(analysis),
         title=model_title(chosen),
-        size=size,
+        size=len(chosen.submodel),
         described=described,
     )
 
@@ -227,7 +226,7 @@ def section_correlated(fit: Fit) -> Section:
     text = sentence(
         "analysis.together",
         count=len(np.unique(pairs)),
-        pairs=join(each),
+        pairs=each,
     )
     return section("analysis.correlated", text=text)
 
@@ -240,7 +239,7 @@ def section_physics(analysis: Analysis) -> Section:
     physical = analysis.chosen.physical
     assert physical is not None
     active = () if physical.nearest is None else physical.nearest.active
-    held = sentence("analysis.held", "some" if active else "none", names=join(list(active)))
+    held = sentence("analysis.held", "some" if active else "none", names=active)
     certificate = f"{physical.sentence} {analysis.mass_warning}".rstrip()
     masses = mass_table(analysis.robot, physical.parameters())
     return section("analysis.physics", masses, certificate=f"{certificate} {held}")
@@ -277,9 +276,9 @@ def _how(analysis: Analysis) -> tuple[Section, ...]:
             "analysis.motion",
             make_table("prepared", [_log_row(use, s) for use, s in logs]),
             detail=True,
-            seen=format_count(analysis.information.samples, "sample"),
+            seen=analysis.information.samples,
             estimator=sentence("estimators", analysis.chosen.estimate.estimator.name),
-            out=format_count(len(analysis.held_out.log), "sample"),
+            out=len(analysis.held_out.log),
             kind=analysis.validation_kind,
         ),
         section("analysis.thresholds", glossary, detail=True),
@@ -329,7 +328,7 @@ def posterior_notes(analysis: Analysis) -> tuple[Note, ...]:
         note(
             "prior-sensitive",
             share=share,
-            names=join(names, SHOWN_FIRST),
+            names=names,
             limit=limit,
         ),
     )

@@ -247,7 +247,7 @@ def _section_gap(d: Diagnosis) -> Section:
 
 def section_forward(gap: ForwardGap, joints: tuple[str, ...]) -> Section:
     """Return the section on simulated motion before and after the named effects."""
-    horizon = format_number(gap.horizon, 2)
+    horizon = gap.horizon
     if not gap.measured:
         return section("diagnosis.motion", f"Not done: {gap.note}", horizon=horizon)
     figure = draw_forward(
@@ -322,7 +322,7 @@ def excitation_moving(result: Excitation) -> Moving | None:
     """Return the robot along the motion."""
     t, *motion = result.motion
     poses = complete_motion(result.robot, t, *motion).q
-    caption = sentence("excitation.moving", seconds=format_number(t[-1] - t[0], 3))
+    caption = sentence("excitation.moving", seconds=t[-1] - t[0])
     return move_skeletons(result.robot, t, {"motion": ("blue", poses)}, lambda rows: [], caption)
 
 
@@ -348,7 +348,7 @@ def excitation_sections(result: Excitation) -> list[Section]:
     text = words(
         "excitation.how",
         harmonics=path.harmonics,
-        motions=format_count(result.evaluations, "motion"),
+        motions=result.evaluations,
         seed=result.seed,
         effects=", ".join(result.effects),
         measured=sentence("excitation.measured", logs=logs) if logs else "",
@@ -615,14 +615,12 @@ def section_survivors(ladder: Ladder) -> Section:
     from .analysis import fold_verdicts  # noqa: PLC0415
 
     table = parameter_table(ladder.chosen)
-    size = len(ladder.chosen)
     tables = fold_verdicts(table, ladder.chosen.verdicts)
-    said = format_count(size, "parameter")
     return section(
         "pruning.survivors",
         *tables,
         *ladder.tables()[1:],
-        size=said,
+        size=len(ladder.chosen),
     )
 
 

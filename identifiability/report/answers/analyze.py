@@ -21,16 +21,7 @@ from identifiability.foundation.answers import Answer, Cell, Note, Table, measur
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import (
-    LEVEL,
-    REACH,
-    error_text,
-    join,
-    measured,
-    percent,
-    percent_text,
-    stated_text,
-)
+from identifiability.foundation.rounding import LEVEL, REACH, measured, percent_text, stated_text
 from identifiability.report.answers import commands
 from identifiability.workflows.analyze.result import compare_logs, stated_values
 from identifiability.workflows.case import COMPLETED
@@ -142,8 +133,7 @@ class LadderedPresenter(AnsweringPresenter):
         for found in of_key(result.findings, "unclosed", "singular"):
             yield note(found.key, log=found.subject, text=found)
         if chosen.infeasible and not result.nothing and not chosen.physical_used:
-            names, near = join(chosen.infeasible), error_text(chosen.unseen_by(1))
-            yield note("impossible", names=names, near=near)
+            yield note("impossible", names=chosen.infeasible, near=chosen.unseen_by(1))
         yield from (note("unreal", text=text) for text in _state_impossible(result))
         if len(kept) < base.rank:
             yield note("poor", rank=base.rank, excited=len(kept))
@@ -200,11 +190,13 @@ class AnalysisPresenter(LadderedPresenter):
             return answer(about, "nothing", size, "vermilion")
         title, count = model_title(chosen), len(chosen.submodel)
         capital = f"{title[0].upper()}{title[1:]}"
-        holes: dict[str, Any] = {"title": title, "capital": capital, "count": count}
         part = "unjudged" if chosen.unjudged else "found"
         tone = "blue" if chosen.feasible else "amber"
         text = f"{size} {state_physics(result)}"
-        return answer(about, part, text, tone, found=found_cell(chosen).text, **holes)
+        found = found_cell(chosen).text
+        return answer(
+            about, part, text, tone, found=found, title=title, capital=capital, count=count
+        )
 
     def tables(self) -> tuple[Table, ...]:
         """Return the models, the errors by joint and by log, the parameters of the model to use."""
@@ -251,8 +243,7 @@ def _state_left_out(result: Laddered[Any]) -> str:
     left = result.left_out
     if not left["rows"] > 0:
         return ""
-    share, every = percent(left["rows"], 2), percent(left["all_rows"])
-    return sentence("decision.left", "rows", share=share, error=every)
+    return sentence("decision.left", "rows", share=left["rows"], error=left["all_rows"])
 
 
 def _state_file_error(result: Laddered[Any]) -> str:
@@ -264,10 +255,10 @@ def _state_file_error(result: Laddered[Any]) -> str:
         return ""
     held = values_in_file(robot, given, kind)
     titles = by_effect(robot, (n for n in given if given[n] != held[n]), real["shapes"])
-    text = sentence("decision.left", "file", kind=kind.upper(), error=percent(alone[kind]))
+    text = sentence("decision.left", "file", kind=kind.upper(), error=alone[kind])
     if titles and alone[kind] > (1 + VISIBLE) * error:
         names = [f"{title} ({listing(own, NAMED)})" for title, own in titles.items()]
-        text += sentence("decision.left", "lacks", names=listing(names, NAMED))
+        text += sentence("decision.left", "lacks", names=names)
     return f"{text}."
 
 
@@ -299,9 +290,9 @@ def _state_impossible(result: Laddered[Any]) -> Iterator[str]:
         return
     each = used.fitted.joint_error()[:, 1]
     joint = result.robot.joints[int(np.argmax(each))]
-    held = join(real.nearest.active if real.nearest else ()) or "nothing"
-    holes = {"near": error_text(near), "error": percent(free), "joint": joint, "names": held}
-    yield sentence("decision.impossible", **holes)
+    held = real.nearest.active if real.nearest else ()
+    names = held or ("nothing",)
+    yield sentence("decision.impossible", near=near, error=free, joint=joint, names=names)
 
 
 def state_physics(result: Laddered[Any]) -> str:
@@ -309,7 +300,7 @@ def state_physics(result: Laddered[Any]) -> str:
     chosen = result.chosen
     used = "used" if chosen.physical_used else "free"
     each = zip(chosen.submodel.columns, chosen.meanings, strict=True)
-    names = listing([f"{name} ({text})" for name, text in each if text], NAMED)
+    names = [f"{name} ({text})" for name, text in each if text]
     more = sentence("decision.left", "names", names=names) if names else ""
     return f"{sentence('decision.physics', used)} {more}".rstrip()
 
@@ -383,11 +374,11 @@ def found_cell(model: ModelResult) -> Cell:
 def possible_cell(m: ModelResult) -> Cell:
     """Return whether a real robot has the values of a model, and how much the nearest errs."""
     about = "laddered.tables"
-    near = sentence(about, "near", error=error_text(m.unseen_by(1)))
+    near = sentence(about, "near", error=m.unseen_by(1))
     if m.feasible:
         return Cell("yes", 2.0, badge="pass")
     if m.infeasible:
-        text = sentence(about, "sign", names=join(m.infeasible, 3), near=near)
+        text = sentence(about, "sign", names=m.infeasible, near=near)
         return Cell("no", 0.0, text, "differs")
     open_ = m.physical is None or m.physical.certificate is None
     return Cell("open" if open_ else "not exactly", 1.0, near, "partly")

@@ -10,7 +10,7 @@ import pandas as pd
 from identifiability.foundation.answers import Answer, Table
 from identifiability.foundation.keyed import Row
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import REACH, join, rough_percent
+from identifiability.foundation.rounding import REACH, rough_percent
 from identifiability.workflows.calibrate.rules import RULES
 from identifiability.workflows.provenance import given_paths
 
@@ -115,10 +115,10 @@ def _answer_wrong(result: Calibration) -> Answer:
     if cell.called:
         share = rough_percent(wrong.value) if wrong.value else "None"
         short = sentence(about, "share", share=share)
-        parts.append(sentence(about, "most", most=rough_percent(wrong.high)))
+        parts.append(sentence(about, "most", most=wrong.high))
         tone = "green" if wrong.high <= RULES.wrong_most else "amber"
     if cell.not_judged:
-        parts.append(sentence(about, "unjudged", share=rough_percent(cell.not_judged)))
+        parts.append(sentence(about, "unjudged", share=cell.not_judged))
     return Answer(sentence(about, "question"), short, " ".join(parts), tone)
 
 
@@ -126,8 +126,8 @@ def _answer_weakest(result: Calibration) -> Answer:
     """Return the parameter whose intervals hold the truth least often, and why."""
     about, below = "calibration.weakest", list(result.cell.below)
     worst = result.to_frame().iloc[0]
-    held = rough_percent(worst["value"])
-    narrow = sentence(about, "narrow", names=join(below)) if below else ""
+    held = float(worst["value"])
+    narrow = sentence(about, "narrow", names=below) if below else ""
     text = f"{narrow}{_state_reason(result)}"
     tone = "amber" if narrow else ""
     return answer(about, "worst", text, tone, parameter=str(worst["parameter"]), share=held)

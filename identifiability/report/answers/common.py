@@ -17,10 +17,10 @@ import numpy as np
 
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.foundation.answers import Answer, Note
-from identifiability.foundation.findings import Finding, Level
+from identifiability.foundation.findings import Finding, Level, fill
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.presenter import Presenter
-from identifiability.foundation.rounding import error_text, format_count, stated_text
+from identifiability.foundation.rounding import error_text, stated_text
 from identifiability.foundation.rules import Tolerance
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import BaseParameters
@@ -38,13 +38,12 @@ WORDS: dict[str, Any] = tomllib.loads(
 
 def words(name: str, /, **holes: Any) -> dict[str, Any]:
     """Return all sentences of a name by their keys, with holes filled."""
-    return {what: text.format(**holes) for what, text in WORDS[name].items()}
+    return {what: fill(text, holes) for what, text in WORDS[name].items()}
 
 
 def sentence(name: str, what: str = "text", /, **holes: Any) -> str:
     """Return one of the words of some name, with its holes filled."""
-    filled: str = WORDS[name][what].format(**holes)
-    return filled
+    return fill(WORDS[name][what], holes)
 
 
 def note(name: str, /, **holes: Any) -> Note:
@@ -177,7 +176,7 @@ def answer_quality(
     if grade != headline:
         short = sentence("decision.lowered", "warned", word=word_of(grade), errors=errors)
     joint, worst = worst_joint(joints, each)
-    at_worst = {"joint": joint, "worst": error_text(worst)}
+    at_worst = {"joint": joint, "worst": worst}
     said = [sentence("quality", "worst", **at_worst)] if joint else []
     if joint and errs_unevenly(error, worst):
         grade, said = worse_of(grade, grade_of(worst), worse_of(headline, "good")), []
@@ -194,7 +193,7 @@ def state_errors(error: float, raw: float) -> str:
     """Return the error in words, and that of raw torque where a filter makes a difference."""
     if not np.isfinite(raw) or math.isclose(raw, error, rel_tol=1e-6):
         return error_text(error)
-    return sentence("decision.grades", "both", raw=error_text(raw), error=error_text(error))
+    return sentence("decision.grades", "both", raw=raw, error=error)
 
 
 def worst_joint(joints: Sequence[str], each: Array) -> tuple[str, float]:
@@ -267,7 +266,7 @@ def answer_trust(
     titles = [f"“{title}”" for title in dict.fromkeys(graver)]
     read = [sentence("trust", "warnings" if len(warnings) > 1 else "one_warning")]
     grave = "; ".join([*(read if warnings else []), *titles])
-    found_text = sentence("trust", "found", found=found, size=format_count(size, "value"))
+    found_text = sentence("trust", "found", found=found, size=size)
     if missing:
         text = f"{found_text}."
         if titles:

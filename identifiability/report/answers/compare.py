@@ -40,8 +40,7 @@ class ComparisonPresenter(AnsweringPresenter):
         """Return what changed, and whether to trust it."""
         result = self.result
         every, k = shorten_paths((*result.before, *result.after)), len(result.before)
-        sides = {"before": listing(every[:k], 3), "after": listing(every[k:], 3)}
-        question = sentence("comparison.how", "question", **sides)
+        question = sentence("comparison.how", "question", before=every[:k], after=every[k:])
         changed = Answer(question, result.answer, tone="vermilion" if result.changes else "green")
         why = " ".join(sentence("comparison.how", name) for name in ("logs", "odds"))
         return changed, answer("comparison.trust", "logs", why, "amber")

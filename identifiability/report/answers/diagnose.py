@@ -18,7 +18,7 @@ from identifiability.foundation.names import BASE
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import REACH, join, measured, percent
+from identifiability.foundation.rounding import REACH, join, measured
 from identifiability.reading.rules import RULES as READING_RULES
 from identifiability.regression.reduction import full_model
 from identifiability.workflows.diagnose.result import logs_disagree
@@ -202,9 +202,9 @@ def _state_search(d: Diagnosis) -> str:
     parts += [sentence(about, "changed", name=_capital(c.called)) for c in d.changes]
     if not d.effects:
         why = sentence(about, "none") if d.evidence else _state_untried(d)
-        holes = {"verified": d.verified_on, "error": percent(d.held_before)}
-        part = "fixed" if d.fixed else "fitted"
-        parts.append(sentence(about, part, why=why, model=d.known.words, **holes))
+        part, model = "fixed" if d.fixed else "fitted", d.known.words
+        error, verified = d.held_before, d.verified_on
+        parts.append(sentence(about, part, why=why, model=model, error=error, verified=verified))
     return " ".join(parts)
 
 
@@ -214,7 +214,7 @@ def _state_untried(d: Diagnosis) -> str:
     if d.nothing:
         return sentence(about, "because", why=d.nothing)
     why = list(dict.fromkeys(f"{r.family} ({r.reason})" for r in d.refusals))
-    return sentence(about, "refused", why=join(why))
+    return sentence(about, "refused", why=why)
 
 
 def _state_effect(e: NamedEffect) -> str:
@@ -275,15 +275,15 @@ def _answer_gap(d: Diagnosis) -> Answer:
     if not (d.included or d.changes):
         text = sentence(about, "measured", verified=d.verified_on)
         text += sentence(about, "useless") if d.effects else ""
-        return answer(about, "stays", text, error=percent(d.held_before))
+        return answer(about, "stays", text, error=d.held_before)
     ends = [f"{100 * x:+.2g}".replace("-", "−") for x in d.interval]
     interval = sentence(about, "interval", ends=" … ".join(ends)) if any(d.interval) else "."
     text = sentence(about, "unseen", verified=d.verified_on)
     if 0 < d.included < len(d.effects):
-        titles = join([e.title for e in d.effects[: d.included]])
+        titles = [e.title for e in d.effects[: d.included]]
         text += sentence(about, "some", titles=titles)
     tone = "green" if d.interval[1] < 0 else "amber"
-    holes: dict[str, Any] = {"before": percent(d.held_before), "after": percent(d.held_after)}
+    holes: dict[str, Any] = {"before": d.held_before, "after": d.held_after}
     model = d.known.words.rstrip(",")
     return answer(about, "falls", text, tone, model=model, interval=interval, **holes)
 
@@ -303,8 +303,7 @@ def _state_looks(d: Diagnosis) -> str:
     where, best = max(most.explained.items(), key=lambda x: x[1])
     if best < VISIBLE:
         return sentence("diagnosis.residual", "noise")
-    holes = {"where": where, "joint": most.joint, "share": percent(best, 2)}
-    return sentence("diagnosis.residual", "depends", **holes)
+    return sentence("diagnosis.residual", "depends", where=where, joint=most.joint, share=best)
 
 
 # What else should be known.
@@ -331,7 +330,7 @@ def _list_doubts(d: Diagnosis) -> Iterator[Note]:
             yield _write_note("rivals", text)
         if e.unnamed:
             part = "near" if e.nearest else "alone"
-            near = sentence(about, part, names=join(e.nearest))
+            near = sentence(about, part, names=e.nearest)
             text = sentence(about, "unnamed", where=name_places(e), near=near)
             yield _write_note("unnamed", text)
         if not e.confirmed:
@@ -421,6 +420,6 @@ class ForwardGapPresenter(Presenter):
         if not gap.measured:
             return ""
         low, high = (f"{100 * x:+.1f}".replace("-", "−") for x in gap.interval)
-        errors = {"before": percent(gap.error_before, 2), "after": percent(gap.error_after, 2)}
+        errors = {"before": gap.error_before, "after": gap.error_after}
         seconds = f"{gap.horizon:.2g}"
         return sentence("diagnosis.forward", seconds=seconds, low=low, high=high, **errors)

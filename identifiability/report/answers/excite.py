@@ -13,7 +13,7 @@ from identifiability.foundation.errors import listing
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import path_for_shell
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import format_count, format_number, percent
+from identifiability.foundation.rounding import format_number
 from identifiability.workflows.excite.criteria import LogDet
 
 from .commands import name_logs, source_name
@@ -66,7 +66,7 @@ class ExcitationPresenter(AnsweringPresenter):
         every = sentence(about, "every", count=len(result.names))
         names = listing(result.chosen, 4) if result.chosen else every
         rise = result.after.figure - result.before.figure
-        share = percent(float(np.exp(-rise / (2 * len(result.criterion.chosen)))), 2)
+        share = float(np.exp(-rise / (2 * len(result.criterion.chosen))))
         period, other = result.trajectory.period, result.beside
         return sentence(about, names=names, share=share, period=period, other=other)
 
@@ -79,12 +79,13 @@ class ExcitationPresenter(AnsweringPresenter):
         result, about = self.result, "excitation.limits"
         limits, parts = result.limits, [sentence(about, "joints")]
         if result.robot.closed:
-            holes: dict[str, Any] = {"closure": result.closure, "bound": limits.closure_bound}
-            parts.append(sentence(about, "loops", samples=result.trajectory.samples, **holes))
+            samples, bound = result.trajectory.samples, limits.closure_bound
+            closure = result.closure
+            parts.append(sentence(about, "loops", samples=samples, closure=closure, bound=bound))
         if np.isfinite(result.gap):
             parts.append(sentence(about, "gap", gap=1000 * result.gap))
         if limits.assumed:
-            parts.append(sentence(about, "assumed", names=listing(limits.assumed)))
+            parts.append(sentence(about, "assumed", names=limits.assumed))
         return " ".join(parts)
 
     def to_frame(self) -> pd.DataFrame:
@@ -118,9 +119,8 @@ def _answer_worth(result: Excitation) -> Answer:
     if not new:  # of values that nobody states
         return Answer(sentence(about, "question"), text, "", "green")
     noise = sentence(about, "noise_logs" if result.logs else "noise")
-    count = format_count(len(result.after.told), "parameter")
-    holes: dict[str, Any] = {"old": old, "new": new, "count": count, "noise": noise}
-    return answer(about, "counts", text, "green", other=result.beside, **holes)
+    holes: dict[str, Any] = {"old": old, "new": new, "count": len(result.after.told)}
+    return answer(about, "counts", text, "green", other=result.beside, noise=noise, **holes)
 
 
 def _answer_safe(result: Excitation) -> Answer:
@@ -141,7 +141,7 @@ class NextMotionPresenter(Presenter):
         result, about = self.result, "excitation.next"
         parts = [name.partition(":")[0].partition("@") for name in result.names]
         first, *others = (f"{title_of(family)} in {place}" for family, _, place in parts)
-        pair = sentence(about, "pair", first=first, others=listing(others))
+        pair = sentence(about, "pair", first=first, others=others)
         if result.same:
             return sentence(about, "same", pair=pair)
         period, k = result.excitation.trajectory.period, result.periods

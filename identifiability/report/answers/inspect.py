@@ -11,7 +11,7 @@ import pandas as pd
 from identifiability.foundation.answers import Answer, Cell, Table
 from identifiability.foundation.findings import ledger, of_key
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import NONE, format_count, format_number, join, percent
+from identifiability.foundation.rounding import NONE, format_number, percent
 from identifiability.workflows.inspect import required_columns
 
 from .commands import name_logs, robot_word, source_name
@@ -82,38 +82,31 @@ def _answer_usable(result: Inspection) -> Answer:
     odd = [hint for hint in result.hints if hint_note(hint).level == "warning"]
     if not odd:
         return answer(about, "yes", sentence("inspection.sound"), "green")
-    count = format_count(len(odd), "thing")
     part = "warned" if result.warnings else "odd"
-    return answer(about, part, "", "amber", count=count, first=odd[0])
+    return answer(about, part, "", "amber", count=odd, first=odd[0])
 
 
 def _answer_content(result: Inspection) -> Answer:
     """Return how much motion the logs hold."""
     about, clocks = "inspection.content", pd.DataFrame([r.clock for r in result.records])
-    seconds = format_number(float(clocks.duration.sum()), 3)
-    samples = format_count(int(clocks.samples.sum()), "sample")
+    seconds, samples = float(clocks.duration.sum()), int(clocks.samples.sum())
     rates = dict.fromkeys(format_number(x, 3) for x in (clocks.rate.min(), clocks.rate.max()))
     cut = clocks.cutoff.dropna().min()
-    text = "" if np.isnan(cut) else sentence(about, "cutoff", cutoff=format_number(cut, 3))
-    holes = {"seconds": seconds, "samples": samples, "rates": " … ".join(rates)}
-    short = sentence(about, "motion", **holes)
-    return Answer(sentence(about, "question"), short, text, "blue")
+    text = "" if np.isnan(cut) else sentence(about, "cutoff", cutoff=cut)
+    holes: dict[str, Any] = {"samples": samples, "rates": " … ".join(rates)}
+    return answer(about, "motion", text, "blue", seconds=seconds, **holes)
 
 
 def _answer_columns(result: Inspection) -> Answer:
     """Return which columns a log must have, and how many parameters they tell at most."""
     about, base = "inspection.needs", result.base
-    rank = format_count(base.rank, "base parameter")
-    text = sentence(about, "most", rank=rank, parameters=len(base.parameters))
+    text = sentence(about, "most", rank=base.rank, parameters=len(base.parameters))
     if result.robot.servo:
         text += sentence(about, "torque")
-    count, columns = len(result.columns), join(result.columns, 9)
-    if not result.motors:
-        short = sentence(about, "columns", count=count, columns=columns)
-    else:
-        motors = join(required_columns(result.motors)[1:], 9)
-        short = sentence(about, "motors", count=count, columns=columns, motors=motors)
-    return Answer(sentence(about, "question"), short, text, "blue")
+    part = "motors" if result.motors else "columns"
+    motors = required_columns(result.motors)[1:]
+    count, columns = len(result.columns), result.columns
+    return answer(about, part, text, "blue", count=count, columns=columns, motors=motors)
 
 
 def _answer_open(result: Inspection) -> Answer:
@@ -124,7 +117,7 @@ def _answer_open(result: Inspection) -> Answer:
     text = " ".join(need.text for need in needs[:SHOWN])
     faults = of_key(need.text for need in needs)  # what the file states and can hardly be
     part = "faults" if faults else "some"
-    return answer(about, part, text, "amber", count=format_count(len(needs), "thing"))
+    return answer(about, part, text, "amber", count=needs)
 
 
 def _clock_row(record: Record) -> dict[str, Any]:

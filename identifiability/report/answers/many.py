@@ -11,7 +11,7 @@ from identifiability.foundation.answers import Answer, Cell, Table
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import for_link
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import NONE, format_count, percent
+from identifiability.foundation.rounding import NONE, format_count
 
 from .common import TONES, answer, grade_of, sentence
 from .tables import make_table
@@ -47,7 +47,7 @@ class FleetPresenter(Presenter):
         if not known:
             return (told,)
         worst = max(known, key=lambda name: known[name])
-        tone, error = TONES[grade_of(known[worst])], percent(known[worst], 2)
+        tone, error = TONES[grade_of(known[worst])], known[worst]
         question = sentence("fleet", "models")
         return told, answer("fleet", "worst", "", tone, question, name=worst, error=error)
 

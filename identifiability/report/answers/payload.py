@@ -53,7 +53,7 @@ class LoadPresenter(AnsweringPresenter):
     def caveats(self) -> tuple[str, ...]:
         """Return the reasons to doubt the answer, and the remedy."""
         lacks = self.result.estimate.lacks
-        return (sentence("payload.how", "changed", lacks=listing(lacks, 4)),) if lacks else ()
+        return (sentence("payload.how", "changed", lacks=lacks),) if lacks else ()
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a quantity, or a joint whose gain a known load tells."""
@@ -92,7 +92,7 @@ def _state_gains(result: Load) -> str:
     if not sure:
         return sentence("payload.unit", "none")
     each = [f"{g.value:.4g} ({g.low:.4g} … {g.high:.4g}) {g.unit} at {g.name}" for g in sure]
-    return sentence("payload.unit", "some", mass=result.known, gains=listing(each, 12))
+    return sentence("payload.unit", "some", mass=result.known, gains=each)
 
 
 def _answer_load(result: Load) -> Answer:
@@ -124,7 +124,7 @@ def _answer_trust(result: Load) -> Answer:
         part, tone = "warning", "amber"
     if result.caveats:
         part, tone = "robot", "amber"
-    names = listing([c.called for c in changes])
+    names = [c.called for c in changes]
     found = sentence(about, "found", names=names) if changes else ""
     return answer(about, part, " ".join(filter(None, [text, found, *result.caveats])), tone)
 
@@ -132,6 +132,6 @@ def _answer_trust(result: Load) -> Answer:
 def _answer_gains(result: Load) -> Answer:
     """Return the gain of each torque column."""
     unknown = [g.name for g in result.gains if not g.told]
-    text = sentence("payload.how", "untold", joints=listing(unknown, 12)) if unknown else ""
+    text = sentence("payload.how", "untold", joints=unknown) if unknown else ""
     tone = "amber" if unknown else "green"
     return Answer(sentence("payload.unit", "question"), result.answer, text, tone)

@@ -9,12 +9,10 @@ import numpy as np
 import pandas as pd
 
 from identifiability.foundation.answers import Answer, Table, frame_table
-from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.quoting import path_for_shell
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import error_text, format_count, join
 from identifiability.logs.commands import has_commands
 from identifiability.workflows.predict import WINDOW
 from identifiability.workflows.provenance import given_paths
@@ -45,7 +43,7 @@ class TorquePredictionPresenter(AnsweringPresenter):
         result = self.result
         known = [name for name, has in zip(result.logs, result.measured, strict=True) if has]
         each = result.error_frame()["error"].to_numpy(float)
-        more = sentence("prediction.what", "measured", logs=join(known)) if known else ""
+        more = sentence("prediction.what", "measured", logs=known) if known else ""
         about = result.error_ra, result.robot.joints, each, more
         quality = answer_quality(*about, raw=result.error_ra_raw, warnings=result.warnings)
         return _answer_what(result), quality, _answer_intervals(result)
@@ -119,12 +117,11 @@ def _answer_what(result: TorquePrediction) -> Answer:
     """Return the predicted logs and the model."""
     about, logs = "prediction.what", shorten_paths(result.logs)
     names = {"model": result.fit.submodel.name, "origin": result.fit.origin}
-    text = sentence(about, "model", samples=format_count(len(result.t), "sample"), **names)
+    text = sentence(about, "model", samples=len(result.t), **names)
     silent = [name for name, has in zip(logs, result.measured, strict=True) if not has]
     if silent:
-        text += sentence(about, "silent", logs=join(silent, 3))
-    joints = format_count(len(result.robot.joints), "joint")
-    return answer(about, "torque", text, "blue", joints=joints, logs=join(logs, 3))
+        text += sentence(about, "silent", logs=silent)
+    return answer(about, "torque", text, "blue", joints=result.robot.joints, logs=logs)
 
 
 def _find_few(result: TorquePrediction) -> list[str]:
@@ -141,7 +138,7 @@ def _answer_intervals(result: TorquePrediction) -> Answer:
     text = phrase("predicted", "new", joints=new) if new else ""
     if not any(result.measured):
         return answer(about, "unmeasured", text, "grey")
-    share = error_text(float(result.inside.mean()))
+    share = float(result.inside.mean())
     if few := _find_few(result):
         text = f"{phrase('predicted', 'few', joints=few)} {text}".rstrip()
         return answer(about, "no", text, "vermilion", share=share)
@@ -187,7 +184,7 @@ class PositionPredictionPresenter(AnsweringPresenter):
             for x in result.totals
         )
         each = [f"{run.name} {error}" for run, error in zip(result.runs, errors, strict=True)]
-        logs = listing([log.name for log in result.logs], 3)
+        logs = [log.name for log in result.logs]
         part = "unseen" if result.unseen else "fitted"
         return sentence(about, part, logs=logs, runs=", ".join(each[::-1]))
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.answers import Answer, Cell, Note, Table
 from identifiability.foundation.errors import listing
-from identifiability.foundation.rounding import error_text, format_number, percent, percent_text
+from identifiability.foundation.rounding import format_number, percent_text
 
 from .analyze import LadderedPresenter, error_tables, model_row, state_physics
 from .common import answer, note, sentence
@@ -25,7 +25,7 @@ class LadderPresenter(LadderedPresenter):
 
     def validation_kind(self) -> str:
         """Return the motion on which the error was measured, and the unpruned model's error."""
-        error = error_text(self.result.full.error_ra_validation)
+        error = self.result.full.error_ra_validation
         kind = super().validation_kind()
         return sentence("laddered.measured", "unpruned", kind=kind, error=error)
 
@@ -44,7 +44,7 @@ class LadderPresenter(LadderedPresenter):
             return answer(about, "nothing", text, "vermilion", size=size)
         wrong = chosen.infeasible
         used = [name for name in chosen.columns if name not in wrong]
-        impossible = sentence(about, "impossible", names=listing(wrong, 4)) if wrong else ""
+        impossible = sentence(about, "impossible", names=wrong) if wrong else ""
         text = f"{listing(used, 6)}{impossible}."
         if len(chosen) == size:
             text = sentence(about, "all")
@@ -60,7 +60,7 @@ class LadderPresenter(LadderedPresenter):
         """Yield the caveats, and whether the choice is stable."""
         yield from super().notes()
         weight = self.result.chosen.weight
-        yield note("stable" if weight > 0.5 else "unstable", weight=percent(weight, 2))
+        yield note("stable" if weight > 0.5 else "unstable", weight=weight)
 
 
 def _move_row(r: PrunedModel) -> dict[str, Any]:
