@@ -20,6 +20,8 @@ from identifiability.estimation.verdict import Class, Flag, Verdict, percent_of
 from identifiability.foundation.answers import Answer, Cell, Note, Table, measured_cells
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import of_key
+from identifiability.foundation.names import Array
+from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import LEVEL, REACH, measured, percent_text, stated_text
 from identifiability.report.answers import commands
@@ -30,11 +32,10 @@ from identifiability.workflows.provenance import given_paths
 from .common import (
     NAMED,
     VISIBLE,
-    AnsweringPresenter,
     Command,
+    PredictingPresenter,
     after_mass,
     answer,
-    answer_quality,
     answer_trust,
     command,
     grade_of,
@@ -42,7 +43,6 @@ from .common import (
     note,
     sentence,
     state_contradicted,
-    state_uneven,
 )
 from .tables import make_table
 
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from identifiability.workflows.analyze.result import Analysis, Laddered, ModelResult
 
 
-class LadderedPresenter(AnsweringPresenter):
+class LadderedPresenter(PredictingPresenter):
     """Answers about the model to use, for analyze and prune."""
 
     result: Laddered[Any]
@@ -64,18 +64,21 @@ class LadderedPresenter(AnsweringPresenter):
         result = self.result
         use = after_mass(self.answer_use(), result.mass_warning)
         use = replace(use, short=f"{state_weight(result)} {use.short}".lstrip())
-        return use, answer_error(result), answer_doubt(result)
+        more = [sentence("laddered.measured", kind=result.validation_kind)]
+        if not result.nothing:
+            more += [_state_left_out(result), _state_file_error(result)]
+        error = self.answer_error(" ".join(filter(None, more)), raw=result.left_out["raw"])
+        return use, error, answer_doubt(result)
 
     def commands(self) -> list[Command]:
         """Return at most three lines for the terminal, the most useful first."""
         result = self.result
         verb = "prune" if "pruning" in result.schema else "analyze"
-        robot = commands.source_name(result.robot)
         names, how = given_paths(result.samples), result.settings["preparation"]
         logs = commands.name_logs(result.robot, names, how=how)
         if result.nothing:
-            return [command("inspect", f"inspect {robot} {logs}")]
-        inputs = f"{robot} {logs}{commands.held_back(result.validation, result.samples)}"
+            return [command("inspect", f"inspect {self.robot} {logs}")]
+        inputs = f"{self.robot} {logs}{commands.held_back(result.validation, result.samples)}"
         ladder = commands.ladder_option(result.robot, result.source)
         all_fitted = "" if result.validation else " --validate none"
         again = f"{verb} {inputs}{all_fitted}{ladder}"
@@ -86,7 +89,7 @@ class LadderedPresenter(AnsweringPresenter):
         elif result.chosen.count(Class.IDENTIFIABLE) < len(result.chosen.submodel):
             line = f"{again.replace('analyze', 'prune', 1)} --report pruned.html --json prune.json"
             begun = commands.name_logs(result.robot, names, "--start-from", how)
-            more = f"excite {robot} {begun} --out next.json"
+            more = f"excite {self.robot} {begun} --out next.json"
             out = [command("prune", line), command("measure", more)]
         export = partial(commands.export_line, result.robot)
         line = commands.on_file(result, "json", f"{verb}.json", f"{again} --json", export)
@@ -95,17 +98,21 @@ class LadderedPresenter(AnsweringPresenter):
 
     def warnings(self) -> tuple[str, ...]:
         """Return the findings on the logs, on one joint, and on contradicted bodies."""
-        result, usual = self.result, super().warnings()
+        result = self.result
         if result.nothing:
-            return usual
+            return Presenter.warnings(self)
         verdicts = result.full.verdicts
         judged = [v.sigma_label if Flag.NEGLIGIBLE not in v.flags else np.inf for v in verdicts]
         stated = [np.nan if x is None else x for x in stated_values(result, result.full)]
         values = np.array([v.value for v in verdicts])
         known = values, np.array(stated), np.array(judged)
-        error, each = result.chosen.error_ra_validation, result.held_out.joint_error()[:, 0]
-        uneven = state_uneven(error, result.robot.joints, each)
-        return (*usual, *uneven, *state_contradicted(result.base, result.full.submodel, *known))
+        contradicted = state_contradicted(result.base, result.full.submodel, *known)
+        return (*super().warnings(), *contradicted)
+
+    def errors(self) -> tuple[float, Array]:
+        """Return the errors of the values to use on unseen motion."""
+        result = self.result
+        return result.chosen.error_ra_validation, result.held_out.joint_error()[:, 0]
 
     def statement(self) -> str:
         """Return the answers in plain words, with warnings and remarks."""
@@ -225,17 +232,6 @@ class AnalysisPresenter(LadderedPresenter):
 
 
 # How good the model to use is, and whether to trust it.
-
-
-def answer_error(result: Laddered[Any]) -> Answer:
-    """Return the error of the values to use, and the rows that it leaves out."""
-    each = result.held_out.joint_error()[:, 0]
-    more = [sentence("laddered.measured", kind=result.validation_kind)]
-    if not result.nothing:
-        more += [_state_left_out(result), _state_file_error(result)]
-    error, text = result.chosen.error_ra_validation, " ".join(filter(None, more))
-    raw, warnings = result.left_out["raw"], result.warnings
-    return answer_quality(error, result.robot.joints, each, text, raw=raw, warnings=warnings)
 
 
 def _state_left_out(result: Laddered[Any]) -> str:

@@ -25,6 +25,8 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import BaseParameters
 
+from .commands import source_name
+
 #: Parameters, logs or places that a sentence names.
 NAMED = 3
 
@@ -134,11 +136,35 @@ class AnsweringPresenter(Presenter, ABC):
     def commands(self) -> Sequence[Command]:
         """Return lines for the terminal, the most useful first."""
 
+    @property
+    def robot(self) -> str:
+        """The robot of a command with its sidecar, base and locks as options."""
+        return source_name(self.result.robot)
+
     def answers(self) -> tuple[Answer, ...]:
         """Return the answers, none of them green above a warning, and what to do next."""
         commands = tuple(self.commands())
         following = answer("next", "one" if len(commands) == 1 else "some")
         return (*reserve(self.asked(), self.result.warnings), replace(following, commands=commands))
+
+
+class PredictingPresenter(AnsweringPresenter):
+    """Presenter of a result whose model predicts torque."""
+
+    @abstractmethod
+    def errors(self) -> tuple[float, Array]:
+        """Return ε_RA of all joints together on unseen motion, and of each joint, (n,)."""
+
+    def warnings(self) -> tuple[str, ...]:
+        """Return the findings on the logs, and on one joint that errs far more than others."""
+        error, each = self.errors()
+        return (*super().warnings(), *state_uneven(error, self.result.robot.joints, each))
+
+    def answer_error(self, more: str, **known: Any) -> Answer:
+        """Return how good the predictions are; arguments as of `answer_quality`."""
+        result, (error, each) = self.result, self.errors()
+        joints, warnings = result.robot.joints, result.warnings
+        return answer_quality(error, joints, each, more, warnings=warnings, **known)
 
 
 def answer_quality(

@@ -14,7 +14,7 @@ from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import REACH
 
-from .commands import export_line, ladder_option, name_logs, source_name
+from .commands import export_line, ladder_option, name_logs
 from .common import AnsweringPresenter, Command, answer, command, sentence
 from .tables import with_hints
 
@@ -48,22 +48,21 @@ class ComparisonPresenter(AnsweringPresenter):
     def commands(self) -> list[Command]:
         """Return lines for the terminal, the most useful first."""
         result = self.result
-        robot = source_name(result.robot)
         sides, how = (result.before, result.after), result.preparation
         before, after = (name_logs(result.robot, paths, how=how) for paths in sides)
         ladder = ladder_option(result.robot, result.source)
         if not result.changes:
             every = name_logs(result.robot, (*result.before, *result.after), how=result.preparation)
-            fit = f"analyze {robot} {every}{ladder} --json analyze.json"
+            fit = f"analyze {self.robot} {every}{ladder} --json analyze.json"
             export = export_line(result.robot, "analyze.json")
             return [command("export", f"{fit} && identifiability {export}")]
         loads = [c.place for c in result.changes if c.kind == "load"]
         if loads:
-            fitted = f"analyze {robot} {before}{ladder} --json analyze.json"
+            fitted = f"analyze {self.robot} {before}{ladder} --json analyze.json"
             logs, body = name_logs(result.robot, result.after), option_for_shell("--body", loads[0])
-            call = f"{fitted} && identifiability payload {robot} analyze.json {logs} {body}"
+            call = f"{fitted} && identifiability payload {self.robot} analyze.json {logs} {body}"
             return [command("fit_and_weigh", call)]
-        fit = f"analyze {robot} {after}{ladder} --json analyze.json"
+        fit = f"analyze {self.robot} {after}{ladder} --json analyze.json"
         return [command("fit_now", f"{fit} --report report.html")]
 
     def tables(self) -> tuple[Table, ...]:

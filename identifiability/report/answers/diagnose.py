@@ -14,7 +14,7 @@ from identifiability.foundation.answers import Answer, Note, Table
 from identifiability.foundation.errors import listing
 from identifiability.foundation.keyed import Row, name_estimates
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import BASE
+from identifiability.foundation.names import BASE, Array
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import by_name
@@ -24,19 +24,17 @@ from identifiability.regression.reduction import full_model
 from identifiability.workflows.diagnose.result import logs_disagree
 from identifiability.workflows.provenance import given_paths
 
-from .commands import compare_line, export_line, held_back, name_logs, on_file, source_name
+from .commands import compare_line, export_line, held_back, name_logs, on_file
 from .common import (
     NAMED,
     VISIBLE,
-    AnsweringPresenter,
     Command,
+    PredictingPresenter,
     after_mass,
     answer,
-    answer_quality,
     command,
     sentence,
     state_contradicted,
-    state_uneven,
 )
 from .compare import table_changes
 from .tables import make_table
@@ -50,7 +48,7 @@ if TYPE_CHECKING:
 LIKELIEST = 4
 
 
-class DiagnosisPresenter(AnsweringPresenter):
+class DiagnosisPresenter(PredictingPresenter):
     """Answers of `diagnose`."""
 
     result: Diagnosis
@@ -59,15 +57,23 @@ class DiagnosisPresenter(AnsweringPresenter):
         """Return the missing effects, their share of the error, and the residual."""
         result = self.result
         missing = after_mass(_answer_missing(result), result.mass_warning)
-        return missing, _answer_gap(result), _answer_error(result)
+        question = sentence("diagnosis.residual", "question")
+        error = self.answer_error(result.unexplained, question=question)
+        error = error if result.moved is None else result.moved.warn(error)
+        return missing, _answer_gap(result), error
+
+    def errors(self) -> tuple[float, Array]:
+        """Return the errors of the model with the named effects on unseen motion."""
+        result = self.result
+        return result.held_after, result.error_frame()["after"].to_numpy()
 
     def commands(self) -> list[Command]:
         """Return lines for the terminal, the most useful first."""
         d = self.result
-        robot, paths = source_name(d.robot), given_paths(d.samples)
+        paths = given_paths(d.samples)
         given = name_logs(d.robot, paths, how=d.preparation)
         logs, model = given + held_back(d.validation, d.samples), d.provenance.get("model")
-        again = f"diagnose {robot} {logs}"
+        again = f"diagnose {self.robot} {logs}"
         if model:
             again = f"{again} {option_for_shell('--model', model)}"
         undecided = any(e.alternatives for e in d.effects) and not d.written("next")
@@ -81,7 +87,7 @@ class DiagnosisPresenter(AnsweringPresenter):
         if undecided:
             out.append(command("separate", f"{again} --next motion.json"))
         if d.included:
-            judge = f"analyze {robot} {logs}"
+            judge = f"analyze {self.robot} {logs}"
             line = with_model(partial("{} --ladder {} --report report.html".format, judge))
             out.append(command("judge", line))
         export = partial(export_line, d.robot)
@@ -91,9 +97,7 @@ class DiagnosisPresenter(AnsweringPresenter):
     def warnings(self) -> tuple[str, ...]:
         """Return the findings on the logs, on one joint, and on contradicted bodies."""
         result = self.result
-        each = result.error_frame()["after"].to_numpy()
-        uneven = state_uneven(result.held_after, result.robot.joints, each)
-        seen = (*super().warnings(), *uneven)
+        seen = super().warnings()
         if result.nothing or result.fixed:
             return seen
         base, fit = result.completed.base, result.fit
@@ -286,15 +290,6 @@ def _answer_gap(d: Diagnosis) -> Answer:
     holes: dict[str, Any] = {"before": d.held_before, "after": d.held_after}
     model = d.known.words.rstrip(",")
     return answer(about, "falls", text, tone, model=model, interval=interval, **holes)
-
-
-def _answer_error(d: Diagnosis) -> Answer:
-    """Return how good the model with the named effects is."""
-    question = sentence("diagnosis.residual", "question")
-    each = d.error_frame()["after"].to_numpy()
-    about = d.held_after, d.robot.joints, each, d.unexplained, question
-    found = answer_quality(*about, warnings=d.warnings)
-    return found if d.moved is None else d.moved.warn(found)
 
 
 def _state_looks(d: Diagnosis) -> str:

@@ -16,7 +16,7 @@ from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import format_number
 from identifiability.workflows.excite.criteria import LogDet
 
-from .commands import name_logs, source_name
+from .commands import name_logs
 from .common import AnsweringPresenter, Command, answer, command, sentence
 from .tables import make_table
 
@@ -37,12 +37,12 @@ class ExcitationPresenter(AnsweringPresenter):
     def commands(self) -> list[Command]:
         """Return lines for the terminal, the most useful first."""
         result = self.result
-        robot, there = source_name(result.robot), result.written("json")
+        there = result.written("json")
         logs = name_logs(result.robot, [*result.logs, "next.csv"])
-        measured = [command("together", f"analyze {robot} {logs} --report report.html")]
+        measured = [command("together", f"analyze {self.robot} {logs} --report report.html")]
         if there is None:  # another motion would be rehearsed
             return measured
-        line = f"simulate {robot} {path_for_shell(there)} --out rehearsal.csv"
+        line = f"simulate {self.robot} {path_for_shell(there)} --out rehearsal.csv"
         return [command("rehearse", line), *measured]
 
     def tables(self) -> tuple[Table, ...]:

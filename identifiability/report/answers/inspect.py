@@ -14,7 +14,7 @@ from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import NONE, format_number, percent
 from identifiability.workflows.inspect import required_columns
 
-from .commands import name_logs, robot_word, source_name
+from .commands import name_logs, robot_word
 from .common import AnsweringPresenter, Command, answer, command, hint_note, sentence
 from .tables import make_table
 
@@ -40,13 +40,12 @@ class InspectionPresenter(AnsweringPresenter):
     def commands(self) -> list[Command]:
         """Return lines for the terminal, the most useful first."""
         result = self.result
-        robot = source_name(result.robot)
         if not result.records:
             study = f"new study --robot {robot_word(result.robot)}"
-            motion = f"excite {robot} --out motion.json --report motion.html"
+            motion = f"excite {self.robot} --out motion.json --report motion.html"
             return [command("begin", study), command("worth", motion)]
         logs = name_logs(result.robot, [r.path or r.name for r in result.records])
-        judge = f"analyze {robot} {logs} --report report.html --json analyze.json"
+        judge = f"analyze {self.robot} {logs} --report report.html --json analyze.json"
         return [command("analyze", judge)]
 
     def ledger(self) -> tuple[Table, ...]:

@@ -14,7 +14,7 @@ from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import measured
 
-from .commands import name_logs, source_name
+from .commands import name_logs
 from .common import AnsweringPresenter, Command, answer, command, sentence
 from .tables import with_hints
 
@@ -37,14 +37,14 @@ class LoadPresenter(AnsweringPresenter):
     def commands(self) -> list[Command]:
         """Return lines for the terminal, the most useful first."""
         result = self.result
-        robot, logs = source_name(result.robot), name_logs(result.robot, result.logs)
+        logs = name_logs(result.robot, result.logs)
         fitted, body = path_for_shell(result.origin), option_for_shell("--body", result.body)
-        call = f"payload {robot} {fitted} {logs} {body}"
+        call = f"payload {self.robot} {fitted} {logs} {body}"
         out = []
         if not (result.without or result.gains):
             out = [command("weigh", f"{call} --without empty.csv")]
         begun = name_logs(result.robot, result.logs, "--start-from")
-        return [*out, command("motion", f"excite {robot} {begun} --out next.json")]
+        return [*out, command("motion", f"excite {self.robot} {begun} --out next.json")]
 
     def answer(self) -> str:
         """Return mass and where, or gains by a mass that is known, in one sentence."""

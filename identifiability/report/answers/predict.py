@@ -10,30 +10,22 @@ import pandas as pd
 
 from identifiability.foundation.answers import Answer, Table, frame_table
 from identifiability.foundation.findings import phrase
-from identifiability.foundation.names import shorten_paths
+from identifiability.foundation.names import Array, shorten_paths
 from identifiability.foundation.quoting import path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.logs.commands import has_commands
 from identifiability.workflows.predict import WINDOW
 from identifiability.workflows.provenance import given_paths
 
-from .commands import export_line, name_logs, source_name
-from .common import (
-    AnsweringPresenter,
-    Command,
-    answer,
-    answer_quality,
-    command,
-    sentence,
-    state_uneven,
-)
+from .commands import export_line, name_logs
+from .common import AnsweringPresenter, Command, PredictingPresenter, answer, command, sentence
 from .tables import make_table
 
 if TYPE_CHECKING:
     from identifiability.workflows.predict import PositionPrediction, TorquePrediction
 
 
-class TorquePredictionPresenter(AnsweringPresenter):
+class TorquePredictionPresenter(PredictingPresenter):
     """Answers of `predict` on torque."""
 
     result: TorquePrediction
@@ -42,34 +34,28 @@ class TorquePredictionPresenter(AnsweringPresenter):
         """Return the predicted logs, the error, and whether to trust it."""
         result = self.result
         known = [name for name, has in zip(result.logs, result.measured, strict=True) if has]
-        each = result.error_frame()["error"].to_numpy(float)
         more = sentence("prediction.what", "measured", logs=known) if known else ""
-        about = result.error_ra, result.robot.joints, each, more
-        quality = answer_quality(*about, raw=result.error_ra_raw, warnings=result.warnings)
-        return _answer_what(result), quality, _answer_intervals(result)
+        error = self.answer_error(more, raw=result.error_ra_raw)
+        return _answer_what(result), error, _answer_intervals(result)
+
+    def errors(self) -> tuple[float, Array]:
+        """Return the errors along the logs that have torque."""
+        result = self.result
+        return result.error_ra, result.error_frame()["error"].to_numpy(float)
 
     def commands(self) -> list[Command]:
         """Return lines for the terminal, the most useful first."""
         result = self.result
-        robot, given = source_name(result.robot), path_for_shell(result.fit.origin)
+        given = path_for_shell(result.fit.origin)
         every = name_logs(result.robot, result.logs)
         pairs = zip(result.logs, result.measured, strict=True)
         measured = name_logs(result.robot, [name for name, known in pairs if known])
-        line = f"predict {robot} {given} {every} --out torque.csv"
+        line = f"predict {self.robot} {given} {every} --out torque.csv"
         table = [command("samples", line)] if result.written("table") is None else []
         if _find_few(result):
-            line = f"diagnose {robot} {measured} --report missing.html"
+            line = f"diagnose {self.robot} {measured} --report missing.html"
             return [command("missing_here", line), *table]
         return [*table, command("export", export_line(result.robot, given))]
-
-    def warnings(self) -> tuple[str, ...]:
-        """Return the findings on the logs, and on one joint."""
-        result = self.result
-        each = result.error_frame()["error"].to_numpy(float)
-        return (
-            *super().warnings(),
-            *state_uneven(result.error_ra, result.robot.joints, each),
-        )
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint."""
@@ -159,7 +145,7 @@ class PositionPredictionPresenter(AnsweringPresenter):
         """Return the line that diagnoses the logs."""
         result = self.result
         logs = name_logs(result.robot, given_paths(result.logs))
-        line = f"diagnose {source_name(result.robot)} {logs} --report missing.html"
+        line = f"diagnose {self.robot} {logs} --report missing.html"
         return [command("missing_file", line)]
 
     def tables(self) -> tuple[Table, ...]:
