@@ -1,11 +1,9 @@
-"""The report on an `Analysis`: the answer first, then what it rests on.
-
-Parameters, masses, contributions to torque and correlations are shown alike of a `Ladder`.
-"""
+"""The reports on an `Analysis` and on a `Ladder`: the answer first, then what it rests on."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,19 +16,17 @@ from identifiability.foundation.rounding import format_count, format_number
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.cad_prior import mass_rows, total_mass
 from identifiability.posterior.rules import RULES as POSTERIOR_RULES
-from identifiability.report import plot
-from identifiability.report.answers.analyze import (
-    error_tables,
-    file_table,
-    label_note,
-    model_title,
-    parameter_table,
-)
-from identifiability.report.answers.common import note, sentence
-from identifiability.report.answers.tables import make_table
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.predict import Fit
+
+from . import plot
+from .answers.analyze import error_tables, file_table, label_note, model_title, parameter_table
+from .answers.common import note, sentence, words
+from .answers.tables import make_table
+
+if TYPE_CHECKING:
+    from identifiability.workflows.prune.result import Ladder
 
 from .blocks import (
     GLOSSARY,
@@ -38,6 +34,8 @@ from .blocks import (
     Fold,
     Moving,
     Notes,
+    Picture,
+    Prose,
     Section,
     Term,
     Terms,
@@ -353,3 +351,49 @@ def posterior_table(analysis: Analysis) -> Table | None:
         for v, each in zip(analysis.chosen.verdicts, numbers, strict=True)
     ]
     return make_table("posterior", rows)
+
+
+# Ladder: the model worth using first, then every move that led to it.
+
+
+def pruning_heading(ladder: Ladder) -> tuple[str, str]:
+    """Return what kind of page it is, and what it is about."""
+    return "Pruning report", f"{ladder.robot.path.name} · {fitted_logs(ladder.samples)}"
+
+
+def pruning_below(ladder: Ladder) -> Picture:
+    """Return the error of every model of the path over its size."""
+    return picture("ladder", plot.reduction_path(ladder))
+
+
+def pruning_sections(ladder: Ladder) -> list[Section | None]:
+    """Return the sections of the page."""
+    masses = mass_table(ladder.robot, ladder.real_robot["parameters"])
+    real = ladder.chosen.physical
+    settings = {key: ladder.settings[key] for key in ("method", "seed")}
+    text = words(
+        "pruning.how",
+        effects=", ".join(ladder.effects),
+        **settings,
+    )
+    every = f"All {format_count(len(ladder.models), 'model')} of the path"
+    path = Fold(every, (ladder.tables()[0],))
+    return [
+        section_survivors(ladder),
+        section("pruning.ladder", path, why=sentence("pruning.why")),
+        None if ladder.nothing else section_correlated(ladder.fit),
+        section("pruning.bodies", masses, said="" if real is None else real.sentence),
+        section("pruning.method", Prose(tuple(text.values())), detail=True),
+    ]
+
+
+def section_survivors(ladder: Ladder) -> Section:
+    """Return the parameters of the model to use."""
+    table = parameter_table(ladder.chosen)
+    tables = fold_verdicts(table, ladder.chosen.verdicts)
+    return section(
+        "pruning.survivors",
+        *tables,
+        *ladder.tables()[1:],
+        size=len(ladder.chosen),
+    )

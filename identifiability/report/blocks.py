@@ -21,9 +21,9 @@ from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import format_count, format_number
 from identifiability.foundation.values import frozen
-from identifiability.report.answers.common import WORDS, sentence, words
 from identifiability.robot import Robot
 
+from .answers.common import WORDS, sentence, words
 from .figures import break_gaps, peak_rows, svg
 
 

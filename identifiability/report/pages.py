@@ -3,8 +3,8 @@
 A page has functions of its result, ``<kind>_heading`` (what kind of page it is and what it is
 about), ``<kind>_moving`` and ``<kind>_below`` (what is drawn with the answers), ``<kind>_notes``
 and ``<kind>_sections``, as far as it needs any: without, a page shows answers and tables alone.
-That of an `Analysis` is in `identifiability.report.analysis`. Verbs are imported where they are
-asked for: a page needs its own alone.
+Those of an `Analysis` and a `Ladder` are in `identifiability.report.analysis`. Verbs are imported
+where they are asked for: a page needs its own alone.
 """
 
 from __future__ import annotations
@@ -26,13 +26,12 @@ from identifiability.foundation.rounding import (
     join,
     rough_percent,
 )
-from identifiability.report import plot
-from identifiability.report.answers.common import NAMED, hint_note, sentence, words
-from identifiability.report.answers.diagnose import list_names
-from identifiability.report.answers.tables import make_table
 from identifiability.robot import complete_motion
 from identifiability.robot.kinematics import Point
 
+from .answers.common import NAMED, hint_note, sentence, words
+from .answers.diagnose import list_names
+from .answers.tables import make_table
 from .blocks import (
     SHOWN_FIRST,
     Block,
@@ -66,7 +65,6 @@ if TYPE_CHECKING:
     from identifiability.workflows.inspect import Inspection, Record
     from identifiability.workflows.payload import Load
     from identifiability.workflows.predict import PositionPrediction, TorquePrediction
-    from identifiability.workflows.prune.result import Ladder
 
 
 # Calibration: may intervals and verdicts be trusted on this motion?
@@ -457,7 +455,7 @@ def _preparation(record: Record) -> Fold | None:
 
 def _robot(result: Inspection) -> list[Section]:
     """Return what the robot file says of joints, logs and parameters, and what it leaves open."""
-    from identifiability.report.answers.inspect import joint_table  # noqa: PLC0415
+    from .answers.inspect import joint_table  # noqa: PLC0415
 
     robot, joints = result.robot, replace(joint_table(result), caption="")
     motors = ", ".join(result.motors)
@@ -568,60 +566,6 @@ def prediction_sections(result: TorquePrediction) -> list[Section]:
         section("prediction.torque", *blocks),
         section("prediction.joints", result.tables()[0]),
     ]
-
-
-# Ladder: the model worth using first, then every move that led to it.
-
-
-def pruning_heading(ladder: Ladder) -> tuple[str, str]:
-    """Return what kind of page it is, and what it is about."""
-    from .analysis import fitted_logs  # noqa: PLC0415
-
-    return "Pruning report", f"{ladder.robot.path.name} · {fitted_logs(ladder.samples)}"
-
-
-def pruning_below(ladder: Ladder) -> Picture:
-    """Return the error of every model of the path over its size."""
-    return picture("ladder", plot.reduction_path(ladder))
-
-
-def pruning_sections(ladder: Ladder) -> list[Section | None]:
-    """Return the sections of the page."""
-    from .analysis import mass_table, section_correlated  # noqa: PLC0415
-
-    masses = mass_table(ladder.robot, ladder.real_robot["parameters"])
-    real = ladder.chosen.physical
-    settings = {key: ladder.settings[key] for key in ("method", "seed")}
-    text = words(
-        "pruning.how",
-        effects=", ".join(ladder.effects),
-        **settings,
-    )
-    every = f"All {format_count(len(ladder.models), 'model')} of the path"
-    path = Fold(every, (ladder.tables()[0],))
-    return [
-        section_survivors(ladder),
-        section("pruning.ladder", path, why=sentence("pruning.why")),
-        None if ladder.nothing else section_correlated(ladder.fit),
-        section("pruning.bodies", masses, said="" if real is None else real.sentence),
-        section("pruning.method", Prose(tuple(text.values())), detail=True),
-    ]
-
-
-def section_survivors(ladder: Ladder) -> Section:
-    """Return the parameters of the model to use."""
-    from identifiability.report.answers.analyze import parameter_table  # noqa: PLC0415
-
-    from .analysis import fold_verdicts  # noqa: PLC0415
-
-    table = parameter_table(ladder.chosen)
-    tables = fold_verdicts(table, ladder.chosen.verdicts)
-    return section(
-        "pruning.survivors",
-        *tables,
-        *ladder.tables()[1:],
-        size=len(ladder.chosen),
-    )
 
 
 # PositionPrediction: measured and simulated positions along logs.

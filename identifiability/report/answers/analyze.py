@@ -24,11 +24,11 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import LEVEL, REACH, measured, percent_text, stated_text
-from identifiability.report.answers import commands
 from identifiability.workflows.analyze.result import compare_logs, stated_values
 from identifiability.workflows.case import COMPLETED
 from identifiability.workflows.provenance import given_paths
 
+from . import commands
 from .common import (
     NAMED,
     VISIBLE,
