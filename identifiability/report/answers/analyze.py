@@ -194,7 +194,7 @@ class AnalysisPresenter(LadderedPresenter):
         chosen, base = result.chosen, result.base
         size = sentence(about, "size", parameters=len(base.parameters), rank=base.rank)
         if result.nothing:
-            return answer(about, "nothing", size, "vermilion")
+            return answer(about, "nothing", size)
         title, count = model_title(chosen), len(chosen.submodel)
         capital = f"{title[0].upper()}{title[1:]}"
         part = "unjudged" if chosen.unjudged else "found"

@@ -21,9 +21,6 @@ from .tables import make_table
 if TYPE_CHECKING:
     from identifiability.workflows.calibrate.calibration import Calibration
 
-#: The tone of the answer.
-TONES = {"yes": "green", "no": "vermilion", "not enough trials": "amber"}
-
 
 class CalibrationPresenter(AnsweringPresenter):
     """Answers of `calibrate`."""
@@ -97,15 +94,15 @@ class CalibrationPresenter(AnsweringPresenter):
 def _answer_trust(result: Calibration) -> Answer:
     """Return whether intervals and verdicts can be trusted."""
     about, cell = "calibration.trust", result.cell
-    part, tone = str(result.word), TONES[result.word]
+    part = str(result.word)
     if result.word == "yes" and result.analysis.missing.statement:
-        part, tone = "if_nothing", "amber"
+        part = "if_nothing"
     elif result.word == "yes" and result.warnings:
-        part, tone = "if_settled", "amber"
+        part = "if_settled"
     coverage = f"{100 * cell.coverage:.1f} ± {100 * cell.coverage_se:.1f} %"
     holes: dict[str, Any] = {"model": result.model, "coverage": coverage}
     text = sentence(about, "coverage", trials=len(cell.held), **holes)
-    return answer(about, part, text, tone)
+    return answer(about, part, text)
 
 
 def _answer_wrong(result: Calibration) -> Answer:

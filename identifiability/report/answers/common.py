@@ -65,12 +65,13 @@ def answer(
     part : str
         Which of its sentences is the short answer.
     text, tone : str
-        As of `Answer`.
+        As of `Answer`; by default the tone that `words.toml` gives the sentence.
     question : str
         In place of the question that stands there.
     """
     asked = question or sentence(name, "question", **holes)
-    return Answer(asked, sentence(name, part, **holes), text, tone)
+    colour = tone or WORDS[name].get("tones", {}).get(part, "")
+    return Answer(asked, sentence(name, part, **holes), text, colour)
 
 
 def hint_note(hint: str) -> Note:
@@ -195,7 +196,7 @@ def answer_quality(
         What changes a decision: the grade is no better than fair.
     """
     if not np.isfinite(error):
-        return answer("quality", "none", "", "grey", question=question)
+        return answer("quality", "none", question=question)
     errors, headline = state_errors(error, raw), grade_of(error)
     grade = worse_of(headline, "fair") if warnings else headline
     short = sentence("decision.grades", grade, errors=errors)
@@ -287,7 +288,7 @@ def answer_trust(
         What changes a decision.
     """
     if doubt:
-        return answer("trust", "no", "", "vermilion", doubt=doubt)
+        return answer("trust", "no", doubt=doubt)
     graver = [n.title.rstrip(".") for n in notes if n.level == "warning"]
     titles = [f"“{title}”" for title in dict.fromkeys(graver)]
     read = [sentence("trust", "warnings" if len(warnings) > 1 else "one_warning")]
@@ -297,10 +298,10 @@ def answer_trust(
         text = f"{found_text}."
         if titles:
             text = sentence("trust", "read", found=found_text, grave=grave)
-        return answer("trust", "if_nothing", text, "amber", missing=missing)
+        return answer("trust", "if_nothing", text, missing=missing)
     if grave:
-        return answer("trust", "care", f"{found_text}.", "amber", grave=grave)
-    return answer("trust", "yes", sentence("trust", "nothing", found=found_text), "green")
+        return answer("trust", "care", f"{found_text}.", grave=grave)
+    return answer("trust", "yes", sentence("trust", "nothing", found=found_text))
 
 
 def reserve(answers: Sequence[Answer], warnings: Sequence[str]) -> tuple[Answer, ...]:

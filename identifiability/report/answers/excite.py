@@ -120,15 +120,13 @@ def _answer_worth(result: Excitation) -> Answer:
         return Answer(sentence(about, "question"), text, "", "green")
     noise = sentence(about, "noise_logs" if result.logs else "noise")
     holes: dict[str, Any] = {"old": old, "new": new, "count": len(result.after.told)}
-    return answer(about, "counts", text, "green", other=result.beside, noise=noise, **holes)
+    return answer(about, "counts", text, other=result.beside, noise=noise, **holes)
 
 
 def _answer_safe(result: Excitation) -> Answer:
     """Return whether the robot may play the motion."""
-    text = result.limits_statement
-    if result.limits.assumed:
-        return answer("excitation.safe", "assumed", text, "amber")
-    return answer("excitation.safe", "yes", text, "green")
+    part = "assumed" if result.limits.assumed else "yes"
+    return answer("excitation.safe", part, result.limits_statement)
 
 
 class NextMotionPresenter(Presenter):

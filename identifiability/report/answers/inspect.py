@@ -80,9 +80,9 @@ def _answer_usable(result: Inspection) -> Answer:
     about = "inspection.usable"
     odd = [hint for hint in result.hints if hint_note(hint).level == "warning"]
     if not odd:
-        return answer(about, "yes", sentence("inspection.sound"), "green")
+        return answer(about, "yes", sentence("inspection.sound"))
     part = "warned" if result.warnings else "odd"
-    return answer(about, part, "", "amber", count=odd, first=odd[0])
+    return answer(about, part, count=odd, first=odd[0])
 
 
 def _answer_content(result: Inspection) -> Answer:
@@ -93,7 +93,7 @@ def _answer_content(result: Inspection) -> Answer:
     cut = clocks.cutoff.dropna().min()
     text = "" if np.isnan(cut) else sentence(about, "cutoff", cutoff=cut)
     holes: dict[str, Any] = {"samples": samples, "rates": " … ".join(rates)}
-    return answer(about, "motion", text, "blue", seconds=seconds, **holes)
+    return answer(about, "motion", text, seconds=seconds, **holes)
 
 
 def _answer_columns(result: Inspection) -> Answer:
@@ -105,18 +105,18 @@ def _answer_columns(result: Inspection) -> Answer:
     part = "motors" if result.motors else "columns"
     motors = required_columns(result.motors)[1:]
     count, columns = len(result.columns), result.columns
-    return answer(about, part, text, "blue", count=count, columns=columns, motors=motors)
+    return answer(about, part, text, count=count, columns=columns, motors=motors)
 
 
 def _answer_open(result: Inspection) -> Answer:
     """Return the gaps of the robot file."""
     about, needs = "inspection.open", result.needs
     if not needs:
-        return answer(about, "nothing", "", "green")
+        return answer(about, "nothing")
     text = " ".join(need.text for need in needs[:SHOWN])
     faults = of_key(need.text for need in needs)  # what the file states and can hardly be
     part = "faults" if faults else "some"
-    return answer(about, part, text, "amber", count=needs)
+    return answer(about, part, text, count=needs)
 
 
 def _clock_row(record: Record) -> dict[str, Any]:

@@ -115,18 +115,18 @@ def _answer_known(result: Load) -> Answer:
 def _answer_trust(result: Load) -> Answer:
     """Return whether the load may be trusted."""
     about, changes = "payload.trust", result.estimate.changes
-    part, text, tone = "yes", sentence(about, "agree"), "green"
+    part, text = "yes", sentence(about, "agree")
     if len(result.logs) == 1:
-        part, text, tone = "one", sentence(about, "motion"), "amber"
+        part, text = "one", sentence(about, "motion")
     if any(change.kind == "load" for change in changes):
-        part, text, tone = "loads", "", "amber"
+        part, text = "loads", ""
     if result.warnings:
-        part, tone = "warning", "amber"
+        part = "warning"
     if result.caveats:
-        part, tone = "robot", "amber"
+        part = "robot"
     names = [c.called for c in changes]
     found = sentence(about, "found", names=names) if changes else ""
-    return answer(about, part, " ".join(filter(None, [text, found, *result.caveats])), tone)
+    return answer(about, part, " ".join(filter(None, [text, found, *result.caveats])))
 
 
 def _answer_gains(result: Load) -> Answer:

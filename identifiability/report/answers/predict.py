@@ -107,7 +107,7 @@ def _answer_what(result: TorquePrediction) -> Answer:
     silent = [name for name, has in zip(logs, result.measured, strict=True) if not has]
     if silent:
         text += sentence(about, "silent", logs=silent)
-    return answer(about, "torque", text, "blue", joints=result.robot.joints, logs=logs)
+    return answer(about, "torque", text, joints=result.robot.joints, logs=logs)
 
 
 def _find_few(result: TorquePrediction) -> list[str]:
@@ -123,11 +123,11 @@ def _answer_intervals(result: TorquePrediction) -> Answer:
     new = np.array(result.robot.joints)[result.unknown > 0].tolist()
     text = phrase("predicted", "new", joints=new) if new else ""
     if not any(result.measured):
-        return answer(about, "unmeasured", text, "grey")
+        return answer(about, "unmeasured", text)
     share = float(result.inside.mean())
     if few := _find_few(result):
         text = f"{phrase('predicted', 'few', joints=few)} {text}".rstrip()
-        return answer(about, "no", text, "vermilion", share=share)
+        return answer(about, "no", text, share=share)
     part = "care" if result.warnings else "yes"
     return answer(about, part, text, "amber" if new else "green", share=share)
 

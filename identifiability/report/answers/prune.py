@@ -41,7 +41,7 @@ class LadderPresenter(LadderedPresenter):
         chosen, size = result.chosen, len(result.full)
         if result.nothing:
             text = sentence(about, "because", why=result.nothing)
-            return answer(about, "nothing", text, "vermilion", size=size)
+            return answer(about, "nothing", text, size=size)
         wrong = chosen.infeasible
         used = [name for name in chosen.columns if name not in wrong]
         impossible = sentence(about, "impossible", names=wrong) if wrong else ""
