@@ -55,9 +55,7 @@ if TYPE_CHECKING:
     from identifiability.workflows.analyze import Analysis
 
 
-def run(
-    said: dict[str, Any], verb: str, write: tuple[str, str] | None = None
-) -> tuple[Any, list[Path]]:
+def run(said: dict[str, Any], verb: str, write: str = "", **options: Any) -> tuple[Any, list[Path]]:
     """Call the function of a verb's name with what was typed, and write what it returns.
 
     Parameters
@@ -65,29 +63,27 @@ def run(
     said : mapping
         Arguments of the verb, groups of them among them.
     verb : str
-    write : (str, str), optional
-        Method of the result that writes a file of its own, and the argument that has its path;
-        it is written first, as the page knows of it.
+    write : str, optional
+        Method of the result that writes ``out``; that is written first, as the page knows of it.
+    options
+        Of this method.
     """
-    machine, outputs, logs = (said.pop(name) for name in ("machine", "outputs", "logs"))
-    work = said.pop("work", None)
-    first = said.pop(write[1]) if write else None
-    fitted = vars(said.pop("fitted")) if "fitted" in said else {}
-    given = [said.pop("result")] if "result" in said else []
+    machine, outputs = said.pop("machine"), said.pop("outputs")
+    work, out = said.pop("work", None), said.pop("out", None)
+    # Functions take these by place, whatever they call them.
+    given = [said.pop(name) for name in GIVEN if name in said]
+    for group in ("fitted", "searched"):
+        said |= vars(said.pop(group)) if group in said else {}
     with work.running() if work else alone() as (say, how, _):
         import identifiability as library  # noqa: PLC0415
 
-        function = getattr(library, verb)
-        result = function(
-            machine.load(),
-            *given,
-            logs,
-            **said,
-            **fitted,
-            **how,
-        )
-        files = [(getattr(result, write[0]), first)] if write else []
+        result = getattr(library, verb)(machine.load(), *given, **said, **how)
+        files = [(partial(getattr(result, write), **options), out)] if write else []
         return result, outputs.write(result, say, *files)
+
+
+#: What the functions of verbs take after the robot, in their order.
+GIVEN = ("result", "before", "after", "logs")
 
 
 # To begin with.
@@ -246,7 +242,7 @@ def prune(
     out: ModelOut = None,
 ) -> None:
     """Reduce the full model of a robot to the one worth using, from logs alone."""
-    print_result(*run(locals(), "prune", ("write_model", "out")))
+    print_result(*run(locals(), "prune", "write_model"))
 
 
 @Verb
@@ -268,7 +264,7 @@ def diagnose(
     """Find where model and logs disagree, name the missing effect, add it, show the gap shrink."""
     said = locals()
     del said["motion"], said["limits"]
-    result, written = run(said, "diagnose", ("write_model", "out"))
+    result, written = run(said, "diagnose", "write_model")
     told = []
     if motion is not None:
         from identifiability.workflows.excite import find_next  # noqa: PLC0415
@@ -334,7 +330,7 @@ def predict(
     out: Annotated[Path | None, Table] = None,
 ) -> None:
     """Predict the torque of logs with a fitted model, or where they move its robot."""
-    print_result(*run(locals(), "predict", ("write", "out")))
+    print_result(*run(locals(), "predict", "write"))
 
 
 #: Endings of what is exported.
@@ -416,19 +412,11 @@ def compare(
     more_after: Annotated[Sequence[str], Option("--after", metavar="LOG"), Records()] = (),
 ) -> None:
     """Say what changed between two logs of one robot."""
-    with progress() as say:
-        from identifiability.workflows.compare import compare as find  # noqa: PLC0415
-
-        say("reading logs", 0.0)
-        sides = [before, *more_before], [after, *more_after]
-        found = find(
-            machine.load(),
-            *sides,
-            preparation=derived.preparation(),
-            ladder=ladder,
-        )
-        written = outputs.write(found, say)
-    print_result(found, written)
+    said = locals()
+    said["before"] = [before, *said.pop("more_before")]
+    said["after"] = [after, *said.pop("more_after")]
+    said["preparation"] = said.pop("derived").preparation()
+    print_result(*run(said, "compare"))
 
 
 # Motions, and logs of robots that are known.
@@ -456,15 +444,15 @@ def simulate(
     robot = machine.load()
     rng = np.random.default_rng(seed)
     move = find_motion(robot, motion, samples, rng)
-    make = partial(
-        run,
+    log = run(
         robot,
         move,
         noise=noise,
         hide=hide,
         derivatives=derivatives,
+        laws=effect_laws(),
+        rng=rng,
     )
-    log = make(laws=effect_laws(), rng=rng)
     log.write(out)
     missing = left_out(robot)
     if missing:
@@ -513,26 +501,16 @@ def excite(
     report: Report = None,
 ) -> None:
     """Find a motion that is worth measuring, within the limits of the robot."""
-    own = dict(locals())
-    for name in ("machine", "work", "out", "searched", "played", "rate", "report"):
-        del own[name]
-    with work.running() as (say, how, _):
-        from identifiability.workflows.excite import excite as run  # noqa: PLC0415
-
-        json = out.suffix.lower() == ".json"
-        result = run(
-            machine.load(),
-            **own,
-            **how,
-            **vars(searched),
-        )
-        play = partial(result.write_motion, rate=rate, periods=played.periods)
-        outputs = Outputs(report)
-        written = outputs.write(result, say, (result.to_json if json else play, out))
-    rest = () if json else zip(result.limits.joints, result.play(rate).q[0], strict=True)
+    said = locals()
+    del said["played"], said["rate"]
+    said["outputs"] = Outputs(said.pop("report"))
+    if out.suffix.lower() == ".json":
+        print_result(*run(said, "excite", "to_json"))
+        return
+    result, written = run(said, "excite", "write_motion", rate=rate, periods=played.periods)
+    rest = zip(result.limits.joints, result.play(rate).q[0], strict=True)
     pose = ", ".join(f"{joint} = {x:.4g}" for joint, x in rest)
-    begins = [f"{out.name} begins and ends at rest: {pose}."] if pose else []
-    print_result(result, written, begins)
+    print_result(result, written, [f"{out.name} begins and ends at rest: {pose}."])
 
 
 # The paper.

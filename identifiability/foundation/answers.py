@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from numbers import Integral, Real
 from operator import attrgetter
 from textwrap import fill, shorten
-from typing import Any, ClassVar, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -60,9 +60,9 @@ class Column:
     look : {"text", "number", "error", "bar", "badge", "code"} or callable
         Numbers stand right, errors left (so that they meet at ±), bars have a `Cell.share`. A
         function makes numbers into text.
-    get : str, callable or None
-        What of a row stands here: an attribute (with dots for one of an attribute), or a function
-        of the row; None for the element of the row at the column's own place.
+    get : str or None
+        What of a row stands here: the key of a mapping, or an attribute (with dots for one of an
+        attribute); None for the element of the row at the column's own place.
     hint : str
         One sentence that says what the column is.
     detail : bool
@@ -73,7 +73,7 @@ class Column:
 
     title: str
     look: Look = "text"
-    get: str | Callable[[Any], Any] | None = None
+    get: str | None = None
     hint: str = ""
     detail: bool = False
     quiet: bool = False
@@ -87,11 +87,14 @@ class Column:
         """Return what of a row stands in this column, which is the one at `place`."""
         if self.get is None:
             value = row[place]
+        elif isinstance(row, Mapping):
+            value = row[self.get]
         else:
-            value = (attrgetter(self.get) if isinstance(self.get, str) else self.get)(row)
+            value = attrgetter(self.get)(row)
         if isinstance(value, Cell) or not callable(self.look):
             return as_cell(value)
-        return Cell(self.look(value), math.nan if value is None else float(value))
+        number = math.nan if value is None else float(value)
+        return Cell(self.look(number), number)
 
 
 @frozen
@@ -118,13 +121,12 @@ class Table:
     filter_by: int | None = None
     marked: int | None = None
     long: bool = False
-    kind: ClassVar[str] = "table"
 
     @classmethod
     def of(
         cls, caption: str, columns: Sequence[Column], rows: Iterable[Any], **options: Any
     ) -> Table:
-        """Return the table of some rows: objects, or tuples with an element for each column.
+        """Return the table of some rows: mappings, objects, or tuples with an element a column.
 
         Parameters
         ----------

@@ -30,19 +30,38 @@ class Level(StrEnum):
 
 
 class _Filler(Formatter):
-    """Fills the holes of a sentence: names are listed, ``{n:one|many}`` goes by a number."""
+    """Fills the holes of a sentence.
+
+    ``{names}`` lists at most four names, ``{names:9}`` at most nine. ``{names:and}`` and
+    ``{names:and 3}`` join them by "and". ``{n:one|many}`` goes by a number, or the length of a
+    list; ``{n:# sample}`` counts. ``{x:3%}`` is a share in percent with three digits,
+    ``{x:padded%}`` one that keeps its zeros, and ``{x:#3}`` a number with three digits.
+    """
 
     def format_field(self, value: Any, format_spec: str) -> str:
+        many = isinstance(value, (list, tuple))
         if "|" in format_spec:
-            one, many = format_spec.split("|")
-            return one if (value if isinstance(value, (int, float)) else len(value)) == 1 else many
-        if isinstance(value, (list, tuple)):
-            return listing(value, int(format_spec or 4))
-        if format_spec.endswith("%"):
-            from .rounding import percent  # noqa: PLC0415 - SciPy
+            one, others = format_spec.split("|")
+            return one if (len(value) if many else value) == 1 else others
+        if not (format_spec.startswith(("and", "#")) or format_spec.endswith("%")):
+            return listing(value, int(format_spec or 4)) if many else format(value, format_spec)
+        from . import rounding  # noqa: PLC0415 - SciPy
 
-            return percent(value, int(format_spec[:-1] or 2))
-        return format(value, format_spec)
+        head, _, noun = format_spec.partition(" ")
+        if head == "and":
+            return rounding.join(list(value), int(noun or 6))
+        if head == "#":
+            return rounding.format_count(len(value) if many else value, noun)
+        if head.startswith("#"):
+            return rounding.format_number(value, int(head[1:]))
+        if head == "padded%":
+            return rounding.error_text(value)
+        return rounding.percent(value, int(head[:-1] or 2))
+
+
+def fill(text: str, holes: Mapping[str, Any]) -> str:
+    """Return a sentence with its holes filled."""
+    return _Filler().vformat(text, (), holes)
 
 
 @cache
@@ -57,7 +76,7 @@ def sentences() -> Mapping[str, Mapping[str, str]]:
 
 def phrase(key: str, part: str, /, **numbers: Any) -> str:
     """Return a part of the sentences of a key with its holes filled."""
-    return _Filler().vformat(sentences()[key][part].strip(), (), numbers)
+    return fill(sentences()[key][part].strip(), numbers)
 
 
 class Finding(str):
@@ -166,12 +185,11 @@ def ledger(said: Iterable[str], *, every: bool = False) -> tuple[Table, ...]:
     """
     from .answers import Column, Table  # noqa: PLC0415 - pandas
 
-    columns = (
-        Column("check", get="key"),
-        Column("of", get="subject"),
-        Column("rows", get=lambda x: str(x.numbers.get("rows", ""))),
-        Column("columns", get=lambda x: listing(x.numbers.get("columns", ()), 4)),
-        Column("what was done", get=lambda x: x.done or "said"),
-    )
-    rows = [x for x in of_key(said) if every or x.done]
+    columns = [Column(title) for title in ("check", "of", "rows", "columns", "what was done")]
+    rows = []
+    for found in of_key(said):
+        if every or found.done:
+            touched = listing(found.numbers.get("columns", ()), 4)
+            count = str(found.numbers.get("rows", ""))
+            rows.append((found.key, found.subject, count, touched, found.done or "said"))
     return (Table.of("What was done with the logs", columns, rows),) if rows else ()

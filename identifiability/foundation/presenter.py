@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from functools import wraps
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from . import handed
 from .findings import ledger, merge_subjects, of_key
@@ -11,6 +13,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from .answers import Answer, Note, Table
+
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 
 class Presenter:
@@ -74,7 +80,7 @@ class Presenter:
         raise NotImplementedError(f"{kind} has no to_frame; write it in report/answers.")
 
 
-def present(result: Any, name: str, *about: Any) -> Any:
+def present(result: Any, name: str, *about: Any, **options: Any) -> Any:
     """Call a method of the presenter of a result.
 
     Parameters
@@ -82,8 +88,20 @@ def present(result: Any, name: str, *about: Any) -> Any:
     result : Result or another object that is shown
     name : str
         Of the method.
-    about
+    about, options
         Its arguments.
     """
     presenter: Presenter = handed("find_presenter")(result)
-    return getattr(presenter, name)(*about)
+    return getattr(presenter, name)(*about, **options)
+
+
+def presented(method: Callable[P, T]) -> Callable[P, T]:
+    """Return a method that the presenter of its object answers, by a method of the same name."""
+
+    @wraps(method)
+    def ask(*about: P.args, **options: P.kwargs) -> T:
+        shown, *others = about
+        answered: T = present(shown, method.__name__, *others, **options)
+        return answered
+
+    return ask

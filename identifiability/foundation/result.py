@@ -13,7 +13,7 @@ from .findings import Finding, of_key
 from .keyed import Keyed
 from .names import Strings
 from .output import check_ending, write_json
-from .presenter import Presenter, present
+from .presenter import presented
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -43,44 +43,40 @@ class Result(Keyed, ABC):
     schema: ClassVar[str]
 
     @property
-    def _presenter(self) -> Presenter:
-        """The presenter of this kind of result."""
-        found: Presenter = handed("find_presenter")(self)
-        return found
-
-    def _present(self, name: str, *about: Any) -> Any:
-        """Call a method that only the presenter of this kind of result has."""
-        return present(self, name, *about)
-
-    @property
+    @presented
     def statement(self) -> str:
         """The answers and warnings in plain words, one a line, without what to do next."""
-        return self._presenter.statement()
+        raise NotImplementedError
 
+    @presented
     def to_frame(self) -> pd.DataFrame:
         """Return the answer as a table."""
-        return self._presenter.to_frame()
+        raise NotImplementedError
 
     @abstractmethod
     def to_dict(self) -> dict[str, Any]:
         """Return the answer in its documented JSON schema."""
 
     @property
+    @presented
     def heading(self) -> tuple[str, str, str]:
         """Title of its page, what kind of page it is, and what it is about."""
-        return self._presenter.heading()
+        raise NotImplementedError
 
+    @presented
     def answers(self) -> tuple[Answer, ...]:
         """Return what every reader asks first, answered."""
-        return self._presenter.answers()
+        raise NotImplementedError
 
+    @presented
     def cautions(self) -> tuple[Note, ...]:
         """Return what is to be kept in mind, gravest first."""
-        return self._presenter.cautions()
+        raise NotImplementedError
 
+    @presented
     def tables(self) -> tuple[Table, ...]:
         """Return the tables that page, terminal and notebook show alike."""
-        return self._presenter.tables()
+        raise NotImplementedError
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -90,9 +86,10 @@ class Result(Keyed, ABC):
         return tuple(of_key([*getattr(self, "hints", ()), *notes]))
 
     @cached_property
+    @presented
     def warnings(self) -> Strings:
         """Findings that change a decision; every way of showing the result shows them."""
-        return self._presenter.warnings()
+        raise NotImplementedError
 
     @property
     def remarks(self) -> Strings:
@@ -100,9 +97,10 @@ class Result(Keyed, ABC):
         hints = getattr(self, "hints", ())
         return tuple(x for x in hints if not (isinstance(x, Finding) and x.decides))
 
+    @presented
     def ledger(self) -> tuple[Table, ...]:
         """Return the table of what checks did with the logs; none where nothing was done."""
-        return self._presenter.ledger()
+        raise NotImplementedError
 
     def summary(self) -> str:
         """Return the answers and the tables as text in 80 columns."""

@@ -193,7 +193,7 @@ def find_beyond(logs: MeasuredLogs) -> list[Finding]:
     low, high = limits.T
     if not len(q) or q.shape[1] != len(low):
         return []
-    turns = np.array([not logs.robot.is_prismatic(int(k)) for k in logs.robot.actuated])
+    turns = ~logs.robot.slides
     middle = np.where(np.isfinite(limits), limits, 0.0).mean(1)
     away = np.median(q, 0) - middle
     q = q - TURN * turns * np.round(away / TURN)

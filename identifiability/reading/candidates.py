@@ -205,7 +205,7 @@ class ReadingCandidates:
     def positions_in_degrees(self, joint: int) -> Iterator[Reading]:
         """Yield positions of a revolute joint in degrees."""
         robot = self.logs.robot
-        if robot.is_prismatic(int(robot.actuated[joint])):
+        if robot.slides[joint]:
             return
         unit = np.where(self.is_joint(joint), np.pi / 180, 1.0)
         yield self._other(
@@ -218,7 +218,7 @@ class ReadingCandidates:
         """Return the reading under which a joint's positions are too large by a zero [rad or m]."""
         robot = self.logs.robot
         name = self.names[joint]
-        unit = "m" if robot.is_prismatic(int(robot.actuated[joint])) else "rad"
+        unit = robot.position_units[joint]
         correction = f"{name} = {{offset = {-zero:.3g}}}"
         A = self.literal.motion[:, :-1]
         return self._other(

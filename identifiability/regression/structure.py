@@ -203,7 +203,7 @@ def random_motion(robot: Robot, rng: np.random.Generator, count: int = 400) -> M
     none), velocities and accelerations standard normal.
     """
     home = robot.actuated_positions(robot.home[None])[0]
-    reach = np.array([0.1 if robot.is_prismatic(int(k)) else 1.5 for k in robot.actuated])
+    reach = np.where(robot.slides, 0.1, 1.5)
     if robot.base is not None:  # its equations hold in its own axes
         reach[: len(robot.joints) - len(robot.motor_joints)] = 0.0
     low, high = robot.limits.T

@@ -1,42 +1,32 @@
-"""The report on an `Analysis`: the answer first, then what it rests on.
-
-Parameters, masses, contributions to torque and correlations are shown alike of a `Ladder`.
-"""
+"""The reports on an `Analysis` and on a `Ladder`: the answer first, then what it rests on."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from operator import itemgetter
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from identifiability.effects import title_of
 from identifiability.estimation.prediction import Prediction, loaded_joints
 from identifiability.estimation.verdict import Class, Verdict
-from identifiability.foundation.answers import Cell, Column, Note, Table
+from identifiability.foundation.answers import Cell, Note, Table
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import (
-    digits,
-    format_count,
-    format_number,
-    join,
-    stated_text,
-)
+from identifiability.foundation.rounding import format_count, format_number
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.cad_prior import mass_rows, total_mass
 from identifiability.posterior.rules import RULES as POSTERIOR_RULES
-from identifiability.report import plot
-from identifiability.report.answers.analyze import (
-    error_tables,
-    file_table,
-    label_note,
-    model_title,
-    parameter_table,
-)
-from identifiability.report.answers.common import note, sentence
 from identifiability.robot import Robot
 from identifiability.workflows.analyze import Analysis
 from identifiability.workflows.predict import Fit
+
+from . import plot
+from .answers.analyze import error_tables, file_table, label_note, model_title, parameter_table
+from .answers.common import note, sentence, words
+from .answers.tables import make_table
+
+if TYPE_CHECKING:
+    from identifiability.workflows.prune.result import Ladder
 
 from .blocks import (
     GLOSSARY,
@@ -44,6 +34,8 @@ from .blocks import (
     Fold,
     Moving,
     Notes,
+    Picture,
+    Prose,
     Section,
     Term,
     Terms,
@@ -114,7 +106,6 @@ def section_parameters(analysis: Analysis) -> Section:
     figure = picture("precision", plot.precision(analysis), model=chosen.name)
     tables = fold_verdicts(parameter_table(chosen), chosen.verdicts)
     described = f" ({chosen.submodel.description})" if chosen.submodel.description else ""
-    size = format_count(len(chosen.submodel), "parameter")
     return section(
         "analysis.parameters",
         *tables,
@@ -122,7 +113,7 @@ def section_parameters(analysis: Analysis) -> Section:
         Fold("Which numbers of the robot file may I believe?", (file_table(analysis),)),
         _name_key(analysis),
         title=model_title(chosen),
-        size=size,
+        size=len(chosen.submodel),
         described=described,
     )
 
@@ -233,7 +224,7 @@ def section_correlated(fit: Fit) -> Section:
     text = sentence(
         "analysis.together",
         count=len(np.unique(pairs)),
-        pairs=join(each),
+        pairs=each,
     )
     return section("analysis.correlated", text=text)
 
@@ -246,7 +237,7 @@ def section_physics(analysis: Analysis) -> Section:
     physical = analysis.chosen.physical
     assert physical is not None
     active = () if physical.nearest is None else physical.nearest.active
-    held = sentence("analysis.held", "some" if active else "none", names=join(list(active)))
+    held = sentence("analysis.held", "some" if active else "none", names=active)
     certificate = f"{physical.sentence} {analysis.mass_warning}".rstrip()
     masses = mass_table(analysis.robot, physical.parameters())
     return section("analysis.physics", masses, certificate=f"{certificate} {held}")
@@ -261,16 +252,9 @@ def mass_table(robot: Robot, parameters: Mapping[str, float]) -> Table | None:
     parameters : mapping
         Standard parameters by name.
     """
-    rows = mass_rows(robot, parameters)
-    if not rows:
-        return None
+    rows = [tuple(row.values()) for row in mass_rows(robot, parameters)]
     whole = ("all", total_mass(robot, parameters), total_mass(robot, robot.nominal))
-    columns = (
-        Column("body"),
-        Column("nearest real robot [kg]", stated_text),
-        Column("robot file [kg]", stated_text),
-    )
-    return Table.of("Masses", columns, [*(tuple(row.values()) for row in rows), whole])
+    return make_table("masses", [*rows, whole]) if rows else None
 
 
 # How it was done: motion, thresholds, words, versions.
@@ -284,39 +268,28 @@ def _how(analysis: Analysis) -> tuple[Section, ...]:
     rows = [(k, v) for k, v in analysis.provenance.items() if not k.startswith("sha256")]
     rows.append((f"robot {robot.path.name}", f"sha256 {robot.sha256}"))
     rows += [(f"{use} {s.name}", f"sha256 {s.sha256}") for use, s in logs]
-    columns = (Column("what"), Column("version, seed or hash", "code"))
     glossary = Fold("Glossary", (Terms(GLOSSARY),))
     return (
         section(
             "analysis.motion",
-            Table.of("", MOTION, logs),
+            make_table("prepared", [_log_row(use, s) for use, s in logs]),
             detail=True,
-            seen=format_count(analysis.information.samples, "sample"),
+            seen=analysis.information.samples,
             estimator=sentence("estimators", analysis.chosen.estimate.estimator.name),
-            out=format_count(len(analysis.held_out.log), "sample"),
+            out=len(analysis.held_out.log),
             kind=analysis.validation_kind,
         ),
         section("analysis.thresholds", glossary, detail=True),
-        section("analysis.provenance", Table.of("", columns, rows), detail=True),
+        section("analysis.provenance", make_table("provenance", rows), detail=True),
     )
 
 
-def _span(row: tuple[str, Dataset]) -> str:
-    survey = row[1].survey
-    return f"{survey.start:.4g} … {survey.stop:.4g}" if survey.kept else ""
-
-
-def _notes(row: tuple[str, Dataset]) -> str:
-    return "; ".join(row[1].notes) + "." if row[1].notes else ""
-
-
-MOTION = (
-    Column("log", get=lambda row: row[1].name),
-    Column("use", get=itemgetter(0)),
-    Column("samples", "number", get=lambda row: row[1].outputs),
-    Column("from … to [s]", get=_span),
-    Column("how it was prepared", get=_notes),
-)
+def _log_row(use: str, log: Dataset) -> tuple[str | int, ...]:
+    """Return a prepared log as one row of a table: name, use, samples, span and preparation."""
+    survey = log.survey
+    span = f"{survey.start:.4g} … {survey.stop:.4g}" if survey.kept else ""
+    notes = "; ".join(log.notes) + "." if log.notes else ""
+    return log.name, use, log.outputs, span, notes
 
 
 # What is believed after the data: the parameters of the model to use by every road.
@@ -353,7 +326,7 @@ def posterior_notes(analysis: Analysis) -> tuple[Note, ...]:
         note(
             "prior-sensitive",
             share=share,
-            names=join(names, SHOWN_FIRST),
+            names=names,
             limit=limit,
         ),
     )
@@ -372,20 +345,55 @@ def posterior_table(analysis: Analysis) -> Table | None:
         summary.interval,
         np.nan,
     )
-    each = zip(
-        analysis.chosen.verdicts,
-        summary.mean,
-        summary.sd,
-        *ends.T,
-        strict=True,
+    numbers = zip(summary.mean, summary.sd, *ends.T, strict=True)
+    rows = [
+        (Cell(v.name, note=label_note(v.label)), v.value, *each, v.unit)
+        for v, each in zip(analysis.chosen.verdicts, numbers, strict=True)
+    ]
+    return make_table("posterior", rows)
+
+
+# Ladder: the model worth using first, then every move that led to it.
+
+
+def pruning_heading(ladder: Ladder) -> tuple[str, str]:
+    """Return what kind of page it is, and what it is about."""
+    return "Pruning report", f"{ladder.robot.path.name} · {fitted_logs(ladder.samples)}"
+
+
+def pruning_below(ladder: Ladder) -> Picture:
+    """Return the error of every model of the path over its size."""
+    return picture("ladder", plot.reduction_path(ladder))
+
+
+def pruning_sections(ladder: Ladder) -> list[Section | None]:
+    """Return the sections of the page."""
+    masses = mass_table(ladder.robot, ladder.real_robot["parameters"])
+    real = ladder.chosen.physical
+    settings = {key: ladder.settings[key] for key in ("method", "seed")}
+    text = words(
+        "pruning.how",
+        effects=", ".join(ladder.effects),
+        **settings,
     )
-    columns = (
-        Column("parameter", get=lambda row: Cell(row[0].name, note=label_note(row[0]))),
-        Column("estimate", stated_text, lambda row: row[0].value),
-        Column("mean", stated_text, itemgetter(1)),
-        Column("sd", digits(2), itemgetter(2)),
-        Column("from (95 %)", stated_text, itemgetter(3)),
-        Column("to", stated_text, itemgetter(4)),
-        Column("unit", get=lambda row: row[0].unit),
+    every = f"All {format_count(len(ladder.models), 'model')} of the path"
+    path = Fold(every, (ladder.tables()[0],))
+    return [
+        section_survivors(ladder),
+        section("pruning.ladder", path, why=sentence("pruning.why")),
+        None if ladder.nothing else section_correlated(ladder.fit),
+        section("pruning.bodies", masses, said="" if real is None else real.sentence),
+        section("pruning.method", Prose(tuple(text.values())), detail=True),
+    ]
+
+
+def section_survivors(ladder: Ladder) -> Section:
+    """Return the parameters of the model to use."""
+    table = parameter_table(ladder.chosen)
+    tables = fold_verdicts(table, ladder.chosen.verdicts)
+    return section(
+        "pruning.survivors",
+        *tables,
+        *ladder.tables()[1:],
+        size=len(ladder.chosen),
     )
-    return Table.of("Posterior of each parameter", columns, each)

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from markupsafe import Markup
@@ -21,9 +21,9 @@ from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import format_count, format_number
 from identifiability.foundation.values import frozen
-from identifiability.report.answers.common import WORDS, sentence, words
 from identifiability.robot import Robot
 
+from .answers.common import WORDS, sentence, words
 from .figures import break_gaps, peak_rows, svg
 
 
@@ -32,7 +32,6 @@ class Prose:
     """Paragraphs."""
 
     paragraphs: tuple[str, ...]
-    kind: ClassVar[str] = "prose"
 
 
 @frozen
@@ -40,7 +39,6 @@ class Notes:
     """Several notes."""
 
     notes: tuple[Note, ...]
-    kind: ClassVar[str] = "notes"
 
 
 @frozen
@@ -58,7 +56,6 @@ class Terms:
     """A list of terms."""
 
     terms: tuple[Term, ...]
-    kind: ClassVar[str] = "terms"
 
 
 @frozen
@@ -81,7 +78,6 @@ class Picture:
     caption: str = ""
     alt: str = ""
     name: str = "figure"
-    kind: ClassVar[str] = "picture"
 
     @cached_property
     def markup(self) -> Markup:
@@ -100,7 +96,6 @@ class Gallery:
 
     pictures: tuple[Picture, ...]
     caption: str = ""
-    kind: ClassVar[str] = "gallery"
 
     @property
     def width(self) -> int:
@@ -121,7 +116,6 @@ class Traces:
 
     groups: tuple[Trace, ...]
     caption: str = ""
-    kind: ClassVar[str] = "traces"
 
 
 @frozen
@@ -159,7 +153,6 @@ class Moving:
     caption: str = ""
     torque: Trace | None = None
     misses: Array | None = None
-    kind: ClassVar[str] = "moving"
 
     @property
     def frames(self) -> int:
@@ -283,7 +276,6 @@ class Answers:
 
     answers: tuple[Answer, ...]
     below: tuple[Block, ...] = ()
-    kind: ClassVar[str] = "answers"
 
 
 @frozen
@@ -296,7 +288,6 @@ class Fold:
     summary: str
     blocks: tuple[Block, ...]
     detail: bool = False
-    kind: ClassVar[str] = "fold"
 
 
 def check_cell(text: str, passed: bool | None, reason: str = "") -> Cell:
@@ -354,6 +345,11 @@ def fold_rows(table: Table, first: Sequence[bool], those: str) -> tuple[Table | 
         marked=None,
     )
     return replace(table, caption=f"The {count} {those}", rows=shown), Fold(said, (more,))
+
+
+def kind_of(block: object) -> str:
+    """Return the kind of a block, by which templates show it."""
+    return type(block).__name__.lower()
 
 
 Block: TypeAlias = (

@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import io
 import re
+import tomllib
 import warnings
 from collections.abc import Callable, Sequence
 from functools import wraps
@@ -394,35 +395,14 @@ class Mark:
     fill: Literal["full", "left", "none"] = "full"
 
 
-MARKS = {
-    "identifiable": Mark("blue", "●"),
-    "sign only": Mark("amber", "◐", "o", "left"),
-    "negligible": Mark("grey", "○", "o", "none"),
-    "model in doubt": Mark("amber", "!", "^", "none"),
-    "not identifiable": Mark("vermilion", "✕", "x"),
-    "not judged": Mark("grey", "?", "s", "none"),
-    "by the prior": Mark("sky", "◇", "D", "none"),
-    "structural": Mark("vermilion", "✕", "x"),
-    "data": Mark("blue", "●"),
-    "constraint": Mark("purple", "◆", "D"),
-    "prior": Mark("sky", "◇", "D", "none"),
-    "structure": Mark("grey", "✕", "x"),
-    "model": Mark("grey", "○", "o", "none"),
-    "pass": Mark("green", "✓"),
-    "partly": Mark("amber", "◐", "o", "left"),
-    "differs": Mark("vermilion", "✕", "x"),
-    "not checked": Mark("grey", "○", "o", "none"),
-    "warning": Mark("amber", "▲"),
-    "note": Mark("blue", "●"),
-    "good": Mark("green", "✓"),
-}
-
-_OTHER = Mark("grey", "·", ".")
+MARKS: dict[str, dict[str, Any]] = tomllib.loads(
+    (TEMPLATES / "marks.toml").read_text(encoding="utf-8")
+)
 
 
 def mark_of(kind: str) -> Mark:
     """Return the look of a verdict, or a neutral one for a word that has none."""
-    return MARKS.get(kind, _OTHER)
+    return Mark(**MARKS.get(kind, MARKS["other"]))
 
 
 # Torque and motion along time.

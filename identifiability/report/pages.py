@@ -3,14 +3,14 @@
 A page has functions of its result, ``<kind>_heading`` (what kind of page it is and what it is
 about), ``<kind>_moving`` and ``<kind>_below`` (what is drawn with the answers), ``<kind>_notes``
 and ``<kind>_sections``, as far as it needs any: without, a page shows answers and tables alone.
-That of an `Analysis` is in `identifiability.report.analysis`. Verbs are imported where they are
-asked for: a page needs its own alone.
+Those of an `Analysis` and a `Ladder` are in `identifiability.report.analysis`. Verbs are imported
+where they are asked for: a page needs its own alone.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,19 +21,17 @@ from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.quoting import for_svg
 from identifiability.foundation.rounding import (
     NONE,
-    digits,
     format_count,
     format_number,
     join,
-    percent,
     rough_percent,
 )
-from identifiability.report import plot
-from identifiability.report.answers.common import NAMED, hint_note, sentence, words
-from identifiability.report.answers.diagnose import list_names
 from identifiability.robot import complete_motion
 from identifiability.robot.kinematics import Point
 
+from .answers.common import NAMED, hint_note, sentence, words
+from .answers.diagnose import list_names
+from .answers.tables import make_table
 from .blocks import (
     SHOWN_FIRST,
     Block,
@@ -62,12 +60,11 @@ if TYPE_CHECKING:
     from identifiability.workflows.calibrate.calibration import Calibration
     from identifiability.workflows.compare import Comparison
     from identifiability.workflows.diagnose.forward import ForwardGap
-    from identifiability.workflows.diagnose.result import Curve, Diagnosis
+    from identifiability.workflows.diagnose.result import Curve, Diagnosis, Odds
     from identifiability.workflows.excite.result import Excitation
     from identifiability.workflows.inspect import Inspection, Record
     from identifiability.workflows.payload import Load
     from identifiability.workflows.predict import PositionPrediction, TorquePrediction
-    from identifiability.workflows.prune.result import Ladder
 
 
 # Calibration: may intervals and verdicts be trusted on this motion?
@@ -189,10 +186,10 @@ def section_effects(d: Diagnosis) -> Section:
             shape = f"shape {format_number(p.shape, 3)}" if np.isfinite(p.shape) else ""
             first = (Cell(" or ".join(list_names(e)), note=shape), p.place)
             rows += [(*first, *row, p.odds, p.rms) for row in p.rows]
-    found = (Table.of("Their parameters", EFFECTS, rows), gallery("curves", _curves(d, SHOWN)))
-    unseen = Column("on unseen motion", digits(3), "unseen", f"On {d.verified_on}.")
-    caption = "Not confirmed by the motion that verifies, and in no model"
-    refuted = Table.of(caption, (*GROUP, unseen), d.refuted) if d.refuted else None
+    found = (make_table("effects", rows), gallery("curves", _curves(d, SHOWN)))
+    refuted = None
+    if d.refuted:
+        refuted = make_table("refuted", map(_odds_row, d.refuted), verified=d.verified_on)
     blocks = (*d.tables()[:-1], *(found if rows else ()), refuted)
     nothing = sentence("diagnosis.nothing") if not any(blocks) else None
     return section("diagnosis.effects", *blocks, nothing)
@@ -218,7 +215,7 @@ def _curves(d: Diagnosis, most: int) -> list[Picture]:
 def _labels(d: Diagnosis, c: Curve) -> tuple[str, str]:
     """Return the labels of the axes of a curve."""
     other = "" if c.of == c.joint else f" of {d.robot.joints[c.of]}"
-    position = "m" if d.robot.is_prismatic(int(d.robot.actuated[c.of])) else "rad"
+    position = d.robot.position_units[c.of]
     units = {"velocity": f"{position}/s", "position": position, "load": d.robot.torque_units[c.of]}
     over = "time of the session" if c.against == "session" else c.against
     labels = f"{over}{other} [{units.get(c.against, 's')}]"
@@ -248,7 +245,7 @@ def _section_gap(d: Diagnosis) -> Section:
 
 def section_forward(gap: ForwardGap, joints: tuple[str, ...]) -> Section:
     """Return the section on simulated motion before and after the named effects."""
-    horizon = format_number(gap.horizon, 2)
+    horizon = gap.horizon
     if not gap.measured:
         return section("diagnosis.motion", f"Not done: {gap.note}", horizon=horizon)
     figure = draw_forward(
@@ -256,18 +253,13 @@ def section_forward(gap: ForwardGap, joints: tuple[str, ...]) -> Section:
         gap.before.mean(2),
         gap.after.mean(2),
     )
-    columns = (
-        Column("joint"),
-        Column("before", percent, hint="Of the distance moved, at the end."),
-        Column("after", percent),
-    )
     rows = zip(
         joints,
         gap.before[:, -1].mean(0),
         gap.after[:, -1].mean(0),
         strict=True,
     )
-    table = Table.of("Position error at the end of a stretch", columns, rows)
+    table = make_table("forward", rows)
     shown = picture("forward", figure, stretches=len(gap.before))
     return section("diagnosis.motion", shown, table, horizon=horizon)
 
@@ -278,40 +270,19 @@ def _section_where(d: Diagnosis) -> Section:
         (x.joint, x.rms, x.share, *(x.explained.get(k, np.nan) for k in causes))
         for x in d.discrepancies
     ]
-    columns = (
-        Column("joint"),
-        Column("residual, rms", digits(3)),
-        Column("of the torque", percent),
-        *(Column(k, rough_percent) for k in causes),
-    )
-    caption = "Residual by joint, and the share of it that its averages over each of these explain"
-    return section("diagnosis.where", Table.of(caption, columns, rows))
+    explained = [Column(cause, rough_percent) for cause in causes]
+    return section("diagnosis.where", make_table("where", rows, more=explained))
 
 
-EFFECTS = (
-    Column("effect"),
-    Column("where"),
-    Column("parameter", "code"),
-    Column("value", digits(3)),
-    Column("± se", digits(2)),
-    Column("unit"),
-    Column("log odds", digits(3)),
-    Column("adds, rms", digits(3)),
-)
-
-GROUP = (
-    Column("effect", get=lambda x: title_of(x.name)),
-    Column("where", get="place"),
-    Column("log odds", digits(3), "before", "Beside the model."),
-)
-
-THEN = Column("then", digits(3), "after", "Beside what was named as well.")
+def _odds_row(x: Odds) -> dict[str, Any]:
+    """Return the log odds of a family at a place as one row of a table."""
+    return {**vars(x), "title": title_of(x.name)}
 
 
 def _sections_method(d: Diagnosis) -> tuple[Section, ...]:
     """Return all that was asked with its evidence, what was not, and how."""
     order = sorted(d.evidence, key=lambda x: -x.before)
-    table = Table.of("The likeliest of all that was asked", (*GROUP, THEN), order[:SHOWN_FIRST])
+    table = make_table("evidence", map(_odds_row, order[:SHOWN_FIRST]))
     why: dict[tuple[str, str], list[str]] = {}
     for r in d.refusals:
         why.setdefault((title_of(r.family), r.reason), []).append(r.place)
@@ -349,7 +320,7 @@ def excitation_moving(result: Excitation) -> Moving | None:
     """Return the robot along the motion."""
     t, *motion = result.motion
     poses = complete_motion(result.robot, t, *motion).q
-    caption = sentence("excitation.moving", seconds=format_number(t[-1] - t[0], 3))
+    caption = sentence("excitation.moving", seconds=t[-1] - t[0])
     return move_skeletons(result.robot, t, {"motion": ("blue", poses)}, lambda rows: [], caption)
 
 
@@ -360,8 +331,7 @@ def excitation_below(result: Excitation) -> Table:
     for name, merit in ((result.beside, result.before), ("this motion", result.after)):
         count = merit.identifiable
         rows.append((name, Cell(f"{count} of {size}", share=count / size)))
-    columns = (Column("identifiable by"), Column("parameters", "bar"))
-    return Table.of("", columns, rows)
+    return make_table("worth", rows)
 
 
 def excitation_notes(result: Excitation) -> list[Note]:
@@ -376,7 +346,7 @@ def excitation_sections(result: Excitation) -> list[Section]:
     text = words(
         "excitation.how",
         harmonics=path.harmonics,
-        motions=format_count(result.evaluations, "motion"),
+        motions=result.evaluations,
         seed=result.seed,
         effects=", ".join(result.effects),
         measured=sentence("excitation.measured", logs=logs) if logs else "",
@@ -394,11 +364,10 @@ def _motion(result: Excitation) -> list[Traces]:
     robot = result.robot
     highest = (limits.high, limits.speed, limits.acceleration)
     lowest = (limits.low, -limits.speed, -limits.acceleration)
-    units = ["m" if robot.is_prismatic(int(k)) else "rad" for k in robot.actuated]
     names = (("position", ""), ("velocity", "/s"), ("acceleration", "/s²"))
     shown = []
     for (name, per), x, low, high in zip(names, parts, lowest, highest, strict=True):
-        own = [f"{unit}{per}" for unit in units]
+        own = [f"{unit}{per}" for unit in robot.position_units]
         bounds = np.stack([low, high], 1)
         shown.append(motion_traces(name, t, x, limits.joints, own, bounds))
     return shown
@@ -486,35 +455,31 @@ def _preparation(record: Record) -> Fold | None:
 
 def _robot(result: Inspection) -> list[Section]:
     """Return what the robot file says of joints, logs and parameters, and what it leaves open."""
-    from identifiability.report.answers.inspect import JOINTS  # noqa: PLC0415
+    from .answers.inspect import joint_table  # noqa: PLC0415
 
-    robot = result.robot
+    robot, joints = result.robot, replace(joint_table(result), caption="")
     motors = ", ".join(result.motors)
     beside = sentence("inspection.motors", motors=motors) if motors else None
     base = result.base
     groups = zip(base.names, base.units, base.labels, strict=True)
-    grouped = (Column("parameter"), Column("unit"), Column("what it stands for", "code"))
     found = [
-        section(
-            "inspection.joints", phrase("needs", "naming"), Table.of("", JOINTS, result.joints)
-        ),
+        section("inspection.joints", phrase("needs", "naming"), joints),
         section("inspection.columns", beside),
         section(
             "inspection.parameters",
-            Fold(f"All {base.rank} base parameters", (Table.of("", grouped, groups),)),
+            Fold(f"All {base.rank} base parameters", (make_table("grouped", groups),)),
             count=base.rank,
             standard=len(base.parameters),
             effects=", ".join(result.effects),
         ),
     ]
     if result.needs:
-        own = (Column("what is not stated"), Column("in the sidecar", "code"))
         rows = [(need.text, need.line.replace("\n", "  ") or NONE) for need in result.needs]
         name = robot.path.with_suffix(".toml").name
         found.append(
             section(
                 "inspection.sidecar",
-                Table.of("", own, rows),
+                make_table("needs", rows),
                 name=name,
             )
         )
@@ -603,62 +568,6 @@ def prediction_sections(result: TorquePrediction) -> list[Section]:
     ]
 
 
-# Ladder: the model worth using first, then every move that led to it.
-
-
-def pruning_heading(ladder: Ladder) -> tuple[str, str]:
-    """Return what kind of page it is, and what it is about."""
-    from .analysis import fitted_logs  # noqa: PLC0415
-
-    return "Pruning report", f"{ladder.robot.path.name} · {fitted_logs(ladder.samples)}"
-
-
-def pruning_below(ladder: Ladder) -> Picture:
-    """Return the error of every model of the path over its size."""
-    return picture("ladder", plot.reduction_path(ladder))
-
-
-def pruning_sections(ladder: Ladder) -> list[Section | None]:
-    """Return the sections of the page."""
-    from .analysis import mass_table, section_correlated  # noqa: PLC0415
-
-    masses = mass_table(ladder.robot, ladder.real_robot["parameters"])
-    real = ladder.chosen.physical
-    settings = {key: ladder.settings[key] for key in ("method", "seed")}
-    text = words(
-        "pruning.how",
-        effects=", ".join(ladder.effects),
-        **settings,
-    )
-    every = f"All {format_count(len(ladder.models), 'model')} of the path"
-    path = Fold(every, (ladder.tables()[0],))
-    return [
-        section_survivors(ladder),
-        section("pruning.ladder", path, why=sentence("pruning.why")),
-        None if ladder.nothing else section_correlated(ladder.fit),
-        section("pruning.bodies", masses, said="" if real is None else real.sentence),
-        section("pruning.method", Prose(tuple(text.values())), detail=True),
-    ]
-
-
-def section_survivors(ladder: Ladder) -> Section:
-    """Return the parameters of the model to use."""
-    from identifiability.report.answers.analyze import parameter_table  # noqa: PLC0415
-
-    from .analysis import fold_verdicts  # noqa: PLC0415
-
-    table = parameter_table(ladder.chosen)
-    size = len(ladder.chosen)
-    tables = fold_verdicts(table, ladder.chosen.verdicts)
-    said = format_count(size, "parameter")
-    return section(
-        "pruning.survivors",
-        *tables,
-        *ladder.tables()[1:],
-        size=said,
-    )
-
-
 # PositionPrediction: measured and simulated positions along logs.
 
 
@@ -726,14 +635,13 @@ def _positions(result: PositionPrediction) -> Section:
     """Return the positions of every joint along the first log, to zoom and read off."""
     log = result.logs[0]
     robot = result.robot
-    units = ["m" if robot.is_prismatic(int(k)) else "rad" for k in robot.actuated]
     lines = {"measured": log.q, **{run.name: run.q[0] for run in result.runs}}
     if log.q_ref is not None:
         lines["command"] = log.q_ref
     shown = traces(
         log.t - log.t[0],
         log.joints,
-        units,
+        robot.position_units,
         lines,
         "position",
     )

@@ -31,9 +31,9 @@ from identifiability.foundation.quoting import for_html
 from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import superscript
 from identifiability.foundation.values import frozen
-from identifiability.report.answers.common import hint_note, note
 
-from .blocks import Answers, Block, Notes, Picture, Section, sort_key, words_of
+from .answers.common import hint_note, note
+from .blocks import Answers, Block, Notes, Picture, Section, kind_of, sort_key, words_of
 from .figures import TEMPLATES, mark_of
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def _within(blocks: Iterable[Any]) -> Iterator[Any]:
 def render_page(page: Page) -> str:
     """Return a page as HTML that loads nothing and runs no script but its own."""
     environment = page_environment()
-    kinds = {getattr(b, "kind", "") for b in _within((*page.summary, *page.sections))}
+    kinds = set(map(kind_of, _within((*page.summary, *page.sections))))
     zoomed = "traces" in kinds
     names = ["page.js", *(("uplot/uPlot.js", "traces.js") if zoomed else ())]
     names += ["moving.js"] if "moving" in kinds else []
@@ -140,7 +140,8 @@ def page_environment() -> Environment:
         undefined=StrictUndefined,
     )
     environment.filters["symbols"] = set_symbols
-    environment.globals |= {"mark_of": mark_of, "words_of": words_of, "sort_key": sort_key}
+    known = (kind_of, mark_of, words_of, sort_key)
+    environment.globals |= {function.__name__: function for function in known}
     return environment
 
 
@@ -169,7 +170,8 @@ def set_symbols(text: str) -> Markup:
 def _of_page(result: Result, name: str, usual: Any = None) -> Any:
     """Return what the page of a result has of its own, as `identifiability.report.pages` says."""
     kind = result.schema.split("/")[1]
-    module = import_module(".analysis" if kind == "analysis" else ".pages", __package__)
+    home = ".analysis" if kind in ("analysis", "pruning") else ".pages"
+    module = import_module(home, __package__)
     own = getattr(module, f"{kind}_{name}", None)
     return usual if own is None else own(result)
 
@@ -194,14 +196,8 @@ def build_page(result: Result) -> Page:
     warnings = [note("decides", text=text) for text in result.warnings]
     hints = map(hint_note, result.remarks)
     notes = (*warnings, *_of_page(result, "notes", result.cautions() or hints))
-    tables = [
-        Section(f"table-{k + 1}", table.caption, blocks=(replace(table, caption=""),))
-        for k, table in enumerate(result.tables())
-    ]
-    done = [
-        Section("ledger", table.caption, blocks=(replace(table, caption=""),))
-        for table in result.ledger()
-    ]
+    tables = [_table_section(f"table-{k + 1}", table) for k, table in enumerate(result.tables())]
+    done = [_table_section("ledger", table) for table in result.ledger()]
     return Page(
         title=title,
         kind=result.schema,
@@ -217,6 +213,11 @@ def build_page(result: Result) -> Page:
             *done,
         ),
     )
+
+
+def _table_section(name: str, table: Table) -> Section:
+    """Return a section that bears the caption of its table."""
+    return Section(name, table.caption, blocks=(replace(table, caption=""),))
 
 
 def draw_figures(result: Any) -> dict[str, Figure]:

@@ -10,10 +10,10 @@ import pinocchio as pin
 
 from identifiability.foundation.names import Array
 from identifiability.foundation.quoting import for_svg
-from identifiability.report.answers.common import sentence
 from identifiability.robot import Motion, Robot
 from identifiability.robot.kinematics import Point, shortest_turn
 
+from .answers.common import sentence
 from .blocks import Moving, Trace
 from .figures import POINTS
 

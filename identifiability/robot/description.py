@@ -579,9 +579,19 @@ class Description(Stated):
             )
 
     @property
+    def slides(self) -> np.ndarray:
+        """Whether each actuated joint slides, (n,) bool."""
+        return np.array([self.is_prismatic(int(k)) for k in self.actuated], bool)
+
+    @property
+    def position_units(self) -> Strings:
+        """Units of the position of each actuated joint: m or rad."""
+        return tuple("m" if slides else "rad" for slides in self.slides)
+
+    @property
     def torque_units(self) -> Strings:
         """N or N·m for each actuated joint."""
-        return tuple("N" if self.is_prismatic(int(k)) else "N·m" for k in self.actuated)
+        return tuple("N" if slides else "N·m" for slides in self.slides)
 
     @property
     def passive(self) -> Strings:

@@ -186,7 +186,7 @@ USUAL: dict[str, tuple[Tolerance, Tolerance]] = {"q": (1.0, 0.1), "v": (2.0, 0.3
 
 def usual_limits(robot: Robot) -> dict[str, Array]:
     """Return what actuated joints without limits may do: positions (n, 2), the others (n,)."""
-    slides = np.array([robot.is_prismatic(int(k)) for k in robot.actuated], int)
+    slides = robot.slides.astype(int)
     found = {kind: np.array(values)[slides] for kind, values in USUAL.items()}
     home = robot.actuated_positions(robot.home[None])[0]
     reach = found["q"]

@@ -27,6 +27,7 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.keyed import Row, name_estimates
 from identifiability.foundation.options import checked
+from identifiability.foundation.presenter import presented
 from identifiability.foundation.result import Result
 from identifiability.foundation.runs import Run
 from identifiability.foundation.values import frozen
@@ -197,9 +198,10 @@ class Comparison(OfStructure, Result):
     source: LadderSource
 
     @property
+    @presented
     def answer(self) -> str:
         """What changed, in one sentence."""
-        return str(self._present("answer"))
+        raise NotImplementedError
 
     def rows_by_name(self) -> Iterator[Row]:
         """Yield one row a number that changed; the surest change of a name stands last."""

@@ -20,6 +20,7 @@ from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import checked
+from identifiability.foundation.presenter import presented
 from identifiability.foundation.quoting import for_toml
 from identifiability.foundation.result import Result
 from identifiability.foundation.runs import Progress, Run, quiet, running
@@ -288,11 +289,10 @@ def _describe_clock(log: Log, gaps: Gaps, prepared: Dataset) -> dict[str, Any]:
 
 def _describe_range(robot: Robot, q: Array) -> dict[str, Any]:
     """Return the range of each joint, the share of its limits, and the units of its columns."""
-    slides = [robot.is_prismatic(int(dof)) for dof in robot.actuated]
     share = np.ptp(q, axis=0) / np.diff(robot.limits, axis=1)[:, 0]
     return {
         "joint": robot.joints,
-        "unit": np.where(slides, "m", "rad"),
+        "unit": robot.position_units,
         "torque_unit": robot.torque_units,
         "low": q.min(0),
         "high": q.max(0),
@@ -347,10 +347,10 @@ class Inspection(OfStructure, Result):
         transmission = self.robot.transmission
         return () if transmission is None else transmission.motors
 
+    @presented
     def parameters_frame(self) -> pd.DataFrame:
         """Return one row a base parameter: name, unit and what is grouped in it."""
-        frame: pd.DataFrame = self._present("parameters_frame")
-        return frame
+        raise NotImplementedError
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in its documented JSON schema."""

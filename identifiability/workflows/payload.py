@@ -27,6 +27,7 @@ from identifiability.foundation.keyed import Row
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array
 from identifiability.foundation.options import OptionError, Positive, checked
+from identifiability.foundation.presenter import presented
 from identifiability.foundation.quoting import for_toml
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import REACH
@@ -376,9 +377,10 @@ class Load(Result):
         return self.quantities[0]
 
     @property
+    @presented
     def answer(self) -> str:
         """Mass and where, or gains by a mass that is known, in one sentence."""
-        return str(self._present("answer"))
+        raise NotImplementedError
 
     @property
     def sidecar(self) -> str:
@@ -387,10 +389,10 @@ class Load(Result):
         return f"[torque]\ngain = {for_toml(gains)}\n" if gains else ""
 
     @property
+    @presented
     def caveats(self) -> tuple[str, ...]:
         """What makes the answer doubtful, and what to do."""
-        texts: tuple[str, ...] = self._present("caveats")
-        return texts
+        raise NotImplementedError
 
     def rows_by_name(self) -> Iterator[Row]:
         """Yield the quantities of the load, and the gain of each joint by the joint's name."""

@@ -27,6 +27,7 @@ from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.keyed import Keyed, Row, name_estimates
 from identifiability.foundation.names import BASE, Array
 from identifiability.foundation.options import Expected, OptionError, checked
+from identifiability.foundation.presenter import presented
 from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.runs import Run
@@ -179,10 +180,10 @@ class TorquePrediction(Result):
         """
         return super().to_frame()
 
+    @presented
     def error_frame(self) -> pd.DataFrame:
         """Return one row a joint: its error over its own scale, in N or N·m, and inside what."""
-        frame: pd.DataFrame = self._present("error_frame")
-        return frame
+        raise NotImplementedError
 
     def to_dict(self) -> dict[str, Any]:
         """Return errors and shares in the documented JSON schema; samples go to `write`."""
@@ -748,13 +749,13 @@ class PositionPrediction(Result):
     @cached_property
     def alike(self) -> np.ndarray:
         """Which joints turn, or if none does, slide, (n,) bool: what errors are told of."""
-        slides = np.array([self.robot.is_prismatic(int(k)) for k in self.robot.actuated], bool)
+        slides = self.robot.slides
         return slides if slides.all() else ~slides
 
     @property
     def unit(self) -> str:
         """Of a thousandth of `totals`: mrad, or mm where every joint slides."""
-        return "mm" if self.robot.is_prismatic(int(self.robot.actuated[self.alike][0])) else "mrad"
+        return "mm" if self.robot.slides.all() else "mrad"
 
     @property
     def totals(self) -> Array:
@@ -797,15 +798,16 @@ class PositionPrediction(Result):
             "rollouts": rollouts,
         }
 
+    @presented
     def warn(self, answer: Answer) -> Answer:
         """Return how good a model is, behind that it moves worse than without what was named."""
-        found: Answer = self._present("warn", answer)
-        return found
+        raise NotImplementedError
 
     @property
+    @presented
     def told(self) -> str:
         """The errors of the file's and of the fitted robot, as their result says them."""
-        return str(self._present("told"))
+        raise NotImplementedError
 
     def to_rollout(self) -> dict[str, Any]:
         """Return it as the JSON of the fitted robot's result has it."""

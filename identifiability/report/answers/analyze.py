@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
@@ -17,54 +17,40 @@ from identifiability.effects.vocabulary import by_effect, file_kinds, values_in_
 from identifiability.estimation.prediction import loaded_joints
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class, Flag, Verdict, percent_of
-from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
+from identifiability.foundation.answers import Answer, Cell, Note, Table, measured_cells
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import of_key
+from identifiability.foundation.names import Array
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import (
-    LEVEL,
-    REACH,
-    digits,
-    error_text,
-    join,
-    measured,
-    percent,
-    percent_text,
-    stated_text,
-)
-from identifiability.report.answers import commands
+from identifiability.foundation.rounding import LEVEL, REACH, measured, percent_text, stated_text
 from identifiability.workflows.analyze.result import compare_logs, stated_values
 from identifiability.workflows.case import COMPLETED
 from identifiability.workflows.provenance import given_paths
 
+from . import commands
 from .common import (
     NAMED,
-    SIGMA,
-    UNIT,
-    VALUE,
-    VERDICT,
     VISIBLE,
+    Command,
+    PredictingPresenter,
     after_mass,
     answer,
-    answer_next,
-    answer_quality,
     answer_trust,
+    command,
     grade_of,
     hint_note,
     note,
-    reserve,
     sentence,
     state_contradicted,
-    state_uneven,
-    with_hints,
 )
+from .tables import make_table
 
 if TYPE_CHECKING:
     from identifiability.workflows.analyze.result import Analysis, Laddered, ModelResult
 
 
-class LadderedPresenter(Presenter, ABC):
+class LadderedPresenter(PredictingPresenter):
     """Answers about the model to use, for analyze and prune."""
 
     result: Laddered[Any]
@@ -73,27 +59,60 @@ class LadderedPresenter(Presenter, ABC):
     def answer_use(self) -> Answer:
         """Return the model to use, and the number of its identifiable parameters."""
 
-    def answers(self) -> tuple[Answer, ...]:
-        """Return what to use, how good it is, whether to trust it, what to do next."""
+    def asked(self) -> tuple[Answer, ...]:
+        """Return what to use, how good it is, and whether to trust it."""
         result = self.result
         use = after_mass(self.answer_use(), result.mass_warning)
         use = replace(use, short=f"{state_weight(result)} {use.short}".lstrip())
-        asked = use, answer_error(result), answer_doubt(result)
-        return (*reserve(asked, result.warnings), answer_next(list_commands(result)))
+        more = [sentence("laddered.measured", kind=result.validation_kind)]
+        if not result.nothing:
+            more += [_state_left_out(result), _state_file_error(result)]
+        error = self.answer_error(" ".join(filter(None, more)), raw=result.left_out["raw"])
+        return use, error, answer_doubt(result)
+
+    def commands(self) -> list[Command]:
+        """Return at most three lines for the terminal, the most useful first."""
+        result = self.result
+        verb = "prune" if "pruning" in result.schema else "analyze"
+        names, how = given_paths(result.samples), result.settings["preparation"]
+        logs = commands.name_logs(result.robot, names, how=how)
+        if result.nothing:
+            return [command("inspect", f"inspect {self.robot} {logs}")]
+        inputs = f"{self.robot} {logs}{commands.held_back(result.validation, result.samples)}"
+        ladder = commands.ladder_option(result.robot, result.source)
+        all_fitted = "" if result.validation else " --validate none"
+        again = f"{verb} {inputs}{all_fitted}{ladder}"
+        find, out = f"diagnose {inputs}", list[Command]()
+        if verb == "prune":
+            use = partial("{} --model {}".format, find)
+            find = commands.on_file(result, "model", "pruned.toml", f"{again} --out", use)
+        elif result.chosen.count(Class.IDENTIFIABLE) < len(result.chosen.submodel):
+            line = f"{again.replace('analyze', 'prune', 1)} --report pruned.html --json prune.json"
+            begun = commands.name_logs(result.robot, names, "--start-from", how)
+            more = f"excite {self.robot} {begun} --out next.json"
+            out = [command("prune", line), command("measure", more)]
+        export = partial(commands.export_line, result.robot)
+        line = commands.on_file(result, "json", f"{verb}.json", f"{again} --json", export)
+        out.append(command("export", line))
+        return _order_commands(result, out, f"{find} --report missing.html", ladder)
 
     def warnings(self) -> tuple[str, ...]:
         """Return the findings on the logs, on one joint, and on contradicted bodies."""
-        result, usual = self.result, super().warnings()
+        result = self.result
         if result.nothing:
-            return usual
+            return Presenter.warnings(self)
         verdicts = result.full.verdicts
         judged = [v.sigma_label if Flag.NEGLIGIBLE not in v.flags else np.inf for v in verdicts]
         stated = [np.nan if x is None else x for x in stated_values(result, result.full)]
         values = np.array([v.value for v in verdicts])
         known = values, np.array(stated), np.array(judged)
-        error, each = result.chosen.error_ra_validation, result.held_out.joint_error()[:, 0]
-        uneven = state_uneven(error, result.robot.joints, each)
-        return (*usual, *uneven, *state_contradicted(result.base, result.full.submodel, *known))
+        contradicted = state_contradicted(result.base, result.full.submodel, *known)
+        return (*super().warnings(), *contradicted)
+
+    def errors(self) -> tuple[float, Array]:
+        """Return the errors of the values to use on unseen motion."""
+        result = self.result
+        return result.chosen.error_ra_validation, result.held_out.joint_error()[:, 0]
 
     def statement(self) -> str:
         """Return the answers in plain words, with warnings and remarks."""
@@ -121,8 +140,7 @@ class LadderedPresenter(Presenter, ABC):
         for found in of_key(result.findings, "unclosed", "singular"):
             yield note(found.key, log=found.subject, text=found)
         if chosen.infeasible and not result.nothing and not chosen.physical_used:
-            names, near = join(chosen.infeasible), error_text(chosen.unseen_by(1))
-            yield note("impossible", names=names, near=near)
+            yield note("impossible", names=chosen.infeasible, near=chosen.unseen_by(1))
         yield from (note("unreal", text=text) for text in _state_impossible(result))
         if len(kept) < base.rank:
             yield note("poor", rank=base.rank, excited=len(kept))
@@ -176,19 +194,21 @@ class AnalysisPresenter(LadderedPresenter):
         chosen, base = result.chosen, result.base
         size = sentence(about, "size", parameters=len(base.parameters), rank=base.rank)
         if result.nothing:
-            return answer(about, "nothing", size, "vermilion")
+            return answer(about, "nothing", size)
         title, count = model_title(chosen), len(chosen.submodel)
         capital = f"{title[0].upper()}{title[1:]}"
-        holes: dict[str, Any] = {"title": title, "capital": capital, "count": count}
         part = "unjudged" if chosen.unjudged else "found"
         tone = "blue" if chosen.feasible else "amber"
         text = f"{size} {state_physics(result)}"
-        return answer(about, part, text, tone, found=found_cell(chosen).text, **holes)
+        found = found_cell(chosen).text
+        return answer(
+            about, part, text, tone, found=found, title=title, capital=capital, count=count
+        )
 
     def tables(self) -> tuple[Table, ...]:
         """Return the models, the errors by joint and by log, the parameters of the model to use."""
         result = self.result
-        models = Table.of("", LADDER, result.models, marked=result.selected)
+        models = make_table("models", map(model_row, result.models), result.selected)
         parameters = parameter_table(result.chosen)
         return (models, *error_tables(result), parameters, file_table(result))
 
@@ -214,24 +234,12 @@ class AnalysisPresenter(LadderedPresenter):
 # How good the model to use is, and whether to trust it.
 
 
-def answer_error(result: Laddered[Any]) -> Answer:
-    """Return the error of the values to use, and the rows that it leaves out."""
-    each = result.held_out.joint_error()[:, 0]
-    more = [sentence("laddered.measured", kind=result.validation_kind)]
-    if not result.nothing:
-        more += [_state_left_out(result), _state_file_error(result)]
-    error, text = result.chosen.error_ra_validation, " ".join(filter(None, more))
-    raw, warnings = result.left_out["raw"], result.warnings
-    return answer_quality(error, result.robot.joints, each, text, raw=raw, warnings=warnings)
-
-
 def _state_left_out(result: Laddered[Any]) -> str:
     """Return which rows the error leaves out, as they have no weight."""
     left = result.left_out
     if not left["rows"] > 0:
         return ""
-    share, every = percent(left["rows"], 2), percent(left["all_rows"])
-    return sentence("decision.left", "rows", share=share, error=every)
+    return sentence("decision.left", "rows", share=left["rows"], error=left["all_rows"])
 
 
 def _state_file_error(result: Laddered[Any]) -> str:
@@ -243,10 +251,10 @@ def _state_file_error(result: Laddered[Any]) -> str:
         return ""
     held = values_in_file(robot, given, kind)
     titles = by_effect(robot, (n for n in given if given[n] != held[n]), real["shapes"])
-    text = sentence("decision.left", "file", kind=kind.upper(), error=percent(alone[kind]))
+    text = sentence("decision.left", "file", kind=kind.upper(), error=alone[kind])
     if titles and alone[kind] > (1 + VISIBLE) * error:
         names = [f"{title} ({listing(own, NAMED)})" for title, own in titles.items()]
-        text += sentence("decision.left", "lacks", names=listing(names, NAMED))
+        text += sentence("decision.left", "lacks", names=names)
     return f"{text}."
 
 
@@ -278,9 +286,9 @@ def _state_impossible(result: Laddered[Any]) -> Iterator[str]:
         return
     each = used.fitted.joint_error()[:, 1]
     joint = result.robot.joints[int(np.argmax(each))]
-    held = join(real.nearest.active if real.nearest else ()) or "nothing"
-    holes = {"near": error_text(near), "error": percent(free), "joint": joint, "names": held}
-    yield sentence("decision.impossible", **holes)
+    held = real.nearest.active if real.nearest else ()
+    names = held or ("nothing",)
+    yield sentence("decision.impossible", near=near, error=free, joint=joint, names=names)
 
 
 def state_physics(result: Laddered[Any]) -> str:
@@ -288,7 +296,7 @@ def state_physics(result: Laddered[Any]) -> str:
     chosen = result.chosen
     used = "used" if chosen.physical_used else "free"
     each = zip(chosen.submodel.columns, chosen.meanings, strict=True)
-    names = listing([f"{name} ({text})" for name, text in each if text], NAMED)
+    names = [f"{name} ({text})" for name, text in each if text]
     more = sentence("decision.left", "names", names=names) if names else ""
     return f"{sentence('decision.physics', used)} {more}".rstrip()
 
@@ -317,36 +325,9 @@ def state_weight(result: Laddered[Any]) -> str:
 # What to do next.
 
 
-def list_commands(result: Laddered[Any]) -> list[tuple[str, str]]:
-    """Return at most three lines for the terminal, the most useful first."""
-    verb = "prune" if "pruning" in result.schema else "analyze"
-    robot = commands.source_name(result.robot)
-    names, how = given_paths(result.samples), result.settings["preparation"]
-    logs = commands.name_logs(result.robot, names, how=how)
-    if result.nothing:
-        return [(sentence("next", "inspect"), f"identifiability inspect {robot} {logs}")]
-    inputs = f"{robot} {logs}{commands.held_back(result.validation, result.samples)}"
-    ladder = commands.ladder_option(result.robot, result.source)
-    all_fitted = "" if result.validation else " --validate none"
-    again = f"identifiability {verb} {inputs}{all_fitted}{ladder}"
-    find, out = f"identifiability diagnose {inputs}", list[tuple[str, str]]()
-    if verb == "prune":
-        use = partial("{} --model {}".format, find)
-        find = commands.on_file(result, "model", "pruned.toml", f"{again} --out", use)
-    elif result.chosen.count(Class.IDENTIFIABLE) < len(result.chosen.submodel):
-        line = f"{again.replace('analyze', 'prune', 1)} --report pruned.html --json prune.json"
-        begun = commands.name_logs(result.robot, names, "--start-from", how)
-        more = f"identifiability excite {robot} {begun} --out next.json"
-        out = [(sentence("next", "prune"), line), (sentence("next", "measure"), more)]
-    export = partial(commands.export_line, result.robot)
-    line = commands.on_file(result, "json", f"{verb}.json", f"{again} --json", export)
-    out.append((commands.EXPORT, line))
-    return _order_commands(result, out, f"{find} --report missing.html", ladder)
-
-
 def _order_commands(
-    result: Laddered[Any], lines: list[tuple[str, str]], find: str, ladder: str
-) -> list[tuple[str, str]]:
+    result: Laddered[Any], lines: list[Command], find: str, ladder: str
+) -> list[Command]:
     """Return the three most useful lines, with those that diagnose and compare.
 
     Parameters
@@ -358,7 +339,7 @@ def _order_commands(
     ladder : str
         The option that names the ladder, if one was given.
     """
-    missing = sentence("next", "missing"), find
+    missing = command("missing", find)
     very_good = grade_of(result.chosen.error_ra_validation) == "very-good"
     first = result.missing.functions or result.chosen.contradicted or not very_good
     # What wrote a ladder may have been a diagnosis.
@@ -367,7 +348,8 @@ def _order_commands(
     # Logs disagree under a model that misses something; what differs shows beside that.
     if not result.missing.functions and compare_logs(result.samples, result.chosen):
         names, how = given_paths(result.samples), result.settings["preparation"]
-        lines = [commands.compare_line(result.robot, names, how, ladder), *lines]
+        compare = commands.compare_line(result.robot, names, how, ladder)
+        lines = [command("compare", compare), *lines]
     return lines[:3]
 
 
@@ -388,57 +370,33 @@ def found_cell(model: ModelResult) -> Cell:
 def possible_cell(m: ModelResult) -> Cell:
     """Return whether a real robot has the values of a model, and how much the nearest errs."""
     about = "laddered.tables"
-    near = sentence(about, "near", error=error_text(m.unseen_by(1)))
+    near = sentence(about, "near", error=m.unseen_by(1))
     if m.feasible:
         return Cell("yes", 2.0, badge="pass")
     if m.infeasible:
-        text = sentence(about, "sign", names=join(m.infeasible, 3), near=near)
+        text = sentence(about, "sign", names=m.infeasible, near=near)
         return Cell("no", 0.0, text, "differs")
     open_ = m.physical is None or m.physical.certificate is None
     return Cell("open" if open_ else "not exactly", 1.0, near, "partly")
 
 
-LADDER = with_hints(
-    "models",
-    Column("model", get=lambda m: Cell(m.name, note=m.submodel.description)),
-    Column("parameters", "number", lambda m: len(m.submodel)),
-    Column("identifiable", "number", found_cell),
-    Column("10× rule", "number", lambda m: int(m.estimate.paper_rule.sum()), detail=True),
-    Column("error, fitted", error_text, "error_ra"),
-    Column("error, unseen", error_text, "error_ra_validation"),
-    Column("real robot", "badge", possible_cell),
-)
+def model_row(m: ModelResult) -> dict[str, Any]:
+    """Return a model as one row of a table."""
+    name = Cell(m.name, note=m.submodel.description)
+    return m.row() | {"model": name, "found": found_cell(m), "possible": possible_cell(m)}
 
 
 def error_tables(result: Laddered[Any]) -> tuple[Table, ...]:
     """Return the errors of the model to use by joint and, where there are several, by log."""
     errors, samples = result.error_frame(), (*result.samples, *result.validation)
     joints = errors[errors["of"] == "joint"].iloc[loaded_joints(result.held_out.rms)]
-    caption = sentence("laddered.tables", "joints")
-    each = Table.of(caption, JOINTS, joints.itertuples())
+    each = make_table("joints", joints.itertuples())
     if len(samples) == 1:
         return (each,)
     logs = errors[errors["of"] == "log"].assign(
         name=[s.name for s in samples], samples=[s.outputs for s in samples]
     )
-    return each, Table.of(sentence("laddered.tables", "logs"), LOGS, logs.itertuples())
-
-
-ERRORS = (
-    Column("error, fitted", error_text, "error"),
-    Column("error, unseen", error_text, "error_validation"),
-)
-
-JOINTS = with_hints(
-    "joints",
-    Column("joint", get="name"),
-    Column("unit", get="unit"),
-    *ERRORS,
-    Column("rms error, unseen", digits(3), "rms_validation"),
-    Column("of raw torque, unseen", error_text, "error_raw_validation"),
-)
-
-LOGS = (Column("log", get="name"), Column("samples", "number", "samples"), *ERRORS)
+    return each, make_table("logs", logs.itertuples())
 
 
 def bar(x: float, whole: float) -> Cell:
@@ -449,33 +407,41 @@ def bar(x: float, whole: float) -> Cell:
 def parameter_table(result: ModelResult) -> Table:
     """Return one row for each parameter of a model, filtered by verdict."""
     most = max((v.share for v in result.verdicts if np.isfinite(v.share)), default=0.0) or 1.0
-    values = zip(result.recommended.tolist(), result.meanings, strict=True)
-    used = dict(zip(result.submodel.columns, values, strict=True))
+    values = result.recommended.tolist()
+    each = zip(result.verdicts, values, result.meanings, strict=True)
+    table = make_table("parameters", [_parameter_row(*one, most) for one in each])
+    hidden = not any(result.meanings)
+    columns = tuple(replace(c, detail=hidden) if c.get == "used" else c for c in table.columns)
+    return replace(table, columns=columns)
+
+
+def _parameter_row(v: Verdict, used: float, meaning: str, most: float) -> dict[str, Any]:
+    """Return a judged parameter as one row of a table.
+
+    Parameters
+    ----------
+    v : Verdict
+    used : float
+        The value in predictions and files.
+    meaning : str
+        What that stands for, where it is no parameter by itself.
+    most : float
+        Largest share of torque of a parameter of the model.
+    """
+    value, sigma = measured_cells(v.value, v.sigma_robust)
     limit = Thresholds().sigma_percent  # a whole bar is what verdicts allow, or more
-
-    def in_model(v: Verdict) -> Cell:
-        value, meaning = used[v.name]
-        return Cell(stated_text(value, v.sigma_robust), value, meaning)
-
-    columns = (
-        Column("parameter", get=lambda v: Cell(v.name, note=label_note(v))),
-        VALUE,
-        SIGMA,
-        UNIT,
-        Column("σ label", "bar", lambda v: bar(v.sigma_label_percent, limit)),
-        Column(
-            "σ bootstrap",
-            percent_text,
-            lambda v: percent_of(v.sigma_bootstrap, v.value),
-            detail=True,
-        ),
-        Column("used", "number", in_model, detail=not any(result.meanings)),
-        Column("share of torque", "bar", lambda v: bar(100 * v.share, 100 * most)),
-        Column("10× rule", get=lambda v: "✓" if v.paper_rule else "–", detail=True),
-        VERDICT,
-    )
-    every = with_hints("parameters", *columns)
-    return Table.of("", every, result.verdicts, filter_by=-1, long=True)
+    return {
+        "name": Cell(v.name, note=label_note(v.label)),
+        "value": value,
+        "sigma": sigma,
+        "unit": v.unit,
+        "label": bar(v.sigma_label_percent, limit),
+        "bootstrap": percent_of(v.sigma_bootstrap, v.value),
+        "used": Cell(stated_text(used, v.sigma_robust), used, meaning),
+        "share": bar(100 * v.share, 100 * most),
+        "rule": "✓" if v.paper_rule else "–",
+        "verdict": Cell(v.word, v.word, v.reason, v.look),
+    }
 
 
 #: What logs say of a number of the robot file, and its mark.
@@ -486,19 +452,13 @@ def file_table(analysis: Analysis) -> Table:
     """Return which numbers of the robot file may be believed, after these logs."""
     frame = analysis.file_frame()
     counts = [f"{(frame['logs'] == word).sum()} {word.rstrip('s')}" for word in BELIEVED]
-    columns = (
-        Column("parameter", get=lambda r: " = ".join(filter(None, (r.name, label_note(r))))),
-        Column("robot file", stated_text, "file"),
-        Column("found", stated_text, "value"),
-        Column("± σ", digits(2), "sigma"),
-        UNIT,
-        Column("off by [σ]", digits(2), "sigmas"),
-        Column("these logs", "badge", lambda r: Cell(r.logs, badge=BELIEVED[r.logs])),
-    )
-    caption = sentence("laddered.tables", "file", counts=", ".join(counts))
-    return Table.of(caption, columns, frame.itertuples(index=False))
+    rows = frame.to_dict("records")
+    for row in rows:
+        row["parameter"] = " = ".join(filter(None, (row["name"], label_note(row["label"]))))
+        row["believed"] = Cell(row["logs"], badge=BELIEVED[row["logs"]])
+    return make_table("file", rows, counts=", ".join(counts))
 
 
-def label_note(v: Any) -> str:
+def label_note(label: str) -> str:
     """Return the combination that a name stands for; nothing where it is the parameter alone."""
-    return shorten(v.label, 64, placeholder=" …") if " " in v.label else ""
+    return shorten(label, 64, placeholder=" …") if " " in label else ""

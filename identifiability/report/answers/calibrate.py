@@ -7,39 +7,55 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from identifiability.foundation.answers import Answer, Column, Table
+from identifiability.foundation.answers import Answer, Table
 from identifiability.foundation.keyed import Row
-from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import REACH, join, rough_percent
+from identifiability.foundation.rounding import REACH, rough_percent
 from identifiability.workflows.calibrate.rules import RULES
 from identifiability.workflows.provenance import given_paths
 
 from .commands import held_back, ladder_option, name_logs, source_name
-from .common import answer, answer_next, reserve, sentence
+from .common import AnsweringPresenter, Command, answer, command, sentence
+from .tables import make_table
 
 if TYPE_CHECKING:
     from identifiability.workflows.calibrate.calibration import Calibration
 
-#: The tone of the answer.
-TONES = {"yes": "green", "no": "vermilion", "not enough trials": "amber"}
 
-
-class CalibrationPresenter(Presenter):
+class CalibrationPresenter(AnsweringPresenter):
     """Answers of `calibrate`."""
 
     result: Calibration
 
-    def answers(self) -> tuple[Answer, ...]:
-        """Return whether to trust, how often verdicts are wrong, where, what to do next."""
+    def asked(self) -> tuple[Answer, ...]:
+        """Return whether to trust, how often verdicts are wrong, and where."""
         result = self.result
-        asked = _answer_trust(result), _answer_wrong(result), _answer_weakest(result)
-        return (*reserve(asked, result.warnings), answer_next(_list_commands(result)))
+        return _answer_trust(result), _answer_wrong(result), _answer_weakest(result)
+
+    def commands(self) -> list[Command]:
+        """Return lines for the terminal, the most useful first."""
+        result = self.result
+        analysis, word = result.analysis, result.word
+        robot, how = analysis.robot, analysis.settings.get("preparation")
+        given, name = given_paths(analysis.samples), source_name(robot)
+        logs = f"{name_logs(robot, given, how=how)}{ladder_option(robot, analysis.source)}"
+        more = f"--replicates {4 * len(result.cell.held)} --report calibration.html"
+        begun = name_logs(robot, given, "--start-from", how)
+        usual = {
+            "yes": ("use", f"analyze {name} {logs} --report report.html"),
+            "no": ("motion_next", f"excite {name} {begun} --out next.json"),
+            "not enough trials": ("trials", f"calibrate {name} {logs} {more}"),
+        }
+        found = [usual[word]]
+        if word == "yes" and analysis.missing.functions:
+            held = held_back(analysis.validation, analysis.samples)
+            found.insert(0, ("missing", f"diagnose {name} {logs}{held} --report missing.html"))
+        return [command(purpose, line) for purpose, line in found]
 
     def tables(self) -> tuple[Table, ...]:
         """Return the coverage of every parameter, the worst first."""
         rows = self.result.to_frame().itertuples(index=False)
-        return (Table.of(sentence("calibration.table"), EACH, rows),)
+        return (make_table("coverage", rows),)
 
     def statement(self) -> str:
         """Return the answer in plain words, with warnings and remarks on the logs."""
@@ -78,15 +94,15 @@ class CalibrationPresenter(Presenter):
 def _answer_trust(result: Calibration) -> Answer:
     """Return whether intervals and verdicts can be trusted."""
     about, cell = "calibration.trust", result.cell
-    part, tone = str(result.word), TONES[result.word]
+    part = str(result.word)
     if result.word == "yes" and result.analysis.missing.statement:
-        part, tone = "if_nothing", "amber"
+        part = "if_nothing"
     elif result.word == "yes" and result.warnings:
-        part, tone = "if_settled", "amber"
+        part = "if_settled"
     coverage = f"{100 * cell.coverage:.1f} ± {100 * cell.coverage_se:.1f} %"
     holes: dict[str, Any] = {"model": result.model, "coverage": coverage}
     text = sentence(about, "coverage", trials=len(cell.held), **holes)
-    return answer(about, part, text, tone)
+    return answer(about, part, text)
 
 
 def _answer_wrong(result: Calibration) -> Answer:
@@ -96,10 +112,10 @@ def _answer_wrong(result: Calibration) -> Answer:
     if cell.called:
         share = rough_percent(wrong.value) if wrong.value else "None"
         short = sentence(about, "share", share=share)
-        parts.append(sentence(about, "most", most=rough_percent(wrong.high)))
+        parts.append(sentence(about, "most", most=wrong.high))
         tone = "green" if wrong.high <= RULES.wrong_most else "amber"
     if cell.not_judged:
-        parts.append(sentence(about, "unjudged", share=rough_percent(cell.not_judged)))
+        parts.append(sentence(about, "unjudged", share=cell.not_judged))
     return Answer(sentence(about, "question"), short, " ".join(parts), tone)
 
 
@@ -107,8 +123,8 @@ def _answer_weakest(result: Calibration) -> Answer:
     """Return the parameter whose intervals hold the truth least often, and why."""
     about, below = "calibration.weakest", list(result.cell.below)
     worst = result.to_frame().iloc[0]
-    held = rough_percent(worst["value"])
-    narrow = sentence(about, "narrow", names=join(below)) if below else ""
+    held = float(worst["value"])
+    narrow = sentence(about, "narrow", names=below) if below else ""
     text = f"{narrow}{_state_reason(result)}"
     tone = "amber" if narrow else ""
     return answer(about, "worst", text, tone, parameter=str(worst["parameter"]), share=held)
@@ -124,31 +140,3 @@ def _state_reason(result: Calibration) -> str:
         missing = analysis.missing.statement
         return sentence(about, "missing" if missing else "yes", missing=missing)
     return sentence(about, word, trials=4 * len(result.cell.held))
-
-
-def _list_commands(result: Calibration) -> list[tuple[str, str]]:
-    """Return lines for the terminal, the most useful first."""
-    analysis, word = result.analysis, result.word
-    robot, how = analysis.robot, analysis.settings.get("preparation")
-    given, name = given_paths(analysis.samples), source_name(robot)
-    logs = f"{name_logs(robot, given, how=how)}{ladder_option(robot, analysis.source)}"
-    more = f"--replicates {4 * len(result.cell.held)} --report calibration.html"
-    begun = name_logs(robot, given, "--start-from", how)
-    usual = {
-        "yes": ("use", f"analyze {name} {logs} --report report.html"),
-        "no": ("motion_next", f"excite {name} {begun} --out next.json"),
-        "not enough trials": ("trials", f"calibrate {name} {logs} {more}"),
-    }
-    found = [usual[word]]
-    if word == "yes" and analysis.missing.functions:
-        held = held_back(analysis.validation, analysis.samples)
-        found.insert(0, ("missing", f"diagnose {name} {logs}{held} --report missing.html"))
-    return [(sentence("next", part), f"identifiability {line}") for part, line in found]
-
-
-EACH = (
-    Column("parameter"),
-    Column("coverage", rough_percent, hint=sentence("calibration.table", "coverage")),
-    Column("at least", rough_percent, hint=sentence("calibration.table", "low")),
-    Column("at most", rough_percent, hint=sentence("calibration.table", "high")),
-)

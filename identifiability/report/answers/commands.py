@@ -17,8 +17,6 @@ from identifiability.robot import Robot
 from identifiability.robot.locate import find_sidecar, shipped_folder
 from identifiability.workflows.provenance import given_paths
 
-from .common import sentence
-
 #: What of a preparation an option says; others are only said from Python.
 OPTIONS = ("derivatives", "cutoff", "decimate")
 
@@ -51,10 +49,6 @@ def source_name(robot: Robot) -> str:
     return " ".join(words)
 
 
-#: What a line that `export_line` returns is for.
-EXPORT = sentence("next", "export")
-
-
 def export_line(robot: Robot, result: str) -> str:
     """Return the line that exports a fitted robot, and never over the robot's file.
 
@@ -65,7 +59,7 @@ def export_line(robot: Robot, result: str) -> str:
         JSON of the result, as a word of a shell.
     """
     name = "refitted.xml" if robot.path.name == "fitted.xml" else "fitted.xml"
-    return f"identifiability export {source_name(robot)} {result} --out {name}"
+    return f"export {source_name(robot)} {result} --out {name}"
 
 
 def reading_options(robot: Robot) -> str:
@@ -106,18 +100,15 @@ def name_logs(robot: Robot, paths: Iterable[str], option: str = "", how: object 
     return f"{' '.join(files)}{reading_options(robot)}{preparing_options(how)}"
 
 
-def compare_line(
-    robot: Robot, paths: Iterable[str], how: object, ladder: str = ""
-) -> tuple[str, str]:
-    """Return the line that compares the first log with all others, after its purpose.
+def compare_line(robot: Robot, paths: Iterable[str], how: object, ladder: str = "") -> str:
+    """Return the line that compares the first log with all others.
 
     `ladder` is the option that names the model, as `ladder_option` writes it.
     """
     files = [*dict.fromkeys(paths)]
     more = "".join(f" --after {path_for_shell(path)}" for path in files[2:])
     two = name_logs(robot, files[:2], how=how)
-    line = f"identifiability compare {source_name(robot)} {two}{more}{ladder}"
-    return sentence("next", "compare"), line
+    return f"compare {source_name(robot)} {two}{more}{ladder}"
 
 
 def held_back(samples: Sequence[Dataset], fitted: Sequence[Dataset] = ()) -> str:
@@ -146,7 +137,7 @@ def on_file(result: Result, kind: str, name: str, make: str, use: Callable[[str]
     """
     there = result.written(kind)
     line = use(path_for_shell(there or name))
-    return line if there else f"{make} {name} && {line}"
+    return line if there else f"{make} {name} && identifiability {line}"
 
 
 def ladder_option(robot: Robot, source: LadderSource | None) -> str:

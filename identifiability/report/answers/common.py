@@ -1,27 +1,31 @@
 """Answers that results share: how good is it, may it be trusted? And the words of reports.
 
-Questions, notes and hints of columns stand in `words.toml`; whoever shows a result reads them here.
+Questions and notes stand in `words.toml`; whoever shows a result reads them here.
 """
 
 from __future__ import annotations
 
 import math
 import tomllib
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from identifiability.estimation.rules import RULES, Thresholds
-from identifiability.foundation.answers import Answer, Cell, Column, Note, measured_cells
-from identifiability.foundation.findings import Finding, Level
+from identifiability.foundation.answers import Answer, Note
+from identifiability.foundation.findings import Finding, Level, fill
 from identifiability.foundation.names import INERTIAL_KINDS, Array
-from identifiability.foundation.rounding import error_text, format_count, stated_text
+from identifiability.foundation.presenter import Presenter
+from identifiability.foundation.rounding import error_text, stated_text
 from identifiability.foundation.rules import Tolerance
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import BaseParameters
+
+from .commands import source_name
 
 #: Parameters, logs or places that a sentence names.
 NAMED = 3
@@ -36,13 +40,12 @@ WORDS: dict[str, Any] = tomllib.loads(
 
 def words(name: str, /, **holes: Any) -> dict[str, Any]:
     """Return all sentences of a name by their keys, with holes filled."""
-    return {what: text.format(**holes) for what, text in WORDS[name].items()}
+    return {what: fill(text, holes) for what, text in WORDS[name].items()}
 
 
 def sentence(name: str, what: str = "text", /, **holes: Any) -> str:
     """Return one of the words of some name, with its holes filled."""
-    filled: str = WORDS[name][what].format(**holes)
-    return filled
+    return fill(WORDS[name][what], holes)
 
 
 def note(name: str, /, **holes: Any) -> Note:
@@ -62,12 +65,13 @@ def answer(
     part : str
         Which of its sentences is the short answer.
     text, tone : str
-        As of `Answer`.
+        As of `Answer`; by default the tone that `words.toml` gives the sentence.
     question : str
         In place of the question that stands there.
     """
     asked = question or sentence(name, "question", **holes)
-    return Answer(asked, sentence(name, part, **holes), text, tone)
+    colour = tone or WORDS[name].get("tones", {}).get(part, "")
+    return Answer(asked, sentence(name, part, **holes), text, colour)
 
 
 def hint_note(hint: str) -> Note:
@@ -76,12 +80,6 @@ def hint_note(hint: str) -> Note:
         return note("hint", hint=hint)
     own = {"commands": "commands", "thinned": "shown"}
     return note(own.get(hint.key, "read"), hint=hint)
-
-
-def with_hints(table: str, *own: Column) -> tuple[Column, ...]:
-    """Return the columns of a table with their hints."""
-    hints = WORDS[f"hints.{table}"]
-    return tuple(replace(c, hint=hints.get(c.title, c.hint)) for c in own)
 
 
 #: What an error on unseen motion is called, the smallest first, and the colour of that.
@@ -93,19 +91,6 @@ def grade_of(error: float) -> str:
     """Return the name of the grade of an error on unseen motion."""
     limits = (*RULES.grades, math.inf)
     return next(w for limit, w in zip(limits, TONES, strict=True) if error <= limit)
-
-
-#: What every table of judged parameters shows of a `Verdict`.
-VALUE = Column("value", "number", lambda v: measured_cells(v.value, v.sigma_robust)[0])
-
-
-SIGMA = Column("± σ", "error", lambda v: measured_cells(v.value, v.sigma_robust)[1])
-
-
-UNIT = Column("unit", get="unit")
-
-
-VERDICT = Column("verdict", "badge", lambda v: Cell(v.word, v.word, v.reason, v.look), quiet=True)
 
 
 def after_mass(answer: Answer, warning: str) -> Answer:
@@ -124,10 +109,63 @@ def after_mass(answer: Answer, warning: str) -> Answer:
     return replace(answer, short=f"{total}. {answer.short}", text=why, tone="vermilion")
 
 
-def answer_next(commands: Sequence[tuple[str, str]]) -> Answer:
-    """Return what to do next, with lines for the terminal."""
-    part = "one" if len(commands) == 1 else "some"
-    return replace(answer("next", part), commands=tuple(commands))
+#: What a line for the terminal is for, and the line.
+Command: TypeAlias = tuple[str, str]
+
+
+def command(purpose: str, line: str) -> Command:
+    """Return a line for the terminal, after its purpose.
+
+    Parameters
+    ----------
+    purpose : str
+        Key of what it is for, in `next` of `words.toml`.
+    line : str
+        Verb and options.
+    """
+    return sentence("next", purpose), f"identifiability {line}"
+
+
+class AnsweringPresenter(Presenter, ABC):
+    """Presenter of a result whose page answers questions and proposes commands."""
+
+    @abstractmethod
+    def asked(self) -> Sequence[Answer]:
+        """Return the questions that every reader asks first, with their answers."""
+
+    @abstractmethod
+    def commands(self) -> Sequence[Command]:
+        """Return lines for the terminal, the most useful first."""
+
+    @property
+    def robot(self) -> str:
+        """The robot of a command with its sidecar, base and locks as options."""
+        return source_name(self.result.robot)
+
+    def answers(self) -> tuple[Answer, ...]:
+        """Return the answers, none of them green above a warning, and what to do next."""
+        commands = tuple(self.commands())
+        following = answer("next", "one" if len(commands) == 1 else "some")
+        return (*reserve(self.asked(), self.result.warnings), replace(following, commands=commands))
+
+
+class PredictingPresenter(AnsweringPresenter):
+    """Presenter of a result whose model predicts torque."""
+
+    @abstractmethod
+    def errors(self) -> tuple[float, Array]:
+        """Return ε_RA of all joints together on unseen motion, and of each joint, (n,)."""
+
+    def warnings(self) -> tuple[str, ...]:
+        """Return the findings on the logs, and on one joint that errs far more than others."""
+        error, each = self.errors()
+        return (*super().warnings(), *state_uneven(error, self.result.robot.joints, each))
+
+    def answer_error(self, more: str, **known: Any) -> Answer:
+        """Return how good the predictions are; arguments as of `answer_quality`."""
+        result, (error, each) = self.result, self.errors()
+        joints, warnings = result.robot.joints, result.warnings
+        return answer_quality(error, joints, each, more, warnings=warnings, **known)
 
 
 def answer_quality(
@@ -158,14 +196,14 @@ def answer_quality(
         What changes a decision: the grade is no better than fair.
     """
     if not np.isfinite(error):
-        return answer("quality", "none", "", "grey", question=question)
+        return answer("quality", "none", question=question)
     errors, headline = state_errors(error, raw), grade_of(error)
     grade = worse_of(headline, "fair") if warnings else headline
     short = sentence("decision.grades", grade, errors=errors)
     if grade != headline:
         short = sentence("decision.lowered", "warned", word=word_of(grade), errors=errors)
     joint, worst = worst_joint(joints, each)
-    at_worst = {"joint": joint, "worst": error_text(worst)}
+    at_worst = {"joint": joint, "worst": worst}
     said = [sentence("quality", "worst", **at_worst)] if joint else []
     if joint and errs_unevenly(error, worst):
         grade, said = worse_of(grade, grade_of(worst), worse_of(headline, "good")), []
@@ -182,7 +220,7 @@ def state_errors(error: float, raw: float) -> str:
     """Return the error in words, and that of raw torque where a filter makes a difference."""
     if not np.isfinite(raw) or math.isclose(raw, error, rel_tol=1e-6):
         return error_text(error)
-    return sentence("decision.grades", "both", raw=error_text(raw), error=error_text(error))
+    return sentence("decision.grades", "both", raw=raw, error=error)
 
 
 def worst_joint(joints: Sequence[str], each: Array) -> tuple[str, float]:
@@ -250,20 +288,20 @@ def answer_trust(
         What changes a decision.
     """
     if doubt:
-        return answer("trust", "no", "", "vermilion", doubt=doubt)
+        return answer("trust", "no", doubt=doubt)
     graver = [n.title.rstrip(".") for n in notes if n.level == "warning"]
     titles = [f"“{title}”" for title in dict.fromkeys(graver)]
     read = [sentence("trust", "warnings" if len(warnings) > 1 else "one_warning")]
     grave = "; ".join([*(read if warnings else []), *titles])
-    found_text = sentence("trust", "found", found=found, size=format_count(size, "value"))
+    found_text = sentence("trust", "found", found=found, size=size)
     if missing:
         text = f"{found_text}."
         if titles:
             text = sentence("trust", "read", found=found_text, grave=grave)
-        return answer("trust", "if_nothing", text, "amber", missing=missing)
+        return answer("trust", "if_nothing", text, missing=missing)
     if grave:
-        return answer("trust", "care", f"{found_text}.", "amber", grave=grave)
-    return answer("trust", "yes", sentence("trust", "nothing", found=found_text), "green")
+        return answer("trust", "care", f"{found_text}.", grave=grave)
+    return answer("trust", "yes", sentence("trust", "nothing", found=found_text))
 
 
 def reserve(answers: Sequence[Answer], warnings: Sequence[str]) -> tuple[Answer, ...]:

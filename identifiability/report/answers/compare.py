@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pandas as pd
@@ -11,20 +10,20 @@ import pandas as pd
 from identifiability.foundation.answers import Answer, Table, frame_table
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import shorten_paths
-from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import REACH
 
-from .commands import EXPORT, export_line, ladder_option, name_logs, source_name
-from .common import answer, answer_next, reserve, sentence, with_hints
+from .commands import export_line, ladder_option, name_logs
+from .common import AnsweringPresenter, Command, answer, command, sentence
+from .tables import with_hints
 
 if TYPE_CHECKING:
     from identifiability.workflows.compare import Comparison
     from identifiability.workflows.diagnose.changes import Change
 
 
-class ComparisonPresenter(Presenter):
+class ComparisonPresenter(AnsweringPresenter):
     """Answers of `compare`."""
 
     result: Comparison
@@ -37,22 +36,39 @@ class ComparisonPresenter(Presenter):
         text = listing([change.called for change in changes], between="; ")
         return f"{text[0].upper()}{text[1:]}."
 
-    def answers(self) -> tuple[Answer, ...]:
-        """Return what changed, whether to trust it, what to do next."""
+    def asked(self) -> tuple[Answer, ...]:
+        """Return what changed, and whether to trust it."""
         result = self.result
         every, k = shorten_paths((*result.before, *result.after)), len(result.before)
-        sides = {"before": listing(every[:k], 3), "after": listing(every[k:], 3)}
-        question = sentence("comparison.how", "question", **sides)
+        question = sentence("comparison.how", "question", before=every[:k], after=every[k:])
         changed = Answer(question, result.answer, tone="vermilion" if result.changes else "green")
         why = " ".join(sentence("comparison.how", name) for name in ("logs", "odds"))
-        trust = answer("comparison.trust", "logs", why, "amber")
-        asked = reserve((changed, trust), result.warnings)
-        return (*asked, answer_next(_list_commands(result)))
+        return changed, answer("comparison.trust", "logs", why, "amber")
+
+    def commands(self) -> list[Command]:
+        """Return lines for the terminal, the most useful first."""
+        result = self.result
+        sides, how = (result.before, result.after), result.preparation
+        before, after = (name_logs(result.robot, paths, how=how) for paths in sides)
+        ladder = ladder_option(result.robot, result.source)
+        if not result.changes:
+            every = name_logs(result.robot, (*result.before, *result.after), how=result.preparation)
+            fit = f"analyze {self.robot} {every}{ladder} --json analyze.json"
+            export = export_line(result.robot, "analyze.json")
+            return [command("export", f"{fit} && identifiability {export}")]
+        loads = [c.place for c in result.changes if c.kind == "load"]
+        if loads:
+            fitted = f"analyze {self.robot} {before}{ladder} --json analyze.json"
+            logs, body = name_logs(result.robot, result.after), option_for_shell("--body", loads[0])
+            call = f"{fitted} && identifiability payload {self.robot} analyze.json {logs} {body}"
+            return [command("fit_and_weigh", call)]
+        fit = f"analyze {self.robot} {after}{ladder} --json analyze.json"
+        return [command("fit_now", f"{fit} --report report.html")]
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a number that changed."""
         table = table_changes(self.result.changes, sentence("comparison.how", "table"))
-        return (replace(table, columns=with_hints("changes", *table.columns)),)
+        return (with_hints(table, "changes"),)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a number that changed: its name, change, interval and log odds."""
@@ -76,29 +92,3 @@ def table_changes(changes: Sequence[Change], caption: str) -> Table:
     frame = frame_changes(changes).drop(columns=["kind", "share_sd"])
     frame = frame.loc[:, (frame != "").any()]  # no logs are named unless there are several
     return frame_table(frame.rename(columns={"log_odds": "log odds", "logs": "in"}), caption)
-
-
-def _list_commands(result: Comparison) -> list[tuple[str, str]]:
-    """Return lines for the terminal, the most useful first."""
-    robot = source_name(result.robot)
-    sides, how = (result.before, result.after), result.preparation
-    before, after = (name_logs(result.robot, paths, how=how) for paths in sides)
-    ladder = ladder_option(result.robot, result.source)
-    if not result.changes:
-        return [_export_together(result, robot, ladder)]
-    loads = [c.place for c in result.changes if c.kind == "load"]
-    if loads:
-        fitted = f"identifiability analyze {robot} {before}{ladder} --json analyze.json"
-        logs, body = name_logs(result.robot, result.after), option_for_shell("--body", loads[0])
-        call = f"{fitted} && identifiability payload {robot} analyze.json {logs} {body}"
-        return [(sentence("next", "fit_and_weigh"), call)]
-    fit = f"identifiability analyze {robot} {after}{ladder} --json analyze.json"
-    return [(sentence("next", "fit_now"), f"{fit} --report report.html")]
-
-
-def _export_together(result: Comparison, robot: str, ladder: str) -> tuple[str, str]:
-    """Return the line that fits all logs, which are of one robot, and exports it."""
-    paths = (*result.before, *result.after)
-    every = name_logs(result.robot, paths, how=result.preparation)
-    fit = f"identifiability analyze {robot} {every}{ladder} --json analyze.json"
-    return EXPORT, f"{fit} && {export_line(result.robot, 'analyze.json')}"

@@ -10,35 +10,34 @@ import numpy as np
 import pandas as pd
 
 from identifiability.effects import find_family, title_of
-from identifiability.foundation.answers import Answer, Column, Note, Table
+from identifiability.foundation.answers import Answer, Note, Table
 from identifiability.foundation.errors import listing
 from identifiability.foundation.keyed import Row, name_estimates
 from identifiability.foundation.linalg import ROUNDOFF
-from identifiability.foundation.names import BASE
+from identifiability.foundation.names import BASE, Array
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import REACH, digits, error_text, join, measured, percent
+from identifiability.foundation.rounding import REACH, join, measured
 from identifiability.reading.rules import RULES as READING_RULES
 from identifiability.regression.reduction import full_model
 from identifiability.workflows.diagnose.result import logs_disagree
 from identifiability.workflows.provenance import given_paths
 
-from .commands import EXPORT, compare_line, export_line, held_back, name_logs, on_file, source_name
+from .commands import compare_line, export_line, held_back, name_logs, on_file
 from .common import (
     NAMED,
     VISIBLE,
+    Command,
+    PredictingPresenter,
     after_mass,
     answer,
-    answer_next,
-    answer_quality,
-    reserve,
+    command,
     sentence,
     state_contradicted,
-    state_uneven,
-    with_hints,
 )
 from .compare import table_changes
+from .tables import make_table
 
 if TYPE_CHECKING:
     from identifiability.workflows.diagnose.changes import Change
@@ -49,24 +48,56 @@ if TYPE_CHECKING:
 LIKELIEST = 4
 
 
-class DiagnosisPresenter(Presenter):
+class DiagnosisPresenter(PredictingPresenter):
     """Answers of `diagnose`."""
 
     result: Diagnosis
 
-    def answers(self) -> tuple[Answer, ...]:
-        """Return the missing effects, their share of the error, the residual, and next commands."""
+    def asked(self) -> tuple[Answer, ...]:
+        """Return the missing effects, their share of the error, and the residual."""
         result = self.result
         missing = after_mass(_answer_missing(result), result.mass_warning)
-        asked = missing, _answer_gap(result), _answer_error(result)
-        return (*reserve(asked, result.warnings), answer_next(list_commands(result)))
+        question = sentence("diagnosis.residual", "question")
+        error = self.answer_error(result.unexplained, question=question)
+        error = error if result.moved is None else result.moved.warn(error)
+        return missing, _answer_gap(result), error
+
+    def errors(self) -> tuple[float, Array]:
+        """Return the errors of the model with the named effects on unseen motion."""
+        result = self.result
+        return result.held_after, result.error_frame()["after"].to_numpy()
+
+    def commands(self) -> list[Command]:
+        """Return lines for the terminal, the most useful first."""
+        d = self.result
+        paths = given_paths(d.samples)
+        given = name_logs(d.robot, paths, how=d.preparation)
+        logs, model = given + held_back(d.validation, d.samples), d.provenance.get("model")
+        again = f"diagnose {self.robot} {logs}"
+        if model:
+            again = f"{again} {option_for_shell('--model', model)}"
+        undecided = any(e.alternatives for e in d.effects) and not d.written("next")
+        with_model = partial(on_file, d, "model", "model.toml", f"{again} --out")
+        out = []
+        if logs_disagree(d):
+            line = compare_line(d.robot, paths, d.preparation)
+            if d.included:
+                line = with_model(partial("{} --ladder {}".format, line))
+            out.append(command("compare", line))
+        if undecided:
+            out.append(command("separate", f"{again} --next motion.json"))
+        if d.included:
+            judge = f"analyze {self.robot} {logs}"
+            line = with_model(partial("{} --ladder {} --report report.html".format, judge))
+            out.append(command("judge", line))
+        export = partial(export_line, d.robot)
+        line = on_file(d, "json", "diagnose.json", f"{again} --json", export)
+        return [*out, command("export", line)]
 
     def warnings(self) -> tuple[str, ...]:
         """Return the findings on the logs, on one joint, and on contradicted bodies."""
         result = self.result
-        each = result.error_frame()["after"].to_numpy()
-        uneven = state_uneven(result.held_after, result.robot.joints, each)
-        seen = (*super().warnings(), *uneven)
+        seen = super().warnings()
         if result.nothing or result.fixed:
             return seen
         base, fit = result.completed.base, result.fit
@@ -78,14 +109,12 @@ class DiagnosisPresenter(Presenter):
 
     def tables(self) -> tuple[Table, ...]:
         """Return what changed in mid-log, the effects that were named, and the errors of joints."""
-        result, about = self.result, "diagnosis.tables"
-        tables = []
+        result, tables = self.result, []
         if result.changes:
-            tables.append(table_changes(result.changes, sentence(about, "changed")))
+            tables.append(table_changes(result.changes, sentence("diagnosis.tables", "changed")))
         if result.effects:
-            tables.append(Table.of(sentence(about, "named"), FOUND, result.effects))
-        rows = result.error_frame().itertuples()
-        return (*tables, Table.of(sentence(about, "joints"), ERRORS, rows))
+            tables.append(make_table("named", map(_effect_cells, result.effects)))
+        return (*tables, make_table("gap", result.error_frame().itertuples()))
 
     def cautions(self) -> tuple[Note, ...]:
         """Return the caveats of the named effects, and the refuted effects."""
@@ -177,9 +206,9 @@ def _state_search(d: Diagnosis) -> str:
     parts += [sentence(about, "changed", name=_capital(c.called)) for c in d.changes]
     if not d.effects:
         why = sentence(about, "none") if d.evidence else _state_untried(d)
-        holes = {"verified": d.verified_on, "error": percent(d.held_before)}
-        part = "fixed" if d.fixed else "fitted"
-        parts.append(sentence(about, part, why=why, model=d.known.words, **holes))
+        part, model = "fixed" if d.fixed else "fitted", d.known.words
+        error, verified = d.held_before, d.verified_on
+        parts.append(sentence(about, part, why=why, model=model, error=error, verified=verified))
     return " ".join(parts)
 
 
@@ -189,7 +218,7 @@ def _state_untried(d: Diagnosis) -> str:
     if d.nothing:
         return sentence(about, "because", why=d.nothing)
     why = list(dict.fromkeys(f"{r.family} ({r.reason})" for r in d.refusals))
-    return sentence(about, "refused", why=join(why))
+    return sentence(about, "refused", why=why)
 
 
 def _state_effect(e: NamedEffect) -> str:
@@ -250,26 +279,17 @@ def _answer_gap(d: Diagnosis) -> Answer:
     if not (d.included or d.changes):
         text = sentence(about, "measured", verified=d.verified_on)
         text += sentence(about, "useless") if d.effects else ""
-        return answer(about, "stays", text, error=percent(d.held_before))
+        return answer(about, "stays", text, error=d.held_before)
     ends = [f"{100 * x:+.2g}".replace("-", "−") for x in d.interval]
     interval = sentence(about, "interval", ends=" … ".join(ends)) if any(d.interval) else "."
     text = sentence(about, "unseen", verified=d.verified_on)
     if 0 < d.included < len(d.effects):
-        titles = join([e.title for e in d.effects[: d.included]])
+        titles = [e.title for e in d.effects[: d.included]]
         text += sentence(about, "some", titles=titles)
     tone = "green" if d.interval[1] < 0 else "amber"
-    holes: dict[str, Any] = {"before": percent(d.held_before), "after": percent(d.held_after)}
+    holes: dict[str, Any] = {"before": d.held_before, "after": d.held_after}
     model = d.known.words.rstrip(",")
     return answer(about, "falls", text, tone, model=model, interval=interval, **holes)
-
-
-def _answer_error(d: Diagnosis) -> Answer:
-    """Return how good the model with the named effects is."""
-    question = sentence("diagnosis.residual", "question")
-    each = d.error_frame()["after"].to_numpy()
-    about = d.held_after, d.robot.joints, each, d.unexplained, question
-    found = answer_quality(*about, warnings=d.warnings)
-    return found if d.moved is None else d.moved.warn(found)
 
 
 def _state_looks(d: Diagnosis) -> str:
@@ -278,8 +298,7 @@ def _state_looks(d: Diagnosis) -> str:
     where, best = max(most.explained.items(), key=lambda x: x[1])
     if best < VISIBLE:
         return sentence("diagnosis.residual", "noise")
-    holes = {"where": where, "joint": most.joint, "share": percent(best, 2)}
-    return sentence("diagnosis.residual", "depends", **holes)
+    return sentence("diagnosis.residual", "depends", where=where, joint=most.joint, share=best)
 
 
 # What else should be known.
@@ -306,7 +325,7 @@ def _list_doubts(d: Diagnosis) -> Iterator[Note]:
             yield _write_note("rivals", text)
         if e.unnamed:
             part = "near" if e.nearest else "alone"
-            near = sentence(about, part, names=join(e.nearest))
+            near = sentence(about, part, names=e.nearest)
             text = sentence(about, "unnamed", where=name_places(e), near=near)
             yield _write_note("unnamed", text)
         if not e.confirmed:
@@ -331,31 +350,10 @@ def advise_motion(e: NamedEffect) -> str:
 # What to do next.
 
 
-def list_commands(d: Diagnosis) -> list[tuple[str, str]]:
-    """Return lines for the terminal, the most useful first."""
-    robot, paths = source_name(d.robot), given_paths(d.samples)
-    given = name_logs(d.robot, paths, how=d.preparation)
-    logs, model = given + held_back(d.validation, d.samples), d.provenance.get("model")
-    again = f"identifiability diagnose {robot} {logs}"
-    if model:
-        again = f"{again} {option_for_shell('--model', model)}"
-    undecided = any(e.alternatives for e in d.effects) and not d.written("next")
-    separate = sentence("next", "separate"), f"{again} --next motion.json"
-    out = [separate] if undecided else []
-    if logs_disagree(d):
-        text, compare = compare_line(d.robot, paths, d.preparation)
-        line = compare
-        if d.included:
-            make = f"{again} --out"
-            line = on_file(d, "model", "model.toml", make, lambda x: f"{compare} --ladder {x}")
-        out.insert(0, (text, line))
-    if d.included:
-        judge = f"identifiability analyze {robot} {logs}"
-        use = partial("{} --ladder {} --report report.html".format, judge)
-        line = on_file(d, "model", "model.toml", f"{again} --out", use)
-        out.append((sentence("next", "judge"), line))
-    export = partial(export_line, d.robot)
-    return [*out, (EXPORT, on_file(d, "json", "diagnose.json", f"{again} --json", export))]
+def _effect_cells(e: NamedEffect) -> tuple[Any, ...]:
+    """Return an effect, its places, log odds and errors as one row of a table."""
+    names = " or ".join(dict.fromkeys([e.name, *e.alternatives][:LIKELIEST]))
+    return names, ", ".join(e.joints), e.odds, e.unseen, e.before, e.after
 
 
 class ChangePresenter(Presenter):
@@ -417,32 +415,6 @@ class ForwardGapPresenter(Presenter):
         if not gap.measured:
             return ""
         low, high = (f"{100 * x:+.1f}".replace("-", "−") for x in gap.interval)
-        errors = {"before": percent(gap.error_before, 2), "after": percent(gap.error_after, 2)}
+        errors = {"before": gap.error_before, "after": gap.error_after}
         seconds = f"{gap.horizon:.2g}"
         return sentence("diagnosis.forward", seconds=seconds, low=low, high=high, **errors)
-
-
-# What is missing and how large errors are, as tables.
-
-FOUND = (
-    Column(
-        "effect",
-        "code",
-        lambda e: " or ".join(dict.fromkeys([e.name, *e.alternatives][:LIKELIEST])),
-    ),
-    Column("where", get=lambda e: ", ".join(e.joints)),
-    Column("log odds", digits(3), "odds", sentence("diagnosis.tables", "odds")),
-    Column("on unseen motion", digits(3), "unseen"),
-    Column("unseen error before", error_text, "before"),
-    Column("after", error_text, "after"),
-)
-
-ERRORS = with_hints(
-    "gap-joints",
-    Column("joint", get="joint"),
-    Column("before", error_text, "before"),
-    Column("after", error_text, "after"),
-    Column("rms before", digits(3), "rms_before", detail=True),
-    Column("rms after", digits(3), "rms_after"),
-    Column("unit", get="unit"),
-)

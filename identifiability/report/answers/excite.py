@@ -8,37 +8,51 @@ import numpy as np
 import pandas as pd
 
 from identifiability.effects import title_of
-from identifiability.foundation.answers import Answer, Cell, Column, Table
+from identifiability.foundation.answers import Answer, Cell, Table
 from identifiability.foundation.errors import listing
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import path_for_shell
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import digits, format_count, format_number, percent
+from identifiability.foundation.rounding import format_number
 from identifiability.workflows.excite.criteria import LogDet
 
-from .commands import name_logs, source_name
-from .common import answer, answer_next, sentence
+from .commands import name_logs
+from .common import AnsweringPresenter, Command, answer, command, sentence
+from .tables import make_table
 
 if TYPE_CHECKING:
     from identifiability.workflows.excite.next_motion import NextMotion
     from identifiability.workflows.excite.result import Excitation
 
 
-class ExcitationPresenter(Presenter):
+class ExcitationPresenter(AnsweringPresenter):
     """Answers of `excite`."""
 
     result: Excitation
 
-    def answers(self) -> tuple[Answer, ...]:
-        """Return the worth of the motion, whether the robot may play it, and next commands."""
+    def asked(self) -> tuple[Answer, ...]:
+        """Return the worth of the motion, and whether the robot may play it."""
+        return _answer_worth(self.result), _answer_safe(self.result)
+
+    def commands(self) -> list[Command]:
+        """Return lines for the terminal, the most useful first."""
         result = self.result
-        following = answer_next(_list_commands(result))
-        return _answer_worth(result), _answer_safe(result), following
+        there = result.written("json")
+        logs = name_logs(result.robot, [*result.logs, "next.csv"])
+        measured = [command("together", f"analyze {self.robot} {logs} --report report.html")]
+        if there is None:  # another motion would be rehearsed
+            return measured
+        line = f"simulate {self.robot} {path_for_shell(there)} --out rehearsal.csv"
+        return [command("rehearse", line), *measured]
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint."""
-        rows = self.result.to_frame().itertuples()
-        return (Table.of(sentence("excitation.limits", "table"), LIMITS, rows),)
+        rows = self.result.to_frame().to_dict("records")
+        for row in rows:
+            low, high = row["lower_limit"], row["upper_limit"]
+            text = f"{format_number(low, 3)} … {format_number(high, 3)}"
+            row["range"] = Cell(text, high - low)
+        return (make_table("motion", rows),)
 
     def statement(self) -> str:
         """Return the answer in plain words."""
@@ -52,7 +66,7 @@ class ExcitationPresenter(Presenter):
         every = sentence(about, "every", count=len(result.names))
         names = listing(result.chosen, 4) if result.chosen else every
         rise = result.after.figure - result.before.figure
-        share = percent(float(np.exp(-rise / (2 * len(result.criterion.chosen)))), 2)
+        share = float(np.exp(-rise / (2 * len(result.criterion.chosen))))
         period, other = result.trajectory.period, result.beside
         return sentence(about, names=names, share=share, period=period, other=other)
 
@@ -65,12 +79,13 @@ class ExcitationPresenter(Presenter):
         result, about = self.result, "excitation.limits"
         limits, parts = result.limits, [sentence(about, "joints")]
         if result.robot.closed:
-            holes: dict[str, Any] = {"closure": result.closure, "bound": limits.closure_bound}
-            parts.append(sentence(about, "loops", samples=result.trajectory.samples, **holes))
+            samples, bound = result.trajectory.samples, limits.closure_bound
+            closure = result.closure
+            parts.append(sentence(about, "loops", samples=samples, closure=closure, bound=bound))
         if np.isfinite(result.gap):
             parts.append(sentence(about, "gap", gap=1000 * result.gap))
         if limits.assumed:
-            parts.append(sentence(about, "assumed", names=listing(limits.assumed)))
+            parts.append(sentence(about, "assumed", names=limits.assumed))
         return " ".join(parts)
 
     def to_frame(self) -> pd.DataFrame:
@@ -104,29 +119,14 @@ def _answer_worth(result: Excitation) -> Answer:
     if not new:  # of values that nobody states
         return Answer(sentence(about, "question"), text, "", "green")
     noise = sentence(about, "noise_logs" if result.logs else "noise")
-    count = format_count(len(result.after.told), "parameter")
-    holes: dict[str, Any] = {"old": old, "new": new, "count": count, "noise": noise}
-    return answer(about, "counts", text, "green", other=result.beside, **holes)
+    holes: dict[str, Any] = {"old": old, "new": new, "count": len(result.after.told)}
+    return answer(about, "counts", text, other=result.beside, noise=noise, **holes)
 
 
 def _answer_safe(result: Excitation) -> Answer:
     """Return whether the robot may play the motion."""
-    text = result.limits_statement
-    if result.limits.assumed:
-        return answer("excitation.safe", "assumed", text, "amber")
-    return answer("excitation.safe", "yes", text, "green")
-
-
-def _list_commands(result: Excitation) -> list[tuple[str, str]]:
-    """Return lines for the terminal, the most useful first."""
-    robot, there = source_name(result.robot), result.written("json")
-    logs = name_logs(result.robot, [*result.logs, "next.csv"])
-    analyze = f"identifiability analyze {robot} {logs} --report report.html"
-    measured = [(sentence("next", "together"), analyze)]
-    if there is None:  # another motion would be rehearsed
-        return measured
-    line = f"identifiability simulate {robot} {path_for_shell(there)} --out rehearsal.csv"
-    return [(sentence("next", "rehearse"), line), *measured]
+    part = "assumed" if result.limits.assumed else "yes"
+    return answer("excitation.safe", part, result.limits_statement)
 
 
 class NextMotionPresenter(Presenter):
@@ -139,7 +139,7 @@ class NextMotionPresenter(Presenter):
         result, about = self.result, "excitation.next"
         parts = [name.partition(":")[0].partition("@") for name in result.names]
         first, *others = (f"{title_of(family)} in {place}" for family, _, place in parts)
-        pair = sentence(about, "pair", first=first, others=listing(others))
+        pair = sentence(about, "pair", first=first, others=others)
         if result.same:
             return sentence(about, "same", pair=pair)
         period, k = result.excitation.trajectory.period, result.periods
@@ -153,20 +153,3 @@ def _state_chance(share: float) -> str:
     """Return a probability in percent."""
     # From here on a percentage is not said.
     return "more than 99 %" if share > 0.99 else f"{100 * share:.0f} %"
-
-
-def _range(row: Any) -> Cell:
-    low, high = (format_number(x, 3) for x in (row.lower_limit, row.upper_limit))
-    return Cell(f"{low} … {high}", row.upper_limit - row.lower_limit)
-
-
-LIMITS = (
-    Column("joint", get="joint"),
-    Column("least", digits(3), "least"),
-    Column("largest", digits(3), "largest"),
-    Column("range", "number", _range, "Limits of position."),
-    Column("speed", digits(3), "speed"),
-    Column("limit", digits(3), "speed_limit", "Of the speed."),
-    Column("acceleration", digits(3), "acceleration"),
-    Column("limit", digits(3), "acceleration_limit", "Of the acceleration."),
-)

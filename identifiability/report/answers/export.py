@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from identifiability.effects import FAMILIES
 from identifiability.foundation.errors import listing
 from identifiability.foundation.presenter import Presenter
-from identifiability.foundation.rounding import percent
 from identifiability.workflows.export.workflow import MISREADS
 
 from .common import sentence
@@ -31,11 +30,10 @@ class ExportedPresenter(Presenter):
             parts.append(_state_beside(result, misread=misread))
             alone = result.error_ra if misread else alone
         if result.snippet is not None:
-            added = listing(result.added, 4)
-            parts.append(sentence(about, "snippet", snippet=result.snippet.name, added=added))
+            snippet = result.snippet.name
+            parts.append(sentence(about, "snippet", snippet=snippet, added=result.added))
         if result.error_ra is not None and alone is not None:
-            errors = {"error": percent(result.error_ra), "alone": percent(alone)}
-            parts.append(sentence(about, "errors", file=name, **errors))
+            parts.append(sentence(about, "errors", file=name, error=result.error_ra, alone=alone))
         if result.unseen is not None:
             parts.append(result.unseen.told)
         return " ".join([*parts, *result.notes])
@@ -43,7 +41,7 @@ class ExportedPresenter(Presenter):
 
 def _state_beside(result: Exported, *, misread: bool) -> str:
     """Return the effects that the robot file cannot hold, or leaves to the sensor."""
-    effects = listing([f"{effect} ({listing(n, 4)})" for effect, n in result.beside.items()])
+    effects = [f"{effect} ({listing(n, 4)})" for effect, n in result.beside.items()]
     if misread:
         return sentence("export.files", "misread", file=result.robot.name, effects=effects)
     part = "lacks_one" if len(result.beside) == 1 else "lacks"
@@ -58,13 +56,12 @@ class UnseenPresenter(Presenter):
     def told(self) -> str:
         """Return the errors, in a sentence."""
         result, about = self.result, "export.unseen"
-        before, written, both = map(percent, (result.before, result.written, result.both))
         part = "callback" if result.callback else "sidecar"
-        whole = sentence(about, part, callback=result.callback, both=both)
+        whole = sentence(about, part, callback=result.callback, both=result.both)
         files = {"own": result.names[0], "file": result.names[1], "worst": result.worst}
         more = whole if result.both != result.written else ""
-        errors = {"written": written, "before": before, "more": more}
-        return sentence(about, logs=listing(result.logs, 4), **files, **errors)
+        errors = {"written": result.written, "before": result.before, "more": more}
+        return sentence(about, logs=result.logs, **files, **errors)
 
 
 class DrawsPresenter(Presenter):
@@ -75,4 +72,4 @@ class DrawsPresenter(Presenter):
     def statement(self) -> str:
         """Return their number and their prior, in words."""
         result = self.result
-        return sentence("export.draws", count=len(result.values), share=percent(result.share))
+        return sentence("export.draws", count=len(result.values), share=result.share)

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from identifiability.foundation.answers import Answer, Cell, Column, Table
+from identifiability.foundation.answers import Answer, Cell, Table
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import for_link
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import NONE, error_text, format_count, percent
+from identifiability.foundation.rounding import NONE, format_count
 
-from .common import TONES, answer, grade_of, sentence, with_hints
+from .common import TONES, answer, grade_of, sentence
+from .tables import make_table
 
 if TYPE_CHECKING:
     from identifiability.workflows.many import Fleet
@@ -48,13 +47,13 @@ class FleetPresenter(Presenter):
         if not known:
             return (told,)
         worst = max(known, key=lambda name: known[name])
-        tone, error = TONES[grade_of(known[worst])], percent(known[worst], 2)
+        tone, error = TONES[grade_of(known[worst])], known[worst]
         question = sentence("fleet", "models")
         return told, answer("fleet", "worst", "", tone, question, name=worst, error=error)
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a robot."""
-        return (Table.of(sentence("fleet", "table"), ROBOTS, self.result.rows),)
+        return (make_table("fleet", map(_robot_row, self.result.rows)),)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a robot; errors are fractions."""
@@ -67,24 +66,13 @@ class FleetPresenter(Presenter):
         return by_name(frame.drop(columns="verdicts").astype(whole))
 
 
-def _robot_cell(row: Mapping[str, Any]) -> Cell:
-    """Return the name of a robot, which leads to its page."""
-    return Cell(row["robot"], row["robot"], link=for_link(row["page"]))
-
-
-def _known(error: float | None) -> float:
-    return math.nan if error is None else error
-
-
-ROBOTS = with_hints(
-    "fleet",
-    Column("robot", "text", _robot_cell),
-    Column("held out", "text", lambda r: ", ".join(r["held"]) or NONE),
-    Column("model", "text", itemgetter("model")),
-    Column("size", "number", itemgetter("parameters")),
-    Column("identifiable", "number", lambda r: r["verdicts"].get("identifiable")),
-    Column("error", error_text, lambda r: _known(r["error"])),
-    Column("unseen", error_text, lambda r: _known(r["error_unseen"])),
-    Column("missing", "text", lambda r: "; ".join(r["missing"]) or NONE),
-    Column("warnings", "number", lambda r: len(r["warnings"])),
-)
+def _robot_row(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what is known of a robot as one row of a table; its name leads to its page."""
+    return {
+        **row,
+        "robot": Cell(row["robot"], row["robot"], link=for_link(row["page"])),
+        "held": ", ".join(row["held"]) or NONE,
+        "identifiable": row["verdicts"].get("identifiable"),
+        "missing": "; ".join(row["missing"]) or NONE,
+        "warnings": len(row["warnings"]),
+    }

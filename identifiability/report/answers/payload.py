@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,31 +10,41 @@ import pandas as pd
 
 from identifiability.foundation.answers import Answer, Table, frame_table
 from identifiability.foundation.errors import listing
-from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import measured
 
-from .commands import name_logs, source_name
-from .common import answer, answer_next, reserve, sentence, with_hints
+from .commands import name_logs
+from .common import AnsweringPresenter, Command, answer, command, sentence
+from .tables import with_hints
 
 if TYPE_CHECKING:
     from identifiability.workflows.payload import Load
 
 
-class LoadPresenter(Presenter):
+class LoadPresenter(AnsweringPresenter):
     """Answers of `payload`."""
 
     result: Load
 
-    def answers(self) -> tuple[Answer, ...]:
-        """Return how heavy and where, or gains; how well known, whether to trust it, what next."""
+    def asked(self) -> tuple[Answer, ...]:
+        """Return how heavy and where, or gains; how well known, and whether to trust it."""
         result = self.result
-        asked = [_answer_gains(result)]
         if result.known is None:
-            asked = [_answer_load(result), _answer_known(result), _answer_trust(result)]
-        following = answer_next(_list_commands(result))
-        return (*reserve(asked, result.warnings), following)
+            return _answer_load(result), _answer_known(result), _answer_trust(result)
+        return (_answer_gains(result),)
+
+    def commands(self) -> list[Command]:
+        """Return lines for the terminal, the most useful first."""
+        result = self.result
+        logs = name_logs(result.robot, result.logs)
+        fitted, body = path_for_shell(result.origin), option_for_shell("--body", result.body)
+        call = f"payload {self.robot} {fitted} {logs} {body}"
+        out = []
+        if not (result.without or result.gains):
+            out = [command("weigh", f"{call} --without empty.csv")]
+        begun = name_logs(result.robot, result.logs, "--start-from")
+        return [*out, command("motion", f"excite {self.robot} {begun} --out next.json")]
 
     def answer(self) -> str:
         """Return mass and where, or gains by a mass that is known, in one sentence."""
@@ -43,7 +53,7 @@ class LoadPresenter(Presenter):
     def caveats(self) -> tuple[str, ...]:
         """Return the reasons to doubt the answer, and the remedy."""
         lacks = self.result.estimate.lacks
-        return (sentence("payload.how", "changed", lacks=listing(lacks, 4)),) if lacks else ()
+        return (sentence("payload.how", "changed", lacks=lacks),) if lacks else ()
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a quantity, or a joint whose gain a known load tells."""
@@ -52,7 +62,7 @@ class LoadPresenter(Presenter):
         shown = shown.loc[:, (shown != "").any()]
         part = "quantities" if result.known is None else "gains"
         table = frame_table(shown, sentence("payload.tables", part))
-        return (replace(table, columns=with_hints("load", *table.columns)),)
+        return (with_hints(table, "load"),)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a quantity; of a load that is known one row a joint: its gain."""
@@ -82,7 +92,7 @@ def _state_gains(result: Load) -> str:
     if not sure:
         return sentence("payload.unit", "none")
     each = [f"{g.value:.4g} ({g.low:.4g} … {g.high:.4g}) {g.unit} at {g.name}" for g in sure]
-    return sentence("payload.unit", "some", mass=result.known, gains=listing(each, 12))
+    return sentence("payload.unit", "some", mass=result.known, gains=each)
 
 
 def _answer_load(result: Load) -> Answer:
@@ -105,36 +115,23 @@ def _answer_known(result: Load) -> Answer:
 def _answer_trust(result: Load) -> Answer:
     """Return whether the load may be trusted."""
     about, changes = "payload.trust", result.estimate.changes
-    part, text, tone = "yes", sentence(about, "agree"), "green"
+    part, text = "yes", sentence(about, "agree")
     if len(result.logs) == 1:
-        part, text, tone = "one", sentence(about, "motion"), "amber"
+        part, text = "one", sentence(about, "motion")
     if any(change.kind == "load" for change in changes):
-        part, text, tone = "loads", "", "amber"
+        part, text = "loads", ""
     if result.warnings:
-        part, tone = "warning", "amber"
+        part = "warning"
     if result.caveats:
-        part, tone = "robot", "amber"
-    names = listing([c.called for c in changes])
+        part = "robot"
+    names = [c.called for c in changes]
     found = sentence(about, "found", names=names) if changes else ""
-    return answer(about, part, " ".join(filter(None, [text, found, *result.caveats])), tone)
+    return answer(about, part, " ".join(filter(None, [text, found, *result.caveats])))
 
 
 def _answer_gains(result: Load) -> Answer:
     """Return the gain of each torque column."""
     unknown = [g.name for g in result.gains if not g.told]
-    text = sentence("payload.how", "untold", joints=listing(unknown, 12)) if unknown else ""
+    text = sentence("payload.how", "untold", joints=unknown) if unknown else ""
     tone = "amber" if unknown else "green"
     return Answer(sentence("payload.unit", "question"), result.answer, text, tone)
-
-
-def _list_commands(result: Load) -> list[tuple[str, str]]:
-    """Return lines for the terminal, the most useful first."""
-    robot, logs = source_name(result.robot), name_logs(result.robot, result.logs)
-    fitted, body = path_for_shell(result.origin), option_for_shell("--body", result.body)
-    call = f"identifiability payload {robot} {fitted} {logs} {body}"
-    out = []
-    if not (result.without or result.gains):
-        out = [(sentence("next", "weigh"), f"{call} --without empty.csv")]
-    begun = name_logs(result.robot, result.logs, "--start-from")
-    more = f"identifiability excite {robot} {begun} --out next.json"
-    return [*out, (sentence("next", "motion"), more)]

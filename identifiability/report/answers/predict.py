@@ -8,54 +8,58 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from identifiability.foundation.answers import Answer, Column, Table, frame_table
-from identifiability.foundation.errors import listing
+from identifiability.foundation.answers import Answer, Table, frame_table
 from identifiability.foundation.findings import phrase
-from identifiability.foundation.names import shorten_paths
-from identifiability.foundation.presenter import Presenter
+from identifiability.foundation.names import Array, shorten_paths
 from identifiability.foundation.quoting import path_for_shell
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import digits, error_text, format_count, join
 from identifiability.logs.commands import has_commands
 from identifiability.workflows.predict import WINDOW
 from identifiability.workflows.provenance import given_paths
 
-from .commands import EXPORT, export_line, name_logs, source_name
-from .common import answer, answer_next, answer_quality, reserve, sentence, state_uneven, with_hints
+from .commands import export_line, name_logs
+from .common import AnsweringPresenter, Command, PredictingPresenter, answer, command, sentence
+from .tables import make_table
 
 if TYPE_CHECKING:
     from identifiability.workflows.predict import PositionPrediction, TorquePrediction
 
 
-class TorquePredictionPresenter(Presenter):
+class TorquePredictionPresenter(PredictingPresenter):
     """Answers of `predict` on torque."""
 
     result: TorquePrediction
 
-    def answers(self) -> tuple[Answer, ...]:
-        """Return the predicted logs, the error, whether to trust it, and next commands."""
+    def asked(self) -> tuple[Answer, ...]:
+        """Return the predicted logs, the error, and whether to trust it."""
         result = self.result
         known = [name for name, has in zip(result.logs, result.measured, strict=True) if has]
-        each = result.error_frame()["error"].to_numpy(float)
-        more = sentence("prediction.what", "measured", logs=join(known)) if known else ""
-        about = result.error_ra, result.robot.joints, each, more
-        quality = answer_quality(*about, raw=result.error_ra_raw, warnings=result.warnings)
-        asked = _answer_what(result), quality, _answer_intervals(result)
-        return (*reserve(asked, result.warnings), answer_next(_list_commands(result)))
+        more = sentence("prediction.what", "measured", logs=known) if known else ""
+        error = self.answer_error(more, raw=result.error_ra_raw)
+        return _answer_what(result), error, _answer_intervals(result)
 
-    def warnings(self) -> tuple[str, ...]:
-        """Return the findings on the logs, and on one joint."""
+    def errors(self) -> tuple[float, Array]:
+        """Return the errors along the logs that have torque."""
         result = self.result
-        each = result.error_frame()["error"].to_numpy(float)
-        return (
-            *super().warnings(),
-            *state_uneven(result.error_ra, result.robot.joints, each),
-        )
+        return result.error_ra, result.error_frame()["error"].to_numpy(float)
+
+    def commands(self) -> list[Command]:
+        """Return lines for the terminal, the most useful first."""
+        result = self.result
+        given = path_for_shell(result.fit.origin)
+        every = name_logs(result.robot, result.logs)
+        pairs = zip(result.logs, result.measured, strict=True)
+        measured = name_logs(result.robot, [name for name, known in pairs if known])
+        line = f"predict {self.robot} {given} {every} --out torque.csv"
+        table = [command("samples", line)] if result.written("table") is None else []
+        if _find_few(result):
+            line = f"diagnose {self.robot} {measured} --report missing.html"
+            return [command("missing_here", line), *table]
+        return [*table, command("export", export_line(result.robot, given))]
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint."""
-        rows = self.result.error_frame().itertuples()
-        return (Table.of(sentence("prediction.what", "table"), JOINTS, rows),)
+        return (make_table("predicted", self.result.error_frame().itertuples()),)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a sample."""
@@ -95,28 +99,15 @@ def _list_samples(result: TorquePrediction, joint: int) -> dict[str, Any]:
     return columns
 
 
-JOINTS = with_hints(
-    "predicted",
-    Column("joint", get="joint"),
-    Column("error", error_text, "error"),
-    Column("rms error", digits(3), "rms"),
-    Column("unit", get="unit"),
-    Column("error of raw torque", error_text, "error_raw"),
-    Column("inside", error_text, "inside"),
-    Column("unknown", error_text, "unknown"),
-)
-
-
 def _answer_what(result: TorquePrediction) -> Answer:
     """Return the predicted logs and the model."""
     about, logs = "prediction.what", shorten_paths(result.logs)
     names = {"model": result.fit.submodel.name, "origin": result.fit.origin}
-    text = sentence(about, "model", samples=format_count(len(result.t), "sample"), **names)
+    text = sentence(about, "model", samples=len(result.t), **names)
     silent = [name for name, has in zip(logs, result.measured, strict=True) if not has]
     if silent:
-        text += sentence(about, "silent", logs=join(silent, 3))
-    joints = format_count(len(result.robot.joints), "joint")
-    return answer(about, "torque", text, "blue", joints=joints, logs=join(logs, 3))
+        text += sentence(about, "silent", logs=silent)
+    return answer(about, "torque", text, joints=result.robot.joints, logs=logs)
 
 
 def _find_few(result: TorquePrediction) -> list[str]:
@@ -132,42 +123,30 @@ def _answer_intervals(result: TorquePrediction) -> Answer:
     new = np.array(result.robot.joints)[result.unknown > 0].tolist()
     text = phrase("predicted", "new", joints=new) if new else ""
     if not any(result.measured):
-        return answer(about, "unmeasured", text, "grey")
-    share = error_text(float(result.inside.mean()))
+        return answer(about, "unmeasured", text)
+    share = float(result.inside.mean())
     if few := _find_few(result):
         text = f"{phrase('predicted', 'few', joints=few)} {text}".rstrip()
-        return answer(about, "no", text, "vermilion", share=share)
+        return answer(about, "no", text, share=share)
     part = "care" if result.warnings else "yes"
     return answer(about, part, text, "amber" if new else "green", share=share)
 
 
-def _list_commands(result: TorquePrediction) -> list[tuple[str, str]]:
-    """Return lines for the terminal, the most useful first."""
-    robot, given = source_name(result.robot), path_for_shell(result.fit.origin)
-    every = name_logs(result.robot, result.logs)
-    pairs = zip(result.logs, result.measured, strict=True)
-    measured = name_logs(result.robot, [name for name, known in pairs if known])
-    line = f"identifiability predict {robot} {given} {every} --out torque.csv"
-    table = [(sentence("next", "samples"), line)] if result.written("table") is None else []
-    if _find_few(result):
-        line = f"identifiability diagnose {robot} {measured} --report missing.html"
-        return [(sentence("next", "missing_here"), line), *table]
-    return [*table, (EXPORT, export_line(result.robot, given))]
-
-
-class PositionPredictionPresenter(Presenter):
+class PositionPredictionPresenter(AnsweringPresenter):
     """Answers of `predict --forward` on positions."""
 
     result: PositionPrediction
 
-    def answers(self) -> tuple[Answer, ...]:
-        """Return the error of positions, and next commands."""
+    def asked(self) -> tuple[Answer, ...]:
+        """Return the error of positions."""
+        return (_answer_positions(self.result),)
+
+    def commands(self) -> list[Command]:
+        """Return the line that diagnoses the logs."""
         result = self.result
         logs = name_logs(result.robot, given_paths(result.logs))
-        robot = source_name(result.robot)
-        line = f"identifiability diagnose {robot} {logs} --report missing.html"
-        following = answer_next([(sentence("next", "missing_file"), line)])
-        return _answer_positions(result), following
+        line = f"diagnose {self.robot} {logs} --report missing.html"
+        return [command("missing_file", line)]
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a joint, in mrad or mm."""
@@ -191,7 +170,7 @@ class PositionPredictionPresenter(Presenter):
             for x in result.totals
         )
         each = [f"{run.name} {error}" for run, error in zip(result.runs, errors, strict=True)]
-        logs = listing([log.name for log in result.logs], 3)
+        logs = [log.name for log in result.logs]
         part = "unseen" if result.unseen else "fitted"
         return sentence(about, part, logs=logs, runs=", ".join(each[::-1]))
 

@@ -6,18 +6,13 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from identifiability.estimation.verdict import Class
-from identifiability.foundation.answers import Answer, Cell, Column, Note, Table
+from identifiability.foundation.answers import Answer, Cell, Note, Table
 from identifiability.foundation.errors import listing
-from identifiability.foundation.rounding import (
-    digits,
-    error_text,
-    format_number,
-    percent,
-    percent_text,
-)
+from identifiability.foundation.rounding import format_number, percent_text
 
-from .analyze import LadderedPresenter, error_tables, found_cell, possible_cell, state_physics
-from .common import answer, note, sentence, with_hints
+from .analyze import LadderedPresenter, error_tables, model_row, state_physics
+from .common import answer, note, sentence
+from .tables import make_table
 
 if TYPE_CHECKING:
     from identifiability.workflows.prune.result import Ladder, PrunedModel
@@ -30,14 +25,14 @@ class LadderPresenter(LadderedPresenter):
 
     def validation_kind(self) -> str:
         """Return the motion on which the error was measured, and the unpruned model's error."""
-        error = error_text(self.result.full.error_ra_validation)
+        error = self.result.full.error_ra_validation
         kind = super().validation_kind()
         return sentence("laddered.measured", "unpruned", kind=kind, error=error)
 
     def tables(self) -> tuple[Table, ...]:
         """Return the models of the path, and the errors of the one to use by joint and by log."""
         result = self.result
-        path = Table.of("", MOVES, result.models, marked=result.selected)
+        path = make_table("moves", map(_move_row, result.models), result.selected)
         return (path, *error_tables(result))
 
     def answer_use(self) -> Answer:
@@ -46,10 +41,10 @@ class LadderPresenter(LadderedPresenter):
         chosen, size = result.chosen, len(result.full)
         if result.nothing:
             text = sentence(about, "because", why=result.nothing)
-            return answer(about, "nothing", text, "vermilion", size=size)
+            return answer(about, "nothing", text, size=size)
         wrong = chosen.infeasible
         used = [name for name in chosen.columns if name not in wrong]
-        impossible = sentence(about, "impossible", names=listing(wrong, 4)) if wrong else ""
+        impossible = sentence(about, "impossible", names=wrong) if wrong else ""
         text = f"{listing(used, 6)}{impossible}."
         if len(chosen) == size:
             text = sentence(about, "all")
@@ -65,33 +60,16 @@ class LadderPresenter(LadderedPresenter):
         """Yield the caveats, and whether the choice is stable."""
         yield from super().notes()
         weight = self.result.chosen.weight
-        yield note("stable" if weight > 0.5 else "unstable", weight=percent(weight, 2))
+        yield note("stable" if weight > 0.5 else "unstable", weight=weight)
 
 
-def _move_cell(r: PrunedModel) -> Cell:
-    move = r.step.move
-    return Cell(f"{move.kind.value}: {move.text}" if move is not None else r.name, note=r.reason)
-
-
-def _worst_cell(r: PrunedModel) -> Cell:
+def _move_row(r: PrunedModel) -> dict[str, Any]:
+    """Return a model of the path, and the move that led to it, as one row of a table."""
+    move, worst = r.step.move, r.worst_sigma_percent
+    text = f"{move.kind.value}: {move.text}" if move is not None else r.name
     condition = f"condition {format_number(r.estimate.condition, 3)}"
-    return Cell(percent_text(r.worst_sigma_percent), r.worst_sigma_percent, condition)
-
-
-MOVES = with_hints(
-    "moves",
-    Column("move", "text", _move_cell),
-    Column("size", "number", len),
-    Column("identifiable", "number", found_cell),
-    Column("fitted", error_text, "error_ra"),
-    Column("unseen", error_text, "error_ra_unseen"),
-    Column("density [nats]", digits(3), "density"),
-    Column(
-        "weight",
-        digits(2),
-        "weight",
-        detail=True,
-    ),
-    Column("worst σ%", "number", _worst_cell),
-    Column("real robot", "badge", possible_cell),
-)
+    cells = {
+        "move": Cell(text, note=r.reason),
+        "worst": Cell(percent_text(worst), worst, condition),
+    }
+    return model_row(r) | cells

@@ -31,6 +31,7 @@ from identifiability.foundation.keyed import Row
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.options import check_choice
+from identifiability.foundation.presenter import presented
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import REACH
 from identifiability.foundation.values import frozen
@@ -294,9 +295,10 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         return self.base.explain_absence(name)
 
     @property
+    @presented
     def validation_kind(self) -> str:
         """What the error on unseen motion was measured on."""
-        return str(self._present("validation_kind"))
+        raise NotImplementedError
 
     @cached_property
     def provenance(self) -> dict[str, str]:
@@ -355,11 +357,12 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             told |= zip(names, zip(own, sd, strict=True), strict=True)
         return {name: (float(x), float(sd)) for name, (x, sd) in told.items() if sd > 0}
 
+    @presented
     def ladder_frame(self) -> pd.DataFrame:
         """Return one row a model."""
-        frame: pd.DataFrame = self._present("ladder_frame")
-        return frame
+        raise NotImplementedError
 
+    @presented
     def error_frame(self) -> pd.DataFrame:
         """Return the errors of the values to use by joint and by log, fitted and held out.
 
@@ -368,8 +371,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         log about the log's mean (ε_RA of the log by itself). NaN where a log took no part, or the
         torque does not vary.
         """
-        frame: pd.DataFrame = self._present("error_frame")
-        return frame
+        raise NotImplementedError
 
     @cached_property
     def real_robot(self) -> dict[str, Any]:
@@ -398,6 +400,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         errors = every.relative_error()[0], p.relative_error(raw=True)[0]
         return dict(zip(("rows", "all_rows", "raw"), map(float, (share, *errors)), strict=True))
 
+    @presented
     def to_frame(self, model: str | None = None) -> pd.DataFrame:
         """Return one row a parameter of the model to use, or of the named one.
 
@@ -409,8 +412,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         OptionError
             If the ladder has no such model.
         """
-        frame: pd.DataFrame = self._present("to_frame", model)
-        return frame
+        raise NotImplementedError
 
     def find_model(self, name: str) -> int:
         """Return the place of a model in the ladder.
@@ -548,6 +550,7 @@ class Analysis(Laddered[ModelResult]):
             "file": self.file_frame().to_dict("records"),
         }
 
+    @presented
     def file_frame(self) -> pd.DataFrame:
         """Return which numbers of the robot file the logs bear out, those they contradict first.
 
@@ -556,8 +559,7 @@ class Analysis(Laddered[ModelResult]):
         is "contradicted" (outside of the intervals that hold all of them at 95 %, Bonferroni), or
         is "not determined" by these logs.
         """
-        frame: pd.DataFrame = self._present("file_frame")
-        return frame
+        raise NotImplementedError
 
     def to_arviz(self) -> Any:
         """Return the posterior of the selected model for ArviZ; needs the extra ``arviz``.

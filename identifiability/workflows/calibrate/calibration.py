@@ -17,6 +17,7 @@ from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, Serial
 from identifiability.foundation.keyed import Row
 from identifiability.foundation.options import Repeated, Replicates, Seed, checked, resolve_count
+from identifiability.foundation.presenter import presented
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import REACH
 from identifiability.foundation.runs import Progress, quiet, share
@@ -77,9 +78,10 @@ class Calibration(Result):
         """Yes, no, or that the trials do not say; of what the analysis does not believe, no."""
         return "no" if self.analysis.nothing else decide(self.cell)
 
+    @presented
     def rows_by_name(self) -> Iterator[Row]:
         """Yield the coverage of each parameter's 95 % interval, a share with its own interval."""
-        yield from self._present("rows_by_name")
+        raise NotImplementedError
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter, the worst first: coverage with its Monte-Carlo interval."""

@@ -19,7 +19,7 @@ from identifiability.estimation.groups import describe_term, place_of
 from identifiability.estimation.mixed_model import MixedModel, Term, Terms
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.names import INERTIAL_KINDS, Array
-from identifiability.foundation.presenter import present
+from identifiability.foundation.presenter import presented
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import Candidate, number
 from identifiability.robot import Robot
@@ -155,14 +155,16 @@ class Change:
         return self.odds >= RULES.name + RULES.keep
 
     @property
+    @presented
     def when(self) -> str:
         """In words: ``from 41 s (95 %: 40.5 … 41.5 s) of run2``."""
-        return str(present(self, "when"))
+        raise NotImplementedError
 
     @property
+    @presented
     def called(self) -> str:
         """What it is, without a capital letter, and what it may be instead."""
-        return str(present(self, "called"))
+        raise NotImplementedError
 
 
 def _describe(found: Differences, term: Term, names: Sequence[str]) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from identifiability.effects import find_family
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import INERTIAL_KINDS, Array, Parameter
-from identifiability.foundation.presenter import present
+from identifiability.foundation.presenter import presented
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
@@ -81,9 +81,10 @@ class ForwardGap:
         return float(self.after[:, -1].mean()) if self.measured else float("nan")
 
     @property
+    @presented
     def statement(self) -> str:
         """The gap in words."""
-        return str(present(self, "statement"))
+        raise NotImplementedError
 
 
 @frozen

@@ -21,6 +21,7 @@ from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.keyed import Row
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import write_text
+from identifiability.foundation.presenter import present, presented
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset, Preparation
@@ -420,14 +421,15 @@ class Diagnosis(Result, Predicts):
         return LadderEntry(models=[only])
 
     @property
+    @presented
     def unexplained(self) -> str:
         """What is left, in words."""
-        return str(self._present("unexplained"))
+        raise NotImplementedError
 
     def rows_by_name(self) -> Iterator[Row]:
         """Yield the parameters of the model, then those of the named effects with their odds."""
         yield from self.fit.rows_by_name()
-        yield from self._present("effect_rows")
+        yield from present(self, "effect_rows")
 
     def explain_absence(self, name: str) -> str:
         """Return in which combinations a standard parameter is."""
@@ -440,14 +442,14 @@ class Diagnosis(Result, Predicts):
         """
         return super().to_frame()
 
+    @presented
     def error_frame(self) -> pd.DataFrame:
         """Return the errors of each joint on unseen motion before and after.
 
         Over the joint's own scale (`Prediction.joint_error`), and in N or N·m (`rms`), of the
         torque that was fitted, low-passed with the columns where these were.
         """
-        frame: pd.DataFrame = self._present("error_frame")
-        return frame
+        raise NotImplementedError
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""

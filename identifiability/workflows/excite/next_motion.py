@@ -26,7 +26,7 @@ from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Positive, Seed, at_least, checked, counted
 from identifiability.foundation.output import write_json
-from identifiability.foundation.presenter import present
+from identifiability.foundation.presenter import presented
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.runs import Progress, Run, quiet
 from identifiability.foundation.values import frozen
@@ -85,9 +85,10 @@ class NextMotion:
     same: bool = False
 
     @property
+    @presented
     def statement(self) -> str:
         """The answer in plain words."""
-        return str(present(self, "statement"))
+        raise NotImplementedError
 
     def to_json(self, path: str | Path) -> Path:
         """Write a trajectory file: ``identifiability simulate ROBOT FILE.json`` follows it."""

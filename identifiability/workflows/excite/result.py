@@ -22,6 +22,7 @@ from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import MOST_SAMPLES
 from identifiability.foundation.output import check_ending, csv_text, write_bytes, write_text
+from identifiability.foundation.presenter import presented
 from identifiability.foundation.result import Result
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot, complete_motion
@@ -168,9 +169,10 @@ class Excitation(Result):
     provenance: Mapping[str, str] = field(default_factory=dict)
 
     @property
+    @presented
     def beside(self) -> str:
         """What `before` is about."""
-        return str(self._present("beside"))
+        raise NotImplementedError
 
     @cached_property
     def motion(self) -> tuple[Array, Array, Array, Array]:
@@ -184,10 +186,10 @@ class Excitation(Result):
         ratio: Array = self.after.sigma / self.before.sigma
         return ratio
 
+    @presented
     def parameters_frame(self) -> pd.DataFrame:
         """Return one row a column: how its standard deviation changes."""
-        frame: pd.DataFrame = self._present("parameters_frame")
-        return frame
+        raise NotImplementedError
 
     def play(self, rate: float = DEFAULTS.rate, periods: int = 1) -> PrescribedMotion:
         """Return what a controller plays: from rest, through whole periods, back to rest.
@@ -282,11 +284,13 @@ class Excitation(Result):
         return write_text(path, csv_text(pd.DataFrame({"t": motion.t, **columns})))
 
     @property
+    @presented
     def worth(self) -> str:
         """What the motion tells, in words; nothing of what only `diagnose --next` asks."""
-        return str(self._present("worth"))
+        raise NotImplementedError
 
     @property
+    @presented
     def limits_statement(self) -> str:
         """What the motion keeps, in words."""
-        return str(self._present("limits_statement"))
+        raise NotImplementedError

@@ -20,7 +20,7 @@ from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Expected, FilePath, Positive, Seed, checked
 from identifiability.foundation.output import check_ending
-from identifiability.foundation.presenter import present
+from identifiability.foundation.presenter import presented
 from identifiability.foundation.values import frozen
 from identifiability.logs.tables import PARQUET, write_table
 from identifiability.physical.fitted_model import LeastSquares, physical_set
@@ -88,9 +88,10 @@ class Draws:
         return tuple(written)
 
     @property
+    @presented
     def statement(self) -> str:
         """What they are, in words."""
-        return str(present(self, "statement"))
+        raise NotImplementedError
 
 
 @checked

@@ -15,7 +15,7 @@ from identifiability.foundation.errors import OutputError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.options import Expected, FilePath, checked
 from identifiability.foundation.output import check_writable, csv_text, write_together
-from identifiability.foundation.presenter import present
+from identifiability.foundation.presenter import presented
 from identifiability.foundation.quoting import for_python, for_toml, toml_key
 from identifiability.foundation.values import frozen
 from identifiability.logs.formats.reader import check_there
@@ -64,14 +64,16 @@ class Study:
     notes: tuple[str, ...] = ()
 
     @property
+    @presented
     def next_line(self) -> str:
         """The first command to type."""
-        return str(present(self, "next_line"))
+        raise NotImplementedError
 
     @property
+    @presented
     def statement(self) -> str:
         """The files of the study, in one sentence."""
-        return str(present(self, "statement"))
+        raise NotImplementedError
 
 
 @checked

@@ -1,0 +1,79 @@
+"""Tables of results: caption and columns by name, as `tables.toml` has them."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from identifiability.foundation.answers import Column, Look, Table
+from identifiability.foundation.rounding import (
+    digits,
+    error_text,
+    percent,
+    percent_text,
+    rough_percent,
+    stated_text,
+)
+
+from .common import WORDS
+
+TABLES: dict[str, Any] = tomllib.loads(
+    Path(__file__).with_name("tables.toml").read_text(encoding="utf-8")
+)
+
+#: How numbers are written, by the word for it in `tables.toml`.
+FORMATS: dict[str, Look] = {
+    "percent": percent,
+    "rough percent": rough_percent,
+    "padded percent": error_text,
+    "percentage": percent_text,
+    "stated": stated_text,
+    **{f"{count} digits": digits(count) for count in (2, 3, 4)},
+}
+
+
+def make_table(
+    name: str,
+    rows: Iterable[Any],
+    /,
+    marked: int | None = None,
+    more: Iterable[Column] = (),
+    **holes: Any,
+) -> Table:
+    """Return a table of some rows.
+
+    Parameters
+    ----------
+    name : str
+        Key in `tables.toml`.
+    rows : iterable
+        Mappings, objects, or tuples with an element for each column.
+    marked : int, optional
+        Row that is emphasised.
+    more : iterable of Column
+        Columns that only this table has, after the others.
+    holes
+        What fills its caption and hints.
+    """
+    known = TABLES[name]
+    columns = [make_column(holes, **told) for told in known["columns"]]
+    caption = known.get("caption", "").format(**holes)
+    options = {key: known[key] for key in ("filter_by", "long") if key in known}
+    return Table.of(caption, [*columns, *more], rows, marked=marked, **options)
+
+
+def make_column(
+    holes: dict[str, Any], /, title: str, look: Any = "text", hint: str = "", **told: Any
+) -> Column:
+    """Return a column as `tables.toml` states it, with the holes of its hint filled."""
+    return Column(title, FORMATS.get(look, look), hint=hint.format(**holes), **told)
+
+
+def with_hints(table: Table, name: str) -> Table:
+    """Return a table with the hints of its columns, by their titles, from `words.toml`."""
+    hints = WORDS[f"hints.{name}"]
+    columns = tuple(replace(c, hint=hints.get(c.title, c.hint)) for c in table.columns)
+    return replace(table, columns=columns)
