@@ -375,11 +375,11 @@ def solve_nonnegative(gram: Array, cross: Array, nonnegative: Array) -> Array:
     free, signed = np.flatnonzero(acts & ~nonnegative), np.flatnonzero(acts & nonnegative)
     order = np.concatenate([free, signed])
     fit = Normal.ridged(gram[np.ix_(order, order)], (cross / size)[order])
-    # The trailing block of the factor is that of the signed columns beside the free ones.
     k = len(free)
-    positive = (
-        nnls(np.ascontiguousarray(fit.factor[k:, k:].T), fit.half[k:])[0] if len(signed) else []
-    )
+    positive = np.zeros(len(signed))
+    if len(signed):
+        # This block of the factor holds the signed columns after projection on the free columns.
+        positive = nnls(np.ascontiguousarray(fit.factor[k:, k:].T), fit.half[k:])[0]
     half = fit.half[:k] - fit.factor[k:, :k].T @ positive
     value = np.zeros(len(cross))
     value[signed] = positive

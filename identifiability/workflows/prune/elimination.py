@@ -581,8 +581,8 @@ def find_path(
         kept=frozenset(forbid),
     )
     walked, refused = walk(measured, plan)
-    if whitened is not None:
-        judge = _whiten_same(measured, full, whitened)
+    judge = None if whitened is None else _whiten_same(measured, full, whitened)
+    if judge is not None:
         steps, others = walk(judge, plan)
         held_out = HeldOut.of(information, full.noise, measured.folds)
         if not is_contradicted(steps, walked, held_out):
@@ -598,11 +598,14 @@ def find_path(
 
 def _whiten_same(
     measured: WhitenedRegression, full: Estimate, whitened: Information
-) -> WhitenedRegression:
-    """Return the regression of whitened rows, with the columns and folds of rows as measured."""
-    estimator = replace(full.estimator, noise=None)
-    fit = replace(estimator.fit(whitened), kept=tuple(measured.start.leaders))
-    return whiten_regression(whitened, fit, folds=measured.folds)
+) -> WhitenedRegression | None:
+    """Return the regression of whitened rows, with the folds of rows as measured.
+
+    It is None if the whitened rows do not determine the same columns.
+    """
+    fit = replace(full.estimator, noise=None).fit(whitened)
+    same = fit.kept == full.kept
+    return whiten_regression(whitened, fit, folds=measured.folds) if same else None
 
 
 def _measure_errors(steps: Sequence[Step], measured: WhitenedRegression) -> list[Step]:
