@@ -99,6 +99,15 @@ def test_a_noisy_motion_is_replaced_by_a_series_and_an_exact_one_is_not(simulate
     assert choose(noisy, asked=Preparation("given")).record == "auto"
 
 
+def test_positions_alone_are_averaged_over_periods_and_are_not_smoothed(simulated_session):
+    once = simulated_session("two-link", "a", noise=Noise())
+    for periods, record in ((1, "auto"), (3, "fourier")):
+        exact = repeat(once, periods)
+        noise = 2e-3 * exact.q.std(0) * np.random.default_rng(0).normal(size=exact.q.shape)
+        log = replace(exact, q=exact.q + noise, dq=None, ddq=None)
+        assert choose(log).record == record
+
+
 def test_a_series_that_lacks_what_the_robot_did_is_not_used(simulated_session):
     """The measured torque has the say: it knows of a motion that a series takes for noise."""
     once = repeat(simulated_session("two-link", "a", noise=Noise()), 2)

@@ -79,11 +79,11 @@ class MotionChoice:
     trials: tuple[MotionTrial, ...] = ()
     logs: tuple[Log, ...] = ()
 
-    def tell(self) -> Finding:
-        """Return why a series is used."""
+    def tell(self, other: Derivatives) -> Finding:
+        """Return why a series is used, and by which setting the measured motion is."""
         measured, series = self.trials
-        what = phrase("motion", self.record)
-        return Finding("motion", what=what, series=series.error, measured=measured.error)
+        errors = {"series": series.error, "measured": measured.error}
+        return Finding("motion", what=phrase("motion", self.record), other=other, **errors)
 
 
 def choose_motion(
@@ -102,14 +102,18 @@ def choose_motion(
         What the user asked for: who asked for derivatives or a band has chosen.
     """
     chosen = asked is not None and (asked.derivatives != "auto" or asked.cutoff or asked.outputs)
-    # Computed derivatives are low-passed with torque and columns, which takes most of their noise.
-    unfit = any(x.long or x.ddq is None or x.motion_alone for x in logs)
+    unfit = any(x.long or x.rollout is not None or x.motion_alone for x in logs)
     if chosen or unfit or structure.robot.base is not None or not logs:
         return MotionChoice()
     records = [Record.of(structure.robot, log, how) for log in logs]
     if any(not r.series for r in records) or all(r.is_quiet() for r in records):
         return MotionChoice()
     kind = preferred_kind(records)
+    # Computed derivatives are low-passed with torque and columns, which takes most of their noise.
+    # What is sharper than a series can follow is then lost in vain, unless it averages periods.
+    derived = any(log.ddq is None for log in logs)
+    if derived and not (kind == "fourier" and all(r.repeats for r in records)):
+        return MotionChoice()
     try:
         trials = try_records(structure, records, kind)
     except ClosureError:
@@ -155,6 +159,13 @@ class Record:
         plan = make_plan(robot, log, how)
         joints = joint_log(robot, plan.mend(log))
         return Record(robot, joints, plan, find_series(joints))
+
+    @property
+    def repeats(self) -> bool:
+        """Whether the log goes through the period of its Fourier series twice at least."""
+        period = self.series["fourier"].period
+        assert period is not None
+        return bool(2 * period <= self.log.t[-1] - self.log.t[0] + 2 * self.plan.step)
 
     def is_quiet(self) -> bool:
         """Return whether the default preparation leaves next to no noise in any channel."""

@@ -40,7 +40,12 @@ from identifiability.logs.prepare import Dataset, Preparation, prepare_log
 from identifiability.logs.prepare.dataset import explain_silence, require_signal
 from identifiability.logs.prepare.excerpt import prepare_excerpt
 from identifiability.logs.prepare.instruments import add_instrument
-from identifiability.logs.prepare.preparation import CommonPreparation, choose_cutoff, fit_band
+from identifiability.logs.prepare.preparation import (
+    CommonPreparation,
+    choose_cutoff,
+    fit_band,
+    with_series_band,
+)
 from identifiability.logs.series import KINDS
 from identifiability.physical.cad_prior import load_by_fit
 from identifiability.quality import MeasuredLogs, find_always, find_oddities
@@ -653,8 +658,10 @@ def use_series(
 ) -> Motions:
     """Return logs whose motion is a series, as was chosen, and how they are prepared."""
     how = CommonPreparation(**vars(asked or Preparation()))
-    how = replace(how, derivatives=choice.record, reason=choice.tell())
-    common = choose_cutoff(robot, choice.logs, how)
+    lacking = [log for log in recordings.fitted if log.ddq is None]
+    reason = choice.tell("butterworth" if lacking else "given")
+    how = replace(how, derivatives=choice.record, reason=reason)
+    common = choose_cutoff(robot, choice.logs, with_series_band(how, lacking))
     return Motions(replace(recordings, fitted=choice.logs), common)
 
 
