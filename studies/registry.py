@@ -63,6 +63,7 @@ STUDIES = (
     _paper("figure_6_held_out", "What do the models err on unseen motion?", "figure6", "fig6"),
     _paper("paper_slips", "Where does the paper contradict itself?", "slips"),
     Study("prune_without_a_simulator", "Does pruning find the right model from logs alone?"),
+    Study("noisy_motion", "Do labels hold where the measured motion is noisy?"),
     Study("hidden_effect", "Is an effect that is hidden in simulated logs named at its place?"),
     Study(
         "hidden_physics",
