@@ -21,7 +21,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.options import Derivatives
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
-from identifiability.logs import Log
+from identifiability.logs import Log, signals
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.prepare.preparation import Plan, Preparation, joint_log, make_plan
 from identifiability.logs.rules import RULES
@@ -170,9 +170,9 @@ class Record:
     def is_quiet(self) -> bool:
         """Return whether the default preparation leaves next to no noise in any channel."""
         spline = self.series["spline"]
-        moving = spline.q.std(0) > RULES.negligible * max(float(np.ptp(spline.q)), 1e-12)
+        moving = ~signals.never_moves(spline.q.min(0), spline.q.max(0))
         shares = [
-            np.std(x - own, axis=0)[moving] / np.maximum(own.std(0)[moving], 1e-12)
+            np.std(x - own, axis=0)[moving] / own.std(0)[moving]
             for x, own in zip(self.plan.derive(self.log), spline.motion, strict=True)
         ]
         return all(bool(np.all(share <= RULES.small)) for share in shares)

@@ -21,6 +21,7 @@ import scipy
 
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
+from identifiability.foundation.linalg import ROUNDOFF, TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -130,7 +131,7 @@ def _repeats(log: Log, fourier: MotionSeries, spline: MotionSeries) -> bool:
     left, least = (
         [float(np.sum(x**2)) for x in own.left_of(log).values()] for own in (fourier, spline)
     )
-    floor = 1e-12 * len(log)
+    floor = TINY * len(log)
     return fourier is not spline and all(
         a <= UNLIKE * b + floor for a, b in zip(left, least, strict=True)
     )
@@ -259,7 +260,7 @@ def _solve(
         bands = sum(w * G for w, G in zip(weights, squares, strict=True))
         right = sum(w * (B.T @ x) for w, B, x in zip(weights, bases, own, strict=False))
         # A spline may have coefficients in a gap, of which no sample tells.
-        bands[-1] += 1e-12 * bands[-1].mean()
+        bands[-1] += TINY * bands[-1].mean()
         values = scipy.linalg.solveh_banded(bands, right)
         for order, basis in enumerate(bases):
             motion[order, :, joint] = basis @ values
@@ -281,7 +282,7 @@ def _gram(basis: Any) -> Array:
 
 def _channel_weights(channels: Sequence[Array], noise: Sequence[float]) -> Array:
     """Return one over the variance of each channel's noise, the largest being one."""
-    floor = [1e-9 * x.std() for x in channels]
+    floor = [ROUNDOFF * x.std() for x in channels]
     variance = np.maximum(np.maximum(noise, floor), 1e-150) ** 2
     return np.asarray(variance.min() / variance)
 
@@ -300,7 +301,7 @@ def _score(series: MotionSeries, channels: Sequence[Array], memory: Sequence[Arr
     score = 2.0 * series.coefficients * joints
     for x, own, times in zip(channels, series.motion, memory, strict=False):
         power = np.mean((x - own) ** 2, axis=0)
-        least = (1e-9 * x.std(0)) ** 2 + 1e-300  # rounding is no noise
+        least = (ROUNDOFF * x.std(0)) ** 2 + 1e-300  # rounding is no noise
         score += float(np.sum(N / times * np.log(np.maximum(power, least))))
     return score
 
@@ -329,15 +330,11 @@ def _periods(t: Array, spline: MotionSeries) -> list[float]:
     tried = [float(t[-1] + step)]
     if signals.has_gap(t).any():
         return tried
-    size = [np.maximum(x.std(0), 1e-300) for x in (spline.q, spline.dq)]
-    state = np.hstack(
-        [(x - x.mean(0)) / s for x, s in zip((spline.q, spline.dq), size, strict=True)]
-    )
-    moving = spline.q.std(0) > 1e-9
-    state = state[:, np.tile(moving, 2)]
-    if not state.size:
+    moving = ~signals.never_moves(spline.q.min(0), spline.q.max(0))
+    if not moving.any():
         return tried
-    apart = _differences(state)
+    state = np.hstack([spline.q[:, moving], spline.dq[:, moving]])
+    apart = _differences((state - state.mean(0)) / state.std(0))
     # Behind the first lag at which the motion is another one.
     elsewhere = np.flatnonzero(apart > 0.5)
     if not len(elsewhere):
@@ -374,7 +371,9 @@ def _refine(t: Array, channels: Sequence[Array], noise: Sequence[Array], period:
     # Two thousand samples of all periods tell it well enough.
     every = slice(None, None, -(-len(t) // 2000))
     t, channels = t[every], [x[every] for x in channels]
-    levels = [np.maximum(s, 1e-9 * x.std(0) + 1e-150) for s, x in zip(noise, channels, strict=True)]
+    levels = [
+        np.maximum(s, ROUNDOFF * x.std(0) + 1e-150) for s, x in zip(noise, channels, strict=True)
+    ]
 
     def left(tried: float) -> float:
         bases = _fourier_bases(t, tried, harmonics)

@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identifiability import Dataset, Model, Regression, Robot, export, prepare_log
+from identifiability import Dataset, Model, Preparation, Regression, Robot, export, prepare_log
 from identifiability.effects import FAMILIES
-from identifiability.logs.prepare.instruments import add_instrument
 
 from ..roads import in_mujoco, in_pinocchio, project
 
@@ -33,12 +32,11 @@ class Replayed:
 
 
 def fitted_samples(copy: Robot, result, log) -> Dataset:
-    """The log along which errors were stated."""
-    samples = prepare_log(copy, log)
-    found = None
-    if result.chosen.estimate.estimator.instruments:
-        found = add_instrument(copy, log, samples, always=True)
-    return found or samples
+    """The log along which errors were stated: as measured, or a series through it."""
+    kinds = {"Fourier": "fourier", "a spline": "spline"}
+    note = result.samples[0].notes[0]
+    kind = next((kind for word, kind in kinds.items() if word in note), "auto")
+    return prepare_log(copy, log, Preparation(kind))
 
 
 def replay(robot: Robot, result, log, folder: Path) -> Replayed:

@@ -86,7 +86,7 @@ def band(cutoff=5.0, noise=0.0):
 def moved(most, end=1.0):
     """A joint with limits of ± 1, or others."""
     robot = SimpleNamespace(joints=("a",), limits=np.array([[-end, end]]), actuated=[0])
-    robot.is_prismatic = lambda dof: False
+    robot.slides = np.array([False])
     return SimpleNamespace(
         robot=robot, motion=SimpleNamespace(actuated_q=np.array([[most], [most]]))
     )
