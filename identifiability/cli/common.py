@@ -143,8 +143,11 @@ def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[st
     every = VERBOSE.get()
     said = [f"{a.question} {a.short} {a.text if every else ''}".rstrip() for a in answers]
     warnings = [f"Warning: {text}" for text in result.warnings]
-    said = [*said, *warnings] if said else [result.statement]
-    hints = result.remarks
+    hints = list(result.remarks)
+    choices = [f"Note: {x}" for x in hints if isinstance(x, Finding) and x.told and not every]
+    said = [*said, *warnings, *choices] if said else [result.statement]
+    if not every:
+        hints = [x for x in hints if f"Note: {x}" not in choices]
     print_end([*said, *more])
     robot = getattr(result, "robot", None)
     for table in (*result.tables(), *result.ledger()) if every or not answers else ():

@@ -126,6 +126,11 @@ class Finding(str):
         return "decides" in sentences()[self.key]
 
     @property
+    def told(self) -> bool:
+        """Whether it is always printed without lowering the answers: a choice with its reason."""
+        return "told" in sentences()[self.key]
+
+    @property
     def remedy(self) -> str:
         """What to do about it; empty where its sentence says it."""
         return str(sentences()[self.key].get("do", "")).strip()
