@@ -51,12 +51,13 @@ class MotionTrial:
     error : float
         Of the planted torque along the true motion, over its root mean square.
     coverage : float
-        Share of 95 % intervals of base parameters that would hold the planted value.
+        Share of 95 % intervals of base parameters that would hold the planted value. It decides
+        nothing: a better record has narrower intervals, too.
     torque : float
         What the record leaves of the measured torque, over its root mean square.
     """
 
-    record: str
+    record: Derivatives
     error: float
     coverage: float
     torque: float
@@ -213,34 +214,68 @@ def try_records(
     ClosureError
         If loops close nowhere along a record.
     """
-    rng = np.random.default_rng(0)
     step = -(-sum(len(r.log) for r in records) // ROWS)
     measured = [r.measured(r.log, step) for r in records]
     true = [r.samples(r.series[kind].motion, step, None) for r in records]
-    found = [_fit(structure, samples) for samples in (measured, true)]
-    values = found[1].value
+    own = [_fit(structure, samples) for samples in (measured, true)]
+    values = own[1].value
     planted = plant_torque(structure, true, values)
-    exact = _gather(structure, planted)
-
-    # Without noise of the torque: all that is off comes from the noise of the motion.
-    logs = [plant(r.log, r.series[kind], rng) for r in records]
-    again = (
-        [r.measured(log, step) for r, log in zip(records, logs, strict=True)],
-        [
-            r.samples(refit(r.series[kind], log).motion, step, None)
-            for r, log in zip(records, logs, strict=True)
-        ],
-    )
-    trials = []
-    for name, samples, own in zip(("auto", kind), again, found, strict=True):
-        fit = _fit(structure, _with_torque(samples, planted))
-        error = _share(exact.squares(np.append(-fit.value, 1.0)), exact.torque)
-        known = fit.determined & own.determined
-        off = (fit.value - values)[known] / np.maximum(own.sigma[known], 1e-300)
-        held = ndtr(1.96 - off) - ndtr(-1.96 - off)
-        torque = _share(own.rss, _torque(measured))
-        trials.append(MotionTrial(name, error, float(np.mean(held)), torque))
+    truth = _gather(structure, planted)
+    torque = _torque(measured)
+    names: tuple[Derivatives, Derivatives] = ("auto", kind)
+    trials = [
+        _judge(name, _fit(structure, _with_torque(samples, planted)), fit, values, truth, torque)
+        for name, samples, fit in zip(names, _measure_again(records, kind, step), own, strict=True)
+    ]
     return trials[0], trials[1]
+
+
+def _measure_again(
+    records: Sequence[Record], kind: Kind, step: int
+) -> tuple[list[Dataset], list[Dataset]]:
+    """Return rows along a series that was measured with new noise: as measured, and smoothed.
+
+    The torque is planted without noise: all that is off then comes from noise of the motion.
+    """
+    rng = np.random.default_rng(0)
+    measured, smoothed = list[Dataset](), list[Dataset]()
+    for record in records:
+        log = plant(record.log, record.series[kind], rng)
+        series = refit(record.series[kind], log)
+        measured.append(record.measured(log, step))
+        smoothed.append(record.samples(series.motion, step, None))
+    return measured, smoothed
+
+
+def _judge(
+    name: Derivatives,
+    found: Estimate,
+    own: Estimate,
+    values: Array,
+    truth: Information,
+    torque: Array,
+) -> MotionTrial:
+    """Return how well a record finds planted values.
+
+    Parameters
+    ----------
+    name : {"auto", "fourier", "spline"}
+    found : Estimate
+        Of the planted torque.
+    own : Estimate
+        Of the measured torque, along the same record.
+    values : (k,)
+        That were planted.
+    truth : Information
+        About planted torque and true columns.
+    torque : (n,)
+        Sum of squares of each actuator's measured torque.
+    """
+    error = _share(truth.squares(np.append(-found.value, 1.0)), truth.torque)
+    known = found.determined & own.determined
+    off = (found.value - values)[known] / np.maximum(own.sigma[known], 1e-300)
+    held = ndtr(1.96 - off) - ndtr(-1.96 - off)
+    return MotionTrial(name, error, float(np.mean(held)), _share(own.rss, torque))
 
 
 def plant_torque(structure: Structure, samples: Sequence[Dataset], values: Array) -> list[Dataset]:

@@ -83,6 +83,24 @@ def test_a_motion_that_never_repeats_has_no_fourier_series():
     assert smooth_log(short, "spline") is short
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("kind", ["a gap", "a joint at rest", "no noise", "a short period"])
+def test_odd_logs_have_series_all_the_same(kind):
+    t, exact = move(200, 0.5) if kind == "a short period" else move(4)
+    log = measure(t, exact)
+    if kind == "a gap":
+        rows = (t < 5.0) | (t > 11.0)
+        log = log.each(lambda x: x[rows], t=t[rows])
+    if kind == "a joint at rest":
+        log = log.each(lambda x: x * [1.0, 0.0])
+    if kind == "no noise":
+        q, dq, ddq = exact
+        log = replace(log, q=q, dq=dq, ddq=ddq)
+    found = find_series(log)
+    assert found
+    assert all(np.isfinite(x).all() for series in found.values() for x in series.motion)
+
+
 def test_a_series_knows_how_well_it_knows_speeds():
     for periods in (1, 10):
         t, exact = move(periods)
