@@ -156,7 +156,7 @@ class Data(OfStructure):
     hints : tuple of str
         What seems to be wrong with robot file and logs, for the user to check.
     reading : Reading or None
-        Another reading of the logs, which is used or only reported.
+        Another reading of the logs. It is used if it `holds` and logs are in memory.
     explained : bool
         Whether a reading or a check explains whatever else contradicts physics.
     misread : str
@@ -173,6 +173,16 @@ class Data(OfStructure):
     reading: Reading | None = None
     explained: bool = False
     misread: str = ""
+
+    @property
+    def question(self) -> Reading | None:
+        """Another reading that these logs do not confirm; it is not used."""
+        return self.reading if self.reading is not None and not self.reading.holds else None
+
+    @property
+    def confirmed(self) -> Reading | None:
+        """Another reading that the logs confirm."""
+        return None if self.question is not None else self.reading
 
     @cached_property
     def unseen(self) -> Regression | None:
@@ -416,7 +426,7 @@ class Case:
             recordings, structure = self.torque(structure, run)
         seek = seek and self.reading is None
         literal = self.literal(structure, recordings, run, done, seek=seek, most=most)
-        reading = literal.reading
+        reading = literal.confirmed
         if reading is None or not apply or (recordings.long and not reading.keeps_columns):
             return self.at_fit(literal, run)
         return self.at_fit(self.read_as(literal, reading, run, most), run)
@@ -787,13 +797,15 @@ def check_logs(data: Data, reading: Reading | None) -> Data:
     hints = (*find_always(data.measured), *data.hints)
     if data.silence:
         return replace(data, hints=hints)
-    odd = find_oddities(data.measured, explained=reading is not None)
+    holds = reading is not None and reading.holds
+    odd = find_oddities(data.measured, explained=holds)
     reading = None if odd.misread else reading  # positions that are misread explain the torque
-    said = () if reading is None else (Finding("alternative", text=reading.statement),)
+    key = "alternative" if holds else "question"
+    said = () if reading is None else (Finding(key, text=reading.statement),)
     return replace(
         data,
         reading=reading,
-        explained=odd.explains or reading is not None,
+        explained=odd.explains or holds,
         misread=MISREAD if odd.misread else "",
         hints=(*said, *odd.hints, *hints),
     )
