@@ -552,8 +552,13 @@ def _ticks(x: Logged) -> None:
 
 
 def _magnitudes(x: Logged) -> None:
-    j = x.draw_joint()
-    x.tau[..., j] = np.abs(x.tau[..., j])
+    """Lose the sign of a joint whose torque has both, as far as one has."""
+    negative = (x.tau[: x.fitted] < 0).mean((0, 1))
+    rarer = np.minimum(negative, 1 - negative)
+    both = np.flatnonzero(rarer >= min(0.2, float(rarer.max())))
+    joint = int(x.rng.choice(both))
+    x.place = x.robot.joints[joint]
+    x.tau[..., joint] = np.abs(x.tau[..., joint])
 
 
 def _pressure(x: Logged) -> None:
