@@ -21,8 +21,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from identifiability.effects import FAMILIES
+from identifiability.effects import FAMILIES, default_effects
 from identifiability.effects.friction import PassiveJointFriction
+from identifiability.estimation.cutoff import has_choice, tune_cutoff
 from identifiability.estimation.estimate import Kind, Method, Outliers, find_estimator, with_known
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.groups import MissingEffects, describe_term, find_missing
@@ -55,6 +56,7 @@ from identifiability.reading import CarriedReading, Reading, choose_reading
 from identifiability.reading.rules import RULES
 from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import (
+    DEFAULT_EFFECTS,
     LadderEntry,
     LadderLike,
     LadderSource,
@@ -344,8 +346,20 @@ class Case:
         return self.stages.once(assign_roles, recordings) if self.use.divides else recordings
 
     def common_preparation(self, robot: Robot, recordings: Recordings) -> Preparation:
-        """Return how logs are prepared, with one cut-off for all fitted ones."""
-        return self.stages.once(choose_cutoff, robot, recordings.fitted, self.preparation)
+        """Return how logs are prepared, with one cut-off for all fitted ones.
+
+        It is that of the default model, so that every verb and every model has the same band.
+        """
+        logs = recordings.fitted
+        asked = self.preparation
+        first = self.stages.once(choose_cutoff, robot, logs, asked)
+        # The preparation of a result states both.
+        complete = asked is not None and bool(asked.cutoff and asked.outputs)
+        if complete or recordings.commanded or not has_choice(robot, logs, first):
+            return first
+        model = Model.of(*default_effects(robot, DEFAULT_EFFECTS))
+        structure = self.stages.once(Structure.of, robot, model)
+        return self.stages.once(tune_cutoff, structure, logs, first, asked)
 
     def motion(self, structure: Structure, recordings: Recordings, how: Preparation) -> Motions:
         """Return logs and their preparation with the record of the motion that serves best."""

@@ -254,8 +254,9 @@ def _with_context(
 ) -> Diagnosis:
     """Return a diagnosis with what its logs, its options and its model ask to be said."""
     # Torque of commands is calibrated with the cut-off.
-    band = () if found.commanded else say_band(getattr(found.preparation, "band", None))
-    hints = (*found.hints, *data.hints, *band, *free_again(request.model))
+    band = getattr(found.preparation, "band", None)
+    said = () if found.commanded else say_band(band, names=True)
+    hints = (*found.hints, *data.hints, *said, *free_again(request.model))
     if request.prior:
         hints = (found.known.hint, *hints)
     if request.fixed is True:
