@@ -197,7 +197,7 @@ def compute_entries(
             W = columns_of_joints.transpose(2, 0, 1)
             effect.fill(robot, piece.motion, W)
             W = piece.motion.freed(W)
-            acts = W.any(0)[:, [k for k, _ in columns]]
+            acts = np.asarray(W.any(0))[:, [k for k, _ in columns]]
             taken, joints = np.nonzero(acts.T)
             if not taken.size:
                 continue
