@@ -344,6 +344,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             missing=self.missing.functions,
             alternatives=np.stack([to_base @ shift, doubt]),
             servo=self._servo_errors(),
+            reading=self.recordings.reading,
         )
 
     def _servo_errors(self) -> dict[str, tuple[float, float]]:
