@@ -29,7 +29,7 @@ from .calibration import calibrate_torque
 from .fit import fit_rollouts
 from .gains import file_shares, with_numbers
 from .odd_joints import find_odd_joints
-from .rollouts import Rollouts
+from .rollouts import Rollouts, are_contradicted
 from .torque import replace_servo
 
 
@@ -203,7 +203,7 @@ def _delay_doubts(own: dict[int, Log], servo: Servo, found: Rollouts) -> list[di
 
 
 def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
-    """Refuse gains that the motion contradicts; return which joints alone do not follow.
+    """Refuse stated gains that the motion contradicts; return which joints alone do not follow.
 
     Raises
     ------
@@ -213,7 +213,8 @@ def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     share = found.missed
     names = [log.name for log in logs]
     k = int(np.argmax(share))
-    if np.median(share) > ESTIMATION_RULES.rollout_contradicted:
+    stated = robot.servo.rolled is None
+    if stated and are_contradicted(share):
         gains = {"kp": robot.servo.kp[k], "kv": robot.servo.kv[k]}
         joint = {"share": share[k], "joint": robot.joints[k]}
         raise LogError(
@@ -221,7 +222,20 @@ def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
         )
     lost = np.flatnonzero(share > ESTIMATION_RULES.rollout_contradicted)
     each = [f"'{robot.joints[j]}' ({100 * share[j]:.0f} %)" for j in lost]
-    return phrase("rollouts", "lost", joints=each) if each else ""
+    text = [phrase("rollouts", "lost", joints=each, stated=stated)] if each else []
+    gone = np.any([_unfollowed(log) for log in logs], axis=0)
+    if gone.any():
+        apart = [robot.joints[j] for j in np.flatnonzero(gone)]
+        text.append(phrase("rollouts", "apart", joints=apart))
+    return " ".join(text)
+
+
+def _unfollowed(log: Log) -> np.ndarray:
+    """Return which joints do not follow their command in a log, (n,) bool."""
+    if log.unmeasured is None:
+        return np.zeros(len(log.joints), bool)
+    lost: np.ndarray = log.unmeasured.all(0)
+    return lost
 
 
 def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:

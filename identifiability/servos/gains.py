@@ -24,7 +24,7 @@ from identifiability.robot.servo import FOUND, Servo
 
 from .fit import fit_rollouts
 from .rollouts import Rollouts
-from .torque import check_commands
+from .torque import set_aside_joints
 
 
 def file_shares(robot: Robot) -> dict[str, float]:
@@ -34,7 +34,7 @@ def file_shares(robot: Robot) -> dict[str, float]:
 
 
 def select_commanded(robot: Robot, logs: Iterable[Log]) -> list[Log]:
-    """Return logs in the robot's order of joints, if the motion does not contradict them.
+    """Return logs in the robot's order of joints, without joints that do not follow commands.
 
     Raises
     ------
@@ -43,9 +43,8 @@ def select_commanded(robot: Robot, logs: Iterable[Log]) -> list[Log]:
     """
     selected = [log.select(robot.joints) for log in logs]
     for log in selected:
-        check_commands(log)
         check_units(robot, [log])
-    return selected
+    return [set_aside_joints(log) for log in selected]
 
 
 def learn_gains(robot: Robot, logs: Sequence[Log]) -> Robot:
@@ -96,8 +95,10 @@ def state_gains(
     asked = robot.servo
     servo = robot.servo.having(found.numbers)
     kv_sd, log_kp_sd = np.split(np.sqrt(np.diag(found.covariance)), 2)
-    new_kp = np.isnan(asked.kp)
-    new_kv = np.isnan(asked.kv) & (servo.kv > 0)
+    problem = found.search[0]
+    moves = problem.moves.any(0)
+    new_kp = np.isnan(asked.kp) & moves
+    new_kv = np.isnan(asked.kv) & (servo.kv > 0) & moves
     gains = [
         _list_gains("kp", robot, servo.kp, log_kp_sd * servo.kp, new_kp),
         _list_gains("kv", robot, servo.kv, kv_sd, new_kv),
@@ -107,7 +108,10 @@ def state_gains(
     listed = "; ".join(filter(None, gains))
     text = [phrase("gains.found", "says", names=list(names), gains=listed)]
     text.append(phrase("gains.found", "bodies", body=surest, within=within))
-    mute = np.flatnonzero(np.isnan(asked.kv) & ~(servo.kv > 0))
+    guessed = np.flatnonzero(np.isnan(asked.kp) & ~moves)
+    if len(guessed):
+        text.append(phrase("gains.found", "guessed", joints=[robot.joints[k] for k in guessed]))
+    mute = np.flatnonzero(np.isnan(asked.kv) & ~(servo.kv > 0) & moves)
     if len(mute):
         text.append(phrase("gains.found", "damping", joints=[robot.joints[k] for k in mute]))
     return " ".join(text)

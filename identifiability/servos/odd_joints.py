@@ -99,7 +99,7 @@ def _list_trials(problem: RolloutProblem, found: Rollouts) -> Iterator[tuple[str
     yield "play", PLAY
     yield "kp", -0.2  # the logarithm of its factor
     servo = problem.machine.servo.having(found.numbers)
-    pairs = zip(problem.logs, found.delays.tolist(), strict=True)
+    pairs = zip(problem.logs, found.delays[problem.source].tolist(), strict=True)
     torque = np.concatenate([servo_log(log, servo, delay).tau for log, delay in pairs])
     for limit in np.quantile(np.abs(torque), 1 - EXCEEDED, axis=0):
         yield "limit", limit
