@@ -234,7 +234,7 @@ def _unfollowed(log: Log) -> np.ndarray:
     """Return which joints do not follow their command in a log, (n,) bool."""
     if log.unmeasured is None:
         return np.zeros(len(log.joints), bool)
-    lost: np.ndarray = log.unmeasured.all(0)
+    lost: np.ndarray = np.all(log.unmeasured, axis=0)
     return lost
 
 

@@ -41,7 +41,7 @@ def start_rollouts(
     if not servo.unknown.any() and np.all(_errors(machine, numbers, delay, windows) < 1):
         return machine, numbers
     balanced, unknown_scale = balance_torque(machine, servo, windows, delay)
-    tried = [numbers, balanced]
+    tried: list[Mapping[str, Array]] = [numbers, balanced]
     errors = np.array([_errors(machine, one, delay, windows) for one in tried])
     if np.any(errors[-1] >= 1):
         known = replace(servo, kp=np.where(unknown_scale, servo.kp, balanced["kp"]))

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import compress
 from typing import Any
 
@@ -307,9 +307,15 @@ def starting_speed(log: Log) -> Array:
     """Return the speed from which a rollout of a log starts, (n,): the first of the speeds."""
     dt = signals.sampling_step(log.t)
     rows = _seen_rows(dt, len(log))
-    slope = scipy.signal.savgol_coeffs(rows, 2, 1, dt, pos=0, use="dot")
-    speed: Array = slope @ log.q[:rows]
+    speed: Array = _first_slope(rows) @ log.q[:rows] / dt
     return speed
+
+
+@lru_cache
+def _first_slope(rows: int) -> Array:
+    """Return weights of rows whose sum is the slope at the first row of their parabola, (rows,)."""
+    slope: Array = scipy.signal.savgol_coeffs(rows, 2, 1, pos=0, use="dot")
+    return slope
 
 
 def _seen_rows(dt: float, count: int) -> int:
