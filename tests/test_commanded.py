@@ -469,6 +469,17 @@ def test_a_joint_whose_command_stands_has_no_weight_and_blames_nobody(arm, unsta
         assert not re.search(r"elbow [\d.]+ \(", said)
 
 
+def test_a_gain_that_the_logs_do_not_tell_is_stated_as_ratios(arm, unstated, frames):
+    log = read(arm, frames[0])
+    found = fit_rollouts(unstated, [log], file_shares(unstated))
+    loose = found.covariance.copy()
+    loose[3, 3] = 1.0  # of the logarithm of the elbow's gain
+    said = state_gains(unstated, [log.name], replace(found, covariance=loose), {"link2": 0.2})
+    assert "do not determine the gain of elbow" in said
+    assert "kp of shoulder" in said
+    assert not re.search(r"elbow [\d.]+ \(", said)
+
+
 def test_one_bad_joint_does_not_refuse_a_log_and_the_others_keep_their_values(arm, frames):
     spoilt = frames[1].copy()
     spoilt["elbow.cmd"] = np.random.default_rng(1).permutation(spoilt["elbow.cmd"])

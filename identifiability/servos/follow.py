@@ -252,9 +252,12 @@ def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
         stated=servo.delay is not None,
         after=1e3 * float(np.sqrt(np.mean(found.errors**2))),
     )
+    held = 1e3 * np.where(servo.kp > 0, found.numbers["Fc"], 0.0) / servo.gain
+    k = int(np.argmax(held))
+    resting = phrase("commands", "held", joint=robot.joints[k], most=held[k])
     undamped = _undamped_joints(robot, servo, np.concatenate([log.tau for log in logs]))
     damped = phrase("commands", "damped", joints=undamped) if undamped else ""
-    return " ".join(filter(None, (servo.found, made, damped, servo.state_rate())))
+    return " ".join(filter(None, (servo.found, made, resting, damped, servo.state_rate())))
 
 
 def _undamped_joints(robot: Robot, servo: Servo, torque: Array) -> list[str]:

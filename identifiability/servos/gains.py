@@ -16,6 +16,7 @@ from identifiability.foundation.errors import RobotError, listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import percent
+from identifiability.foundation.rules import Tolerance
 from identifiability.logs import Log
 from identifiability.logs.contradictions import check_units
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
@@ -25,6 +26,9 @@ from identifiability.robot.servo import FOUND, Servo
 from .fit import fit_rollouts
 from .rollouts import Rollouts
 from .torque import set_aside_joints
+
+#: Standard deviation of the logarithm of a gain from which on the logs tell ratios to it alone.
+UNTOLD: Tolerance = 0.5
 
 
 def file_shares(robot: Robot) -> dict[str, float]:
@@ -97,7 +101,8 @@ def state_gains(
     kv_sd, log_kp_sd = np.split(np.sqrt(np.diag(found.covariance)), 2)
     problem = found.search[0]
     moves = problem.moves.any(0)
-    new_kp = np.isnan(asked.kp) & moves
+    is_told = log_kp_sd <= UNTOLD
+    new_kp = np.isnan(asked.kp) & moves & is_told
     new_kv = np.isnan(asked.kv) & (servo.kv > 0) & moves
     gains = [
         _list_gains("kp", robot, servo.kp, log_kp_sd * servo.kp, new_kp),
@@ -106,8 +111,11 @@ def state_gains(
     surest = min(shares, key=lambda body: shares[body])
     within = percent(shares[surest])
     listed = "; ".join(filter(None, gains))
-    text = [phrase("gains.found", "says", names=list(names), gains=listed)]
+    text = [phrase("gains.found", "says", names=list(names), gains=listed or "none by itself")]
     text.append(phrase("gains.found", "bodies", body=surest, within=within))
+    ratios = np.flatnonzero(np.isnan(asked.kp) & moves & ~is_told)
+    if len(ratios):
+        text.append(phrase("gains.found", "ratios", joints=[robot.joints[k] for k in ratios]))
     guessed = np.flatnonzero(np.isnan(asked.kp) & ~moves)
     if len(guessed):
         text.append(phrase("gains.found", "guessed", joints=[robot.joints[k] for k in guessed]))
