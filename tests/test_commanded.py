@@ -469,6 +469,17 @@ def test_a_joint_whose_command_stands_has_no_weight_and_blames_nobody(arm, unsta
         assert not re.search(r"elbow [\d.]+ \(", said)
 
 
+def test_progress_of_rollouts_moves_forward(unstated, arm, frames):
+    shares = []
+    log = read(arm, frames[1])
+    said = fit_rollouts(unstated, [log], {}, 0.007, lambda text, share: shares.append(share))
+    assert len(set(shares)) > 2
+    assert shares == sorted(shares)
+    assert shares[0] == 0.05
+    assert shares[-1] < 0.6
+    assert len(said.delays) == 1
+
+
 def test_a_gain_that_the_logs_do_not_tell_is_stated_as_ratios(arm, unstated, frames):
     log = read(arm, frames[0])
     found = fit_rollouts(unstated, [log], file_shares(unstated))

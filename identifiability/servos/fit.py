@@ -7,10 +7,11 @@ that factor.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from identifiability.foundation.runs import Progress, quiet
 from identifiability.logs import Log
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
@@ -24,7 +25,11 @@ from .windows import Window, cut_windows, thin_windows
 
 
 def fit_rollouts(
-    robot: Robot, logs: Sequence[Log], shares: Mapping[str, float], delay: float | None = None
+    robot: Robot,
+    logs: Sequence[Log],
+    shares: Mapping[str, float],
+    delay: float | None = None,
+    say: Progress = quiet,
 ) -> Rollouts:
     """Return the numbers of joints, bodies and servos with which rollouts follow logs.
 
@@ -40,6 +45,8 @@ def fit_rollouts(
         Bodies whose sizes are fitted, and within which share each is the file's.
     delay : float [s], optional
         Where it is known.
+    say : callable(str, float)
+        Receives what is being done, and the share of an analysis that is done.
 
     Raises
     ------
@@ -55,12 +62,18 @@ def fit_rollouts(
     start = problem.pack(numbers, delay or 0.0)
     problem.windows = thinned
     problem.varied[problem.bodies] = False
-    end = descend(problem, start, BEGUN)
+    first, last = share_turns(say, 0.05, 0.2), share_turns(say, 0.2, 0.6)
+    end = descend(problem, start, BEGUN, first)
     if not are_contradicted(problem.missed(end.q)):
         problem.windows = windows
         problem.varied[problem.bodies] = True
-        end = descend(problem, end.x)
+        end = descend(problem, end.x, say=last)
     return conclude(problem, end)
+
+
+def share_turns(say: Progress, start: float, stop: float) -> Callable[[float], None]:
+    """Return a callback of a search that takes an analysis from one share to another."""
+    return lambda done: say("rolling out commands", start + (stop - start) * done)
 
 
 def list_free(asked: Servo, start: Servo, windows: Sequence[Window], delay: float) -> np.ndarray:

@@ -15,6 +15,7 @@ from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import LogError, RobotError
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
+from identifiability.foundation.runs import Progress, quiet
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import of_commands
@@ -64,7 +65,11 @@ class IdentifiedServos:
 
 
 def follow_commands(
-    recordings: Recordings, structure: Structure, how: Preparation, rng: np.random.Generator
+    recordings: Recordings,
+    structure: Structure,
+    how: Preparation,
+    rng: np.random.Generator,
+    say: Progress = quiet,
 ) -> tuple[Recordings, Structure]:
     """Return recordings with calibrated torque of commands, and the structure of their robot.
 
@@ -78,6 +83,8 @@ def follow_commands(
     how : Preparation
         With the cut-off of all logs.
     rng : Generator
+    say : callable(str, float)
+        Receives what is being done, and the share of an analysis that is done.
     """
     robot = structure.robot
     servo = structure.robot.servo
@@ -86,7 +93,7 @@ def follow_commands(
         return recordings, structure
     logs = [recordings.fitted[k].select(robot.joints) for k in at]
     try:
-        found = servo.rolled or fit_rollouts(robot, logs, file_shares(robot), servo.delay)
+        found = servo.rolled or fit_rollouts(robot, logs, file_shares(robot), servo.delay, say)
     except RobotError as error:
         return _without_rollouts(recordings, servo, error), structure
     servos = identify_servos(robot, logs, found)
