@@ -13,7 +13,7 @@ from dataclasses import asdict, replace
 from typing import Any, ClassVar, cast
 
 import numpy as np
-from scipy.optimize import approx_fprime
+import scipy
 
 from identifiability.estimation.differences import UNTOLD, Differences, Known, pooled_values
 from identifiability.estimation.groups import describe_term
@@ -256,7 +256,8 @@ def _half_widths(found: LoadEstimate, body: Array) -> Array:
     Quantities are taken to first order about a body.
     """
     # Steps by which derivatives are taken, as a share of a body's own numbers.
-    slopes = approx_fprime(body, describe_body, 1e-6 * TYPICAL * max(body[9], LIGHTEST))
+    steps = 1e-6 * TYPICAL * max(body[9], LIGHTEST)
+    slopes = scipy.optimize.approx_fprime(body, describe_body, steps)
     half = REACH * np.sqrt(np.einsum("qi,ij,qj->q", slopes, found.covariance, slopes))
     sizes = slopes * TYPICAL
     along = np.abs(sizes @ found.unknown).max(1, initial=0.0)

@@ -583,6 +583,9 @@ class RealEntry(Entry):
     gravity: GravityEntry | None = None
     error_ra: float | None = None
     error_ra_files: dict[str, float | None] = {}
+    error_ra_given_files: dict[str, float | None] = {}
+    error_ra_validation_files: dict[str, float | None] = {}
+    error_ra_validation_given_files: dict[str, float | None] = {}
     cad_prior: float = 0.0
     certificate: str = ""
     reason: str = ""
@@ -594,6 +597,8 @@ class RolloutEntry(Entry):
     statement: str
     logs: tuple[str, ...]
     delays: tuple[float, ...]
+    error: float | None = None
+    error_file: float | None = None
     gains: dict[str, dict[str, float]] = {}
 
     def apply_gains(self, servo: Servo, joints: Sequence[str]) -> Servo:

@@ -27,6 +27,7 @@ from identifiability.effects.vocabulary import (
     read_back,
     stated_numbers,
 )
+from identifiability.estimation.evidence import LEVELS
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.prediction import predict as predict_torque
 from identifiability.foundation.documents import toml_text
@@ -325,7 +326,8 @@ def export(
         Logs that were not fitted, on which the file that is written is compared with the robot's
         own.
     force : bool
-        Whether a robot file is written that errs more on these than the robot's own.
+        Whether a robot file is written that errs more than the robot's own: on these, on the
+        fitted logs of the result, or on those that it held out.
 
     Raises
     ------
@@ -343,6 +345,9 @@ def export(
     given |= _as_stated(robot, given)
     if wanted == "isaaclab":
         return _describe(robot, content, given, Written(write_isaaclab(robot, given, content, out)))
+    rises = _state_rises(own, content, wanted, out.name)
+    if rises and not force:
+        raise IdentifiabilityError(phrase("exported", "errs_more", rises=rises))
     write, unseen = _prepare_writing(robot, content, given), None
     if list_logs(validate):
         with temporary_folder() as folder:
@@ -351,7 +356,43 @@ def export(
             errors = phrase("exported", "worse", told=unseen.told, file=out.name)
             raise IdentifiabilityError(errors)
     found = _describe(robot, content, given, write(out), wanted, unseen)
+    found = replace(found, notes=(*rises, *found.notes))
     return found if found.sidecar is None else _add_snippet(own, found)
+
+
+def _state_rises(robot: Robot, content: ResultEntry, kind: Kind, name: str) -> tuple[str, ...]:
+    """Return how much a file would err more than the robot's own, a sentence for each motion.
+
+    Of logs of commands these are errors of positions, else of torque. Files of one format are
+    compared. A rise that no evidence counts as one is left out.
+
+    Parameters
+    ----------
+    robot : Robot
+    content : ResultEntry
+    kind : {"mjcf", "urdf"}
+        Format that is written.
+    name : str
+        Of the file that is written.
+    """
+    physical, moved = content.physical, content.rollout
+    if moved is not None:
+        errors = {"moved": (moved.error, moved.error_file)}
+    else:
+        pairs = {
+            "fitted": (physical.error_ra_files, physical.error_ra_given_files),
+            "unseen": (
+                physical.error_ra_validation_files,
+                physical.error_ra_validation_given_files,
+            ),
+        }
+        errors = {rows: (new.get(kind), own.get(kind)) for rows, (new, own) in pairs.items()}
+    said = []
+    for rows, (new, before) in errors.items():
+        if new is not None and before is not None and new > (1.0 + LEVELS.rise) * before:
+            both = {"file": name, "new": new, "own": robot.path.name, "before": before}
+            said.append(phrase("errs_more", rows, **both))
+    return tuple(said)
 
 
 def _prepare_writing(
