@@ -316,16 +316,18 @@ cutoff = 10
 ```
 
 - `inspect` lists what the case holds, and checks all logs.
-- `analyze`, `prune` and `diagnose` fit the logs and verify on the held-out logs. `calibrate` fits the logs.
+- `analyze`, `prune` and `diagnose` fit the logs and verify on the held-out logs. `calibrate` fits
+  the logs.
 - `analyze` also writes the result. `predict` predicts the held-out logs from the result.
 - `export` writes `fitted.xml` or `fitted.urdf`, and compares the file on the held-out logs.
 - `compare` compares the logs with the held-out logs. `payload` needs the logs with the load.
 - `excite` finds the motion to measure next, and writes `next.json`.
 
-From elsewhere, type the folder in place of the robot: `identifiability analyze study`. Logs that are
-typed after the folder replace all logs of the case: `identifiability predict . result.json run4.csv`.
-If the robot file of the case is typed, logs come from the command line alone. Sidecar, locked
-joints, known masses and settings of the case still hold.
+From elsewhere, type the folder in place of the robot: `identifiability analyze study`. Logs that
+are typed after the folder replace all logs of the case:
+`identifiability predict . result.json run4.csv`. If the robot file of the case is typed, logs come
+from the command line alone. Sidecar, locked joints, known masses and settings of the case still
+hold.
 
 An option on the command line goes before `case.toml`, and `case.toml` goes before the sidecar. In
 Python, `Case.load("study")` reads the folder.
