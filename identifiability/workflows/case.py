@@ -29,7 +29,7 @@ from identifiability.estimation.estimate import Kind, Method, Outliers, find_est
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.groups import MissingEffects, describe_term, find_missing
 from identifiability.estimation.mixed_model import Term
-from identifiability.estimation.motion import MotionChoice, choose_motion
+from identifiability.estimation.motion import MotionChoice, choose_motion, read_records
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding, of_key, phrase
 from identifiability.foundation.options import OptionError
@@ -386,8 +386,9 @@ class Case:
         # Rollouts are a record of their own.
         if recordings.commanded:
             return literal
-        inputs = structure, recordings.fitted, how, self.preparation
-        choice = self.stages.once(choose_motion, *inputs)
+        inputs = structure.robot, recordings.fitted, how, self.preparation
+        records = self.stages.once(read_records, *inputs)
+        choice = self.stages.once(choose_motion, structure, records)
         if choice.record == "auto":
             return literal
         return self.stages.once(use_series, recordings, self.preparation, choice, structure.robot)
