@@ -13,7 +13,7 @@ costs the same however many rows there were.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -386,6 +386,21 @@ class MixedModel:
                 break
             terms = _without(terms, worst)
         return terms
+
+    def left_out(self, terms: Terms, blocks: Information, sets: Sequence[Collection[int]]) -> Array:
+        """Return what sets of terms gain beside the others on blocks of rows, (sets,) [nat].
+
+        Each block is predicted from all other blocks, with all terms and without those of a set.
+        """
+        each = np.arange(len(blocks.counts))
+        gains = np.zeros(len(sets))
+        rests = [tuple(t for k, t in enumerate(terms) if k not in some) for some in sets]
+        for block in each:
+            fitted = replace(self, products=blocks.take(np.delete(each, block)))
+            unseen = blocks.take(each[[block]])
+            full = fitted.evidence(terms, unseen)
+            gains += [full - fitted.evidence(rest, unseen) for rest in rests]
+        return gains
 
     def rivals(self, terms: Terms, which: int) -> list[Term]:
         """Return what would do as well in the place of a term: "A or B", the likeliest first."""
