@@ -142,13 +142,16 @@ def judge(result: Analysis, logged: Logged, fault: Fault, over: float) -> tuple[
         family in fault.families and (not logged.place or place in places)
         for family, place in effects
     ]
+    if not used and fault.certain and fault.answer == "reading" and over <= MEDIAN:
+        return "right", "as it is logged"
     if not used:
         said = "\n".join([*result.hints, result.mass_warning or ""])
         names = bool(fault.says and re.search(fault.says, said, re.IGNORECASE))
         return ("question" if names else "none"), said if names else ""
     corrects = reading is None or is_right(as_right(reading, logged.robot), logged, fault)
     if fault.equivalent and reading is not None:
-        corrects = over <= MEDIAN
+        same = changed(as_right(reading, logged.robot), logged.robot)
+        corrects = over <= MEDIAN and same == changed(logged.right, logged.robot)
     fits = not fault.families or over <= WORST
     right = fault.plant is not None and corrects and all(expressed) and fits
     return ("right" if right else "wrong"), used
