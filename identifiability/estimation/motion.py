@@ -220,7 +220,7 @@ def try_records(
     own = [_fit(structure, samples) for samples in (measured, true)]
     values = own[1].value
     planted = plant_torque(structure, true, values)
-    truth = _gather(structure, planted)
+    truth = gather_rows(structure, planted)
     torque = _torque(measured)
     names: tuple[Derivatives, Derivatives] = ("auto", kind)
     trials = [
@@ -294,18 +294,18 @@ def _with_torque(samples: Sequence[Dataset], planted: Sequence[Dataset]) -> list
 
 
 def _fit(structure: Structure, samples: Sequence[Dataset]) -> Estimate:
-    return Estimator().fit(_gather(structure, samples))
+    return Estimator().fit(gather_rows(structure, samples))
 
 
-def _gather(structure: Structure, samples: Sequence[Dataset]) -> Information:
-    """Return the information of few rows, which are held in memory."""
+def gather_rows(structure: Structure, samples: Sequence[Dataset], size: int = ROWS) -> Information:
+    """Return the information of few rows, which are held in memory, in blocks of a size."""
     regression = structure.regression(samples)
     logs, _, columns, torque = zip(*regression.chunks(), strict=True)
     log = np.repeat(logs, [len(tau) for tau in torque])
     moves = np.concatenate([s.weight > 0 for s in samples])
     names = [p.name for p in regression.parameters]
     W, tau = np.concatenate(columns), np.concatenate(torque)
-    return Information.of_rows(names, W, tau, log, len(log), moves=moves)
+    return Information.of_rows(names, W, tau, log, size, moves=moves)
 
 
 def _torque(samples: Sequence[Dataset]) -> Array:

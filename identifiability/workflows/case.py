@@ -21,8 +21,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from identifiability.effects import FAMILIES
+from identifiability.effects import FAMILIES, default_effects
 from identifiability.effects.friction import PassiveJointFriction
+from identifiability.estimation.cutoff import has_choice, tune_cutoff
 from identifiability.estimation.estimate import Kind, Method, Outliers, find_estimator, with_known
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.groups import MissingEffects, describe_term, find_missing
@@ -55,6 +56,7 @@ from identifiability.reading import CarriedReading, Reading, choose_reading
 from identifiability.reading.rules import RULES
 from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import (
+    DEFAULT_EFFECTS,
     LadderEntry,
     LadderLike,
     LadderSource,
@@ -156,7 +158,7 @@ class Data(OfStructure):
     hints : tuple of str
         What seems to be wrong with robot file and logs, for the user to check.
     reading : Reading or None
-        Another reading of the logs, which is used or only reported.
+        Another reading of the logs. It is used if it `holds` and logs are in memory.
     explained : bool
         Whether a reading or a check explains whatever else contradicts physics.
     misread : str
@@ -173,6 +175,16 @@ class Data(OfStructure):
     reading: Reading | None = None
     explained: bool = False
     misread: str = ""
+
+    @property
+    def question(self) -> Reading | None:
+        """Another reading that these logs do not confirm; it is not used."""
+        return self.reading if self.reading is not None and not self.reading.holds else None
+
+    @property
+    def confirmed(self) -> Reading | None:
+        """Another reading that the logs confirm."""
+        return None if self.question is not None else self.reading
 
     @cached_property
     def unseen(self) -> Regression | None:
@@ -334,8 +346,20 @@ class Case:
         return self.stages.once(assign_roles, recordings) if self.use.divides else recordings
 
     def common_preparation(self, robot: Robot, recordings: Recordings) -> Preparation:
-        """Return how logs are prepared, with one cut-off for all fitted ones."""
-        return self.stages.once(choose_cutoff, robot, recordings.fitted, self.preparation)
+        """Return how logs are prepared, with one cut-off for all fitted ones.
+
+        It is that of the default model, so that every verb and every model has the same band.
+        """
+        logs = recordings.fitted
+        asked = self.preparation
+        first = self.stages.once(choose_cutoff, robot, logs, asked)
+        # The preparation of a result states both.
+        complete = asked is not None and bool(asked.cutoff and asked.outputs)
+        if complete or recordings.commanded or not has_choice(robot, logs, first):
+            return first
+        model = Model.of(*default_effects(robot, DEFAULT_EFFECTS))
+        structure = self.stages.once(Structure.of, robot, model)
+        return self.stages.once(tune_cutoff, structure, logs, first, asked)
 
     def motion(self, structure: Structure, recordings: Recordings, how: Preparation) -> Motions:
         """Return logs and their preparation with the record of the motion that serves best."""
@@ -416,7 +440,7 @@ class Case:
             recordings, structure = self.torque(structure, run)
         seek = seek and self.reading is None
         literal = self.literal(structure, recordings, run, done, seek=seek, most=most)
-        reading = literal.reading
+        reading = literal.confirmed
         if reading is None or not apply or (recordings.long and not reading.keeps_columns):
             return self.at_fit(literal, run)
         return self.at_fit(self.read_as(literal, reading, run, most), run)
@@ -787,13 +811,15 @@ def check_logs(data: Data, reading: Reading | None) -> Data:
     hints = (*find_always(data.measured), *data.hints)
     if data.silence:
         return replace(data, hints=hints)
-    odd = find_oddities(data.measured, explained=reading is not None)
+    holds = reading is not None and reading.holds
+    odd = find_oddities(data.measured, explained=holds)
     reading = None if odd.misread else reading  # positions that are misread explain the torque
-    said = () if reading is None else (Finding("alternative", text=reading.statement),)
+    key = "alternative" if holds else "question"
+    said = () if reading is None else (Finding(key, text=reading.statement),)
     return replace(
         data,
         reading=reading,
-        explained=odd.explains or reading is not None,
+        explained=odd.explains or holds,
         misread=MISREAD if odd.misread else "",
         hints=(*said, *odd.hints, *hints),
     )

@@ -664,14 +664,14 @@ def require_signal(samples: Sequence[Dataset], done: str) -> None:
 
 
 def move_samples(robot: Robot, given: Dataset, by: Array) -> Dataset:
-    """Return samples at other positions, A times theirs less b.
+    """Return samples at other positions, A times theirs.
 
     Parameters
     ----------
     robot : Robot
     given : Dataset
-    by : (n, n + 1)
-        A and b.
+    by : (n, n)
+        A.
 
     Raises
     ------
@@ -679,10 +679,9 @@ def move_samples(robot: Robot, given: Dataset, by: Array) -> Dataset:
         If loops do not close at some.
     """
     old = given.motion
-    A = by[:, :-1]
-    actuated = (x @ A.T for x in (old.actuated_q, old.actuated_v, old.actuated_a))
-    new = complete_motion(robot, old.t, next(actuated) - by[:, -1], *actuated)
+    actuated = (x @ by.T for x in (old.actuated_q, old.actuated_v, old.actuated_a))
+    new = complete_motion(robot, old.t, *actuated)
     if len(new) < len(old):
         raise ClosureError(f"Loops of {given.name} do not close there.")
     new = replace(new, kept=old.kept, dropped=old.dropped, start=old.start)
-    return replace(given, motion=new, weight=given.weight[:, np.abs(A).argmax(1)])
+    return replace(given, motion=new, weight=given.weight[:, np.abs(by).argmax(1)])

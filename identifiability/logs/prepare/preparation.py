@@ -686,8 +686,8 @@ def choose_cutoff(
     how = how or Preparation()
     how = with_series_band(how, [log for log in logs if log.ddq is None])
     logs = [smoothed(robot, log, how) for log in logs]
-    raw = [Windows.of(log, mend=_is_filtered(log, how)) for log in logs]
-    computed = [x for log, x in zip(logs, raw, strict=True) if _is_filtered(log, how)]
+    raw = [Windows.of(log, mend=is_filtered(log, how)) for log in logs]
+    computed = [x for log, x in zip(logs, raw, strict=True) if is_filtered(log, how)]
     if computed:
         how = _with_band(robot, computed, how)
     if how.keep_rest or not logs:
@@ -768,7 +768,7 @@ def fit_band(robot: Robot, log: Log, how: Preparation | None) -> Preparation | N
     LogError
         If the log does not fit the robot.
     """
-    if how is None or how.cutoff is None or not _is_filtered(log, how):
+    if how is None or how.cutoff is None or not is_filtered(log, how):
         return how
     raw = Windows.of(log, mend=True)
     common = _motion_cutoff(raw.gaps, how)
@@ -778,7 +778,7 @@ def fit_band(robot: Robot, log: Log, how: Preparation | None) -> Preparation | N
     return replace(_with_band(robot, [raw], free), common=common)
 
 
-def _is_filtered(log: Log, how: Preparation) -> bool:
+def is_filtered(log: Log, how: Preparation) -> bool:
     """Return whether derivatives of a log are computed after a low-pass."""
     have = {"dq", "ddq"} <= set(log.channels)
     return how.derivatives == "butterworth" or (how.derivatives == "auto" and not have)
@@ -793,7 +793,7 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
         If the log does not fit the robot or what is asked for.
     """
     log = smoothed(robot, log, how)
-    filtered = _is_filtered(log, how)
+    filtered = is_filtered(log, how)
     raw = Windows.of(log, mend=filtered)
     windows = [joint_log(robot, w) for w in raw.logs]
     stale = raw.stale
