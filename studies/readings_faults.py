@@ -247,6 +247,17 @@ class Logged:
         return file, paths
 
 
+def under_gravity(robot: Robot, gravity: Array) -> Robot:
+    """Return a robot under a gravity (3,) [m/s²], which may be none."""
+    if np.allclose(gravity, robot.gravity):
+        return robot
+    if gravity.any():
+        return robot.turned(gravity)
+    model = robot.model.copy()
+    model.gravity.linear = gravity
+    return replace(robot, model=model)
+
+
 def draw_name(number: int, robots: Sequence[str]) -> str:
     """Return the robot of a draw: that of its number, if the fault can be one of that robot."""
     name = EVERY[number % len(EVERY)]
@@ -451,7 +462,9 @@ def _zero(x: Logged) -> None:
 def _turn(x: Logged, degrees: float) -> None:
     machine = x.case.machine
     turned = machine.model.__copy__()
-    way = x.rng.uniform(0, 2 * np.pi)
+    # An arm in a vertical plane feels no gravity across it, and is turned about its axes.
+    planar = x.drawn.name == "two-link"
+    way = np.pi / 2 * x.rng.choice([-1, 1]) if planar else x.rng.uniform(0, 2 * np.pi)
     turn = np.radians(degrees) * np.array([np.cos(way), np.sin(way), 0.0])
     turned.opt.gravity[:] = Rotation.from_rotvec(turn).apply(machine.model.opt.gravity)
     x.tau = x.tau + torque_between(machine, turned, x.drawn.runs)

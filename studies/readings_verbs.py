@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from hidden_physics import add_mass, torque_between
-from readings_faults import Drawn, Logged, draw, plant_fault, weigh
+from readings_faults import Drawn, Logged, draw, plant_fault, under_gravity
 
 from identifiability import (
     Analysis,
@@ -70,13 +70,7 @@ class Subject:
         used = [*range(logged.fitted), CHANGED, SEALED]
         file, paths = logged.write(self.path / name, true=self.true, logs=used)
         robot = Robot.load(file)
-        gravity = logged.true_gravity
-        if self.true and not gravity.any():
-            model = robot.model.copy()
-            model.gravity.linear = np.zeros(3)
-            robot = replace(robot, model=model)
-        elif self.true and not np.allclose(gravity, robot.gravity):
-            robot = robot.turned(gravity)
+        robot = under_gravity(robot, logged.true_gravity) if self.true else robot
         return robot, dict(zip(used, paths, strict=True))
 
     @cached_property
@@ -162,6 +156,8 @@ def by_compare(x: Subject) -> float:
 
 def by_export(x: Subject) -> float:
     """Return the error of the exported file on the sealed log."""
+    if not x.robot.gravity.any():  # no file can state that: the model counts
+        return by_analyze(x)
     out = x.path / "exported.urdf"
     out.unlink(missing_ok=True)
     found = export(x.robot, x.result, out, validate=x.sealed, force=True)
@@ -193,36 +189,35 @@ VERBS: dict[str, tuple[Callable[[Subject], float], bool]] = {
 }
 
 
-def change_machine(drawn: Drawn) -> tuple[Drawn, Drawn, Array]:
-    """Return draws with a load and with more friction in a log, and the weight of the load there.
+def change_machine(drawn: Drawn, gravity: Array) -> tuple[Drawn, Drawn]:
+    """Return draws with a load, and with more friction, in the log `CHANGED`.
 
-    Returns
-    -------
-    loaded, worn : Drawn
-    weight : (N, n) [N·m or N]
-        Gravity torque of the load in the log.
+    Parameters
+    ----------
+    drawn : Drawn
+    gravity : (3,) [m/s²]
+        That weighs the load: none where a controller takes off the weight of robot and load.
     """
-    machine, runs = drawn.case.machine, drawn.runs
-    bare, last = machine.model, machine.model.nbody - 1
-    loaded = add_mass(bare, last, LOAD * float(bare.body_mass[last]), 2 * bare.body_ipos[last])
+    runs, last = drawn.runs, drawn.case.n - 1
+    bare = drawn.case.machine.model.__copy__()
+    bare.opt.gravity[:] = gravity
+    machine = replace(drawn.case.machine, model=bare)
+    body = bare.nbody - 1
+    loaded = add_mass(bare, body, LOAD * float(bare.body_mass[body]), 2 * bare.body_ipos[body])
     taken = np.zeros_like(runs.tau)
     taken[CHANGED] = torque_between(machine, loaded, runs)[CHANGED]
     rubbed = np.zeros_like(runs.tau)
-    rubbed[CHANGED, :, -1] = (
-        FRICTION * machine.dry[drawn.case.n - 1] * np.sign(runs.v[CHANGED, :, drawn.case.n - 1])
-    )
-    more = [replace(drawn, runs=replace(runs, tau=runs.tau + x)) for x in (taken, rubbed)]
-    weight = weigh(drawn, loaded)[CHANGED] - weigh(drawn, bare)[CHANGED]
-    return more[0], more[1], weight
+    rubbed[CHANGED, :, last] = FRICTION * machine.dry[last] * np.sign(runs.v[CHANGED, :, last])
+    torques = (runs.tau + taken, runs.tau + rubbed)
+    loaded_draw, worn_draw = (replace(drawn, runs=replace(runs, tau=tau)) for tau in torques)
+    return loaded_draw, worn_draw
 
 
 def measure(kind: str, verbs: Sequence[str], stream: str, folder: Path) -> dict[str, float | str]:
     """Return the answers of verbs on logs with a fault over those on the data read right."""
-    loaded, worn, weight = change_machine(draw(stream, NUMBER, ARM))
-    pair = [plant_fault(x, kind) for x in (loaded, worn)]
-    if not pair[0].true_gravity.any():  # a controller that knows the load takes it off, too
-        pair[0].tau[CHANGED] -= weight
-        pair[0].true_tau[CHANGED] -= weight
+    drawn = draw(stream, NUMBER, ARM)
+    gravity = plant_fault(drawn, kind).true_gravity
+    pair = [plant_fault(changed, kind) for changed in change_machine(drawn, gravity)]
     subjects = [Subject(*pair, folder / name, true=name == "right") for name in ("read", "right")]
     out: dict[str, float | str] = {"fault": kind}
     for verb in verbs:
@@ -238,4 +233,3 @@ def measure(kind: str, verbs: Sequence[str], stream: str, folder: Path) -> dict[
         out[verb] = ratio if is_error else max(ratio, 1.0 / ratio)
         print(f"{kind}, {verb}: {read:.4g} over {right:.4g}", flush=True)
     return out
-
