@@ -294,18 +294,22 @@ class FourierFit:
 
     def motion(self, t: Array) -> tuple[Array, Array, Array]:
         """Return q, dq, ddq (N, n) at times t, differentiated analytically."""
-        bases = (fourier_basis(t, self.period, self.harmonics, order) for order in range(3))
+        bases = fourier_bases(t, self.period, self.harmonics)
         q, dq, ddq = (basis @ self.coefficients for basis in bases)
         return q, dq, ddq
 
 
-def fourier_basis(t: Array, period: float, harmonics: int, order: int = 0) -> Array:
-    """Return the functions of the series, or their first or second derivatives, (N, 2 H + 1)."""
+def fourier_bases(t: Array, period: float, harmonics: int) -> tuple[Array, Array, Array]:
+    """Return the functions of the series, their first and second derivatives, (N, 2 H + 1) each."""
     w = 2 * np.pi / period * np.arange(1, harmonics + 1)
     S = np.sin(np.outer(t, w))
     C = np.cos(np.outer(t, w))
-    one = np.full((len(t), 1), 1.0 if order == 0 else 0.0)
-    return np.hstack([one, *((S, C), (C * w, -S * w), (-S * w**2, -C * w**2))[order]])
+    one = np.ones((len(t), 1))
+    zero = np.zeros((len(t), 1))
+    values = np.hstack([one, S, C])
+    slopes = np.hstack([zero, C * w, -S * w])
+    bends = np.hstack([zero, -S * w**2, -C * w**2])
+    return values, slopes, bends
 
 
 def fit_fourier(
@@ -333,7 +337,7 @@ def fit_fourier(
     """
     origin = q.mean(0)  # small numbers, small rounding
     channels = {k: x for k, x in enumerate((q - origin, *rates)) if x is not None}
-    bases = {k: fourier_basis(t, period, harmonics, k) for k in channels}
+    bases = fourier_bases(t, period, harmonics)
     weights = {}
     for k, y in channels.items():
         if noise is None:

@@ -158,22 +158,22 @@ class Piece:
         """The same as it was measured, not low-passed, (m, n)."""
         return self.weighed(np.array(self.tau[self.at]))
 
-    def silenced(self, x: Array, joint: int | None = None) -> Array:
-        """Return inputs (N, n, …), or (N, …) of a joint, that are zero where torque is no data.
+    def silenced(self, x: Array, joints: np.ndarray | None = None) -> Array:
+        """Return inputs (N, n, …), or (N, m) of m joints, that are zero where torque is no data.
 
         Torque and columns alike, before a filter draws on them: what is low-passed is then related
         as it is where the joint moves, however near. They are written over.
         """
         if self._lost is not None and self.decimation is not None:
-            x[self._lost if joint is None else self._lost[:, joint]] = 0.0
+            x[self._lost if joints is None else self._lost[:, joints]] = 0.0
         return x
 
-    def weighed(self, x: Array, joint: int | None = None) -> Array:
-        """Return rows (m, n, …), or (m, …) of a joint, by the root of their weight.
+    def weighed(self, x: Array, joints: np.ndarray | None = None) -> Array:
+        """Return rows (N, n, …), or (N, m) of m joints, by the root of their weight.
 
         They are written over.
         """
-        weight = self.weight[self.at] if joint is None else self.weight[self.at][:, joint]
+        weight = self.weight[self.at] if joints is None else self.weight[self.at][:, joints]
         if not (weight == 1).all():
             x *= np.sqrt(weight).reshape(*weight.shape, *(1,) * (x.ndim - weight.ndim))
         return x
