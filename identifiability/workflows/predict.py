@@ -152,6 +152,7 @@ class TorquePrediction(Result):
         lacking = np.broadcast_to(self.lacking, self.predicted.shape)
         columns = {name: np.empty(lacking.shape) for name in ("tau", "raw", "predicted")}
         widths = {name: np.empty(lacking.shape) for name in ("mean", "low", "new")}
+        known = np.empty_like(self.known)
         for k in range(len(self.logs)):
             rows = self.log == k
             for name, column in columns.items():
@@ -160,7 +161,7 @@ class TorquePrediction(Result):
             for name, width in widths.items():
                 torque = getattr(self, name)[rows]
                 width[rows] = carried.as_logged(self.t[rows], torque, width=True)
-        known = self.known[:, np.argsort(carried.reading.order)]
+            known[rows] = carried.known_as_logged(self.t[rows], self.known[rows])
         arrays: dict[str, Any] = {"known": known, **columns, **widths}
         return replace(self, **arrays)
 
