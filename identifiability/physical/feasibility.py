@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import null_space
 
-from identifiability.effects.vocabulary import file_kinds, values_in_file
+from identifiability.effects.vocabulary import file_values
 from identifiability.estimation.estimator import clip_signs
 from identifiability.estimation.evidence import LEVELS, Evidence, HeldOut, Score
 from identifiability.foundation.engines import one_thread
@@ -253,8 +253,7 @@ def find_nearest(model: FittedModel, cad_weight: float = WEAK) -> PhysicalResult
         return replace(found, sentence=f" The nearest real robot was not found: {error}")
     nearest = replace(nearest, phi=leave_to_terms(structure, data.R, nearest.phi))
     phi = dict(zip(structure.columns, nearest.phi, strict=True))
-    files = [values_in_file(structure.robot, phi, kind) for kind in file_kinds(structure.robot)]
-    every = [phi, *files]
+    every = [phi, *file_values(structure.robot, phi)]
     base = np.array([[values[n] for n in phi] for values in every]) @ structure.G.T
     unsure = "" if nearest.accurate else " The solver is not sure that no real robot is nearer."
     replaced = draw_bodies(structure)[1] if cad_weight else ""

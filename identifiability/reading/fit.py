@@ -12,8 +12,8 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 from scipy.linalg import solve_triangular
-from scipy.optimize import nnls
 
 from identifiability.effects import find_families
 from identifiability.effects.inertia import ActuatorInertia
@@ -379,7 +379,7 @@ def solve_nonnegative(gram: Array, cross: Array, nonnegative: Array) -> Array:
     positive = np.zeros(len(signed))
     if len(signed):
         # This block of the factor holds the signed columns after projection on the free columns.
-        positive = nnls(np.ascontiguousarray(fit.factor[k:, k:].T), fit.half[k:])[0]
+        positive = scipy.optimize.nnls(np.ascontiguousarray(fit.factor[k:, k:].T), fit.half[k:])[0]
     half = fit.half[:k] - fit.factor[k:, :k].T @ positive
     value = np.zeros(len(cross))
     value[signed] = positive

@@ -128,9 +128,13 @@ class Reading:
             return literal
         if self.gravity.any():
             return Structure.of(robot, literal.model + GravityTilt(self.gravity))
-        weightless = robot.model.copy()
-        weightless.gravity.linear = self.gravity
-        return Structure.of(replace(robot, model=weightless), literal.model)
+        return Structure.of(self.robot(robot), literal.model)
+
+    def robot(self, robot: Robot) -> Robot:
+        """Return a robot under the reading's gravity."""
+        turned = robot.model.copy()
+        turned.gravity.linear = self.gravity
+        return replace(robot, model=turned)
 
     def read(self, log: Log, literal: Structure) -> Log:
         """Return a log whose columns are corrected.
@@ -143,7 +147,7 @@ class Reading:
             The model of the literal reading, in whose columns `parameters` are.
         """
         offset = self.offsets.get(log.name, 0.0)
-        torque = self._shifted(log) * self.factor + self._gravity_torque(log, literal) - offset
+        torque = self._shifted(log) * self.factor + self.gravity_torque(log, literal) - offset
         return replace(log, tau=torque, **self._moved(log))
 
     def _shifted(self, log: Log) -> Array:
@@ -152,7 +156,7 @@ class Reading:
         columns = [np.interp(log.t + delay, log.t, log.tau[:, k]) for k, delay in pairs]
         return np.column_stack(columns)
 
-    def _gravity_torque(self, log: Log, literal: Structure) -> Array:
+    def gravity_torque(self, log: Log, literal: Structure) -> Array:
         """Return the gravity torque that the compensated columns lack, (N, n)."""
         torque = np.zeros(log.tau.shape)
         if not self.compensated.any():

@@ -52,7 +52,7 @@ from identifiability.physical.cad_prior import load_by_fit
 from identifiability.quality import MeasuredLogs, find_always, find_oddities
 from identifiability.quality.hints import leave_out_rows, weigh_rows
 from identifiability.quality.recordings import LogLike, Logs, Recordings, list_logs, read_recordings
-from identifiability.reading import Reading, choose_reading
+from identifiability.reading import CarriedReading, Reading, choose_reading
 from identifiability.reading.rules import RULES
 from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import (
@@ -254,6 +254,8 @@ class Case:
         Models that `analyze` compares and `prune` starts from; by default those beside the robot.
     preparation : Preparation, optional
         How derivatives are made.
+    reading : CarriedReading, optional
+        How all logs are read: the reading of a result. Then no other reading is looked for.
 
     Example
     -------
@@ -267,6 +269,7 @@ class Case:
     validate: tuple[LogLike, ...] = ()
     model: LadderLike | None = None
     preparation: Preparation | None = None
+    reading: CarriedReading | None = None
     use: Use = field(default=Use(), repr=False)
     stages: Stages = field(default_factory=Stages, repr=False)
 
@@ -278,6 +281,7 @@ class Case:
         *,
         model: LadderLike | None = None,
         preparation: Preparation | None = None,
+        reading: CarriedReading | None = None,
         use: Use | None = None,
         stages: Stages | None = None,
     ) -> None:
@@ -290,6 +294,7 @@ class Case:
             "validate": held_out,
             "model": model,
             "preparation": preparation,
+            "reading": reading,
             "use": use,
             "stages": stages or Stages(),
         }
@@ -325,6 +330,9 @@ class Case:
         robot = self.known_robot(run)
         inputs = robot, self.logs, self.validate, self.preparation, self.use
         recordings = self.stages.once(read_case, *inputs)
+        if self.reading is not None:
+            known = self.reading
+            recordings = self.stages.once(apply_to_logs, known.reading, recordings, known.structure)
         return self.stages.once(assign_roles, recordings) if self.use.divides else recordings
 
     def common_preparation(self, robot: Robot, recordings: Recordings) -> Preparation:
@@ -420,6 +428,7 @@ class Case:
         """
         if recordings is None:
             recordings, structure = self.torque(structure, run)
+        seek = seek and self.reading is None
         literal = self.literal(structure, recordings, run, done, seek=seek, most=most)
         reading = literal.reading
         if reading is None or not apply or (recordings.long and not reading.keeps_columns):
@@ -451,7 +460,7 @@ class Case:
     def read_as(self, data: Data, reading: Reading, run: Run, most: int | None = None) -> Data:
         """Return data under another reading of their logs."""
         structure = self.stages.once(apply_to_structure, reading, data.structure)
-        recordings = self.stages.once(apply_to_logs, reading, data.recordings, structure)
+        recordings = self.stages.once(apply_to_logs, reading, data.recordings, data.structure)
         source = self.recordings(run) if recordings.commanded else recordings
         how = self.common_preparation(self.known_robot(run), source)
         motion = self.motion(data.structure, recordings, how)
@@ -849,16 +858,33 @@ def apply_to_structure(reading: Reading, structure: Structure) -> Structure:
 
 
 def apply_to_logs(reading: Reading, recordings: Recordings, structure: Structure) -> Recordings:
-    """Return recordings with columns as a reading understands them."""
+    """Return recordings with columns as a reading understands them.
+
+    Parameters
+    ----------
+    reading : Reading
+    recordings : Recordings
+    structure : Structure
+        The model of the literal reading.
+
+    Raises
+    ------
+    LogError
+        If columns are read otherwise and a log is too long for memory.
+    """
     robot = structure.robot
     weighs = bool(robot.known_torque or robot.torque.compensated)
+    carried = CarriedReading.of(reading, structure)
     if reading.keeps_columns and not weighs:
-        return recordings
+        return replace(recordings, reading=carried)
+    for log in (*recordings.fitted, *recordings.held_out):
+        if log.long and not reading.keeps_columns:
+            raise LogError(Finding("reading.long", log.name, what=reading.description))
     fitted, held_out = (
         tuple(x if x.long else reading.read(x, structure) for x in logs)
         for logs in (recordings.fitted, recordings.held_out)
     )
-    return replace(recordings, fitted=fitted, held_out=held_out)
+    return replace(recordings, fitted=fitted, held_out=held_out, reading=carried)
 
 
 def linearise(structure: Structure, regression: Regression, named: bool, *, run: Run) -> Structure:

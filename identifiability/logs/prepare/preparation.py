@@ -11,7 +11,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from scipy.ndimage import binary_propagation, maximum_filter1d, minimum_filter1d
+import scipy
 from scipy.special import bdtrc
 
 from identifiability.foundation.errors import LogError
@@ -149,7 +149,7 @@ class DwellRule:
                 out[:, j] |= _lasting(speed[:, j] <= creep[j], least)
         # A dwell lasts as long as the joint creeps.
         line = np.array([[0, 1, 0]] * 3)
-        out = binary_propagation(out, line, mask=out | (speed <= self.creep[0]))
+        out = scipy.ndimage.binary_propagation(out, line, mask=out | (speed <= self.creep[0]))
         out = _reached(out, self.beside)
         return out | _reached(_reversals(dq), self.turning) if self.turning else out
 
@@ -164,8 +164,8 @@ def _reversals(dq: Array) -> Array:
 def _lasting(x: Array, window: int) -> Array:
     """Return where x (N,) bool is true for at least a window about some sample."""
     size = 2 * (window // 2) + 1  # an opening, in a time that does not grow with the window
-    slow = minimum_filter1d(x.astype(np.uint8), size, mode="constant")
-    kept: Array = maximum_filter1d(slow, size, mode="constant") > 0
+    slow = scipy.ndimage.minimum_filter1d(x.astype(np.uint8), size, mode="constant")
+    kept: Array = scipy.ndimage.maximum_filter1d(slow, size, mode="constant") > 0
     return kept
 
 
@@ -436,7 +436,7 @@ class Plan:
 
 def _reached(x: Array, reach: int) -> Array:
     """Return (N, n) bool true within some samples of where it is."""
-    out: Array = maximum_filter1d(x, 2 * min(reach, len(x)) + 1, axis=0)
+    out: Array = scipy.ndimage.maximum_filter1d(x, 2 * min(reach, len(x)) + 1, axis=0)
     return out
 
 

@@ -266,6 +266,7 @@ def _with_context(
         found,
         nothing="" if found.fixed else data.misread,
         alternative="" if data.reading is None else data.reading.statement,
+        reading=data.recordings.reading,
         hints=hints,
         provenance=state_provenance(found.robot, logs, seed, None, options | {"quick": quick}),
     )
