@@ -92,7 +92,8 @@ def progress() -> Iterator[Callable[[str, float], None]]:
 
         def say(text: str, share: float) -> None:  # never backwards
             nonlocal said
-            bar.update(task, description=text, completed=max(share, bar.tasks[0].completed))
+            share = max(share, bar.tasks[0].completed)
+            bar.update(task, description=text, completed=share)
             past = monotonic() - begun
             left = past * (1 - share) / share if share >= 0.05 else 0.0  # before it is a guess
             if past > 3.0 and left > PATIENCE and not said:
