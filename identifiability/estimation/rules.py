@@ -51,6 +51,9 @@ class Rules(RuleTable):
     keep: Annotated[float, "and how much more with unseen rows keeps it [nat], derived"] = 2.0
     simpler: Annotated[float, "nats within which fewer columns go first, derived"] = 3.0
     rival: Annotated[float, "nats within which it is A or B, derived"] = 4.0
+    law_error: Annotated[
+        Share, "error of a law at most, of what names in its joint gain, calibrated"
+    ] = 0.15
     smooth_price: Annotated[
         float, "what a function explains beside the noise [nat], calibrated"
     ] = 6.0
