@@ -8,7 +8,7 @@ is then the model that the fitted logs prefer.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
@@ -36,7 +36,7 @@ from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.logs.prepare.dataset import require_signal
 from identifiability.logs.prepare.excerpt import MOST_IN_ALL, MOST_SAMPLES, thin_all
-from identifiability.physical.cad_prior import load_by_fit, resolve_prior
+from identifiability.physical.cad_prior import load_by_fit, resolve_prior, with_loads
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.quality.hints import where_outlying
 from identifiability.quality.recordings import Logs, Recordings
@@ -555,17 +555,9 @@ def take_loads(naming: Naming, engine: Engine) -> Naming:
         return naming
     fitted = load_by_fit(naming.completed, naming.regression, engine)
     loads = fitted.robot.reference
-    under = None if problem.under is None else _with_loads(problem.under, loads)
-    problem = replace(problem, structure=_with_loads(problem.structure, loads), under=under)
+    under = None if problem.under is None else with_loads(problem.under, loads)
+    problem = replace(problem, structure=with_loads(problem.structure, loads), under=under)
     return with_parts(replace(naming, problem=problem), naming.parts)
-
-
-def _with_loads(structure: Structure, loads: Mapping[str, float]) -> Structure:
-    """Return a structure whose loads are those of standard parameters."""
-    robot = replace(structure.robot, reference=loads)
-    if is_loaded(structure.parameters):
-        return Structure.of(robot, structure.model)
-    return Structure(robot, structure.model, structure.base)
 
 
 def _find_outliers(problem: Problem, found: Naming) -> tuple[str, Outliers | None]:
