@@ -383,7 +383,7 @@ def _ask_left_out(looked: Naming, found: Terms) -> tuple[Places, Gains]:
     """Return where terms surely gain on left-out blocks of fitted rows, and those that may gain.
 
     A family everywhere is one term a place, and each needs its own log odds as well, which know the
-    signs that physics allows. In each round the worst term of each place leaves.
+    signs that physics allows. In each round the worst term of each place and family leaves.
     """
     rows = looked.fitted.seen
     blocks = looked.asked.products(rows, _block_edges(rows), among=found)
@@ -393,14 +393,9 @@ def _ask_left_out(looked: Naming, found: Terms) -> tuple[Places, Gains]:
         gains, needed = _gains_left_out(looked.whole, terms, blocks)
         odds = np.array([t.odds for t in looked.whole.update_terms(terms)])
         lacking = np.minimum(gains - needed, odds - RULES.name)
-        worst = dict[str, int]()
-        for k in np.flatnonzero(lacking < 0):
-            here = worst.setdefault(terms[k].group.place, int(k))
-            if lacking[k] < lacking[here]:
-                worst[terms[k].group.place] = int(k)
-        if not worst:
+        gone = _choose_leaving(lacking, owners, terms)
+        if not gone:
             break
-        gone = worst.values()
         possible += [(terms[k], float(gains[k])) for k in gone if gains[k] > 0]
         stays = [k for k in range(len(terms)) if k not in gone]
         owners, terms = [owners[k] for k in stays], tuple(terms[k] for k in stays)
@@ -408,6 +403,21 @@ def _ask_left_out(looked: Naming, found: Terms) -> tuple[Places, Gains]:
     for owner, term, gain in zip(owners, terms, gains.tolist(), strict=False):
         places[owner][term.group.place] = gain
     return places, tuple(possible)
+
+
+def _choose_leaving(lacking: Array, owners: Sequence[tuple[str, str]], terms: Terms) -> list[int]:
+    """Return the terms that leave in a round: of a place and of a family at most one, the worst.
+
+    Any one scale of the torque says no more than the others together, and all of them say much.
+    """
+    gone = list[int]()
+    for k in np.argsort(lacking).tolist():
+        families = {owners[g] for g in gone}
+        places = {terms[g].group.place for g in gone}
+        alone = owners[k] not in families and terms[k].group.place not in places
+        if lacking[k] < 0 and alone:
+            gone.append(k)
+    return gone
 
 
 def _split_places(looked: Naming, found: Terms) -> tuple[list[tuple[str, str]], Terms]:
