@@ -348,22 +348,25 @@ def look(problem: Problem, effects: Iterable[str] | None = None) -> Naming:
 
 
 def name_missing(looked: Naming) -> Naming:
-    """Return what is missing: found on fitted rows, confirmed on unseen ones."""
+    """Return what is missing: found on fitted rows, not refuted by unseen ones.
+
+    Of what stands, left-out blocks of the fitted rows decide in which joints it is.
+    """
     kept, gains = looked.whole.search(), dict[tuple[str, str], float]()
     named = [t for t in kept if not _family(looked.asked, t).unnamed]
     if named:  # their torque is no noise
         missing = looked.asked.beside(named)
         looked = replace(looked, asked=missing, whole=missing.model(), missing=missing)
         kept = looked.whole.search()
-    places, possible = _ask_left_out(looked, kept) if kept else ({}, ())
-    kept = looked.whole.update_terms(tuple(t for t in kept if places[t.key]))
-    looked = replace(looked, possible=possible)
     if looked.problem.validation and kept:
         found = kept
         kept, gains = _confirm(looked, found)
         standing = {t.key for t in kept}
         refuted = tuple((t, gains[t.key]) for t in found if t.key not in standing)
         looked = replace(looked, refuted=refuted)
+    places, possible = _ask_left_out(looked, kept) if kept else ({}, ())
+    kept = looked.whole.update_terms(tuple(t for t in kept if places[t.key]))
+    looked = replace(looked, possible=possible)
     parts = list[Part]()
     for k, term in enumerate(kept):
         unseen = gains.get(term.key, np.nan)
@@ -385,7 +388,7 @@ def _ask_left_out(looked: Naming, found: Terms) -> tuple[Places, Gains]:
     A family everywhere is one term a place, and each needs its own log odds as well, which know the
     signs that physics allows. In each round the worst term of each place leaves.
     """
-    rows = looked.fitted.seen
+    rows = looked.asked.seen
     blocks = looked.asked.products(rows, _block_edges(rows), among=found)
     owners, terms = _split_places(looked, found)
     possible, gains = list[tuple[Term, float]](), np.empty(0)
