@@ -134,12 +134,15 @@ class Term:
         Of its values, relative to the torque of their joint.
     odds : float
         Log odds of the group beside the others, averaged over members and sizes, less its price.
+    unseen : float [nat]
+        What it gains on rows that were held out. It warns and refutes, and chooses nothing.
     """
 
     group: Group
     member: int
     variance: float
     odds: float
+    unseen: float = 0.0
 
     @property
     def columns(self) -> np.ndarray:
@@ -369,14 +372,15 @@ class MixedModel:
         return [full - self.evidence(other, unseen) for other in rest]
 
     def confirm(self, terms: Terms, unseen: Information) -> Terms:
-        """Return those terms that unseen rows let stand, the worst taken out first.
+        """Return the terms that unseen rows let stand, with their gains; the worst goes first.
 
         With fitted rows they must gain what names and keeps a name. By themselves they are the odds
         against it where they are below zero, and need what names to refute it.
         """
         while terms:
-            gains = zip(self.news(terms, unseen), terms, strict=True)
-            over = [gain + min(RULES.name, t.odds - RULES.name - RULES.keep) for gain, t in gains]
+            gains = self.news(terms, unseen)
+            terms = tuple(replace(t, unseen=gain) for t, gain in zip(terms, gains, strict=True))
+            over = [t.unseen + min(RULES.name, t.odds - RULES.name - RULES.keep) for t in terms]
             worst = int(np.argmin(over))
             if over[worst] >= 0:
                 break

@@ -65,6 +65,9 @@ class Rules(RuleTable):
     uneven: Annotated[
         float, "a joint that errs so many times the error of all joints is named, by hand"
     ] = 3.0
+    means_apart: Annotated[
+        float, "error over each joint's mean over that over one, that is said, by hand"
+    ] = 1.3
     contradicted: Annotated[
         float, "a body of the file is contradicted at so many standard errors, by hand"
     ] = 5.0
