@@ -6,14 +6,16 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TextIO
 
+from identifiability.foundation.loading import loading
+
 
 def main() -> None:
     """Run the command line; Ctrl-C ends it without a traceback from its first moment on."""
     # A job of cron may have neither: what is said then goes nowhere, and the work is done.
     sys.stdout, sys.stderr = sys.stdout or _nowhere(), sys.stderr or _nowhere()
     try:
-        from identifiability.cli import main as run  # noqa: PLC0415 - takes a while
-
+        with loading():
+            from identifiability.cli import main as run  # noqa: PLC0415 - takes a while
         try:
             run()
         finally:

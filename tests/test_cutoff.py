@@ -42,22 +42,27 @@ def test_logs_have_one_cut_off_that_the_fitted_ones_decide(positions):
     assert about_cutoff(both) == about_cutoff(held) == []
 
 
-def test_a_cut_off_in_the_band_of_the_motion_is_said(positions):
-    slow = positions(2e-5)
-    how = Preparation(cutoff=1.2)
-    found = analyze("two-link", slow, "none", preparation=how, replicates=0)
-    (hint,) = about_cutoff(found)
-    assert hint.startswith("The cut-off of 1.2 Hz cuts into the motion of the logs, which reaches")
-    assert "0.8 Hz: accelerations are missing" in hint
-    assert "set it to 4 Hz or more (--set cutoff)" in hint
+@pytest.mark.parametrize(("encoder", "cutoff"), [(2e-5, 1.2), (5e-3, 16.0)])
+def test_a_cut_off_that_was_set_is_compared_with_the_best_one(positions, encoder, cutoff):
+    """A low one takes part of the motion; a high one lets noise of a coarse encoder through."""
+    log = positions(encoder)
+    found = analyze("two-link", log, preparation=Preparation(cutoff=cutoff), replicates=0)
+    (said,) = of_key(found.hints, "cutoff_set")
+    assert said.numbers["error"] < said.numbers["given"]
+    chosen = analyze("two-link", log, replicates=0)
+    better = f"{chosen.samples[0].cutoff:.3g} Hz"
+    assert f"Set it to {better} (--set cutoff)" in said
+    # The advice takes its own: nothing better is known then.
+    how = Preparation(cutoff=said.numbers["better"])
+    assert about_cutoff(analyze("two-link", log, preparation=how, replicates=0)) == []
 
 
-def test_noise_that_pulls_values_down_is_said(positions):
-    found = analyze("two-link", positions(5e-3), preparation=Preparation(cutoff=16), replicates=0)
-    hint = about_cutoff(found)[0]
-    assert hint.startswith("Noise of what is differentiated has ")
-    quiet = analyze("two-link", positions(5e-3), replicates=0).samples[0].cutoff
-    assert f"set it to {quiet:.2g} Hz (--set cutoff)" in hint
+def test_names_found_in_a_band_that_was_set_too_wide_are_doubted(positions):
+    log = positions(5e-3)
+    wide = diagnose("two-link", log, preparation=Preparation(cutoff=30.0))
+    (said,) = of_key(wide.hints, "cutoff_wide")
+    assert "Do not rely on names" in said
+    assert not of_key(diagnose("two-link", log).hints, "cutoff_wide")
 
 
 #: Every so-manieth sample of a log of 100 Hz: of 4 Hz, which no cut-off of the others suits.

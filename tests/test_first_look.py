@@ -155,3 +155,14 @@ def test_a_setting_that_is_typed_as_an_option_is_refused_with_what_to_type(comma
             done = command(verb, "two-link", "run.csv", *typed)
             assert done.exit_code == 2
             assert f"{option} is a setting: type --set {setting}." in done.stderr
+
+
+def test_the_library_and_a_robot_are_loaded_without_what_they_do_not_use():
+    code = (
+        "import sys, identifiability as library\n"
+        f"print(*({set(LARGE) | {'numpy'}} & set(sys.modules)))\n"
+        "library.inspect('two-link')\n"
+        "print(*({'scipy.stats', 'scipy.optimize', 'cvxpy', 'matplotlib'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "\n\n"

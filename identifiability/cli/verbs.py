@@ -20,6 +20,7 @@ from identifiability.foundation import options as kinds
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.findings import Finding, phrase
+from identifiability.foundation.loading import loading
 
 from .common import check_outputs, print_command, print_end, print_result, progress, write_all
 from .options import (
@@ -77,7 +78,9 @@ def run(said: dict[str, Any], verb: str, write: str = "", **options: Any) -> tup
     with work.running() if work else alone() as (say, how, _):
         import identifiability as library  # noqa: PLC0415
 
-        result = getattr(library, verb)(machine.load(), *given, **said, **how)
+        with loading():
+            function = getattr(library, verb)
+        result = function(machine.load(), *given, **said, **how)
         files = [(partial(getattr(result, write), **options), out)] if write else []
         return result, outputs.write(result, say, *files)
 

@@ -88,6 +88,11 @@ def values_in_file(
     return out
 
 
+def file_values(robot: Robot, values: Mapping[str, float]) -> list[dict[str, float]]:
+    """Return what a file holds of values: one of the robot's own format, and one of the other."""
+    return [values_in_file(robot, values, kind) for kind in file_kinds(robot)]
+
+
 def merge_springs(robot: Robot, values: Mapping[str, float]) -> tuple[Robot, dict[str, float]]:
     """Return robot and values with springs of unknown rest as files state them: K and a rest.
 

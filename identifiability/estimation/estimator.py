@@ -369,8 +369,12 @@ def _sum_lags(x: Array, log: np.ndarray) -> Array:
     """
     total = np.zeros(len(x))
     for which in np.unique(log):
-        products = x[log == which] @ x[log == which].T
-        total[: len(products)] += [np.trace(products, k) for k in range(len(products))]
+        own = x[log == which]
+        blocks = len(own)
+        pairs = np.triu(own @ own.T)
+        # In rows that are longer by one, each diagonal of the matrix is a column.
+        longer = np.append(pairs, np.zeros(blocks)).reshape(blocks, blocks + 1)
+        total[:blocks] += longer[:, :blocks].sum(0)
     return 2.0 * np.cumsum(total) - total[0]
 
 

@@ -56,6 +56,8 @@ from .rules import RULES
 RADIUS: Tolerance = 0.1
 LOAD = {kind: RADIUS ** min(k, 1 + (k > 3)) for k, kind in enumerate(INERTIAL_KINDS)}
 
+#: Samples of a piece are at least so many times those that its first output draws on before it.
+OVERLAPS = 8
 #: Samples of all logs up to which all are looked at; of more so many windows of so many samples.
 EXCERPT = (6_000, 6, 1_000)
 #: Share of the largest pulse at reversals from which rows are of one.
@@ -117,7 +119,9 @@ class Excerpt:
                 continue
             chunks += part.shown()
             start = part.start
-            for piece in part.samples.pieces(PIECE):
+            decimation = part.samples.decimation
+            size = PIECE if decimation is None else max(PIECE, OVERLAPS * decimation.reach)
+            for piece in part.samples.pieces(size):
                 stop = start + len(piece.motion.t[piece.at])
                 found = [rows for _, rows in inside(windows[part.log], start, stop)]
                 if found:

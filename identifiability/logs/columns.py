@@ -23,6 +23,7 @@ from identifiability.foundation.quoting import option_for_shell, toml_key
 from identifiability.foundation.values import frozen
 
 from .checks import CHANNELS, COMMANDS, to_floats
+from .codes import describe_codes, find_codes
 from .conventions import Conventions
 from .names import (
     BARE,
@@ -647,6 +648,14 @@ def rename(name: str, known: Conventions) -> str:
     elif cut and cut["kind"].casefold() in _CHANNELS_SAY:
         parts[-1] = known.columns.apply(cut["joint"]) + cut["between"] + cut["kind"]
     return "/".join(parts) + name[len(plain) :]
+
+
+def resolve_codes(naming: Naming, first: pd.DataFrame) -> Naming:
+    """Return what a log takes from a table, with the codes that its first rows show."""
+    values = {c.name: to_floats(first[c.source]) for c in naming.columns if c.name != "t"}
+    codes = find_codes(values)
+    columns = tuple(replace(c, code=codes.get(c.name)) for c in naming.columns)
+    return replace(naming, columns=columns, notes=(*naming.notes, *describe_codes(codes)))
 
 
 # What a log's times are given in: seconds, thousandths of them, dates; taken only when certain.

@@ -22,6 +22,8 @@ from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.values import frozen
 
+from .codes import Code
+
 _TABLES = tomllib.loads(Path(__file__).with_name("words.toml").read_text(encoding="utf-8"))
 
 #: Words of names by what a column holds, and what each channel of a log can be measured in.
@@ -210,6 +212,8 @@ class Column:
         From its values, less the offset, to SI units.
     dates : int or None
         Of times that are dates, the first one [ns since 1970]; None for numbers.
+    code : Code or None
+        Which unsigned numbers stand for signed ones; None where they are as they are.
     """
 
     source: str
@@ -222,6 +226,7 @@ class Column:
     factor: float = 1.0
     offset: float = 0.0
     dates: int | None = None
+    code: Code | None = None
 
     @property
     def name(self) -> str:
@@ -230,6 +235,7 @@ class Column:
 
     def scale(self, values: Array) -> Array:
         """Return values of the table, (N,), in SI units."""
+        values = values if self.code is None else self.code.decode(values)
         values = values - self.offset if self.offset else values
         return values if self.factor == 1.0 else values * self.factor
 

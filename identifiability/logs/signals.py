@@ -15,6 +15,7 @@ from functools import cached_property
 
 import numpy as np
 import scipy
+from scipy.linalg.lapack import dtbtrs
 from scipy.special import binom
 
 from identifiability.foundation.linalg import ROUNDOFF
@@ -102,17 +103,68 @@ def cubic(at: Array, t: Array, x: Array) -> Array:
     return out
 
 
+#: Order of the Butterworth low-pass, one way.
+BUTTERWORTH_ORDER = 4
+
+
+def butterworth_poles(share: float) -> Array:
+    """Return the poles (BUTTERWORTH_ORDER,) of a digital Butterworth low-pass.
+
+    Poles of the analog filter lie on a circle in the left half-plane. The bilinear transform maps
+    them into the unit circle [Oppenheim & Schafer 2010].
+
+    Parameters
+    ----------
+    share : float
+        Cut-off frequency as a share of the Nyquist frequency, between 0 and 1.
+
+    Returns
+    -------
+    (BUTTERWORTH_ORDER,) complex
+        In conjugate pairs.
+    """
+    radius = np.tan(np.pi * share / 2)
+    count = BUTTERWORTH_ORDER
+    angles = np.pi * (2 * np.arange(count) + 1 + count) / (2 * count)
+    analog = radius * np.exp(1j * angles)
+    poles: Array = (1 + analog) / (1 - analog)
+    return poles
+
+
 def lowpass(x: Array, dt: float, cutoff: float) -> Array:
     """Return x (N, …) filtered forwards and backwards by a Butterworth low-pass (no phase).
 
     It is of fourth order each way; beyond its ends x goes on point-symmetrically, and before that
     it is as if it had always been as there.
     """
-    from scipy.signal import butter, sosfiltfilt  # noqa: PLC0415 - loads scipy.stats
-
+    # Not by scipy.signal: its import takes .3 s, as long as the fit of a short log.
+    poles = butterworth_poles(2 * cutoff * dt)
     pad = min(len(x) - 1, int(3 / (cutoff * dt)))
-    sections = butter(4, 2 * cutoff * dt, output="sos")
-    filtered: Array = sosfiltfilt(sections, x, axis=0, padlen=pad)
+    before = 2 * x[0] - x[pad:0:-1]
+    after = 2 * x[-1] - x[-2 : -pad - 2 : -1]
+    padded = np.concatenate([before, x, after])
+    forwards = _filter_once(padded.reshape(len(padded), -1), poles)
+    backwards = _filter_once(forwards[::-1], poles)
+    filtered = backwards[::-1].reshape(padded.shape)
+    return filtered[pad : pad + len(x)]
+
+
+def _filter_once(x: Array, poles: Array) -> Array:
+    """Return x (N, m) filtered once, as if it had always been as its first sample.
+
+    A pair of conjugate poles is a section y_k + a_1 y_(k-1) + a_2 y_(k-2) = u_k: a triangular
+    system of three bands.
+    """
+    y = x - x[0]
+    for pole in poles[poles.imag > 0]:
+        denominator = np.array([1.0, -2 * pole.real, abs(pole) ** 2])
+        gain = denominator.sum() / 4
+        driven = y.copy()
+        driven[1:] += 2 * y[:-1]
+        driven[2:] += y[:-2]
+        bands = np.repeat(denominator[:, None], len(y), axis=1)
+        y, _ = dtbtrs(bands, gain * driven, uplo="L")
+    filtered: Array = y + x[0]
     return filtered
 
 
@@ -121,10 +173,8 @@ def settling_rows(dt: float, cutoff: float) -> int:
 
     Its slowest pole has decayed to 1e-14 then, which twice differentiated is small beside 1e-8.
     """
-    from scipy.signal import butter  # noqa: PLC0415
-
-    _, poles, _ = butter(4, 2 * cutoff * dt, output="zpk")
-    return int(np.ceil(np.log(1e-14) / np.log(np.abs(poles).max())))
+    slowest = np.abs(butterworth_poles(2 * cutoff * dt)).max()
+    return int(np.ceil(np.log(1e-14) / np.log(slowest)))
 
 
 #: Samples on each side that a difference draws on, and what those ahead count for.
@@ -244,18 +294,22 @@ class FourierFit:
 
     def motion(self, t: Array) -> tuple[Array, Array, Array]:
         """Return q, dq, ddq (N, n) at times t, differentiated analytically."""
-        bases = (fourier_basis(t, self.period, self.harmonics, order) for order in range(3))
+        bases = fourier_bases(t, self.period, self.harmonics)
         q, dq, ddq = (basis @ self.coefficients for basis in bases)
         return q, dq, ddq
 
 
-def fourier_basis(t: Array, period: float, harmonics: int, order: int = 0) -> Array:
-    """Return the functions of the series, or their first or second derivatives, (N, 2 H + 1)."""
+def fourier_bases(t: Array, period: float, harmonics: int) -> tuple[Array, Array, Array]:
+    """Return the functions of the series, their first and second derivatives, (N, 2 H + 1) each."""
     w = 2 * np.pi / period * np.arange(1, harmonics + 1)
     S = np.sin(np.outer(t, w))
     C = np.cos(np.outer(t, w))
-    one = np.full((len(t), 1), 1.0 if order == 0 else 0.0)
-    return np.hstack([one, *((S, C), (C * w, -S * w), (-S * w**2, -C * w**2))[order]])
+    one = np.ones((len(t), 1))
+    zero = np.zeros((len(t), 1))
+    values = np.hstack([one, S, C])
+    slopes = np.hstack([zero, C * w, -S * w])
+    bends = np.hstack([zero, -S * w**2, -C * w**2])
+    return values, slopes, bends
 
 
 def fit_fourier(
@@ -283,7 +337,7 @@ def fit_fourier(
     """
     origin = q.mean(0)  # small numbers, small rounding
     channels = {k: x for k, x in enumerate((q - origin, *rates)) if x is not None}
-    bases = {k: fourier_basis(t, period, harmonics, k) for k in channels}
+    bases = fourier_bases(t, period, harmonics)
     weights = {}
     for k, y in channels.items():
         if noise is None:

@@ -5,7 +5,8 @@ leave the motion alone, which takes 5 to 10 times the bandwidth of the motion [G
 the noise that it lets into the acceleration must stay small against the acceleration itself.
 
 What to use when: `Spectrum.of` for a log; `choose_band` for all logs that are judged together;
-`bandwidth_of_windows` where the band alone is wanted.
+`bandwidth_of_windows` where the band alone is wanted. The band of `choose_band` is the widest one:
+the torque may ask for less (`identifiability.estimation.cutoff`).
 """
 
 from __future__ import annotations
@@ -169,6 +170,28 @@ def bandwidth_of_windows(windows: Sequence[Array], dt: float) -> float:
 
 
 @frozen
+class BandAdvice:
+    """The cut-off that predicts unseen torque of the fitted logs best, beside one set by hand.
+
+    Attributes
+    ----------
+    cutoff : float [Hz]
+        Of the motion.
+    outputs : float [Hz]
+        Up to where torque and columns would be kept.
+    error : float
+        Of the torque of unseen blocks with this cut-off, over that torque.
+    given : float
+        The same with the cut-off that was set.
+    """
+
+    cutoff: float
+    outputs: float
+    error: float
+    given: float
+
+
+@frozen
 class Band:
     """The low-pass of computed derivatives, up to where torque is kept, and what comes through.
 
@@ -193,6 +216,8 @@ class Band:
         Why outputs end there, for the report; nothing where the cut-off was given.
     rate : float [Hz]
         At which the slowest log was sampled.
+    advice : BandAdvice or None
+        A better cut-off than the one that was set by hand; None where none was set, or tried.
     """
 
     cutoff: float
@@ -202,6 +227,13 @@ class Band:
     noise: float
     reason: str
     rate: float = np.inf
+    advice: BandAdvice | None = None
+
+    @property
+    def sampled_slowly(self) -> bool:
+        """Whether the rate of samples makes the cut-off so low that it cuts into the motion."""
+        limited = self.cutoff >= RULES.nearly_all * RULES.cutoff_highest * self.rate
+        return limited and self.cutoff < 2.0 * self.bandwidth
 
 
 def choose_band(

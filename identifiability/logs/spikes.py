@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import groupby, pairwise
 
 import numpy as np
-from scipy.ndimage import grey_closing, grey_opening
+import scipy
 
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
@@ -86,11 +86,11 @@ def _find(x: Array, *, first: bool, last: bool) -> list[Spike]:
     inner = slice(before, before + len(x))
     wide = _extend(_extend(x, before)[::-1], after)[::-1]
     with np.errstate(invalid="ignore", over="ignore"):  # what is no number is refused later
-        low = grey_opening(wide, 1 + WIDEST)
-        high = grey_closing(wide, 1 + WIDEST)
+        low = scipy.ndimage.grey_opening(wide, 1 + WIDEST)
+        high = scipy.ndimage.grey_closing(wide, 1 + WIDEST)
         above = (wide - low)[inner]
         below = (high - wide)[inner]
-        smooth = grey_closing(low, 1 + WIDEST)[inner]
+        smooth = scipy.ndimage.grey_closing(low, 1 + WIDEST)[inner]
         rough = np.abs(np.diff(x))
         step = np.abs(np.diff(smooth)).max()
         span = float(np.ptp(smooth))

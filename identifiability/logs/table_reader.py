@@ -21,7 +21,7 @@ from identifiability.robot.floating import BASE_JOINTS
 from . import signals
 from .base import find_base
 from .checks import CHANNELS, Clock, Numbers, to_floats
-from .columns import Naming, as_times, is_stamp, name_columns, resolve_time, start_of
+from .columns import Naming, as_times, is_stamp, name_columns, resolve_codes, resolve_time, start_of
 from .conventions import Conventions
 from .form import PLAIN, Form
 from .formats.reader import Whole
@@ -273,6 +273,7 @@ class TableReader:
         unset = [c for c in columns if is_stamp(c) and (to_floats(frame[c][:1]) == 0.0).any()]
         columns = [c for c in columns if c not in unset]
         naming = name_columns(columns, self.source, self.known, units, first)
+        naming = resolve_codes(naming, frame)
         self.naming = resolve_time(naming, frame, self.source, self.known)
         self._numbers = {c.name: Numbers(c.name, self.source) for c in self.naming.columns}
         torque = {f"{j}.tau": np.nan for j in naming.joints} | dict.fromkeys(naming.made, 0.0)

@@ -16,7 +16,7 @@ from scipy.special import chdtrc
 
 from identifiability.effects.base import apply_tilt
 from identifiability.effects.registry import is_loaded
-from identifiability.effects.vocabulary import complete_values, file_kinds, values_in_file
+from identifiability.effects.vocabulary import complete_values, file_kinds, file_values
 from identifiability.estimation.estimate import find_estimator, with_known
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.engines import Engine
@@ -406,7 +406,7 @@ def total_mass(robot: Robot, parameters: Mapping[str, float]) -> float:
 def real_robot_dict(
     structure: Structure,
     parameters: Mapping[str, float],
-    errors: Sequence[float] = (np.nan,) * 3,
+    errors: Sequence[float] = (np.nan,) * 5,
     samples: Sequence[Dataset] = (),
     cad_weight: float = 0.0,
 ) -> dict[str, Any]:
@@ -418,10 +418,10 @@ def real_robot_dict(
         Of the robot whose file it is written to.
     parameters : mapping
         Standard parameters by name; empty where no real robot was found.
-    errors : (3,)
+    errors : (5,)
         ε_RA on the fitted logs, of all parameters and of what a robot file holds of them: one of
-        the robot's own format, and one of the other. Where they are not given, or gravity is
-        tilted, they are measured.
+        the robot's own format, and one of the other. Then of such files as the robot is stated.
+        Where they are not given, or gravity is tilted, they are measured.
     samples : sequence of Dataset
         The fitted logs.
     cad_weight : float
@@ -438,6 +438,7 @@ def real_robot_dict(
         "error_ra_file": errors[1],
         "file": own,
         "error_ra_files": {own: errors[1], other: errors[2]},
+        "error_ra_given_files": {own: errors[3], other: errors[4]},
         "mass": total_mass(robot, parameters) if parameters else None,
         "mass_file": total_mass(robot, robot.nominal),
         "masses": mass_rows(robot, parameters),
@@ -453,8 +454,9 @@ def _measure_errors(
 ) -> Sequence[float]:
     """Return ε_RA of a robot, its base be it tilted, and of what a file of either format holds.
 
-    Gravity pulls at the bodies that were found, along where it points; the columns of a tilt are
-    those of the file's bodies, and to first order.
+    Then of files that hold what is stated of the robot, (5,); unknown of a tilted base, which they
+    do not state. Gravity pulls at the bodies that were found, along where it points; the columns of
+    a tilt are those of the file's bodies, and to first order.
 
     Parameters
     ----------
@@ -464,8 +466,11 @@ def _measure_errors(
         Standard parameters by name.
     """
     robot, rest = apply_tilt(structure.robot, values)
-    rests = [rest, *(values_in_file(robot, rest, kind) for kind in file_kinds(robot))]
-    phi = np.array([[f.get(name, 0.0) for name in structure.columns] for f in rests]).T
+    accounts = [rest, *file_values(robot, rest), *file_values(robot, robot.nominal)]
+    phi = np.array([[f.get(name, 0.0) for name in structure.columns] for f in accounts]).T
     first = [structure.columns.index(n) == k for k, n in enumerate(structure.columns)]
     regression = Regression(robot, structure.model, tuple(samples))
-    return list(predict(regression, phi * np.array(first)[:, None]).relative_error())
+    errors = predict(regression, phi * np.array(first)[:, None]).relative_error()
+    if robot.tilt is not None:
+        errors[3:] = np.nan
+    return list(errors)

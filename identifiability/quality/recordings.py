@@ -52,6 +52,8 @@ class Recordings:
         The held-out motion in words, to follow "on".
     set_aside : bool
         Whether nobody gave it: it was set aside.
+    reading : reading.CarriedReading or None
+        Under which the columns stand here; None for the literal one.
     """
 
     fitted: tuple[Log, ...]
@@ -61,6 +63,7 @@ class Recordings:
     rolled: Any = None
     verified_on: str = ""
     set_aside: bool = False
+    reading: Any = None
 
     @property
     def commanded(self) -> bool:

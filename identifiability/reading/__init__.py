@@ -2,12 +2,14 @@
 
 `Reading` holds one way to read the columns (`reading`). `Candidates` lists the ways that are tried
 (`candidates`). `TorqueRows` fits the base parameters under a reading (`fit`). `choose_reading`
-searches for the reading that the fitted rows prefer (`search`).
+searches for the reading that the fitted rows prefer (`search`). `CarriedReading` is the reading of
+a result, with which new logs are read (`carried`).
 """
 
 from __future__ import annotations
 
+from .carried import CarriedReading, ReadingEntry
 from .reading import Reading
 from .search import choose_reading
 
-__all__ = ["Reading", "choose_reading"]
+__all__ = ["CarriedReading", "Reading", "ReadingEntry", "choose_reading"]

@@ -491,8 +491,8 @@ class Description(Stated):
 
     @property
     def identity(self) -> dict[str, Any]:
-        """What results say of it in JSON: name, title, what is locked, tilted, known of torque."""
-        said: dict[str, Any] = {"name": self.name, "title": self.title}
+        """What results say of it in JSON: name, title, hash, what is locked, tilted, known."""
+        said: dict[str, Any] = {"name": self.name, "title": self.title, "sha256": self.sha256}
         said |= {"gravity": self.tilt.to_dict()} if self.tilt is not None else {}
         said |= {"locked": dict(self.locked)} if self.locked else {}
         said |= {"left_out": list(self.outside)} if self.outside else {}

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
+import scipy
 
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array, Strings
@@ -282,7 +282,8 @@ def closed_contacts(contacts: Sequence[Contact], t: Array, flags: Array) -> Arra
     """Return when contacts may press, (N, c) bool, from when they are said to (N, c)."""
     step = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
     reaches = [int(np.ceil(c.margin / step)) for c in contacts]
-    each = [maximum_filter1d(flags[:, k], 2 * reach + 1) for k, reach in enumerate(reaches)]
+    widen = scipy.ndimage.maximum_filter1d
+    each = [widen(flags[:, k], 2 * reach + 1) for k, reach in enumerate(reaches)]
     return np.reshape(each, (-1, len(t))).T > 0.5
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+import scipy
 from pydantic import BaseModel, ConfigDict, Field
-from scipy.interpolate import CubicSpline
 
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.documents import read_document
@@ -291,7 +291,7 @@ def _from_file(robot: Robot, source: str) -> PrescribedMotion:
     gaps = np.diff(log.t)
     # Lost samples are bridged as where a log is fitted.
     t = log.t[0] + dt * np.arange(round((log.t[-1] - log.t[0]) / dt) + 1)
-    q = CubicSpline(log.t, log.q)(t)
+    q = scipy.interpolate.CubicSpline(log.t, log.q)(t)
     cutoff = choose_band([Spectrum.of([q], dt)]).outputs
     longest = int(np.argmax(gaps))
     if gaps[longest] > 0.5 / cutoff:

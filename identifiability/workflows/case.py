@@ -21,13 +21,14 @@ from typing import Any, Self
 
 import numpy as np
 
-from identifiability.effects import FAMILIES
+from identifiability.effects import FAMILIES, default_effects
 from identifiability.effects.friction import PassiveJointFriction
+from identifiability.estimation.cutoff import has_choice, tune_cutoff
 from identifiability.estimation.estimate import Kind, Method, Outliers, find_estimator, with_known
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.groups import MissingEffects, describe_term, find_missing
 from identifiability.estimation.mixed_model import Term
-from identifiability.estimation.motion import MotionChoice, choose_motion
+from identifiability.estimation.motion import MotionChoice, choose_motion, read_records
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding, of_key, phrase
 from identifiability.foundation.options import OptionError
@@ -51,10 +52,11 @@ from identifiability.physical.cad_prior import load_by_fit
 from identifiability.quality import MeasuredLogs, find_always, find_oddities
 from identifiability.quality.hints import leave_out_rows, weigh_rows
 from identifiability.quality.recordings import LogLike, Logs, Recordings, list_logs, read_recordings
-from identifiability.reading import Reading, choose_reading
+from identifiability.reading import CarriedReading, Reading, choose_reading
 from identifiability.reading.rules import RULES
 from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import (
+    DEFAULT_EFFECTS,
     LadderEntry,
     LadderLike,
     LadderSource,
@@ -156,7 +158,7 @@ class Data(OfStructure):
     hints : tuple of str
         What seems to be wrong with robot file and logs, for the user to check.
     reading : Reading or None
-        Another reading of the logs, which is used or only reported.
+        Another reading of the logs. It is used if it `holds` and logs are in memory.
     explained : bool
         Whether a reading or a check explains whatever else contradicts physics.
     misread : str
@@ -173,6 +175,16 @@ class Data(OfStructure):
     reading: Reading | None = None
     explained: bool = False
     misread: str = ""
+
+    @property
+    def question(self) -> Reading | None:
+        """Another reading that these logs do not confirm; it is not used."""
+        return self.reading if self.reading is not None and not self.reading.holds else None
+
+    @property
+    def confirmed(self) -> Reading | None:
+        """Another reading that the logs confirm."""
+        return None if self.question is not None else self.reading
 
     @cached_property
     def unseen(self) -> Regression | None:
@@ -252,6 +264,8 @@ class Case:
         Models that `analyze` compares and `prune` starts from; by default those beside the robot.
     preparation : Preparation, optional
         How derivatives are made.
+    reading : CarriedReading, optional
+        How all logs are read: the reading of a result. Then no other reading is looked for.
 
     Example
     -------
@@ -265,6 +279,7 @@ class Case:
     validate: tuple[LogLike, ...] = ()
     model: LadderLike | None = None
     preparation: Preparation | None = None
+    reading: CarriedReading | None = None
     use: Use = field(default=Use(), repr=False)
     stages: Stages = field(default_factory=Stages, repr=False)
 
@@ -276,6 +291,7 @@ class Case:
         *,
         model: LadderLike | None = None,
         preparation: Preparation | None = None,
+        reading: CarriedReading | None = None,
         use: Use | None = None,
         stages: Stages | None = None,
     ) -> None:
@@ -288,6 +304,7 @@ class Case:
             "validate": held_out,
             "model": model,
             "preparation": preparation,
+            "reading": reading,
             "use": use,
             "stages": stages or Stages(),
         }
@@ -323,11 +340,26 @@ class Case:
         robot = self.known_robot(run)
         inputs = robot, self.logs, self.validate, self.preparation, self.use
         recordings = self.stages.once(read_case, *inputs)
+        if self.reading is not None:
+            known = self.reading
+            recordings = self.stages.once(apply_to_logs, known.reading, recordings, known.structure)
         return self.stages.once(assign_roles, recordings) if self.use.divides else recordings
 
     def common_preparation(self, robot: Robot, recordings: Recordings) -> Preparation:
-        """Return how logs are prepared, with one cut-off for all fitted ones."""
-        return self.stages.once(choose_cutoff, robot, recordings.fitted, self.preparation)
+        """Return how logs are prepared, with one cut-off for all fitted ones.
+
+        It is that of the default model, so that every verb and every model has the same band.
+        """
+        logs = recordings.fitted
+        asked = self.preparation
+        first = self.stages.once(choose_cutoff, robot, logs, asked)
+        # The preparation of a result states both.
+        complete = asked is not None and bool(asked.cutoff and asked.outputs)
+        if complete or recordings.commanded or not has_choice(robot, logs, first):
+            return first
+        model = Model.of(*default_effects(robot, DEFAULT_EFFECTS))
+        structure = self.stages.once(Structure.of, robot, model)
+        return self.stages.once(tune_cutoff, structure, logs, first, asked)
 
     def motion(self, structure: Structure, recordings: Recordings, how: Preparation) -> Motions:
         """Return logs and their preparation with the record of the motion that serves best."""
@@ -335,8 +367,9 @@ class Case:
         # Rollouts are a record of their own.
         if recordings.commanded:
             return literal
-        inputs = structure, recordings.fitted, how, self.preparation
-        choice = self.stages.once(choose_motion, *inputs)
+        inputs = structure.robot, recordings.fitted, how, self.preparation
+        records = self.stages.once(read_records, *inputs)
+        choice = self.stages.once(choose_motion, structure, records)
         if choice.record == "auto":
             return literal
         return self.stages.once(use_series, recordings, self.preparation, choice, structure.robot)
@@ -405,8 +438,9 @@ class Case:
         """
         if recordings is None:
             recordings, structure = self.torque(structure, run)
+        seek = seek and self.reading is None
         literal = self.literal(structure, recordings, run, done, seek=seek, most=most)
-        reading = literal.reading
+        reading = literal.confirmed
         if reading is None or not apply or (recordings.long and not reading.keeps_columns):
             return self.at_fit(literal, run)
         return self.at_fit(self.read_as(literal, reading, run, most), run)
@@ -436,7 +470,7 @@ class Case:
     def read_as(self, data: Data, reading: Reading, run: Run, most: int | None = None) -> Data:
         """Return data under another reading of their logs."""
         structure = self.stages.once(apply_to_structure, reading, data.structure)
-        recordings = self.stages.once(apply_to_logs, reading, data.recordings, structure)
+        recordings = self.stages.once(apply_to_logs, reading, data.recordings, data.structure)
         source = self.recordings(run) if recordings.commanded else recordings
         how = self.common_preparation(self.known_robot(run), source)
         motion = self.motion(data.structure, recordings, how)
@@ -777,13 +811,15 @@ def check_logs(data: Data, reading: Reading | None) -> Data:
     hints = (*find_always(data.measured), *data.hints)
     if data.silence:
         return replace(data, hints=hints)
-    odd = find_oddities(data.measured, explained=reading is not None)
+    holds = reading is not None and reading.holds
+    odd = find_oddities(data.measured, explained=holds)
     reading = None if odd.misread else reading  # positions that are misread explain the torque
-    said = () if reading is None else (Finding("alternative", text=reading.statement),)
+    key = "alternative" if holds else "question"
+    said = () if reading is None else (Finding(key, text=reading.statement),)
     return replace(
         data,
         reading=reading,
-        explained=odd.explains or reading is not None,
+        explained=odd.explains or holds,
         misread=MISREAD if odd.misread else "",
         hints=(*said, *odd.hints, *hints),
     )
@@ -834,16 +870,33 @@ def apply_to_structure(reading: Reading, structure: Structure) -> Structure:
 
 
 def apply_to_logs(reading: Reading, recordings: Recordings, structure: Structure) -> Recordings:
-    """Return recordings with columns as a reading understands them."""
+    """Return recordings with columns as a reading understands them.
+
+    Parameters
+    ----------
+    reading : Reading
+    recordings : Recordings
+    structure : Structure
+        The model of the literal reading.
+
+    Raises
+    ------
+    LogError
+        If columns are read otherwise and a log is too long for memory.
+    """
     robot = structure.robot
     weighs = bool(robot.known_torque or robot.torque.compensated)
+    carried = CarriedReading.of(reading, structure)
     if reading.keeps_columns and not weighs:
-        return recordings
+        return replace(recordings, reading=carried)
+    for log in (*recordings.fitted, *recordings.held_out):
+        if log.long and not reading.keeps_columns:
+            raise LogError(Finding("reading.long", log.name, what=reading.description))
     fitted, held_out = (
         tuple(x if x.long else reading.read(x, structure) for x in logs)
         for logs in (recordings.fitted, recordings.held_out)
     )
-    return replace(recordings, fitted=fitted, held_out=held_out)
+    return replace(recordings, fitted=fitted, held_out=held_out, reading=carried)
 
 
 def linearise(structure: Structure, regression: Regression, named: bool, *, run: Run) -> Structure:

@@ -13,7 +13,7 @@ from dataclasses import asdict, replace
 from typing import Any, ClassVar, cast
 
 import numpy as np
-from scipy.optimize import approx_fprime
+import scipy
 
 from identifiability.estimation.differences import UNTOLD, Differences, Known, pooled_values
 from identifiability.estimation.groups import describe_term
@@ -53,7 +53,7 @@ from identifiability.workflows.diagnose.changes import Change, DifferentTorque, 
 
 from .case import MEASURED, Case, take_case
 from .compare import Sides, find_differences, read_sides
-from .predict import Fit, FitLike, find_fit, is_result, state_missing
+from .predict import Fit, FitLike, find_fit, is_result, state_missing, state_reading
 
 # `LoadEstimate`: the ten parameters of a load, with everything that is not known of them.
 
@@ -256,7 +256,8 @@ def _half_widths(found: LoadEstimate, body: Array) -> Array:
     Quantities are taken to first order about a body.
     """
     # Steps by which derivatives are taken, as a share of a body's own numbers.
-    slopes = approx_fprime(body, describe_body, 1e-6 * TYPICAL * max(body[9], LIGHTEST))
+    steps = 1e-6 * TYPICAL * max(body[9], LIGHTEST)
+    slopes = scipy.optimize.approx_fprime(body, describe_body, steps)
     half = REACH * np.sqrt(np.einsum("qi,ij,qj->q", slopes, found.covariance, slopes))
     sizes = slopes * TYPICAL
     along = np.abs(sizes @ found.unknown).max(1, initial=0.0)
@@ -583,13 +584,17 @@ def _prepare_sides(
     The load contradicts the robot's file, so no check is asked.
     """
     robot, how = structure.robot, fit.preparation if fit else None
-    case = Case(robot, logs, unloaded, preparation=how, use=MEASURED)
+    reading = fit.reading if fit else None
+    case = Case(robot, logs, unloaded, preparation=how, reading=reading, use=MEASURED)
     sides = read_sides(case, run)
     loaded = len(sides.fitted)
     both = replace(sides, fitted=(*sides.fitted, *sides.held_out), held_out=())
     common = case.common_preparation(robot, both)
     samples = case.unfitted(robot, both, common, run)
-    hints = [*state_missing(fit.missing if fit else ()), *both.hints]
+    hints = [*both.hints]
+    if fit is not None:
+        told = state_reading(fit, case, samples, run)
+        hints = [*told, *fit.hints, *state_missing(fit.missing), *hints]
     hints += _tell_noise(both.fitted[:loaded], common)
     hints += [text for s in samples for text in s.hints]
     return Sides(loaded, structure.regression(samples)), hints
@@ -607,6 +612,7 @@ def _join_case(
     """
     if fit is None:
         raise OptionError(Finding("sides.result"))
+    case = case.with_(reading=fit.reading)
     recordings = read_sides(case, run)
     loaded, hints = _prepare_sides(fit, structure, logs, (), run)
     seen = {log.sha256 for log in (*recordings.fitted, *recordings.held_out)}

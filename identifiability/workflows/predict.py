@@ -22,7 +22,7 @@ from identifiability.foundation import handed
 from identifiability.foundation.answers import Answer
 from identifiability.foundation.documents import read_document
 from identifiability.foundation.engines import Engine, Serial, one_thread
-from identifiability.foundation.errors import IdentifiabilityError, RobotError
+from identifiability.foundation.errors import IdentifiabilityError, ModelError, RobotError
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.keyed import Keyed, Row, name_estimates
 from identifiability.foundation.names import BASE, Array
@@ -40,6 +40,7 @@ from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.tables import write_table
 from identifiability.physical.fitted_model import LeastSquares
 from identifiability.quality.recordings import LogLike, Logs, Recordings, in_memory, read_recordings
+from identifiability.reading import CarriedReading, ReadingEntry
 from identifiability.regression.reduction import (
     LadderEntry,
     ModelEntry,
@@ -54,7 +55,7 @@ from identifiability.robot.robot import new_place
 from identifiability.robot.servo import FOUND, Servo
 from identifiability.robot.sidecar import Value
 
-from .case import Case, Use, take_case
+from .case import Case, Use, apply_to_logs, take_case
 from .provenance import given_paths
 
 #: No log is set aside, and none needs torque.
@@ -114,6 +115,8 @@ class TorquePrediction(Result):
     notes : mapping
         How each log was prepared.
     hints : tuple of str
+    lacking : (N, n) or 0 [N·m or N]
+        Gravity torque that the columns of the logs lack.
     """
 
     schema: ClassVar[str] = "identifiability/prediction/1"
@@ -133,11 +136,33 @@ class TorquePrediction(Result):
     motion: Motion
     notes: Mapping[str, tuple[str, ...]]
     hints: tuple[str, ...] = ()
+    lacking: Array | float = 0.0
 
     @property
     def robot(self) -> Robot:
         """The robot."""
         return self.fit.robot
+
+    @property
+    def as_logged(self) -> TorquePrediction:
+        """The same in the columns, signs and units of the logs, where these are read otherwise."""
+        carried = self.fit.reading
+        if carried is None:
+            return self
+        lacking = np.broadcast_to(self.lacking, self.predicted.shape)
+        columns = {name: np.empty(lacking.shape) for name in ("tau", "raw", "predicted")}
+        widths = {name: np.empty(lacking.shape) for name in ("mean", "low", "new")}
+        for k in range(len(self.logs)):
+            rows = self.log == k
+            for name, column in columns.items():
+                torque = getattr(self, name)[rows] - lacking[rows]
+                column[rows] = carried.as_logged(self.t[rows], torque)
+            for name, width in widths.items():
+                torque = getattr(self, name)[rows]
+                width[rows] = carried.as_logged(self.t[rows], torque, width=True)
+        known = self.known[:, np.argsort(carried.reading.order)]
+        arrays: dict[str, Any] = {"known": known, **columns, **widths}
+        return replace(self, **arrays)
 
     @cached_property
     def errors(self) -> Prediction:
@@ -232,6 +257,7 @@ class RobotEntry(Entry):
     """What the result is about."""
 
     name: str
+    sha256: str = ""
     locked: dict[str, float] = {}
 
 
@@ -286,8 +312,7 @@ class Predicts(ABC):
         run, fit = Run(engine=engine or Serial()), self.fit
         with one_thread("blas"):
             case = Case(fit.robot, logs, preparation=fit.preparation, use=MOTION)
-            recordings, samples = case.recordings(run), case.samples(fit.robot, run)
-            return _predict_along(fit, samples, recordings)
+            return _predict_along(fit, case.with_(reading=fit.reading), run)
 
     @staticmethod
     def from_json(path: str | Path, robot: RobotLike | None = None) -> Any:
@@ -328,6 +353,10 @@ class Fit(Keyed, Predicts):
         What functions that are missing did to the base parameters, and its standard deviation.
     servo : mapping of str to (float, float)
         ``delay`` [s] and gains, ``<joint>.kp`` and ``<joint>.kv``, that logs told, and how surely.
+    reading : CarriedReading or None
+        The reading of the fitted logs, and of those that are given to it; None for the literal one.
+    hints : tuple of str
+        What differs from when the result was made.
     """
 
     structure: Structure
@@ -341,6 +370,8 @@ class Fit(Keyed, Predicts):
     missing: tuple[str, ...] = ()
     alternatives: Array | float = 0.0
     servo: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    reading: CarriedReading | None = None
+    hints: tuple[str, ...] = ()
 
     @property
     def fit(self) -> Fit:
@@ -414,13 +445,26 @@ class Fit(Keyed, Predicts):
             "servo": dict(self.servo),
             "preparation": {f.name: getattr(self.preparation, f.name) for f in fields(Preparation)},
         }
+        told |= {"reading": self.reading.to_dict()} if self.reading is not None else {}
         return {k: x.tolist() if isinstance(x, np.ndarray) else x for k, x in told.items()}
 
 
 def _predict_along(
-    fit: Fit, samples: tuple[Dataset, ...], recordings: Recordings
+    fit: Fit, case: Case, run: Run, samples: tuple[Dataset, ...] = ()
 ) -> TorquePrediction:
-    """Return the torque of a fitted model along prepared logs, fitted ones first."""
+    """Return the torque of a fitted model along the logs of a case, fitted ones first.
+
+    Parameters
+    ----------
+    fit : Fit
+    case : Case
+        With the reading of the fit.
+    run : Run
+    samples : tuple of Dataset, optional
+        The prepared logs; by default each is prepared as a log that was not fitted.
+    """
+    recordings = case.recordings(run)
+    samples = samples or case.samples(case.robot, run)
     logs = (*recordings.fitted, *recordings.held_out)[: len(samples)]
     measured = tuple(not log.motion_alone for log in logs)
     structure = fit.structure
@@ -437,9 +481,55 @@ def _predict_along(
         measured=measured,
         motion=samples[0].motion,
         notes={s.path or s.name: s.notes for s in samples},
-        hints=(*state_missing(fit.missing), *recordings.hints, *hints),
+        hints=(
+            *state_reading(fit, case, samples, run),
+            *fit.hints,
+            *state_missing(fit.missing),
+            *recordings.hints,
+            *hints,
+        ),
+        lacking=_lacking_torque(fit, case, found, run),
         **{name: np.concatenate([one[name] for one in found]) for name in found[0]},
     )
+
+
+def _lacking_torque(
+    fit: Fit, case: Case, found: Sequence[Mapping[str, np.ndarray]], run: Run
+) -> Array | float:
+    """Return the gravity torque that the columns of the logs lack, (N, n), or none anywhere."""
+    carried = fit.reading
+    if carried is None or not carried.reading.compensated.any():
+        return 0.0
+    literal = case.with_(reading=None).recordings(run)
+    logs = (*literal.fitted, *literal.held_out)
+    parts = [carried.lacking(logs[rows["log"][0]], rows["t"]) for rows in found]
+    return np.concatenate(parts)
+
+
+def state_reading(fit: Fit, case: Case, samples: Sequence[Dataset], run: Run) -> Iterator[Finding]:
+    """Yield under which reading of a result new logs stand, and which logs contradict it.
+
+    Parameters
+    ----------
+    fit : Fit
+    case : Case
+        With its reading.
+    samples : sequence of Dataset
+        The prepared logs, under this reading.
+    run : Run
+    """
+    carried = fit.reading
+    if carried is None:
+        return
+    yield Finding("carried_reading", what=carried.reading.description)
+    literal = case.with_(reading=None)
+    named = literal.samples(carried.structure.robot, run)
+    logs = case.recordings(run)
+    pairs = zip(samples, named, (*logs.fitted, *logs.held_out), strict=False)
+    known = [(one, other) for one, other, log in pairs if not log.motion_alone]
+    if known:
+        read, named = zip(*known, strict=True)
+        yield from carried.find_contradictions(fit.structure, fit.base, read, named)
 
 
 def _predict_rows(fit: Fit, chunk: Chunk, measured: bool) -> dict[str, np.ndarray]:
@@ -474,6 +564,7 @@ class FitEntry(Entry):
     base_unknown: list[list[float]]
     alternatives: list[list[float]] | float = 0.0
     servo: dict[str, tuple[float, float]] = {}
+    reading: ReadingEntry | None = None
     preparation: Preparation
 
 
@@ -492,6 +583,9 @@ class RealEntry(Entry):
     gravity: GravityEntry | None = None
     error_ra: float | None = None
     error_ra_files: dict[str, float | None] = {}
+    error_ra_given_files: dict[str, float | None] = {}
+    error_ra_validation_files: dict[str, float | None] = {}
+    error_ra_validation_given_files: dict[str, float | None] = {}
     cad_prior: float = 0.0
     certificate: str = ""
     reason: str = ""
@@ -503,6 +597,8 @@ class RolloutEntry(Entry):
     statement: str
     logs: tuple[str, ...]
     delays: tuple[float, ...]
+    error: float | None = None
+    error_file: float | None = None
     gains: dict[str, dict[str, float]] = {}
 
     def apply_gains(self, servo: Servo, joints: Sequence[str]) -> Servo:
@@ -553,26 +649,37 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
     content, robot = _read_result(path, robot, "predicted")
     if content.fit is None:
         raise IdentifiabilityError(Finding("result.unfitted", path))
-    where = f"{path} is about '{content.robot.name}'"
-    structure, submodel = _rebuild_model(content.fit, robot, where)
+    entry = content.fit
     try:
-        fit = _rebuild_fit(content.fit, structure, submodel)
-    except ValueError:
-        raise IdentifiabilityError(Finding("result.tables", where)) from None
-    return replace(fit, origin=str(path), missing=content.missing)
-
-
-def _rebuild_model(entry: FitEntry, robot: Robot, where: str) -> tuple[Structure, Submodel]:
-    """Return the model that a result was fitted under, for its robot."""
-    structure = Structure.of(robot, Model.of(*(entry.model.effects or ())))
-    try:
-        (submodel,) = build_ladder(LadderEntry(models=[entry.model]), structure)
+        carried = CarriedReading.of_entry(entry.reading, robot)
+        turned = robot if carried is None else carried.turn(robot)
+        structure = Structure.of(turned, Model.of(*(entry.model.effects or ())))
+        submodel = _rebuild_model(entry, structure)
+        fit = _rebuild_fit(entry, structure, submodel)
     except IdentifiabilityError as error:
-        raise _other_robot(where, robot, str(error)) from None
-    if sorted(submodel.columns) != sorted(entry.names) or len(entry.low) != len(robot.joints):
-        raise _other_robot(where, robot, "its parameters are not those of this robot.")
+        raise refuse_robot(path, content.robot, robot, str(error)) from None
+    except ValueError:
+        raise IdentifiabilityError(Finding("result.tables", path)) from None
+    changed = content.robot.sha256 not in ("", robot.sha256)
+    hints = (Finding("robot_changed", path, robot=robot.path.name),) if changed else ()
+    fit = replace(fit, origin=str(path), missing=content.missing)
+    return replace(fit, reading=carried, hints=hints)
+
+
+def _rebuild_model(entry: FitEntry, structure: Structure) -> Submodel:
+    """Return the model that a result was fitted under.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If the robot has other parameters.
+    """
+    (submodel,) = build_ladder(LadderEntry(models=[entry.model]), structure)
+    joints = structure.robot.joints
+    if sorted(submodel.columns) != sorted(entry.names) or len(entry.low) != len(joints):
+        raise ModelError(phrase("result.other", "parameters"))
     # What is tied stands where its first member stood.
-    return structure, submodel.ordered(entry.names)
+    return submodel.ordered(entry.names)
 
 
 def _rebuild_fit(entry: FitEntry, structure: Structure, submodel: Submodel) -> Fit:
@@ -640,8 +747,23 @@ def read_real(
     return content, *apply_tilt(robot, given)
 
 
-def _other_robot(where: str, robot: Robot, why: str) -> IdentifiabilityError:
-    return IdentifiabilityError(Finding("result.other", where, robot=robot.name, why=why))
+def refuse_robot(
+    where: object, made: RobotEntry | Robot, robot: Robot, why: str
+) -> IdentifiabilityError:
+    """Return the refusal of a robot that a result was not made with.
+
+    Parameters
+    ----------
+    where : path, or what the result is called
+    made : RobotEntry or Robot
+        The robot that the result was made with.
+    robot : Robot
+        The one that is given.
+    why : str
+        A sentence.
+    """
+    names = {"robot": robot.path.name, "made": made.name, "sha256": made.sha256[:12]}
+    return IdentifiabilityError(Finding("result.other", where, why=why, **names))
 
 
 def with_cutoff(given: Preparation, samples: Sequence[Dataset]) -> Preparation:
@@ -681,8 +803,8 @@ def find_fit(result: FitLike, robot: Robot) -> Fit:
         return read_fit(result, robot)
     fit = result.fit
     if fit.robot.joints != robot.joints or fit.robot.bodies != robot.bodies:
-        where = f"The result is about {fit.robot.name}"
-        raise OptionError(str(_other_robot(where, robot, "it has other joints.")))
+        why = phrase("result.other", "joints")
+        raise OptionError(str(refuse_robot("The result", fit.robot, robot, why)))
     return fit
 
 
@@ -901,8 +1023,9 @@ def predict(
         if not isinstance(robot, Case):
             return fit.predict(logs, engine=engine)
         run = Run(engine=engine or Serial())
-        data = case.data(case.first_structure(run), run)
-        return _predict_along(fit, (*data.samples, *data.validation), data.recordings)
+        case = case.with_(reading=fit.reading)
+        data = case.data(fit.structure, run, seek=False)
+        return _predict_along(fit, case, run, (*data.samples, *data.validation))
 
 
 def _predict_positions(case: Case, result: Predicts | Robot | str | Path) -> PositionPrediction:
@@ -912,13 +1035,23 @@ def _predict_positions(case: Case, result: Predicts | Robot | str | Path) -> Pos
     robot = case.robot
     robot.check_stands("predict --forward")
     recordings = case.stages.once(read_driven, robot, (*case.logs, *case.validate))
-    logs = select_commanded(robot, in_memory(recordings.fitted))
     other = _find_machine(robot, result)
+    hints = recordings.hints
+    # Logs of commands are read literally.
+    by_torque = robot.servo is None and other is not None and is_result(result)
+    carried = find_fit(cast("FitLike", result), robot).reading if by_torque else None
+    if carried is not None and other is not None:
+        recordings = apply_to_logs(carried.reading, recordings, carried.structure)
+        gravity: Any = {"model": carried.turn(robot).model, "upright": robot.gravity}
+        robot = replace(robot, **gravity)
+        other = replace(other[0], **gravity), *other[1:]
+        hints = (Finding("carried_reading", what=carried.reading.description), *hints)
+    logs = select_commanded(robot, in_memory(recordings.fitted))
     file: Machine = robot, _file_name(robot), {}
     if robot.servo is not None and robot.servo.unknown.any() and other is not None:
         file = replace(robot, servo=other[0].servo), *file[1:]
     runs = tuple(_move(*machine, logs) for machine in (file, other) if machine is not None)
-    return PositionPrediction(robot=robot, logs=tuple(logs), runs=runs, hints=recordings.hints)
+    return PositionPrediction(robot=case.robot, logs=tuple(logs), runs=runs, hints=hints)
 
 
 def read_driven(robot: Robot, logs: Sequence[LogLike]) -> Recordings:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from identifiability.logs.contradictions import contradictions, looks_like_degrees
+from identifiability.logs.spectrum import Band, BandAdvice
 from identifiability.logs.table_reader import unify_rates
 from identifiability.quality import hints as torque_scale
 from identifiability.report.answers.common import grade_of
@@ -77,10 +78,15 @@ def derived(scale=1.0, unexplained=0.0, stands_out=1e9):
 # What is said of a cut-off, of logs beside each other, and of errors.
 
 
-def band(cutoff=5.0, noise=0.0):
-    """A band of one hertz."""
-    found = SimpleNamespace(cutoff=cutoff, bandwidth=1.0, noise=noise, limit=9.0, rate=100.0)
-    return " ".join(workflow.say_band(found))
+def band(cutoff=5.0, noise=0.0, advice=None):
+    """A motion of one hertz, sampled five times as fast as the cut-off."""
+    found = Band(cutoff, cutoff, 1.0, 9.0, noise, "", 5.0 * cutoff, advice)
+    return " ".join(workflow.say_band(found, names=True))
+
+
+def set_band(error=1.0, outputs=5.0):
+    """A cut-off of 5 Hz that was set, with an error over that of a better one."""
+    return band(advice=BandAdvice(4.0, outputs, 0.1, 0.1 * error))
 
 
 def moved(most, end=1.0):
@@ -106,6 +112,8 @@ ROWS = {
     "velocity of another motion": (lambda x: derived(unexplained=x), 0.19, 0.21),
     "motion that stands out": (lambda x: derived(2.0, stands_out=x), 3.7, 4.3),
     "cut-off in the motion": (lambda x: band(cutoff=1 / x), 1 / 2.05, 1 / 1.95),
+    "cut-off that was set": (lambda x: set_band(error=x), 1.019, 1.021),
+    "band that was set": (lambda x: set_band(outputs=5.0 / x), 1.49, 1.51),
     "noise below the cut-off": (lambda x: band(noise=x), 0.195, 0.205),
     "very good no more": (lambda x: grade_of(x) != "very-good", 0.0299, 0.0301),
     "fair": (lambda x: grade_of(x) == "fair", 0.0799, 0.0801),

@@ -156,7 +156,7 @@ def test_what_cannot_be_read_back_is_refused_by_name(analysis, tmp_path, change,
 
 def test_the_result_of_another_robot_is_refused(analysis, tmp_path):
     path = analysis.to_json(tmp_path / "result.json")
-    with pytest.raises(IdentifiabilityError, match="the robot given is"):
+    with pytest.raises(IdentifiabilityError, match="does not belong to"):
         Analysis.from_json(path, Robot.load("five-bar"))
 
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from scipy.ndimage import binary_propagation, maximum_filter1d, minimum_filter1d
+import scipy
 from scipy.special import bdtrc
 
 from identifiability.foundation.errors import LogError
@@ -149,7 +149,7 @@ class DwellRule:
                 out[:, j] |= _lasting(speed[:, j] <= creep[j], least)
         # A dwell lasts as long as the joint creeps.
         line = np.array([[0, 1, 0]] * 3)
-        out = binary_propagation(out, line, mask=out | (speed <= self.creep[0]))
+        out = scipy.ndimage.binary_propagation(out, line, mask=out | (speed <= self.creep[0]))
         out = _reached(out, self.beside)
         return out | _reached(_reversals(dq), self.turning) if self.turning else out
 
@@ -164,8 +164,8 @@ def _reversals(dq: Array) -> Array:
 def _lasting(x: Array, window: int) -> Array:
     """Return where x (N,) bool is true for at least a window about some sample."""
     size = 2 * (window // 2) + 1  # an opening, in a time that does not grow with the window
-    slow = minimum_filter1d(x.astype(np.uint8), size, mode="constant")
-    kept: Array = maximum_filter1d(slow, size, mode="constant") > 0
+    slow = scipy.ndimage.minimum_filter1d(x.astype(np.uint8), size, mode="constant")
+    kept: Array = scipy.ndimage.maximum_filter1d(slow, size, mode="constant") > 0
     return kept
 
 
@@ -436,7 +436,7 @@ class Plan:
 
 def _reached(x: Array, reach: int) -> Array:
     """Return (N, n) bool true within some samples of where it is."""
-    out: Array = maximum_filter1d(x, 2 * min(reach, len(x)) + 1, axis=0)
+    out: Array = scipy.ndimage.maximum_filter1d(x, 2 * min(reach, len(x)) + 1, axis=0)
     return out
 
 
@@ -686,8 +686,8 @@ def choose_cutoff(
     how = how or Preparation()
     how = with_series_band(how, [log for log in logs if log.ddq is None])
     logs = [smoothed(robot, log, how) for log in logs]
-    raw = [Windows.of(log, mend=_is_filtered(log, how)) for log in logs]
-    computed = [x for log, x in zip(logs, raw, strict=True) if _is_filtered(log, how)]
+    raw = [Windows.of(log, mend=is_filtered(log, how)) for log in logs]
+    computed = [x for log, x in zip(logs, raw, strict=True) if is_filtered(log, how)]
     if computed:
         how = _with_band(robot, computed, how)
     if how.keep_rest or not logs:
@@ -768,7 +768,7 @@ def fit_band(robot: Robot, log: Log, how: Preparation | None) -> Preparation | N
     LogError
         If the log does not fit the robot.
     """
-    if how is None or how.cutoff is None or not _is_filtered(log, how):
+    if how is None or how.cutoff is None or not is_filtered(log, how):
         return how
     raw = Windows.of(log, mend=True)
     common = _motion_cutoff(raw.gaps, how)
@@ -778,7 +778,7 @@ def fit_band(robot: Robot, log: Log, how: Preparation | None) -> Preparation | N
     return replace(_with_band(robot, [raw], free), common=common)
 
 
-def _is_filtered(log: Log, how: Preparation) -> bool:
+def is_filtered(log: Log, how: Preparation) -> bool:
     """Return whether derivatives of a log are computed after a low-pass."""
     have = {"dq", "ddq"} <= set(log.channels)
     return how.derivatives == "butterworth" or (how.derivatives == "auto" and not have)
@@ -793,7 +793,7 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
         If the log does not fit the robot or what is asked for.
     """
     log = smoothed(robot, log, how)
-    filtered = _is_filtered(log, how)
+    filtered = is_filtered(log, how)
     raw = Windows.of(log, mend=filtered)
     windows = [joint_log(robot, w) for w in raw.logs]
     stale = raw.stale

@@ -62,8 +62,8 @@ class TorquePredictionPresenter(PredictingPresenter):
         return (make_table("predicted", self.result.error_frame().itertuples()),)
 
     def to_frame(self) -> pd.DataFrame:
-        """Return one row a sample."""
-        result = self.result
+        """Return one row a sample, in the columns of the logs."""
+        result = self.result.as_logged
         columns: dict[str, Any] = {"log": np.array(result.logs)[result.log], "t": result.t}
         for k, joint in enumerate(result.robot.joints):
             for what, values in _list_samples(result, k).items():

@@ -23,7 +23,7 @@ from identifiability.physical.cad_prior import combine_with_file
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.physical.fitted_model import FittedModel
 
-from .ladder import FittedLadder
+from .ladder import ACCOUNTS, FittedLadder
 from .result import Laddered, ModelResult
 from .shared_errors import SharedErrors
 
@@ -98,7 +98,7 @@ def assess_ladder(
     how = rng, replicates, full, missing, found.shared
     results = []
     for k, one in enumerate(found.fits):
-        model, accounts = one.model, range(4 * k, 4 * k + 4)
+        model, accounts = one.model, range(ACCOUNTS * k, ACCOUNTS * (k + 1))
         fit, verdicts, infeasible = decide_model(model, torque, *how, one.robot)
         result = ModelResult(
             submodel=model.submodel,

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from identifiability.effects.vocabulary import file_values
 from identifiability.estimation.estimate import estimate_noise
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.evidence import Folds, HeldOut, Score, near_best
@@ -29,6 +30,9 @@ from identifiability.regression.reduction import Submodel
 from identifiability.workflows.case import WeightedRows
 
 from .shared_errors import SharedErrors, measure_shared_errors
+
+#: Values of which each fitted model is judged (`LadderFit.values`).
+ACCOUNTS = 6
 
 
 @frozen
@@ -55,18 +59,29 @@ class LadderFit:
 
     @property
     def values(self) -> Array:
-        """Base parameters (b, 4): as estimated, and of the nearest real robot.
+        """Base parameters (b, `ACCOUNTS`): as estimated, and of the nearest real robot.
 
-        Then what a robot file holds of the latter: of its own format, and of the other.
+        Then what a robot file holds of the latter: of its own format, and of the other. Last what
+        such files hold of the robot that was given.
         """
+        structure = self.model.structure
         free = self.model.submodel.expand(self.model.estimate.value)
-        return np.column_stack([free, self.robot.base, *self.robot.in_files])
+        stated = dict(zip(structure.columns, structure.nominal.tolist(), strict=True))
+        files = file_values(structure.robot, stated)
+        given = [structure.G @ [held[name] for name in structure.columns] for held in files]
+        return np.column_stack([free, self.robot.base, *self.robot.in_files, *given])
 
     @property
     def turned(self) -> Array:
-        """The same found from each fold's rest, (F, b, 4); files lack as much as of the whole."""
-        lacking = self.values[:, 2:] - self.values[:, 1:2]
-        return np.concatenate([self.crossed, self.crossed[:, :, 1:] + lacking], axis=2)
+        """The same found from each fold's rest, (F, b, `ACCOUNTS`).
+
+        Files lack as much as of the whole, and the given robot is fitted to nothing.
+        """
+        values = self.values
+        written, given = np.split(values[:, 2:], 2, axis=1)
+        in_files = self.crossed[:, :, 1:] + written - values[:, 1:2]
+        in_given = np.broadcast_to(given, in_files.shape)
+        return np.concatenate([self.crossed, in_files, in_given], axis=2)
 
 
 def fit_ladder(
@@ -163,7 +178,7 @@ class FittedLadder:
     near : (m,) bool
         Models that may stand for the best.
     fitted, unseen : Prediction
-        By the four accounts of each model (`LadderFit.values`), on fitted and on unseen motion.
+        By the accounts of each model (`LadderFit.values`), on fitted and on unseen motion.
     shared : SharedErrors
         What errors that all samples of a log share do to values.
     """

@@ -76,8 +76,7 @@ class ModelResult:
         path that is not to be used.
     fitted, unseen : Prediction
         Of torque along the fitted logs and along unseen motion: by the estimate, and, where it was
-        asked for, by the nearest real robot and by what robot files hold of it alone, one of the
-        robot's own format and one of the other.
+        asked for, by the other accounts of a model (`LadderFit.values`).
     """
 
     submodel: Submodel
@@ -139,7 +138,10 @@ class ModelResult:
         return float(self.unseen.relative_error()[int(self.physical_used)])
 
     def unseen_by(self, which: int) -> float:
-        """Return ε_RA on unseen motion of the estimate (0), the real robot (1), files (2, 3)."""
+        """Return ε_RA on unseen motion of the estimate (0), the real robot (1), its files (2, 3).
+
+        Then of files that hold what is stated of the robot (4, 5).
+        """
         every = self.unseen.relative_error()
         return float(every[which]) if which < len(every) else float("nan")
 
@@ -342,6 +344,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             missing=self.missing.functions,
             alternatives=np.stack([to_base @ shift, doubt]),
             servo=self._servo_errors(),
+            reading=self.recordings.reading,
         )
 
     def _servo_errors(self) -> dict[str, tuple[float, float]]:
@@ -381,10 +384,15 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         errors = used.fitted.relative_error()[1:].tolist()
         what = self.structure, real.parameters(), errors, self.samples, real.cad_weight
         told = real_robot_dict(*what)
-        files = dict(zip(file_kinds(self.robot), map(used.unseen_by, (2, 3)), strict=True))
+        kinds = file_kinds(self.robot)
+        files = dict(zip(kinds, map(used.unseen_by, (2, 3)), strict=True))
+        given = dict(zip(kinds, map(used.unseen_by, (4, 5)), strict=True))
         if "gravity" in told:  # what its files err by is measured along the fitted logs alone
-            files = dict.fromkeys(files, float("nan"))
-        return told | {"error_ra_validation_files": files}
+            files = given = dict.fromkeys(files, float("nan"))
+        return told | {
+            "error_ra_validation_files": files,
+            "error_ra_validation_given_files": given,
+        }
 
     @property
     def mass_warning(self) -> str:

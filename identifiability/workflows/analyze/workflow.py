@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from identifiability.effects.base import move_mounting
+from identifiability.estimation.cutoff import STEP
 from identifiability.estimation.estimate import Kind, Method, find_estimator
-from identifiability.estimation.evidence import Folds
+from identifiability.estimation.evidence import LEVELS, Folds
 from identifiability.estimation.groups import MissingEffects
 from identifiability.estimation.prediction import Prediction, Task, predict_all
 from identifiability.foundation.defaults import DEFAULTS
@@ -47,18 +48,31 @@ from .result import Analysis, ModelResult, compare_logs, doubt
 # What is reported beside the models: an unsuitable cut-off, and what the fit says of its logs.
 
 
-def say_band(band: Band | None) -> tuple[str, ...]:
-    """Return what to say of a cut-off: it cuts into the motion, or much noise is below it."""
+def say_band(band: Band | None, *, names: bool = False) -> tuple[str, ...]:
+    """Return what to say of a cut-off: samples are too slow for it, another is better, or noise.
+
+    Parameters
+    ----------
+    band : Band or None
+    names : bool
+        Whether effects are named, which a band that is too wide makes unreliable.
+    """
+    if band is None:
+        return ()
     said = list[Finding]()
-    if band is not None and band.cutoff < 2.0 * band.bandwidth:
-        least = 0.5 * LOG_RULES.cutoff_wide * band.bandwidth
-        numbers = {"least": least, "rate": least / LOG_RULES.cutoff_highest}
+    advice = band.advice
+    if advice is None and band.sampled_slowly:
+        rate = 2.0 * band.bandwidth / LOG_RULES.cutoff_highest
         reach = {"cutoff": band.cutoff, "bandwidth": band.bandwidth}
-        said.append(Finding("cutoff_low", whose=["the logs"], **numbers, **reach))
+        said.append(Finding("cutoff_low", rate=rate, **reach))
+    if advice is not None and advice.given > (1.0 + LEVELS.rise) * advice.error:
+        errors = {"given": advice.given, "error": advice.error}
+        said.append(Finding("cutoff_set", cutoff=band.cutoff, better=advice.cutoff, **errors))
     # On one period of a motion intervals hold up to three tenths.
-    if band is not None and band.noise > 0.2:
-        found = {"cutoff": band.cutoff, "share": min(band.noise, 1.0)}
-        said.append(Finding("cutoff_noisy", limit=min(band.limit, band.cutoff), **found))
+    elif band.noise > 0.2:
+        said.append(Finding("cutoff_noisy", cutoff=band.cutoff, share=min(band.noise, 1.0)))
+    if names and advice is not None and band.outputs > STEP * advice.outputs:
+        said.append(Finding("cutoff_wide", band=band.outputs, better=advice.outputs))
     return tuple(said)
 
 
@@ -292,7 +306,7 @@ def conclude_analysis(
         settings=settings,
         nothing=nothing,
         recordings=data.recordings,
-        alternative=data.reading,
+        alternative=data.confirmed,
         missing=missing,
         late=found.shared.together(unpruned) @ unpruned.M.T,
     )

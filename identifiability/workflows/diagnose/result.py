@@ -57,6 +57,7 @@ from .problem import (
 
 if TYPE_CHECKING:
     from identifiability.quality.recordings import Recordings
+    from identifiability.reading import CarriedReading
 
 
 class Rival(NamedTuple):
@@ -269,6 +270,8 @@ class Diagnosis(Result, Predicts):
         Why nothing was looked for, for after "because"; empty where it was.
     alternative : str
         Under which other reading of the logs it was diagnosed, in a sentence; empty for none.
+    reading : CarriedReading or None
+        That reading, where the columns or gravity are read in another way.
     """
 
     schema: ClassVar[str] = "identifiability/diagnosis/1"
@@ -296,6 +299,7 @@ class Diagnosis(Result, Predicts):
     hints: tuple[str, ...] = ()
     nothing: str = ""
     alternative: str = ""
+    reading: CarriedReading | None = None
     provenance: Mapping[str, str] = field(default_factory=dict)
     moved: PositionPrediction | None = None
 
@@ -597,6 +601,7 @@ def keep_completed(d: Diagnosis) -> Fit:
         preparation=with_cutoff(d.preparation, d.samples),
         base_covariance=spread.covariance,
         base_unknown=spread.unknown,
+        reading=d.reading,
     )
 
 

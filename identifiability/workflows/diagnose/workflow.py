@@ -254,8 +254,9 @@ def _with_context(
 ) -> Diagnosis:
     """Return a diagnosis with what its logs, its options and its model ask to be said."""
     # Torque of commands is calibrated with the cut-off.
-    band = () if found.commanded else say_band(getattr(found.preparation, "band", None))
-    hints = (*found.hints, *data.hints, *band, *free_again(request.model))
+    band = getattr(found.preparation, "band", None)
+    said = () if found.commanded else say_band(band, names=True)
+    hints = (*found.hints, *data.hints, *said, *free_again(request.model))
     if request.prior:
         hints = (found.known.hint, *hints)
     if request.fixed is True:
@@ -264,7 +265,8 @@ def _with_context(
     found = replace(
         found,
         nothing="" if found.fixed else data.misread,
-        alternative="" if data.reading is None else data.reading.statement,
+        alternative="" if data.confirmed is None else data.confirmed.statement,
+        reading=data.recordings.reading,
         hints=hints,
         provenance=state_provenance(found.robot, logs, seed, None, options | {"quick": quick}),
     )
@@ -379,7 +381,7 @@ def _read_logs(
     if request.keeps:
         return data, None
     reference = None
-    if pilot is not None and data.reading is None:
+    if pilot is not None and data.confirmed is None:
         reference = case.data(pilot, run, "diagnosed", seek=False, most=most)
     return case.at_fit(data, run, named=True), reference
 
@@ -502,8 +504,8 @@ def _as_diagnosed(structure: Structure, diagnosed: Structure, base: Array) -> Ar
 def _under_ladder(case: Case, data: Data, entry: LadderEntry, run: Run) -> Data:
     """Return data under the unpruned model of a ladder, with the same reading."""
     structure = case.structure(data.robot, ladder_model(entry))
-    if data.reading is not None:
-        structure = case.stages.once(apply_to_structure, data.reading, structure)
+    if data.confirmed is not None:
+        structure = case.stages.once(apply_to_structure, data.confirmed, structure)
     return case.at_fit(case.under(data, structure), run)
 
 

@@ -10,7 +10,7 @@ from contextlib import suppress
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import minimize
+import scipy
 
 from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
@@ -332,7 +332,7 @@ def search(
             before = np.inf
             while before - found[-1][0] > STUCK:
                 before, x = found[-1]
-                minimize(
+                scipy.optimize.minimize(
                     look,
                     x,
                     jac=True,

@@ -27,11 +27,12 @@ from identifiability.effects.vocabulary import (
     read_back,
     stated_numbers,
 )
+from identifiability.estimation.evidence import LEVELS
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.prediction import predict as predict_torque
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, near_match
-from identifiability.foundation.findings import Finding, phrase
+from identifiability.foundation.findings import phrase
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array
 from identifiability.foundation.options import ExportFormat, FilePath, checked
@@ -44,6 +45,7 @@ from identifiability.logs.prepare import Preparation
 from identifiability.physical.cad_prior import state_mass
 from identifiability.physical.pseudo_inertia import check_body
 from identifiability.quality.recordings import Logs, list_logs
+from identifiability.reading import CarriedReading, ReadingEntry
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
@@ -57,6 +59,7 @@ from identifiability.workflows.predict import (
     ResultEntry,
     predict,
     read_real,
+    refuse_robot,
     state_missing,
 )
 
@@ -73,8 +76,8 @@ def check_result(robot: Robot, path: Path, content: ResultEntry, known: set[str]
     given = content.physical.parameters
     unknown = next((name for name in given if name not in known), None)
     if unknown is not None:
-        where, why = f"{path} is about '{content.robot.name}'", f"it has no '{unknown}'."
-        raise IdentifiabilityError(Finding("result.other", where, robot=robot.name, why=why))
+        why = phrase("result.other", "unknown", name=unknown)
+        raise refuse_robot(path, content.robot, robot, why)
     masses = {body: robot.nominal[f"{body}.m"] for body in robot.bodies}
     # A body with less than this share of the robot's mass weighs nothing: formats want a number.
     heavy = [b for b, mass in masses.items() if mass > ROUNDOFF * sum(masses.values())]
@@ -323,7 +326,8 @@ def export(
         Logs that were not fitted, on which the file that is written is compared with the robot's
         own.
     force : bool
-        Whether a robot file is written that errs more on these than the robot's own.
+        Whether a robot file is written that errs more than the robot's own: on these, on the
+        fitted logs of the result, or on those that it held out.
 
     Raises
     ------
@@ -341,6 +345,9 @@ def export(
     given |= _as_stated(robot, given)
     if wanted == "isaaclab":
         return _describe(robot, content, given, Written(write_isaaclab(robot, given, content, out)))
+    rises = _state_rises(own, content, wanted, out.name)
+    if rises and not force:
+        raise IdentifiabilityError(phrase("exported", "errs_more", rises=rises))
     write, unseen = _prepare_writing(robot, content, given), None
     if list_logs(validate):
         with temporary_folder() as folder:
@@ -349,7 +356,43 @@ def export(
             errors = phrase("exported", "worse", told=unseen.told, file=out.name)
             raise IdentifiabilityError(errors)
     found = _describe(robot, content, given, write(out), wanted, unseen)
+    found = replace(found, notes=(*rises, *found.notes))
     return found if found.sidecar is None else _add_snippet(own, found)
+
+
+def _state_rises(robot: Robot, content: ResultEntry, kind: Kind, name: str) -> tuple[str, ...]:
+    """Return how much a file would err more than the robot's own, a sentence for each motion.
+
+    Of logs of commands these are errors of positions, else of torque. Files of one format are
+    compared. A rise that no evidence counts as one is left out.
+
+    Parameters
+    ----------
+    robot : Robot
+    content : ResultEntry
+    kind : {"mjcf", "urdf"}
+        Format that is written.
+    name : str
+        Of the file that is written.
+    """
+    physical, moved = content.physical, content.rollout
+    if moved is not None:
+        errors = {"moved": (moved.error, moved.error_file)}
+    else:
+        pairs = {
+            "fitted": (physical.error_ra_files, physical.error_ra_given_files),
+            "unseen": (
+                physical.error_ra_validation_files,
+                physical.error_ra_validation_given_files,
+            ),
+        }
+        errors = {rows: (new.get(kind), own.get(kind)) for rows, (new, own) in pairs.items()}
+    said = []
+    for rows, (new, before) in errors.items():
+        if new is not None and before is not None and new > (1.0 + LEVELS.rise) * before:
+            both = {"file": name, "new": new, "own": robot.path.name, "before": before}
+            said.append(phrase("errs_more", rows, **both))
+    return tuple(said)
 
 
 def _prepare_writing(
@@ -530,10 +573,12 @@ def judge_files(
     read = partial(_reread, robot, written.robot, written.sidecar)
     if content.rollout is not None:
         return cast("PositionPrediction", predict(robot, read(alone=False), logs, forward=True))
-    how = None if content.fit is None else content.fit.preparation
+    entry = content.fit
+    how = None if entry is None else entry.preparation
+    reading = None if entry is None else entry.reading
     files = [_reread(robot, robot.path, robot.sidecar, alone=True), read(alone=True)]
     files += [read(alone=False)] if written.sidecar else []
-    judged = [_predict_by_file(copy, logs, how) for copy in files]
+    judged = [_predict_by_file(copy, logs, how, reading) for copy in files]
     errors = [float(found.relative_error()[0]) for found, _ in judged]
     found, names = judged[1]
     worst = robot.joints[int(np.argmax(found.joint_error()[:, 0]))]
@@ -542,17 +587,22 @@ def judge_files(
 
 
 def _predict_by_file(
-    robot: Robot, logs: Logs, how: Preparation | None
+    robot: Robot, logs: Logs, how: Preparation | None, reading: ReadingEntry | None
 ) -> tuple[Prediction, tuple[str, ...]]:
-    """Return torque along logs by all that a robot file states, and the names of the logs."""
+    """Return torque along logs by all that a robot file states, and the names of the logs.
+
+    Logs are read as those of the result, without gravity where their torque lacks it.
+    """
     stated = {name for name, value in robot.nominal.items() if value}
     # One level of dry friction stands for both directions, too.
     effects = [f.effect for name, f in FAMILIES.items() if name != "coulomb_friction"]
     model = Model(tuple(e for e in effects if stated & {p.name for p in e.parameters(robot)}))
-    structure = Structure.of(robot, model)
-    case = Case(robot, logs, preparation=how, use=Use(divides=False, commands=False))
-    samples = case.samples(robot, Run(), "compared")
-    regression = Regression(robot, model, samples)
+    carried = CarriedReading.of_entry(reading, robot)
+    use = Use(divides=False, commands=False)
+    case = Case(robot, logs, preparation=how, reading=carried, use=use)
+    structure = Structure.of(robot if carried is None else carried.turn(robot), model)
+    samples = case.samples(structure.robot, Run(), "compared")
+    regression = Regression(structure.robot, model, samples)
     found = predict_torque(regression, structure.nominal[:, None])
     return found, tuple(s.name for s in samples)
 

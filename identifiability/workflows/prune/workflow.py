@@ -52,7 +52,7 @@ from identifiability.regression.reduction import (
 )
 from identifiability.robot import RobotLike
 from identifiability.workflows.analyze.judge import decide_model, rms_torque, tell_with_file
-from identifiability.workflows.analyze.ladder import LadderFit, fit_with_robot
+from identifiability.workflows.analyze.ladder import ACCOUNTS, LadderFit, fit_with_robot
 from identifiability.workflows.analyze.result import WORSE
 from identifiability.workflows.analyze.shared_errors import SharedErrors, measure_shared_errors
 from identifiability.workflows.analyze.workflow import (
@@ -391,7 +391,8 @@ class PathPredictions:
     fits : tuple of (Submodel, Estimate)
         Of each step.
     fitted, unseen : Prediction
-        Along fitted and unseen motion: by each step, then by the four accounts of the model to use.
+        Along fitted and unseen motion: by each step, then by the accounts of the model to use
+        (`LadderFit.values`).
     crossed : Prediction
         Along stretches (or logs) by models fitted to the others.
     """
@@ -504,7 +505,7 @@ def judge_step(
     best = steps[best_step(steps)]
     density = steps[k].score.gain(best.score)
     error = Evidence.of(steps[k].errors, best.errors).error
-    accounts = [k] if robot is None else range(len(steps), len(steps) + 4)
+    accounts = [k] if robot is None else range(len(steps), len(steps) + ACCOUNTS)
     return PrunedModel(
         step=steps[k],
         submodel=submodel,

@@ -132,8 +132,8 @@ def ladder():
     models = [fitted_model(r, every, [1.0, 2.0, 3.0, 4.0]) for r in submodels]
     fits = [m.estimate for m in models]
     values = np.stack([r.expand(f.value) for r, f in zip(submodels, fits, strict=True)], 1)
-    # "The nearest real robots", and "what files of both formats hold of them".
-    shares = (1.0, 0.9, 0.8, 0.7)
+    # "The nearest real robots", and "what files of both formats hold", of them and as stated.
+    shares = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
     values = np.stack([share * values[:, k] for k in range(2) for share in shares], axis=1)
     half = [slice(0, 960), slice(960, 1920)]
     made = [
@@ -151,9 +151,9 @@ def test_every_model_gets_its_own_errors(ladder):
     *_, made, results = ladder
     fitted, fixed = (p.relative_error() for p in made)
     for k, r in enumerate(results):
-        assert (r.error_ra, r.error_ra_validation) == (fitted[4 * k], fixed[4 * k])
-        assert [r.unseen_by(of) for of in range(4)] == fixed[4 * k : 4 * k + 4].tolist()
-        assert r.fitted.relative_error().tolist() == fitted[4 * k : 4 * k + 4].tolist()
+        assert (r.error_ra, r.error_ra_validation) == (fitted[6 * k], fixed[6 * k])
+        assert [r.unseen_by(of) for of in range(6)] == fixed[6 * k : 6 * k + 6].tolist()
+        assert r.fitted.relative_error().tolist() == fitted[6 * k : 6 * k + 6].tolist()
 
 
 def test_the_values_to_use_are_the_real_robots_where_it_predicts_as_well(ladder):
@@ -165,8 +165,8 @@ def test_the_values_to_use_are_the_real_robots_where_it_predicts_as_well(ladder)
     assert used.physical_used
     assert used.recommended == [0.9 * own]
     assert used.real.expand(used.recommended).tolist() == base.tolist()
-    assert used.error_ra == used.used[0].relative_error()[0] == made[0].relative_error()[5]
-    assert used.error_ra_validation == made[1].relative_error()[5]
+    assert used.error_ra == used.used[0].relative_error()[0] == made[0].relative_error()[7]
+    assert used.error_ra_validation == made[1].relative_error()[7]
     tied = replace(small.submodel, M=np.array([[1.0], [1.0], [0.0], [0.0]]))
     for apart in (
         replace(used, submodel=tied),

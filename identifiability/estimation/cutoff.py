@@ -1,0 +1,321 @@
+"""Which cut-off predicts unseen torque best, among those that spectra of the motion allow.
+
+The spectra state the widest cut-off (`identifiability.logs.spectrum`). They cannot tell noise from
+motion where a joint shakes, nor how much noise of each joint matters. The torque can. So narrower
+cut-offs are tried as well: each is fitted to most of a log, and predicts the torque of the rest as
+it was measured. All cut-offs are judged at the same rows, in one band: that of the raw torque. A
+joint counts by its share of torque. Held-out logs have no say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from identifiability.foundation.errors import ClosureError, LogError
+from identifiability.foundation.names import Array
+from identifiability.foundation.rounding import percent
+from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.values import frozen
+from identifiability.logs import Log
+from identifiability.logs.prepare.dataset import Dataset
+from identifiability.logs.prepare.preparation import (
+    CommonPreparation,
+    Plan,
+    Preparation,
+    choose_cutoff,
+    is_filtered,
+    joint_log,
+    make_plan,
+)
+from identifiability.logs.spectrum import BandAdvice, bandwidth_of_windows
+from identifiability.regression.structure import Structure
+from identifiability.robot import Robot, complete_motion
+from identifiability.robot.closure import known_torque
+
+from .estimator import Estimator
+from .evidence import LEVELS, Folds, Gain, HeldOut, sum_gain
+from .motion import ROWS, gather_rows
+
+#: A cut-off over the next one on the grid.
+STEP: Tolerance = 1.5
+
+#: Blocks of time of all logs together, of which folds consist.
+BLOCKS = 40
+
+#: The search ends where so many narrower cut-offs on end do not replace a wider one.
+FURTHER = 2
+
+
+@frozen
+class CutoffTrial:
+    """How well a cut-off predicts the measured torque of folds that it was not fitted to.
+
+    Attributes
+    ----------
+    cutoff : float [Hz]
+        Of the motion.
+    band : float [Hz]
+        Up to where torque and columns would be kept.
+    squares : (F,) [(N·m)² or N²]
+        Squared errors of each fold, of all joints together.
+    torque : float [(N·m)² or N²]
+        Sum of squares of the torque about each joint's mean.
+    ratio : float
+        Samples predicted over samples fitted.
+    """
+
+    cutoff: float
+    band: float
+    squares: Array
+    torque: float
+    ratio: float
+
+    @property
+    def error(self) -> float:
+        """The error over the torque, root mean square."""
+        return float(np.sqrt(self.squares.sum() / self.torque))
+
+    def gain(self, other: CutoffTrial) -> Gain:
+        """Return by how much its squares are smaller than those of another cut-off."""
+        return sum_gain(other.squares - self.squares, self.ratio)
+
+
+@frozen
+class Window:
+    """Rows of a log at which cut-offs are tried.
+
+    Attributes
+    ----------
+    robot : Robot
+    log : Log
+        On the joint side; of a long log one of its windows.
+    origin : int
+        Row of its first sample in the whole log.
+    plan : Plan
+        How its motion is derived.
+    at : slice
+        Rows that are used.
+    data : (m, n) bool
+        Whether torque of these rows is data, whichever cut-off is tried.
+    """
+
+    robot: Robot
+    log: Log
+    origin: int
+    plan: Plan
+    at: slice
+    data: np.ndarray
+
+    @staticmethod
+    def of(robot: Robot, log: Log, origin: int, plan: Plan, step: int) -> Window:
+        """Return every so many rows of a log."""
+        joints = joint_log(robot, plan.mend(log, origin))
+        at = slice(None, None, step)
+        dq = plan.derive(joints, origin)[1]
+        data = np.ones(dq.shape, bool) if plan.dwells is None else ~plan.dwells.find(dq)
+        if joints.unmeasured is not None:
+            data &= ~joints.unmeasured
+        return Window(robot, joints, origin, plan, at, data[at])
+
+    def derive(self, cutoff: float, band: float) -> Array:
+        """Return position, velocity and acceleration of the rows below a cut-off, (3, m, n).
+
+        Torque and columns are kept up to a band [Hz]. So is acceleration, which makes most of the
+        noise of columns: what lies above changes no fit and no prediction.
+        """
+        plan = replace(self.plan, cutoff=cutoff)
+        q, dq, ddq = plan.derive(self.log, self.origin)
+        if band < cutoff:
+            ddq = replace(plan, cutoff=band).derive(self.log, self.origin)[2]
+        return np.stack([q, dq, ddq])[:, self.at]
+
+
+def make_samples(windows: Sequence[Window], cutoff: float, band: float) -> list[Dataset]:
+    """Return the rows of windows along their motion; parameters as of `try_cutoff`.
+
+    Loops of all windows are closed together, which takes a third of the time.
+    """
+    robot = windows[0].robot
+    q, dq, ddq = np.concatenate([x.derive(cutoff, band) for x in windows], axis=1)
+    t = np.concatenate([x.log.t[x.at] for x in windows])
+    closed = complete_motion(robot, t, q, dq, ddq)
+    samples = list[Dataset]()
+    first = 0
+    for window in windows:
+        last = first + len(window.data)
+        motion = closed[(closed.kept >= first) & (closed.kept < last)]
+        rows = motion.kept - first
+        tau = window.log.tau[window.at][rows] - known_torque(robot, motion)
+        weight = window.data[rows].astype(float)
+        samples.append(Dataset(window.log.name, motion, tau, None, (), "", weight=weight))
+        first = last
+    return samples
+
+
+def tune_cutoff(
+    structure: Structure, logs: Sequence[Log], how: Preparation, asked: Preparation | None
+) -> Preparation:
+    """Return a preparation with the cut-off that predicts unseen torque of the fitted logs best.
+
+    One that was set by hand stays, beside the advice which one is better.
+
+    Parameters
+    ----------
+    structure : Structure
+        The robot under the default model.
+    logs : sequence of Log
+        The fitted ones.
+    how : Preparation
+        With a cut-off that spectra of the motion allow, or the one that was set.
+    asked : Preparation or None
+        What the user asked for.
+    """
+    robot = structure.robot
+    by_hand = asked is not None and bool(asked.cutoff or asked.outputs)
+    free: Preparation = how
+    if asked is not None and by_hand:
+        free = choose_cutoff(robot, logs, replace(asked, cutoff=None, outputs=None))
+    if not isinstance(how, CommonPreparation) or not isinstance(free, CommonPreparation):
+        return how
+    try:
+        windows = make_windows(robot, [log for log in logs if is_filtered(log, how)], how)
+        trials = try_cutoffs(structure, windows, free)
+        chosen = choose_trial(trials)
+        if by_hand:
+            return advise(structure, windows, how, chosen)
+    except (ClosureError, LogError):  # a log is refused later, or has too few rows for a choice
+        return how
+    return how if chosen is trials[0] else narrow(robot, logs, how, trials, chosen)
+
+
+def has_choice(robot: Robot, logs: Sequence[Log], how: Preparation) -> bool:
+    """Return whether motion is low-passed, and torque was measured that may say how."""
+    low_passed = isinstance(how, CommonPreparation) and how.band is not None
+    measured = all(log.torque and not log.motion_alone for log in logs)
+    return low_passed and measured and robot.base is None
+
+
+def narrow(
+    robot: Robot,
+    logs: Sequence[Log],
+    how: CommonPreparation,
+    trials: Sequence[CutoffTrial],
+    chosen: CutoffTrial,
+) -> Preparation:
+    """Return a preparation with a narrower cut-off, and why it has that."""
+    narrower = replace(how, cutoff=chosen.cutoff, outputs=chosen.band)
+    tuned = choose_cutoff(robot, logs, narrower)
+    assert isinstance(tuned, CommonPreparation)
+    assert tuned.band is not None
+    reason = (
+        f"of {trials[-1].cutoff:.2g} to {trials[0].cutoff:.3g} Hz the widest that predicts torque "
+        f"of unseen blocks well, with an error of {percent(chosen.error, 2)} instead of "
+        f"{percent(trials[0].error, 2)}"
+    )
+    return replace(tuned, band=replace(tuned.band, reason=reason))
+
+
+def advise(
+    structure: Structure, windows: Sequence[Window], how: CommonPreparation, chosen: CutoffTrial
+) -> Preparation:
+    """Return a preparation whose cut-off was set by hand, with a cut-off that is better."""
+    assert how.band is not None
+    assert how.cutoff is not None
+    cutoff = max(how.cutoff, how.outputs or 0.0)
+    given = try_cutoff(structure, windows, cutoff, how.outputs or cutoff)
+    advice = BandAdvice(chosen.cutoff, chosen.band, chosen.error, given.error)
+    return replace(how, band=replace(how.band, advice=advice))
+
+
+def choose_trial(trials: Sequence[CutoffTrial]) -> CutoffTrial:
+    """Return the widest cut-off that may stand for the one of least error.
+
+    It may if its error is within one standard error of the least, or rises by next to nothing.
+
+    Parameters
+    ----------
+    trials : sequence of CutoffTrial
+        The widest first.
+    """
+    best = min(trials, key=lambda x: x.error)
+    most = (1.0 + LEVELS.rise) * best.error
+    for trial in trials:
+        gain = best.gain(trial)
+        if gain.value <= gain.se or trial.error <= most:
+            break
+    return trial
+
+
+def make_windows(robot: Robot, logs: Sequence[Log], how: Preparation) -> list[Window]:
+    """Return the rows of logs at which cut-offs are tried, some hundreds of all logs together.
+
+    Raises
+    ------
+    LogError
+        If a log cannot be prepared in this way.
+    """
+    parts = [(make_plan(robot, log, how), *window) for log in logs for window in log.windows()]
+    step = -(-sum(len(log) for _, _, log in parts) // ROWS)
+    return [Window.of(robot, log, origin, plan, step) for plan, origin, log in parts]
+
+
+def try_cutoffs(
+    structure: Structure, windows: Sequence[Window], how: CommonPreparation
+) -> list[CutoffTrial]:
+    """Return how well cut-offs predict, from the widest downwards until none is better.
+
+    Raises
+    ------
+    ClosureError
+        If loops close nowhere along a motion.
+    LogError
+        If there are too few rows for folds.
+    """
+    assert how.outputs is not None
+    trials = list[CutoffTrial]()
+    for cutoff in list_cutoffs(windows, how):
+        trials.append(try_cutoff(structure, windows, cutoff, min(how.outputs, cutoff)))
+        if len(trials) - trials.index(choose_trial(trials)) > FURTHER:
+            break
+    return trials
+
+
+def list_cutoffs(windows: Sequence[Window], how: CommonPreparation) -> Iterator[float]:
+    """Yield cut-offs [Hz] from the widest one down to the band of the slowest joint."""
+    assert how.cutoff is not None
+    joints = range(windows[0].data.shape[1])
+    bands = [
+        max(bandwidth_of_windows([x.log.q[:, [j]]], x.plan.step) for x in windows) for j in joints
+    ]
+    lowest = min((band for band in bands if band > 0), default=how.cutoff)
+    cutoff = how.cutoff
+    yield cutoff
+    while (cutoff := cutoff / STEP) >= lowest:
+        yield cutoff
+
+
+def try_cutoff(
+    structure: Structure, windows: Sequence[Window], cutoff: float, band: float
+) -> CutoffTrial:
+    """Return how well a cut-off [Hz] predicts the measured torque of each fold.
+
+    Parameters
+    ----------
+    structure : Structure
+    windows : sequence of Window
+    cutoff : float [Hz]
+        Of the motion.
+    band : float [Hz]
+        Up to where torque and columns would be kept.
+    """
+    samples = make_samples(windows, cutoff, band)
+    size = max(1, sum(len(s.tau) for s in samples) // BLOCKS)
+    information = gather_rows(structure, samples, size)
+    fit = Estimator().fit(information)
+    held = HeldOut.of(information, fit.noise, Folds.of(information))
+    score = held.score(held.refit(fit))
+    torque = float(information.variation.sum())
+    return CutoffTrial(cutoff, band, score.squares.sum(1), torque, score.ratio)

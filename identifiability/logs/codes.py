@@ -1,0 +1,105 @@
+"""Integers that are codes of signed numbers: two's complement, or a sign in the highest bit.
+
+Registers of servos hold unsigned numbers. A signed number that crosses zero jumps there by half of
+all codes, or by all of them. A column is decoded if that takes its jumps away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from identifiability.foundation.errors import listing
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+
+from .rules import RULES
+
+#: Fewest bits of a register.
+FEWEST_BITS = 8
+
+
+@frozen
+class Code:
+    """How unsigned numbers stand for signed ones.
+
+    Attributes
+    ----------
+    bits : int
+        Of a number and its sign.
+    sign_bit : bool
+        Whether the highest bit is the sign of a magnitude; else it is two's complement.
+    """
+
+    bits: int
+    sign_bit: bool
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        if self.sign_bit:
+            return f"numbers with their sign in bit {self.bits - 1}"
+        return f"{self.bits}-bit numbers in two's complement"
+
+    def decode(self, values: Array) -> Array:
+        """Return the signed numbers (N,) of codes (N,)."""
+        half = 2.0 ** (self.bits - 1)
+        negative = half - values if self.sign_bit else values - 2 * half
+        return np.where(values >= half, negative, values)
+
+    def removes_jumps(self, values: Array) -> bool:
+        """Return whether nearly all jumps of values (N,) vanish where they are decoded."""
+        half = 2.0 ** (self.bits - 1)
+        before, after = (
+            int((np.abs(np.diff(x)) > 0.5 * half).sum()) for x in (values, self.decode(values))
+        )
+        return before > 0 and after <= (1 - RULES.nearly_all) * before
+
+
+def find_codes(values: Mapping[str, Array]) -> dict[str, Code]:
+    """Return the codes of columns, by name.
+
+    A column that is always negative does not show its code. Another one of its kind does.
+
+    Parameters
+    ----------
+    values : mapping of str to (N,)
+        Columns by ``<joint>.<kind>``.
+    """
+    kinds = {
+        name.rpartition(".")[2]: code
+        for name, x in values.items()
+        if (code := find_code(x)) is not None
+    }
+    shared = {name: kinds.get(name.rpartition(".")[2]) for name in values}
+    return {
+        name: code
+        for name, code in shared.items()
+        if code is not None and is_unsigned(values[name], code.bits)
+    }
+
+
+def describe_codes(codes: Mapping[str, Code]) -> Sequence[str]:
+    """Return which columns are read as which codes, half a sentence a code."""
+    groups: dict[str, list[str]] = {}
+    for column, code in codes.items():
+        groups.setdefault(code.name, []).append(f"'{column}'")
+    return [f"{listing(columns, 4)} hold {name}" for name, columns in groups.items()]
+
+
+def find_code(values: Array) -> Code | None:
+    """Return the code of a column (N,); None where it is none, or does not show."""
+    known = values[np.isfinite(values)]
+    if len(known) < RULES.fewest or not is_unsigned(known, 64):
+        return None
+    bits = max(int(known.max()).bit_length(), FEWEST_BITS)
+    codes = (Code(bits, sign_bit=False), Code(bits, sign_bit=True))
+    return next((code for code in codes if code.removes_jumps(known)), None)
+
+
+def is_unsigned(values: Array, bits: int) -> bool:
+    """Return whether values (N,) are unsigned integers of so many bits."""
+    known = values[np.isfinite(values)]
+    whole = (known == np.rint(known)) & (known >= 0) & (known < 2.0**bits)
+    return bool(whole.all())

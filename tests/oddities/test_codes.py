@@ -1,0 +1,74 @@
+"""Integers that are codes of signed numbers are decoded when a log is read, and that is said."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from identifiability import Log
+
+BITS = (8, 11, 12, 16, 24, 32)
+
+
+def two_complement(counts, bits):
+    return counts % 2**bits
+
+
+def sign_bit(counts, bits):
+    return np.abs(counts) + 2 ** (bits - 1) * (counts < 0)
+
+
+def counted(bits, seed=0):
+    """Return a log in counts: torque and positions that cross zero, with noise."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, 4.0, 0.01)
+    most = 2 ** (bits - 1) - 1
+    values = {"t": t}
+    for k, joint in enumerate(("shoulder", "elbow")):
+        swing = np.sin(2 * np.pi * (0.5 + 0.3 * k) * t + k)
+        values[f"{joint}.q"] = np.rint(0.6 * most * swing)
+        noisy = 0.7 * swing + 0.01 * rng.standard_normal(len(t))
+        values[f"{joint}.tau"] = np.rint(most * noisy)
+    return pd.DataFrame(values)
+
+
+def encoded(log, code, bits, kind):
+    columns = [name for name in log if name.endswith(f".{kind}")]
+    return log.assign(**{name: code(log[name].astype(int), bits) for name in columns})
+
+
+@pytest.mark.parametrize("kind", ["q", "tau"])
+@pytest.mark.parametrize("code", [two_complement, sign_bit])
+@pytest.mark.parametrize("bits", BITS)
+def test_a_code_is_read_as_the_signed_numbers_that_it_stands_for(bits, code, kind):
+    log = counted(bits)
+    read = Log.from_frame(encoded(log, code, bits, kind))
+    names = [f"{joint}.{kind}" for joint in read.joints]
+    np.testing.assert_array_equal(getattr(read, kind), log[names])
+    word = "sign in bit" if code is sign_bit else "two's complement"
+    assert any(word in note for note in read.notes)
+
+
+def test_a_column_that_is_always_negative_has_the_code_of_its_kind():
+    log = counted(16)
+    log["elbow.tau"] = -3000.0 - np.abs(log["elbow.tau"])
+    log["elbow.tau"] = np.maximum(log["elbow.tau"], -32768)
+    read = Log.from_frame(encoded(log, two_complement, 16, "tau"))
+    np.testing.assert_array_equal(read.tau[:, 1], log["elbow.tau"])
+
+
+@pytest.mark.parametrize("bits", BITS)
+def test_numbers_that_are_no_codes_stay_as_they_are(bits):
+    log = counted(bits)
+    half = 2.0 ** (bits - 1)
+    unsigned = log.assign(**{"shoulder.tau": log["shoulder.tau"] + half})  # an offset of a counter
+    for frame in (log, unsigned, log / 7.0, log.abs()):
+        read = Log.from_frame(frame)
+        np.testing.assert_array_equal(read.tau, frame[["shoulder.tau", "elbow.tau"]])
+        assert not any("numbers" in note for note in read.notes)
+
+
+def test_noise_of_a_coarse_sensor_is_no_code():
+    rng = np.random.default_rng(1)
+    log = counted(8)
+    log["elbow.tau"] = rng.integers(0, 8, len(log))
+    np.testing.assert_array_equal(Log.from_frame(log).tau[:, 1], log["elbow.tau"])

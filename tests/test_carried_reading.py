@@ -1,0 +1,161 @@
+"""A result keeps the reading of its logs, and every verb reads new logs the same way."""
+
+import json
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from identifiability import (
+    Case,
+    IdentifiabilityError,
+    Noise,
+    Robot,
+    analyze,
+    diagnose,
+    export,
+    payload,
+    predict,
+    prune,
+    simulate,
+)
+from identifiability.effects.nominal import gravity_torque
+from identifiability.foundation.findings import of_key
+from identifiability.robot import complete_motion
+from identifiability.simulation import random_trajectory
+
+ROBOT = Robot.load("two-link")
+LOADED = ROBOT.with_values({"link2.m": ROBOT.nominal["link2.m"] + 1.0})
+
+
+def weight(log, robot):
+    still = np.zeros(log.q.shape)
+    return gravity_torque(robot, complete_motion(robot, log.t, log.q, still, still), robot.gravity)
+
+
+#: What drives and loggers do to torque columns.
+FAULTS = {
+    "none": lambda log, _: log.tau,
+    "signs": lambda log, _: -log.tau,
+    "sign of one": lambda log, _: log.tau * [1.0, -1.0],
+    "exchanged": lambda log, _: log.tau[:, ::-1],
+    "unit of one": lambda log, _: log.tau * [1.0, 1e-3],
+    "gravity": lambda log, robot: log.tau - weight(log, robot),
+    "gravity of one": lambda log, robot: log.tau - weight(log, robot) * [0.0, 1.0],
+}
+
+
+@cache
+def record(fault, seed, robot=ROBOT):
+    motion = random_trajectory(ROBOT, np.random.default_rng(seed), samples=600)
+    noise = Noise(additive=0.05, correlation=0.9, encoder=1e-5)
+    log = simulate(robot, motion, noise=noise, rng=np.random.default_rng(seed))
+    return replace(log, name=f"{fault}{seed}.csv", tau=FAULTS[fault](log, robot), sha256=str(seed))
+
+
+@cache
+def case(fault):
+    return Case(ROBOT, [record(fault, 1), record(fault, 2)], record(fault, 3))
+
+
+@pytest.fixture(scope="session")
+def results(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("results")
+
+    @cache
+    def made(fault, verb=analyze):
+        path = folder / f"{fault}-{verb.__name__}.json"
+        return verb(case(fault), quick=True).to_json(path)
+
+    return made
+
+
+def errors_in_columns(found, log, folder):
+    """Return the error (rms) of each predicted column against the column of the log."""
+    table = pd.read_csv(found.write(folder / "torque.csv"))
+    columns = []
+    for joint, measured in zip(ROBOT.joints, log.tau.T, strict=True):
+        predicted = table[f"{joint}.predicted"].to_numpy()
+        inside = (table[f"{joint}.raw_from"] < predicted) & (predicted < table[f"{joint}.raw_to"])
+        assert inside.all()
+        columns.append(predicted - np.interp(table["t"], log.t, measured))
+    return np.sqrt(np.mean(np.square(columns), axis=1))
+
+
+@pytest.mark.parametrize("fault", [name for name in FAULTS if name != "none"])
+def test_torque_is_predicted_in_the_columns_of_the_log(fault, results, tmp_path):
+    clean, log = record("none", 4), record(fault, 4)
+    best = errors_in_columns(predict(ROBOT, results("none"), clean), clean, tmp_path)
+    found = predict(ROBOT, results(fault), log)
+    units = [1.0, 1e-3] if fault == "unit of one" else [1.0, 1.0]
+    expected = best[::-1] if fault == "exchanged" else best * units
+    assert (errors_in_columns(found, log, tmp_path) <= 1.05 * expected).all()
+    assert of_key(found.hints, "carried_reading")
+    assert not found.warnings
+    contradicted = predict(ROBOT, results(fault), clean)
+    assert [x.subject for x in of_key(contradicted.warnings, "reading_contradicted")] == [
+        clean.name
+    ]
+
+
+@pytest.mark.parametrize("verb", [diagnose, prune])
+@pytest.mark.parametrize("fault", ["signs", "gravity"])
+def test_the_results_of_all_verbs_keep_the_reading(fault, verb, results):
+    path, log = results(fault, verb), record(fault, 4)
+    assert predict(ROBOT, path, log).error_ra_raw == pytest.approx(
+        predict(ROBOT, results(fault), log).error_ra_raw, rel=0.05
+    )
+
+
+@pytest.mark.parametrize("fault", ["none", "signs", "sign of one", "exchanged", "gravity"])
+def test_a_load_is_weighed_and_a_file_is_judged_under_the_reading(fault, results, tmp_path):
+    load = payload(ROBOT, results(fault), record(fault, 4, LOADED))
+    assert load.mass.low < 1.0 < load.mass.high
+    path, log = results(fault), record(fault, 4)
+    # The robot's file is the truth here, so the fitted one may err a little more.
+    written = export(ROBOT, path, tmp_path / "fitted.xml", validate=log, force=True)
+    assert written.unseen.both <= 1.05 * predict(ROBOT, results(fault), record(fault, 4)).error_ra
+
+
+@pytest.mark.parametrize("fault", ["signs", "exchanged", "gravity"])
+def test_torque_that_is_read_otherwise_moves_the_robot_as_it_moved(fault, results):
+    clean = predict(ROBOT, results("none"), record("none", 4), forward=True).totals[1]
+    assert predict(ROBOT, results(fault), record(fault, 4), forward=True).totals[1] < 1.2 * clean
+
+
+def test_a_result_belongs_to_a_robot_file_and_not_to_a_name(results, tmp_path):
+    copy = tmp_path / "robot.xml"
+    text = ROBOT.path.read_text("utf-8")
+    copy.write_text(text.replace("<mujoco", "<!-- another --><mujoco", 1), "utf-8")
+    found = predict(copy, results("none"), record("none", 4))
+    (said,) = of_key(found.hints, "robot_changed")
+    assert "have changed since" in said
+    assert not of_key(predict(ROBOT, results("none"), record("none", 4)).hints, "robot_changed")
+    other = Robot.load("six-dof-arm")
+    with pytest.raises(IdentifiabilityError, match=f"sha256 {ROBOT.sha256[:12]}"):
+        predict(other, results("none"), record("none", 4))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"order": [0, 0]},
+        {"order": [1e300, 0]},
+        {"factor": [0.0, 1.0]},
+        {"factor": [1.0]},
+        {"motion": [[1.0, 0.0, 0.0]]},
+        {"gravity": "__import__('os').system('id')"},
+    ],
+)
+def test_a_reading_that_was_changed_by_hand_is_refused_in_one_sentence(wrong, results, tmp_path):
+    content = json.loads(results("signs").read_text("utf-8"))
+    content["fit"]["reading"] |= wrong
+    path = tmp_path / "result.json"
+    path.write_text(json.dumps(content), "utf-8")
+    log = record("signs", 4)
+    with pytest.raises(IdentifiabilityError, match=r"result\.json|The reading"):
+        predict(ROBOT, path, log)
+    with pytest.raises(IdentifiabilityError, match=r"result\.json|The reading"):
+        export(ROBOT, path, tmp_path / "fitted.xml", validate=log, force=True)
