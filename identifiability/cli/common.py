@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from identifiability.foundation.answers import Table
     from identifiability.foundation.result import Result
+    from identifiability.workflows.case_file import CaseFile
 
 
 #: If work without a terminal takes so many seconds more it is said [s].
@@ -28,6 +29,9 @@ PATIENCE = 10.0
 
 #: Whether all that is said is printed.
 VERBOSE = ContextVar("VERBOSE", default=False)
+
+#: The case file that the command reads its robot, logs and settings from.
+CASE: ContextVar[CaseFile | None] = ContextVar("CASE", default=None)
 
 
 @contextmanager

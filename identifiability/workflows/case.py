@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
@@ -72,6 +73,7 @@ from identifiability.regression.structure import (
 )
 from identifiability.robot import Robot, RobotLike
 
+from .case_file import CaseFile
 from .roles import assign_roles
 
 #: Why no verdict stands on columns that are misread, for after "because".
@@ -83,6 +85,9 @@ MISREAD = (
 #: Families that a model has where rows surely name them.
 COMPLETED = {n for n, f in FAMILIES.items() if f.loaded and not (f.needs or f.shapes)}
 COMPLETED |= {PassiveJointFriction.name}
+
+#: Settings of a case file that say how derivatives are made.
+DERIVED = ("derivatives", "cutoff", "decimate")
 
 #: What follows the statement of a reading that is used.
 SO = "All that follows is said under that reading."
@@ -310,6 +315,20 @@ class Case:
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
+
+    @staticmethod
+    def load(folder: str | Path) -> Case:
+        """Return the case of a folder with `case.toml`.
+
+        Raises
+        ------
+        IdentifiabilityError
+            If there is none, a key is wrong, or the robot cannot be read.
+        """
+        file = CaseFile.read(folder)
+        derived = {k: v for k, v in file.settings.items() if k in DERIVED}
+        how = Preparation(**derived) if derived else None
+        return Case(file.load_robot(), file.logs, file.held_out, preparation=how)
 
     def __repr__(self) -> str:
         """Return the robot and how many logs there are, in one line."""
