@@ -82,6 +82,7 @@ STUDIES = (
         "Are the published values of a Stäubli TX40 found again?",
         data="staubli_tx40",
     ),
+    Study("so101", "Does the exported robot move as a real hobby arm does?", data="so101"),
     Study("real_logs", "What do models err on logs of four real arms that chose nothing?"),
     Study("logs_compared", "Is what changed between logs named, and nothing where nothing did?"),
     Study("servo_robots", "Are motors, delays and motion of servos found from commands alone?"),

@@ -108,6 +108,9 @@ class CarriedReading:
         values: dict[str, Any] = {name: getattr(self.reading, name) for name in TEXTS + NUMBERS}
         values |= {name: getattr(self.reading, name).tolist() for name in LISTS}
         pairs = zip(self.structure.columns, self.reading.parameters.tolist(), strict=False)
+        verification = self.reading.verification
+        if verification is not None:
+            values["verification"] = verification.to_dict()
         return values | {"parameters": dict(pairs)}
 
     def turn(self, robot: Robot) -> Robot:

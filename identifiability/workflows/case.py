@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
@@ -32,7 +33,7 @@ from identifiability.estimation.motion import MotionChoice, choose_motion, read_
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding, of_key, phrase
 from identifiability.foundation.options import OptionError
-from identifiability.foundation.runs import Run, share
+from identifiability.foundation.runs import Progress, Run, share
 from identifiability.foundation.stages import Stages
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
@@ -72,6 +73,7 @@ from identifiability.regression.structure import (
 )
 from identifiability.robot import Robot, RobotLike
 
+from .case_file import CaseFile
 from .roles import assign_roles
 
 #: Why no verdict stands on columns that are misread, for after "because".
@@ -83,6 +85,9 @@ MISREAD = (
 #: Families that a model has where rows surely name them.
 COMPLETED = {n for n, f in FAMILIES.items() if f.loaded and not (f.needs or f.shapes)}
 COMPLETED |= {PassiveJointFriction.name}
+
+#: Settings of a case file that say how derivatives are made.
+DERIVED = ("derivatives", "cutoff", "decimate")
 
 #: What follows the statement of a reading that is used.
 SO = "All that follows is said under that reading."
@@ -311,6 +316,20 @@ class Case:
         for name, value in values.items():
             object.__setattr__(self, name, value)
 
+    @staticmethod
+    def load(folder: str | Path) -> Case:
+        """Return the case of a folder with `case.toml`.
+
+        Raises
+        ------
+        IdentifiabilityError
+            If there is none, a key is wrong, or the robot cannot be read.
+        """
+        file = CaseFile.read(folder)
+        derived = {k: v for k, v in file.settings.items() if k in DERIVED}
+        how = Preparation(**derived) if derived else None
+        return Case(file.load_robot(), file.logs, file.held_out, preparation=how)
+
     def __repr__(self) -> str:
         """Return the robot and how many logs there are, in one line."""
         return f"<Case: {self.robot.name}, {len(self.logs)} + {len(self.validate)} logs>"
@@ -333,7 +352,7 @@ class Case:
         if not self.use.commands:
             return self.robot
         run.say("reading logs", 0.0)
-        return self.stages.once(find_gains, self.robot, self.logs)
+        return self.stages.once(find_gains, self.robot, self.logs, say=run.say)
 
     def recordings(self, run: Run) -> Recordings:
         """Return the logs as they were measured, with their roles."""
@@ -403,9 +422,8 @@ class Case:
         recordings = self.recordings(run)
         if not recordings.commanded:
             return recordings, structure
-        run.say("rolling out commands", 0.1)
         how = self.common_preparation(structure.robot, recordings)
-        return self.stages.once(follow, recordings, structure, how, run.seed)
+        return self.stages.once(follow, recordings, structure, how, run.seed, say=run.say)
 
     def data(
         self,
@@ -642,7 +660,7 @@ def comparable_entry(source: LadderSource, commanded: bool) -> LadderEntry:
     return source.models_for(commanded=commanded)
 
 
-def find_gains(robot: Robot, logs: Sequence[LogLike]) -> Robot:
+def find_gains(robot: Robot, logs: Sequence[LogLike], *, say: Progress) -> Robot:
     """Return a robot whose servos have gains; logs of commands tell those that nobody states.
 
     Raises
@@ -656,7 +674,7 @@ def find_gains(robot: Robot, logs: Sequence[LogLike]) -> Robot:
     known = Conventions.of(robot)
     recordings = read_recordings(logs, known=known, commands=True, learns=False)
     commanded = (x for x in recordings.fitted if x.commanded and x.motion_alone)
-    return learn_gains(robot, select_commanded(robot, commanded))
+    return learn_gains(robot, select_commanded(robot, commanded), say)
 
 
 def read_case(
@@ -677,13 +695,13 @@ def read_case(
 
 
 def follow(
-    recordings: Recordings, structure: Structure, how: Preparation, seed: int
+    recordings: Recordings, structure: Structure, how: Preparation, seed: int, *, say: Progress
 ) -> tuple[Recordings, Structure]:
     """Return recordings with torque of commands, calibrated on rollouts of a fitted robot."""
     from identifiability.servos import follow_commands  # noqa: PLC0415 - MuJoCo
 
     rng = np.random.default_rng(seed).spawn(1)[0]
-    found: tuple[Recordings, Structure] = follow_commands(recordings, structure, how, rng)
+    found: tuple[Recordings, Structure] = follow_commands(recordings, structure, how, rng, say)
     return found
 
 

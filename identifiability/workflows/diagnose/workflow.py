@@ -68,12 +68,14 @@ from identifiability.workflows.roles import require_held_out
 
 from .changes import Change
 from .naming import (
+    Gains,
     Naming,
     find_change_in_log,
     leave_out,
     look,
     name_missing,
     with_parts,
+    without_last,
     without_outliers,
 )
 from .problem import (
@@ -700,12 +702,15 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     fits = [naming.of(problem.plain) @ plain, *(naming.fit(range(n)) for n in ends[1:])]
     residual = naming.predict_excerpt(fits[-1]).residual[:, :, 0]
     found = verify_effects(naming, ends, fits, plain)
+    if 0 < found.included < len(counts):
+        return conclude(without_last(naming, ends[found.included]), rng)
     placed = [_place(naming, k) for k in range(len(parts))]
     return Diagnosis(
         problem=problem,
         effects=_list_effects(naming, ends, placed, found.gap, rng),
         curves=tuple(_curve(naming, residual, k, p) for k, p in enumerate(placed)),
-        refuted=_list_refuted(naming),
+        refuted=_list_odds(naming.refuted),
+        possible=_list_odds(naming.possible),
         interval=change_of(found.gap, 0, -1, rng),
         discrepancies=find_discrepancies(naming.fitted, residual, problem.robot.joints),
         refusals=naming.refusals,
@@ -742,10 +747,9 @@ def _list_effects(
     return tuple(effects)
 
 
-def _list_refuted(naming: Naming) -> tuple[Odds, ...]:
-    """Return what fitted rows named and unseen rows did not confirm."""
-    pairs = naming.refuted
-    return tuple(Odds(t.group.family, place_of(t), t.odds, unseen=x) for t, x in pairs)
+def _list_odds(found: Gains) -> tuple[Odds, ...]:
+    """Return terms with what they gain on rows that they were not fitted to."""
+    return tuple(Odds(t.group.family, place_of(t), t.odds, unseen=x) for t, x in found)
 
 
 def _list_evidence(naming: Naming) -> tuple[Odds, ...]:
