@@ -231,7 +231,9 @@ def scale_bodies(structure: Structure, whole: Information) -> Array:
     """
     bodies, _ = draw_bodies(structure)
     at = physical_set(structure).bodies.ravel()
-    rows = whole.factor(1.0 / or_one(whole.torque))[:-1]
+    # A joint whose torque is rounding says nothing of bodies.
+    turned = whole.torque > ROUNDOFF * whole.torque.max(initial=0.0)
+    rows = whole.factor(1.0 / np.where(turned, whole.torque, np.inf))[:-1]
     R = rows[:, :-1] @ structure.G
     loaded = [k for k, p in enumerate(structure.parameters) if is_loaded([p])]
     others = np.delete(R, [*at, *loaded], axis=1)
