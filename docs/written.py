@@ -32,6 +32,7 @@ from identifiability.quality.registry import CHECKS, Does
 from identifiability.regression.reduction import LadderEntry
 from identifiability.robot import Robot, complete_motion
 from identifiability.robot.sidecar import Sidecar
+from identifiability.workflows.case_file import CaseEntry
 
 DOCS = Path(__file__).resolve().parent
 
@@ -299,6 +300,38 @@ SIDECAR = """# The sidecar
 A TOML file with the robot file's name (`arm.toml` beside `arm.urdf`), for what the robot file
 cannot say. Every key may be left out.
 """
+CASES = """# Studies in a folder
+
+A folder with a `case.toml` is a case: a robot, its logs and settings. In the folder the verbs need
+no arguments. `identifiability new` writes the file.
+
+```toml
+robot = "arm.urdf"
+logs = ["run1.csv", "run2.csv"]
+validate = ["run3.csv"]
+masses = {forearm = [1.9, 2.1]}
+
+[settings]
+cutoff = 10
+```
+
+- `inspect` lists what the case holds, and checks all logs.
+- `analyze`, `prune` and `diagnose` fit the logs and verify on the held-out logs. `calibrate` fits
+  the logs.
+- `analyze` also writes the result. `predict` predicts the held-out logs from the result.
+- `export` writes `fitted.xml` or `fitted.urdf`, and compares the file on the held-out logs.
+- `compare` compares the logs with the held-out logs. `payload` needs the logs with the load.
+- `excite` finds the motion to measure next, and writes `next.json`.
+
+From elsewhere, type the folder in place of the robot: `identifiability analyze study`. Logs that
+are typed after the folder replace all logs of the case:
+`identifiability predict . result.json run4.csv`. If the robot file of the case is typed, logs come
+from the command line alone. Sidecar, locked joints, known masses and settings of the case still
+hold.
+
+An option on the command line goes before `case.toml`, and `case.toml` goes before the sidecar. In
+Python, `Case.load("study")` reads the folder.
+"""
 LADDERS = """# Ladders of models
 
 A TOML file with models that `analyze --ladder` and `prune --ladder` compare; `prune --out` and
@@ -338,6 +371,7 @@ def pages() -> dict[Path, str]:
     """Return every written page and picture, by its place."""
     effects, pictures = write_effects()
     reference = {
+        "case": (CASES, _doc("identifiability.workflows.case_file"), write_schema(CaseEntry)),
         "sidecar": (SIDECAR, _doc("identifiability.robot.sidecar"), write_schema(Sidecar)),
         "ladders": (
             LADDERS,

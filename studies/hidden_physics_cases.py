@@ -46,9 +46,13 @@ from identifiability.simulation.mujoco_robot import MujocoRobot
 
 LOGS = ("fit1", "fit2", "fit3", "unseen", "sealed")
 FITTED = 3
-#: What every ten cases are.
+#: What every thirteen cases are.
 KINDS = ("inside", "outside", "null", "inside", "two", "outside", "inside", "null", "outside",
-         "inside")  # fmt: skip
+         "inside", "several", "strong", "several")  # fmt: skip
+#: Families that are hidden in several joints, and the robots that have enough joints for it.
+SEVERAL = ("stribeck_friction", "rising_friction", "quadratic_friction", "coulomb_asymmetry",
+           "load_dependent_friction", "hysteresis")  # fmt: skip
+MANY_JOINTS = ("six-dof-arm", "scara", "3-rps", "arm", "legs", "RRRRRR")
 #: Length of a log and time before it [s], pause between two logs [s].
 SECONDS, SETTLE, PAUSE = 10.0, 1.0, 5.0
 #: The oracle's band [Hz].
@@ -59,6 +63,8 @@ NEAR, ROUNDS = 1.0, 6
 Z, NOISE = (3.0, 40.0), (0.002, 0.03)
 #: Sizes as shares of those that `hidden_physics_laws` draws.
 SIZES = (0.03, 0.6)
+#: z and sizes of one strong effect: what its law does not explain stands out as well.
+STRONG_Z, STRONG_SIZES = (40.0, 200.0), (0.4, 1.0)
 #: Draws until something is hidden that the base model does not say as well.
 DRAWS = 5
 #: Positions beyond which a simulation has diverged [rad or m].
@@ -125,7 +131,8 @@ def make_case(folder: Path, stream: str, number: int, kind: str | None = None) -
     rng = np.random.default_rng([stream_number(stream), number, *map(ord, kind)])
     shutil.rmtree(path, ignore_errors=True)
     path.mkdir(parents=True)
-    name = str(rng.choice(list(ROBOTS)))
+    every = MANY_JOINTS if kind == "several" else tuple(ROBOTS)
+    name = str(rng.choice(every))
     robot = write_robot(path, name, rng)
     truth = None
     while truth is None:
@@ -155,7 +162,7 @@ def load_logs(path: Path) -> list[Log]:
 
 
 def write_robot(path: Path, name: str, rng: np.random.Generator) -> Robot:
-    text = ROBOTS[name]
+    text = ROBOTS.get(name, name)
     if text.startswith("<"):
         (path / "robot.xml").write_text(text)
     elif set(text) <= {"R", "P"}:
@@ -233,7 +240,8 @@ class Case:
         torque, speed = float(self.torque[at]), float(np.sqrt((v**2).mean()))
         if k >= self.n:  # what takes as much power as a motor has
             torque = float((self.torque * np.sqrt((self.v**2).mean(0))).mean() / speed)
-        part = float(np.exp(rng.uniform(*np.log(SIZES))))
+        sizes = STRONG_SIZES if self.kind == "strong" else SIZES
+        part = float(np.exp(rng.uniform(*np.log(sizes))))
         return Joint(
             axis=k,
             dry=part * float(self.machine.dry[k]),
@@ -261,6 +269,8 @@ class Case:
 
     def draw(self) -> list[tuple[Hidden, str]]:
         """Return what is hidden, each with its place."""
+        if self.kind == "several":
+            return self.draw_several()
         source = list(OUTSIDE) if self.kind == "outside" else list(INSIDE)
         count = {"null": 0, "two": 2}.get(self.kind, 1)
         can = [f for f in source if self.places(f)]
@@ -274,6 +284,15 @@ class Case:
             make = OUTSIDE[family][0] if family in OUTSIDE else INSIDE[family]
             out.append((make(self.rng, unit), place))
         return out
+
+    def draw_several(self) -> list[tuple[Hidden, str]]:
+        """Return one family in several joints, at least two: all in a third of the cases."""
+        family = str(self.rng.choice(SEVERAL))
+        can = self.places(family)
+        some = int(self.rng.integers(2, len(can)))
+        count = len(can) if self.rng.random() < 1 / 3 else some
+        places = self.rng.choice(can, count, replace=False).tolist()
+        return [(INSIDE[family](self.rng, self.joint(p)), p) for p in places]
 
     def write(self, path: Path) -> dict[str, Any]:
         """Simulate, write the logs, return the truth."""
@@ -289,7 +308,8 @@ class Case:
         for hidden, _ in found:
             recorded = recorded if hidden.record is None else hidden.record(recorded, self.rate)
         rms = np.sqrt((runs.tau[:FITTED] ** 2).mean((0, 1)))
-        level, wanted = (float(np.exp(rng.uniform(*np.log(x)))) for x in (NOISE, Z))
+        visible = STRONG_Z if self.kind == "strong" else Z
+        level, wanted = (float(np.exp(rng.uniform(*np.log(x)))) for x in (NOISE, visible))
         level = float(np.clip(min(size) / wanted, *NOISE)) if found else level
         encoder = self._write_logs(path, runs, recorded, level * rms, memory)
         logs = [Log.read(path / f"{name}.parquet") for name in LOGS[:FITTED]]

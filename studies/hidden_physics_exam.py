@@ -15,8 +15,11 @@ motion as encoders tell it (`hidden_physics_cases`). Where nothing is hidden, th
 Outcomes of effects with a name: *exact* (family and place, nothing else), *A or B* (the truth is
 among names that are said not to be told apart; friction that rises with speed and sigmoid friction
 are one curve), *truth and more*, *function* (in the right joint, without a name), *wrong*, *missed*
-and, below z = 4, *silent*. Outside the dictionary a name is wrong where neither it nor its joint
-describes what is hidden; presliding in a joint that sticks is none where the sealed error falls.
+and, below z = 4, *silent*. Names are exact where the outcome is one of the first two: each effect
+is said once, in its place, and nothing else is said. An extra name is one that describes nothing,
+or what another name describes already. Outside the dictionary a name is wrong where neither it nor
+its joint describes what is hidden; presliding in a joint that sticks is none where the sealed error
+falls.
 """
 
 from __future__ import annotations
@@ -33,6 +36,7 @@ import numpy as np
 import pandas as pd
 from hidden_effect import read_rows
 from hidden_physics_cases import FITTED, KINDS, load_logs, load_robot, make_case
+from scipy.special import chdtri
 from shared import study_parser
 
 from identifiability import analyze, diagnose
@@ -50,6 +54,8 @@ ROOT = Path(__file__).resolve().parents[1]
 VISIBLE, SURE = 4.0, 0.95
 #: z from which on it is asked where its evidence was lost.
 STRONG = 5.0
+#: z from which on names must be exact.
+CLEAR = 8.0
 #: Outcomes that lost nothing.
 FOUND = ("exact", "A or B", "described", "silent")
 #: Names of one curve.
@@ -73,6 +79,8 @@ class Rule:
         Share of hits, at least, or at most if `most`; nan where it is only told.
     upper : float
         The upper end of the share's interval at most.
+    counts : bool
+        Whether hits are a number of names a case, not a share of cases.
     """
 
     what: str
@@ -81,6 +89,7 @@ class Rule:
     limit: float = float("nan")
     most: bool = False
     upper: float = 1.0
+    counts: bool = False
 
 
 def examine(path: Path) -> dict[str, Any]:
@@ -148,6 +157,7 @@ STEPS = {
     "band": "low-pass and shapes, under the noise that was put on",
     "noise": "noise of the rich model",
     "rivals": "other groups of the search",
+    "left-out blocks": "blocks of the fitted logs that were predicted from the others",
     "unseen log": "the log that may refute",
     "beside other names": "nothing of it: more is named beside it",
     "no group": "no group at its place",
@@ -173,7 +183,7 @@ def trace(d: Any, effect: dict[str, Any], truth: dict[str, Any]) -> dict[str, An
     It is lost at the first step that leaves less than a name needs beside its price: that of the
     likeliest of its groups, with what an average over shapes and sizes costs. Steps are the motion
     as encoders tell it, the band and the shapes of the groups under the noise that was put upon the
-    torque, that of the rich model, other groups, and the log that may refute.
+    torque, that of the rich model, other groups, left-out blocks, and the log that may refute.
     """
     looked = look(d.problem)
     found = name_missing(looked)
@@ -205,6 +215,8 @@ def trace(d: Any, effect: dict[str, Any], truth: dict[str, Any]) -> dict[str, An
     steps = {"oracle": "price", "preparation": "preparation", "band": "band", "noise": "noise"}
     at = next((steps[k] for k, x in left.items() if x < NAMES.name), "")
     left |= {"rivals": max((t.odds for t in beside), default=np.nan), "paid": paid}
+    if not at and any(true(t) for t, _ in found.possible):
+        at = "left-out blocks"
     if not at and not any(map(true, kept)):
         at = "rivals"
     stays = [t for t in kept if t.key not in {x.key for x, _ in found.refuted}]
@@ -290,8 +302,8 @@ def judge(truth: dict[str, Any], named: Sequence[dict[str, Any]], *, falls: bool
         outcome = "truth and more"
     elif all(n["unnamed"] and harmless(n) for n in named):
         outcome = "function"
-    elif kind == "two" and any(found) and not wrong:
-        outcome = "one of two"
+    elif len(effects) > 1 and any(found) and not wrong:
+        outcome = "some of them"
     else:
         outcome = "wrong"
     sure = [n for n in named if n["weight"] >= SURE and not n["unnamed"]]
@@ -299,9 +311,24 @@ def judge(truth: dict[str, Any], named: Sequence[dict[str, Any]], *, falls: bool
         "outcome": outcome,
         "wrong": "; ".join(f"{n['family']}@{n['joint']}" for n in wrong),
         "described": any(found),
+        "extra": count_extra(
+            effects,
+            named,
+            described=lambda n, e: _says(n, e) or (harmless(n) and n["joint"] == e["place"]),
+        ),
         "sure": len(sure),
         "sure_right": sum(exact(n) for n in sure),
     }
+
+
+def count_extra(
+    effects: Sequence[dict[str, Any]],
+    named: Sequence[dict[str, Any]],
+    described: Callable[[dict[str, Any], dict[str, Any]], bool],
+) -> int:
+    """Return how many names describe nothing that is hidden, or what another name describes."""
+    matched = sum(any(described(n, e) for n in named) for e in effects)
+    return max(len(named) - matched, 0)
 
 
 def _pair(named: Sequence[Any], effects: Sequence[Any]) -> list[tuple[Any, Any]]:
@@ -339,19 +366,29 @@ def _rules(z: str) -> list[Rule]:
     ]  # fmt: skip
 
 
+def _clear(f: pd.DataFrame) -> pd.Series:
+    """Return which cases hide effects that have a name and are clearly visible."""
+    return f.kind.isin(["inside", "two", "several", "strong"]) & (f.z >= CLEAR)
+
+
 #: What must hold, and what is told beside it.
 RULES: tuple[Rule, ...] = (
-    Rule("nulls that stick: named", lambda f: f.kind == "null", lambda f: f.said != "", 0.05, True,
-         0.10),
+    Rule(f"names are exact, z ≥ {CLEAR:g}", _clear, _right, 0.70),
+    Rule("extra names a case", lambda f: f.kind != "null", lambda f: f.extra, 0.10, most=True,
+         counts=True),
+    Rule("nulls that stick: named", lambda f: f.kind == "null", lambda f: f.said != "", 2 / 60,
+         True, 0.12),
     Rule("nulls that stick: the trust card is green", lambda f: f.kind == "null",
          lambda f: f.card == "green", 0.95),
     *_rules("z"),
     Rule("outside: a wrong name", lambda f: f.kind == "outside", lambda f: f.outcome == "wrong",
-         0.20, True),
+         0.05, True),
+    Rule(f"several joints, z ≥ {CLEAR:g}: names are exact",
+         lambda f: (f.kind == "several") & (f.z >= CLEAR), _right),
     Rule("the sealed error falls where something is named", lambda f: f.said != "",
          lambda f: f.after < f.before, 0.90),
     *(Rule(f"a wrong name, {kind}", lambda f, kind=kind: f.kind == kind, lambda f: f.wrong != "")
-      for kind in ("inside", "two", "outside")),
+      for kind in ("inside", "two", "several", "strong", "outside")),
     *_rules("z_measured"),
 )  # fmt: skip
 
@@ -362,6 +399,12 @@ def wilson(hits: float, of: float) -> tuple[float, float]:
     middle = (share + z2 / (2 * of)) / (1 + z2 / of)
     half = 1.96 / (1 + z2 / of) * np.sqrt(share * (1 - share) / of + z2 / (4 * of * of))
     return float(middle - half), float(middle + half)
+
+
+def poisson(hits: int, of: int) -> tuple[float, float]:
+    """Return the exact 95 % interval of a mean count [Garwood 1936]."""
+    low = float(chdtri(2 * hits, 0.975)) if hits else 0.0
+    return low / (2 * of), float(chdtri(2 * hits + 2, 0.025)) / (2 * of)
 
 
 def check(frame: pd.DataFrame) -> list[dict[str, Any]]:
@@ -375,7 +418,7 @@ def check(frame: pd.DataFrame) -> list[dict[str, Any]]:
     for r, hits, of in counts:
         row = {"what": r.what, "hits": hits, "of": of, "limit": r.limit, "most": r.most}
         if of:
-            low, high = wilson(hits, of)
+            low, high = poisson(hits, of) if r.counts else wilson(hits, of)
             holds = (hits / of <= r.limit and high <= r.upper) if r.most else hits / of >= r.limit
             row |= {"share": hits / of, "low": low, "high": high}
             row["holds"] = None if np.isnan(r.limit) else bool(holds)

@@ -14,6 +14,7 @@ from identifiability import (
     Noise,
     Robot,
     analyze,
+    compare,
     diagnose,
     export,
     payload,
@@ -27,7 +28,8 @@ from identifiability.robot import complete_motion
 from identifiability.simulation import random_trajectory
 
 ROBOT = Robot.load("two-link")
-LOADED = ROBOT.with_values({"link2.m": ROBOT.nominal["link2.m"] + 1.0})
+TRUTH = ROBOT.with_values({"link2.m": 3.0, "elbow.Fc": 1.0})
+LOADED = ROBOT.with_values({"link2.m": 4.0, "elbow.Fc": 1.0})
 
 
 def weight(log, robot):
@@ -42,13 +44,14 @@ FAULTS = {
     "sign of one": lambda log, _: log.tau * [1.0, -1.0],
     "exchanged": lambda log, _: log.tau[:, ::-1],
     "unit of one": lambda log, _: log.tau * [1.0, 1e-3],
+    "late": lambda log, _: np.stack([np.interp(log.t - 0.1, log.t, x) for x in log.tau.T], 1),
     "gravity": lambda log, robot: log.tau - weight(log, robot),
     "gravity of one": lambda log, robot: log.tau - weight(log, robot) * [0.0, 1.0],
 }
 
 
 @cache
-def record(fault, seed, robot=ROBOT):
+def record(fault, seed, robot=TRUTH):
     motion = random_trajectory(ROBOT, np.random.default_rng(seed), samples=600)
     noise = Noise(additive=0.05, correlation=0.9, encoder=1e-5)
     log = simulate(robot, motion, noise=noise, rng=np.random.default_rng(seed))
@@ -100,6 +103,14 @@ def test_torque_is_predicted_in_the_columns_of_the_log(fault, results, tmp_path)
     ]
 
 
+@pytest.mark.parametrize("fault", ["signs", "gravity"])
+def test_a_log_that_contradicts_the_logs_before_is_named(fault):
+    logs = [record(fault, 1), record(fault, 2)]
+    found = compare(ROBOT, logs, record("none", 3))
+    assert [x.subject for x in of_key(found.hints, "reading_contradicted")] == ["none3.csv"]
+    assert not of_key(compare(ROBOT, logs, record(fault, 3)).hints, "reading_contradicted")
+
+
 @pytest.mark.parametrize("verb", [diagnose, prune])
 @pytest.mark.parametrize("fault", ["signs", "gravity"])
 def test_the_results_of_all_verbs_keep_the_reading(fault, verb, results):
@@ -111,10 +122,11 @@ def test_the_results_of_all_verbs_keep_the_reading(fault, verb, results):
 
 @pytest.mark.parametrize("fault", ["none", "signs", "sign of one", "exchanged", "gravity"])
 def test_a_load_is_weighed_and_a_file_is_judged_under_the_reading(fault, results, tmp_path):
-    load = payload(ROBOT, results(fault), record(fault, 4, LOADED))
+    load = payload(ROBOT, results(fault), record(fault, 5, LOADED))
     assert load.mass.low < 1.0 < load.mass.high
-    written = export(ROBOT, results(fault), tmp_path / "fitted.xml", validate=record(fault, 4))
-    assert written.unseen.both <= 1.05 * predict(ROBOT, results(fault), record(fault, 4)).error_ra
+    path, log = results(fault), record(fault, 4)
+    written = export(ROBOT, path, tmp_path / "fitted.xml", validate=log)
+    assert written.unseen.both <= 1.05 * predict(ROBOT, path, log).error_ra
 
 
 @pytest.mark.parametrize("fault", ["signs", "exchanged", "gravity"])
@@ -156,4 +168,24 @@ def test_a_reading_that_was_changed_by_hand_is_refused_in_one_sentence(wrong, re
     with pytest.raises(IdentifiabilityError, match=r"result\.json|The reading"):
         predict(ROBOT, path, log)
     with pytest.raises(IdentifiabilityError, match=r"result\.json|The reading"):
-        export(ROBOT, path, tmp_path / "fitted.xml", validate=log)
+        export(ROBOT, path, tmp_path / "fitted.xml", validate=log, force=True)
+
+
+def test_a_prediction_of_late_columns_errs_no_more_than_one_of_sound_logs():
+    errors = {}
+    for fault in ("none", "late"):
+        found = analyze(case(fault), quick=True).predict([record(fault, 3)]).as_logged
+        known = found.known & np.isfinite(found.tau)
+        assert known.mean() > 0.8
+        errors[fault] = np.sqrt(np.mean((found.tau - found.predicted)[known] ** 2))
+    assert errors["late"] <= 1.1 * errors["none"]
+
+
+def test_a_planar_arm_on_its_side_is_exported_as_it_stands(tmp_path):
+    turned = ROBOT.turned(np.array([-9.81, 0.0, 0.0]))
+    logs = [replace(record("none", seed, turned), name=f"{seed}.csv") for seed in (1, 2, 3)]
+    result = analyze(ROBOT, logs[:2], logs[2], quick=True)
+    assert abs(result.alternative.gravity[1]) < 1e-9  # across the plane nothing weighs
+    path = result.to_json(tmp_path / "result.json")
+    written = export(ROBOT, path, tmp_path / "turned.xml", validate=logs[2], force=True)
+    assert written.unseen.both < 1.1 * result.chosen.error_ra_validation

@@ -450,6 +450,72 @@ def test_gains_that_nobody_states_are_found_and_one_known_body_fixes_their_scale
     assert not again.servo.unknown.any()
 
 
+@pytest.mark.parametrize("stated", [True, False])
+def test_a_joint_whose_command_stands_has_no_weight_and_blames_nobody(arm, unstated, stated):
+    rng, how = np.random.default_rng(8), servos.Recorder(rate=50.0, delay=0.02, bits=12)
+    moves = servos.draw_commands(arm, 6.0, 50.0, 0.5, rng)
+    moves[:, 1] = moves[0, 1]
+    log = read(arm, servos.record(arm, TRUTH, moves, 6.0, how, rng))
+    robot = arm if stated else unstated
+    found = fit_rollouts(robot, [log], file_shares(robot), 0.02)
+    assert found.missed[1] == 0.0
+    problem, end = found.search
+    weighted = end.J[: problem.rows()[-1] * 2].reshape(-1, 2, end.J.shape[1])
+    assert not weighted[:, 1].any()
+    assert not problem.varied[[problem.at(kind)[1] for kind in ("Ia", "Fc", "kp")]].any()
+    if not stated:
+        said = state_gains(unstated, [log.name], found, file_shares(unstated))
+        assert "command of elbow stands or is not followed, so its gain is a guess" in said
+        assert not re.search(r"elbow [\d.]+ \(", said)
+
+
+def test_gains_are_found_on_the_fitted_logs_alone(unstated, frames):
+    result = analyze(unstated, frames, quick=True)
+    assert result.recordings.set_aside
+    assert len(result.recordings.rolled.delays) == len(result.recordings.fitted) == 1
+
+
+def test_progress_of_rollouts_moves_forward(unstated, arm, frames):
+    shares = []
+    log = read(arm, frames[1])
+    said = fit_rollouts(unstated, [log], {}, 0.007, lambda text, share: shares.append(share))
+    assert len(set(shares)) > 2
+    assert shares == sorted(shares)
+    assert shares[0] == 0.05
+    assert shares[-1] < 0.6
+    assert len(said.delays) == 1
+
+
+def test_a_gain_that_the_logs_do_not_tell_is_stated_as_ratios(arm, unstated, frames):
+    log = read(arm, frames[0])
+    found = fit_rollouts(unstated, [log], file_shares(unstated))
+    loose = found.covariance.copy()
+    loose[3, 3] = 1.0  # of the logarithm of the elbow's gain
+    said = state_gains(unstated, [log.name], replace(found, covariance=loose), {"link2": 0.2})
+    assert "do not determine the gain of elbow" in said
+    assert "kp of shoulder" in said
+    assert not re.search(r"elbow [\d.]+ \(", said)
+
+
+def test_one_bad_joint_does_not_refuse_a_log_and_the_others_keep_their_values(arm, frames):
+    spoilt = frames[1].copy()
+    spoilt["elbow.cmd"] = np.random.default_rng(1).permutation(spoilt["elbow.cmd"])
+    result = analyze(arm, spoilt, quick=True)
+    (said,) = of_key(result.hints, "commands")
+    assert "elbow does not follow its command, so its torque is left out" in said
+    table = result.to_frame().set_index("name")
+    low, high = table.loc["shoulder.Fc", "interval95"]
+    assert low < TRUTH["shoulder.Fc"] < high
+
+
+def test_a_log_in_which_no_joint_follows_is_refused(arm, frames):
+    spoilt = frames[1].copy()
+    for joint in arm.joints:
+        spoilt[f"{joint}.cmd"] = np.random.default_rng(1).permutation(spoilt[f"{joint}.cmd"])
+    with pytest.raises(IdentifiabilityError, match=r"do not follow their commands.*shoulder\.cmd"):
+        analyze(arm, spoilt, quick=True)
+
+
 @pytest.fixture
 def bare(arm, tmp_path):
     """Return the path of the arm's file without rotors and friction."""

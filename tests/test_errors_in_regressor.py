@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability import Noise, Preparation, Robot, analyze, diagnose
-from identifiability.estimation.motion import choose_motion
+from identifiability.estimation.motion import choose_motion, read_records
 from identifiability.logs.prepare import prepare_log
 from identifiability.logs.prepare.preparation import choose_cutoff
 from identifiability.regression.regression import Model
@@ -84,7 +84,8 @@ def choose(log, robot="two-link", asked=None):
     """Return the record of the motion that is chosen for a log."""
     robot = Robot.load(robot)
     how = choose_cutoff(robot, [log], asked)
-    return choose_motion(Structure.of(robot, Model.of(*MODEL)), [log], how, asked)
+    records = read_records(robot, [log], how, asked)
+    return choose_motion(Structure.of(robot, Model.of(*MODEL)), records)
 
 
 def test_a_noisy_motion_is_replaced_by_a_series_and_an_exact_one_is_not(simulated_session):

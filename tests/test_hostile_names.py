@@ -245,12 +245,10 @@ def test_a_new_study_runs_what_it_was_given_and_nothing_else(tmp_path, shell, mo
     )
     (line,) = lines_of(said, folder)
     ((verb, *words),) = shell(line, folder)
-    assert verb == "analyze"
-    assert words[0] == f"./{ROBOT}"
-    assert {f"../{LOG}", f"../{HELD_OUT}"} < {*words}
+    assert [verb, *words] == ["analyze", "--report", "report.html"]
     made = folder / f"-s {SHELL}"
     assert tomllib.loads(made.joinpath(ROBOT).with_suffix(".toml").read_text("utf-8"))
-    check_script(made / "study.py", [f"../{LOG}"], [f"../{HELD_OUT}"], monkeypatch)
+    check_script(made / "study.py", made / f"../{LOG}", made / f"../{HELD_OUT}", monkeypatch)
     empty = new_study("empty", f"./{ROBOT}")
     written = tomllib.loads(empty.folder.joinpath(ROBOT).with_suffix(".toml").read_text("utf-8"))
     assert written["name"] == " ".join(NAMES[1])
@@ -262,19 +260,22 @@ def check_script(path, fitted, held_out, monkeypatch):
     """Run the script of a study with verbs that do nothing."""
     seen = {}
 
-    def fit(robot, logs, *, validate, ladder=None):
-        seen.update(robot=robot, logs=logs, held_out=validate, ladder=ladder)
+    def fit(case, *, ladder=None):
+        seen.update(case=case, ladder=ladder)
         return SimpleNamespace(write_report=str, write_model=str, to_json=str)
 
     def export(robot, result, out):
         return SimpleNamespace(robot=(robot, result, out))
 
-    stub = SimpleNamespace(analyze=fit, diagnose=fit, export=export)
     with monkeypatch.context() as patch:
-        patch.setitem(sys.modules, "identifiability", stub)
+        for name, stub in {"analyze": fit, "diagnose": fit, "export": export}.items():
+            patch.setattr(f"identifiability.{name}", stub)
         runpy.run_path(str(path), run_name="__main__")
     assert len(path.read_text(encoding="utf-8").splitlines()) <= 10
-    assert seen == {"robot": ROBOT, "logs": fitted, "held_out": held_out, "ladder": "model.toml"}
+    case = seen["case"]
+    assert case.robot.path == path.with_name(ROBOT)
+    assert (case.logs, case.validate) == ((str(fitted),), (str(held_out),))
+    assert seen["ladder"] == "model.toml"
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import re
 import pandas as pd
 import pytest
 
-from identifiability import IdentifiabilityError, Log, Robot, new_study
+from identifiability import Case, IdentifiabilityError, Log, Robot, new_study
 from identifiability.logs.conventions import Conventions
 from identifiability.robot.locate import shipped_folder, shipped_robots
 
@@ -19,7 +19,7 @@ def test_a_study_of_a_sampled_robot_has_what_its_script_names(robot, tmp_path):
     made = new_study(tmp_path / "study", robot)
     assert made.has_logs
     script = (made.folder / "study.py").read_text()
-    named = re.findall(r"\b(?:robot\.\w+|run\d\.csv)", script)
+    named = re.findall(r"\b(?:robot\.\w+|run\d\.csv)", (made.folder / "case.toml").read_text())
     assert len(set(named)) >= 4
     assert all((made.folder / name).is_file() for name in named)
     assert len(script.splitlines()) <= 10
@@ -62,18 +62,17 @@ def test_logs_of_ones_own_are_named_where_they_are(tmp_path, monkeypatch):
     made = new_study("mine", "arm.urdf", ["monday.csv", "tuesday.csv"])
     assert (made.fitted, made.held_back) == (("../monday.csv",), "../tuesday.csv")
     assert not (made.folder / "template.csv").exists()
-    script = (made.folder / "study.py").read_text()
-    assert "LOGS, HELD_OUT = ['../monday.csv'], ['../tuesday.csv']" in script
-    assert "analyze arm.urdf ../monday.csv --validate ../tuesday.csv" in made.next_line
+    case = Case.load(made.folder)
+    assert (case.logs, case.validate) == (("mine/../monday.csv",), ("mine/../tuesday.csv",))
+    assert made.next_line == "cd mine && identifiability analyze --report report.html"
     alone = new_study("alone", "arm.urdf", ["monday.csv"])
-    assert "--validate" not in alone.next_line
-    assert "LOGS, HELD_OUT = ['../monday.csv'], []" in (alone.folder / "study.py").read_text()
+    assert Case.load(alone.folder).validate == ()
     with pytest.raises(IdentifiabilityError, match="There is no log file"):
         new_study("none", "arm.urdf", ["sunday.csv"])
     assert not (tmp_path / "none").exists()
     (tmp_path / "my log #1.csv").write_text("t\n")
     spaced = new_study("spaced", "arm.urdf", ["my log #1.csv"])
-    assert spaced.next_line.endswith("arm.urdf '../my log #1.csv' --report report.html")
+    assert Case.load(spaced.folder).logs == ("spaced/../my log #1.csv",)
 
 
 def test_nothing_is_written_over_and_nothing_is_left_of_what_fails(command, tmp_path):

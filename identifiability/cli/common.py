@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from identifiability.foundation.answers import Table
     from identifiability.foundation.result import Result
+    from identifiability.workflows.case_file import CaseFile
 
 
 #: If work without a terminal takes so many seconds more it is said [s].
@@ -28,6 +29,9 @@ PATIENCE = 10.0
 
 #: Whether all that is said is printed.
 VERBOSE = ContextVar("VERBOSE", default=False)
+
+#: The case file that the command reads its robot, logs and settings from.
+CASE: ContextVar[CaseFile | None] = ContextVar("CASE", default=None)
 
 
 @contextmanager
@@ -88,7 +92,8 @@ def progress() -> Iterator[Callable[[str, float], None]]:
 
         def say(text: str, share: float) -> None:  # never backwards
             nonlocal said
-            bar.update(task, description=text, completed=max(share, bar.tasks[0].completed))
+            share = max(share, bar.tasks[0].completed)
+            bar.update(task, description=text, completed=share)
             past = monotonic() - begun
             left = past * (1 - share) / share if share >= 0.05 else 0.0  # before it is a guess
             if past > 3.0 and left > PATIENCE and not said:

@@ -36,6 +36,7 @@ from typing import (
 
 import typer
 from typer import Argument, Option
+from typer.core import TyperArgument
 from typer.models import OptionInfo, ParameterInfo
 
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
@@ -55,13 +56,14 @@ from identifiability.foundation.options import (
 )
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 
-from .common import VERBOSE, check_outputs, progress, sentences, write_all
+from .common import CASE, VERBOSE, check_outputs, progress, sentences, write_all
 
 if TYPE_CHECKING:
     from identifiability.foundation.engines import Engine
     from identifiability.foundation.result import Result
     from identifiability.logs.prepare import Preparation
     from identifiability.robot import Robot
+    from identifiability.workflows.case_file import CaseFile
 
 #: Options that take effects, and verbs in which an option of that name takes something else.
 TAKES_EFFECTS = {"effects": (), "hide": (), "separate": (), "model": ("calibrate",)}
@@ -292,6 +294,9 @@ def _flattened(
 
     def called(**typed: Any) -> None:
         with sentences():
+            case = CASE.get()
+            if case is not None:
+                typed["robot"] = case.robot
             _look(function.__name__, typed, options)
             read = {name: option.read(typed[name]) for name, option in options.items()}
             read |= _read_settings(settings, tables, read.pop(SET.name, ()), typed)
@@ -339,7 +344,70 @@ class Command(typer.core.TyperCommand):
             follows = value if equals else next(iter(typed[at + 1 :]), "VALUE")
             told = "true" if self.settings[key].kind is bool else follows
             ctx.fail(f"{option} is a setting: type --set {key}={told}.")
-        return super().parse_args(ctx, [given for given in args if given not in loud])
+        words = [given for given in args if given not in loud]
+        ctx.default_map = self._read_case(ctx, words)
+        return super().parse_args(ctx, words)
+
+    def _read_case(self, ctx: Any, words: list[str]) -> dict[str, Any]:
+        """Return what the case file says of the options that were not typed.
+
+        A case is that of the working folder, or of a folder that is typed in place of the robot.
+        Where its robot file is typed, the logs of the case are left out.
+        """
+        CASE.set(None)
+        takes_robot = any(isinstance(p, TyperArgument) and p.name == "robot" for p in self.params)
+        if not takes_robot or {"--help", "--each"}.intersection(words):
+            return {}
+        typed, _, _ = self.make_parser(ctx).parse_args(args=[*words])
+        robot = typed.get("robot")
+        robot = robot if isinstance(robot, str) else "."
+        is_folder = False
+        with suppress(OSError):  # a name that is too long
+            is_folder = Path(robot).is_dir()
+        folder = robot if is_folder else "."
+        if not (Path(folder) / "case.toml").is_file():
+            return {}
+        from identifiability.workflows.case_file import CaseFile  # noqa: PLC0415
+
+        with sentences():
+            case = CaseFile.read(folder)
+        if not is_folder and Path(robot) != Path(case.robot):
+            return {}
+        CASE.set(case)
+        said = {"sidecar": case.sidecar, "lock": case.entry.lock}
+        if is_folder:
+            has_logs = isinstance(typed.get("logs"), (list, tuple))
+            said |= defaults_of_case(case, str(self.name), has_logs=has_logs)
+        return {name: value for name, value in said.items() if value not in (None, [])}
+
+
+def defaults_of_case(case: CaseFile, verb: str, *, has_logs: bool) -> dict[str, Any]:
+    """Return the values of a verb's arguments, and of its files, that a case states.
+
+    Parameters
+    ----------
+    case : CaseFile
+    verb : str
+    has_logs : bool
+        Whether logs were typed, which replace all logs of the case.
+    """
+    held_out = [path for path in case.held_out if path != "none"]
+    result = case.place(case.entry.result)
+    said: dict[str, Any] = {"robot": case.robot, "result": result}
+    said |= {"json": result} if verb == "analyze" else {}
+    if verb == "export":
+        said["out"] = case.place(f"fitted{Path(case.robot).suffix}")
+    if verb == "excite":
+        said |= {"out": case.place("next.json"), "start_from": case.logs}
+    if has_logs or verb == "payload":
+        return said
+    if verb == "compare":
+        for name, paths in (("before", case.logs), ("after", held_out)):
+            said |= {name: paths[0], f"more_{name}": paths[1:]} if paths else {}
+        return said
+    logs = {"predict": held_out or case.logs, "inspect": [*case.logs, *held_out]}
+    validate = held_out if verb == "export" else case.held_out
+    return said | {"logs": logs.get(verb, case.logs), "validate": validate}
 
 
 # What is looked at before anything large is imported: are files there, can they be written?
@@ -437,6 +505,9 @@ def _read_settings(
                     raise OptionError(Finding("option.typed", key, table=table))
                 check_option(f"A key of the sidecar's [{table}]", key, Literal[tuple(known)])
             found |= {k: v for k, v in stated[table].items() if tables.get(k) == table}
+    case = CASE.get()
+    if case is not None:
+        found |= {k: v for k, v in case.settings.items() if k in settings}
     for text in typed:
         key, equals, value = text.partition("=")
         if key not in settings or not equals:
@@ -600,9 +671,11 @@ class Machine:
             if rules.setdefault(old, new) != new:
                 raise OptionError(f"--map gives '{old}' two names, {rules[old]} and {new}.")
         said = self.recorded
-        return Robot.load(
+        robot = Robot.load(
             self.robot, self.sidecar, rules, self.lock, said.time_unit, said.angles, said.base
         )
+        case = CASE.get()
+        return robot if case is None else case.with_masses(robot)
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.loading import loading
 
-from .common import check_outputs, print_command, print_end, print_result, progress, write_all
+from .common import CASE, check_outputs, print_command, print_end, print_result, progress, write_all
 from .options import (
     Derived,
     Effects,
@@ -98,7 +98,7 @@ def new(
     logs: OptionalLogs = (),
     robot: str = "six-dof-arm",
 ) -> None:
-    """Make a folder to begin a study in: robot, sidecar, logs and a script."""
+    """Make a folder to begin a study in: robot, sidecar, logs, case.toml and a script."""
     from identifiability.workflows.study import new_study  # noqa: PLC0415
 
     made = new_study(folder, robot, logs)
@@ -170,7 +170,9 @@ def inspect(
     """Say what a robot file holds, what its logs must have, and what is in logs and odd."""
     result, written = run(locals(), "inspect")
     needs = [] if result.records else [f"{n.text} {n.line}".rstrip() for n in result.needs]
-    print_result(result, written, [text.replace("\n", " ") for text in needs])
+    case = CASE.get()
+    holds = [] if case is None else [case.statement]
+    print_result(result, written, [*holds, *(text.replace("\n", " ") for text in needs)])
 
 
 # Fits.

@@ -43,7 +43,7 @@ from identifiability.regression.columns import (
 )
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel
-from identifiability.regression.regression import Chunk, Regression, choose_windows, inside
+from identifiability.regression.regression import REACHES, Chunk, Regression, choose_windows, inside
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 
@@ -117,7 +117,10 @@ class Excerpt:
                 continue
             chunks += part.shown()
             start = part.start
-            for piece in part.samples.pieces(PIECE):
+            decimation = part.samples.decimation
+            # Pieces overlap by what the decimation filter draws on.
+            reach = 1 if decimation is None else decimation.reach
+            for piece in part.samples.pieces(max(PIECE, REACHES * reach)):
                 stop = start + len(piece.motion.t[piece.at])
                 found = [rows for _, rows in inside(windows[part.log], start, stop)]
                 if found:
@@ -547,13 +550,14 @@ class MissingEffects:
     def statement(self) -> str:
         """What the model seems to miss, and how sure that is, for before ": diagnose".
 
-        It is said from 20 to 1 on.
+        It is said from 20 to 1 on, by fitted and unseen rows together.
         """
-        sure = (t for t in self.named if t.odds >= RULES.name + RULES.keep)
-        order = sorted(sure, key=lambda t: -t.odds)
+        odds = {describe_term(t): t.odds + t.unseen for t in self.named}
+        sure = {name: x for name, x in odds.items() if x >= RULES.name + RULES.keep}
+        order = sorted(sure, key=lambda name: -sure[name])
         if not order:
             return ""
-        told = listing([f"{describe_term(t)} (log odds {t.odds:.3g})" for t in order], TOLD)
+        told = listing([f"{name} (log odds {sure[name]:.3g})" for name in order], TOLD)
         return f"{told} {'seems' if len(order) == 1 else 'seem'} to be missing"
 
     def of_labels(self, submodel: Submodel, fit: Estimate) -> LabelAlternatives | None:
@@ -658,6 +662,8 @@ def find_missing(
         blocks = missing.products(missing.seen, edges, among=terms)
         early = replace(model, products=blocks.take(np.array([0])))
         terms = early.confirm(terms, blocks.take(np.array([-1])))
+        # These rows are among the fitted ones already.
+        terms = tuple(replace(t, unseen=0.0) for t in terms)
     return _conclude(missing, model, terms)
 
 

@@ -13,8 +13,8 @@ costs the same however many rows there were.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import field
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import field, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -134,12 +134,15 @@ class Term:
         Of its values, relative to the torque of their joint.
     odds : float
         Log odds of the group beside the others, averaged over members and sizes, less its price.
+    unseen : float [nat]
+        What it gains on rows that were held out. It warns and refutes, and chooses nothing.
     """
 
     group: Group
     member: int
     variance: float
     odds: float
+    unseen: float = 0.0
 
     @property
     def columns(self) -> np.ndarray:
@@ -369,19 +372,35 @@ class MixedModel:
         return [full - self.evidence(other, unseen) for other in rest]
 
     def confirm(self, terms: Terms, unseen: Information) -> Terms:
-        """Return those terms that unseen rows let stand, the worst taken out first.
+        """Return the terms that unseen rows let stand, with their gains; the worst goes first.
 
         With fitted rows they must gain what names and keeps a name. By themselves they are the odds
         against it where they are below zero, and need what names to refute it.
         """
         while terms:
-            gains = zip(self.news(terms, unseen), terms, strict=True)
-            over = [gain + min(RULES.name, t.odds - RULES.name - RULES.keep) for gain, t in gains]
+            gains = self.news(terms, unseen)
+            terms = tuple(replace(t, unseen=gain) for t, gain in zip(terms, gains, strict=True))
+            over = [t.unseen + min(RULES.name, t.odds - RULES.name - RULES.keep) for t in terms]
             worst = int(np.argmin(over))
             if over[worst] >= 0:
                 break
             terms = _without(terms, worst)
         return terms
+
+    def left_out(self, terms: Terms, blocks: Information, sets: Sequence[Collection[int]]) -> Array:
+        """Return what sets of terms gain beside the others on blocks of rows, (sets,) [nat].
+
+        Each block is predicted from all other blocks, with all terms and without those of a set.
+        """
+        each = np.arange(len(blocks.counts))
+        gains = np.zeros(len(sets))
+        rests = [tuple(t for k, t in enumerate(terms) if k not in some) for some in sets]
+        for block in each:
+            fitted = replace(self, products=blocks.take(np.delete(each, block)))
+            unseen = blocks.take(each[[block]])
+            full = fitted.evidence(terms, unseen)
+            gains += [full - fitted.evidence(rest, unseen) for rest in rests]
+        return gains
 
     def rivals(self, terms: Terms, which: int) -> list[Term]:
         """Return what would do as well in the place of a term: "A or B", the likeliest first."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from scipy.special import ndtr
@@ -25,7 +26,16 @@ from identifiability.logs import Log, signals
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.prepare.preparation import Plan, Preparation, joint_log, make_plan
 from identifiability.logs.rules import RULES
-from identifiability.logs.series import Kind, MotionSeries, find_series, plant, refit, with_series
+from identifiability.logs.series import (
+    Kind,
+    MotionSeries,
+    SplineFit,
+    add_fourier,
+    find_spline,
+    plant,
+    refit,
+    with_series,
+)
 from identifiability.regression.information import Information
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
@@ -87,14 +97,14 @@ class MotionChoice:
         return Finding("motion", what=phrase("motion", self.record), other=other, **errors)
 
 
-def choose_motion(
-    structure: Structure, logs: Sequence[Log], how: Preparation, asked: Preparation | None
-) -> MotionChoice:
-    """Return the record of the motion that finds planted values best.
+def read_records(
+    robot: Robot, logs: Sequence[Log], how: Preparation, asked: Preparation | None
+) -> tuple[Record, ...]:
+    """Return the motion of logs and the splines through it; nothing where nothing is to decide.
 
     Parameters
     ----------
-    structure : Structure
+    robot : Robot
     logs : sequence of Log
         The fitted ones.
     how : Preparation
@@ -104,15 +114,26 @@ def choose_motion(
     """
     chosen = asked is not None and (asked.derivatives != "auto" or asked.cutoff or asked.outputs)
     unfit = any(x.long or x.rollout is not None or x.motion_alone for x in logs)
-    if chosen or unfit or structure.robot.base is not None or not logs:
-        return MotionChoice()
-    records = [Record.of(structure.robot, log, how) for log in logs]
-    if any(not r.series for r in records) or all(r.is_quiet() for r in records):
+    if chosen or unfit or robot.base is not None:
+        return ()
+    return tuple(Record.of(robot, log, how) for log in logs)
+
+
+def choose_motion(structure: Structure, records: Sequence[Record]) -> MotionChoice:
+    """Return the record of the motion that finds planted values best.
+
+    Parameters
+    ----------
+    structure : Structure
+    records : sequence of Record
+        Of the fitted logs; as measured where there are none.
+    """
+    if any(r.spline is None for r in records) or all(r.is_quiet() for r in records):
         return MotionChoice()
     kind = preferred_kind(records)
     # Computed derivatives are low-passed with torque and columns, which takes most of their noise.
     # What is sharper than a series can follow is then lost in vain, unless it averages periods.
-    derived = any(log.ddq is None for log in logs)
+    derived = any(r.log.ddq is None for r in records)
     if derived and not (kind == "fourier" and all(r.repeats for r in records)):
         return MotionChoice()
     try:
@@ -146,20 +167,26 @@ class Record:
         On the joint side.
     plan : Plan
         How its motion is derived by default.
-    series : mapping of kind to MotionSeries
+    spline : SplineFit or None
+        None for a log of too few rows.
     """
 
     robot: Robot
     log: Log
     plan: Plan
-    series: dict[Kind, MotionSeries]
+    spline: SplineFit | None
 
     @staticmethod
     def of(robot: Robot, log: Log, how: Preparation) -> Record:
         """Return the record of a log in memory."""
         plan = make_plan(robot, log, how)
         joints = joint_log(robot, plan.mend(log))
-        return Record(robot, joints, plan, find_series(joints))
+        return Record(robot, joints, plan, find_spline(joints))
+
+    @cached_property
+    def series(self) -> dict[Kind, MotionSeries]:
+        """The best series of each kind."""
+        return {} if self.spline is None else add_fourier(self.log, self.spline)
 
     @property
     def repeats(self) -> bool:
@@ -170,7 +197,8 @@ class Record:
 
     def is_quiet(self) -> bool:
         """Return whether the default preparation leaves next to no noise in any channel."""
-        spline = self.series["spline"]
+        assert self.spline is not None
+        spline = self.spline.best
         moving = ~signals.never_moves(spline.q.min(0), spline.q.max(0))
         shares = [
             np.std(x - own, axis=0)[moving] / own.std(0)[moving]

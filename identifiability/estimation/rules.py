@@ -51,6 +51,9 @@ class Rules(RuleTable):
     keep: Annotated[float, "and how much more with unseen rows keeps it [nat], derived"] = 2.0
     simpler: Annotated[float, "nats within which fewer columns go first, derived"] = 3.0
     rival: Annotated[float, "nats within which it is A or B, derived"] = 4.0
+    law_error: Annotated[
+        Share, "error of a law at most, of what names in its joint gain, calibrated"
+    ] = 0.15
     smooth_price: Annotated[
         float, "what a function explains beside the noise [nat], calibrated"
     ] = 6.0
@@ -62,6 +65,9 @@ class Rules(RuleTable):
     uneven: Annotated[
         float, "a joint that errs so many times the error of all joints is named, by hand"
     ] = 3.0
+    means_apart: Annotated[
+        float, "error over each joint's mean over that over one, that is said, by hand"
+    ] = 1.3
     contradicted: Annotated[
         float, "a body of the file is contradicted at so many standard errors, by hand"
     ] = 5.0

@@ -155,8 +155,29 @@ def plant(log: Log, series: MotionSeries, rng: np.random.Generator) -> Log:
     return replace(log, **noisy)
 
 
+@frozen
+class SplineFit:
+    """The best spline of a log, and the memory of its noise.
+
+    Attributes
+    ----------
+    best : MotionSeries
+    memory : tuple of (n,) [samples]
+        Autocorrelation times of the noise of each measured channel, behind the richest spline.
+    """
+
+    best: MotionSeries
+    memory: tuple[Array, ...]
+
+
 def find_series(log: Log) -> dict[Kind, MotionSeries]:
     """Return the best series of each kind; without a Fourier series of a motion never repeated."""
+    spline = find_spline(log)
+    return {} if spline is None else add_fourier(log, spline)
+
+
+def find_spline(log: Log) -> SplineFit | None:
+    """Return the best spline of a log; None for one of too few rows."""
     t = log.t - log.t[0]
     channels = [x for x in (log.q, log.dq, log.ddq) if x is not None]
     noise = [measured_noise(x, log.t) for x in channels]
@@ -164,15 +185,23 @@ def find_series(log: Log) -> dict[Kind, MotionSeries]:
         _solve("spline", _spline_bases(t, count), channels, noise) for count in _counts(len(t))
     ]
     if not splines:
-        return {}
+        return None
     # How long the noise remembers is seen behind the richest spline.
     richest = splines[-1].motion
-    memory = [autocorrelation_time(x - own) for x, own in zip(channels, richest, strict=False)]
-    best = _best(splines, channels, memory)
-    found: dict[Kind, MotionSeries] = {"spline": best}
-    fourier = list(_fourier_series(t, channels, noise, best))
+    left = [x - own for x, own in zip(channels, richest, strict=False)]
+    memory = tuple(autocorrelation_time(x) for x in left)
+    return SplineFit(_best(splines, channels, memory), memory)
+
+
+def add_fourier(log: Log, spline: SplineFit) -> dict[Kind, MotionSeries]:
+    """Return the best series of each kind, given the spline."""
+    t = log.t - log.t[0]
+    channels = [x for x in (log.q, log.dq, log.ddq) if x is not None]
+    noise = [measured_noise(x, log.t) for x in channels]
+    found: dict[Kind, MotionSeries] = {"spline": spline.best}
+    fourier = list(_fourier_series(t, channels, noise, spline.best))
     if fourier:
-        found["fourier"] = _best(fourier, channels, memory)
+        found["fourier"] = _best(fourier, channels, spline.memory)
     return found
 
 
@@ -183,7 +212,7 @@ def refit(series: MotionSeries, log: Log) -> MotionSeries:
     noise = [measured_noise(x, log.t) for x in channels]
     if series.period is None:
         return _solve("spline", _spline_bases(t, series.coefficients), channels, noise)
-    bases = _fourier_bases(t, series.period, (series.coefficients - 1) // 2)
+    bases = signals.fourier_bases(t, series.period, (series.coefficients - 1) // 2)
     return _solve("fourier", bases, channels, noise, series.period)
 
 
@@ -236,11 +265,6 @@ def _spline_bases(t: Array, count: int) -> list[Any]:
         slopes, knots = step @ slopes, knots[1:-1]
         bases.append(design(t, knots, degree - 1) @ slopes)
     return [scipy.sparse.csr_array(x) for x in bases]
-
-
-def _fourier_bases(t: Array, period: float, harmonics: int) -> list[Any]:
-    """Return bases of a Fourier series."""
-    return [signals.fourier_basis(t, period, harmonics, order) for order in range(3)]
 
 
 def _solve(
@@ -321,7 +345,7 @@ def _fourier_series(
             # The shortest period of a harmonic has four samples, and samples must outnumber them.
             if 4 * harmonics * step > period or 8 * harmonics > len(t):
                 break
-            bases = _fourier_bases(t, period, harmonics)
+            bases = signals.fourier_bases(t, period, harmonics)
             yield _solve("fourier", bases, channels, noise, period)
 
 
@@ -389,7 +413,7 @@ def _misfit(
     t: Array, channels: Sequence[Array], noise: Sequence[Array], harmonics: int, period: float
 ) -> float:
     """Return what a Fourier series leaves of all channels, in squares of their noise."""
-    bases = _fourier_bases(t, period, harmonics)
+    bases = signals.fourier_bases(t, period, harmonics)
     motion = _solve("fourier", bases, channels, noise, period).motion
     total = 0.0
     for x, own, level in zip(channels, motion, noise, strict=False):

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import null_space
 
+from identifiability.effects.registry import is_loaded
 from identifiability.effects.vocabulary import file_values
 from identifiability.estimation.estimator import clip_signs
 from identifiability.estimation.evidence import LEVELS, Evidence, HeldOut, Score
@@ -15,6 +16,7 @@ from identifiability.foundation.engines import one_thread
 from identifiability.foundation.linalg import ROUNDOFF, or_one
 from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.values import frozen
+from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel, leave_to_terms
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
@@ -214,10 +216,35 @@ def choose_prior(
     return PriorChoice(weights[at], values[at], scores[at], good)
 
 
-def _projection(model: FittedModel, cad_weight: float) -> Projection:
-    """Return the program of the nearest real robot of a model.
+def scale_bodies(structure: Structure, whole: Information) -> Array:
+    """Return the standard parameters (p,) to whose bodies a prior draws.
 
     A file whose masses are another robot's, as placeholders are, draws to its proportions alone.
+    All base parameters decide that, so that models of one robot are drawn to the same bodies. A
+    scale of the torque takes no part: with one at each joint bodies could weigh anything.
+
+    Parameters
+    ----------
+    structure : Structure
+    whole : Information
+        About all base parameters.
+    """
+    bodies, _ = draw_bodies(structure)
+    at = physical_set(structure).bodies.ravel()
+    rows = whole.factor(1.0 / or_one(whole.torque))[:-1]
+    R = rows[:, :-1] @ structure.G
+    loaded = [k for k, p in enumerate(structure.parameters) if is_loaded([p])]
+    others = np.delete(R, [*at, *loaded], axis=1)
+    alike = np.column_stack([R[:, at] @ bodies[at], others])
+    factor = np.linalg.lstsq(alike, rows[:, -1], rcond=None)[0][0]
+    if factor > 0 and not 1 / RULES.another_robot < factor < RULES.another_robot:
+        bodies = bodies.copy()
+        bodies[at] *= factor
+    return bodies
+
+
+def _projection(model: FittedModel, cad_weight: float) -> Projection:
+    """Return the program of the nearest real robot of a model.
 
     Raises
     ------
@@ -225,16 +252,9 @@ def _projection(model: FittedModel, cad_weight: float) -> Projection:
         If no real robot has what it holds.
     """
     structure = model.structure
-    (bodies, _) = draw_bodies(structure)
     region = physical_set(structure)
     possible = structure.nominal.copy()
-    at = region.bodies.ravel()
-    R = model.data.R
-    alike = np.column_stack([R[:, at] @ bodies[at], np.delete(R, at, axis=1)])
-    factor = np.linalg.lstsq(alike, model.data.z, rcond=None)[0][0]
-    if factor > 0 and not 1 / RULES.another_robot < factor < RULES.another_robot:
-        bodies = bodies.copy()
-        bodies[at] *= factor
+    bodies = scale_bodies(structure, model.whole)
     for columns, name in zip(region.bodies, region.names, strict=True):
         if check_body(possible[columns], name):
             possible[columns] = 0.0

@@ -5,33 +5,37 @@ The sidecar can state how torque is to be read. Then no other way is tried.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import combinations, product
+from itertools import combinations, permutations, product
 from typing import Any
 
 import numpy as np
 
 from identifiability.effects.functions import has_session
 from identifiability.foundation.names import Array, Strings
+from identifiability.foundation.rounding import join
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
+from identifiability.logs.spikes import TURN
 from identifiability.quality import MeasuredLogs
 from identifiability.quality.hints import find_torque_scale, measure_factors
+from identifiability.robot import Robot
 
 from .reading import Reading
 
 #: Units of one joint's torque relative to the other joints', and delays [s].
 UNITS: tuple[Tolerance, ...] = (1e-3, 1e-2, 0.1, 10.0, 1e2, 1e3)
 DELAYS: tuple[Tolerance, ...] = (0.02, 0.05, 0.1, 0.2)
-#: Joints up to which exchanged positions are tried.
-MOST = 8
+#: Joints up to which exchanged positions and cycles are tried, and legs that are permuted.
+MOST, LEGS = 8, 4
 
 CORRECT_COLUMNS = "Correct the log or the map of its columns"
 CORRECT_POSITIONS = "Correct the log, the map of its columns or their unit"
 CORRECT_SIGN = "Correct its sign in the log, or say sign = -1 under [torque] in the sidecar"
-CORRECT_GEARS = 'Correct units in the log, or say side = "motor" and each ratio under [torque]'
 COMPARE_OFFSETS = "Those of another log cannot be known; compare gives these with their intervals"
+CORRECT_GEARS = 'Correct units in the log, or say side = "motor" and each ratio under [torque]'
 
 
 @frozen
@@ -61,8 +65,13 @@ class ReadingCandidates:
         yield from self.delayed()
 
     def of_positions(self) -> Iterator[Reading]:
-        """Yield positions that are exchanged, reversed or in degrees."""
+        """Yield positions that are exchanged, reversed or in degrees; of closed chains only legs.
+
+        Loops are closed anew for each motion, which takes long.
+        """
         yield from self.exchanged_positions()
+        if self.logs.robot.closed:
+            return
         for joint in range(len(self.names)):
             yield from self.reversed_positions(joint)
             yield from self.positions_in_degrees(joint)
@@ -104,14 +113,40 @@ class ReadingCandidates:
             )
 
     def exchanged(self) -> Iterator[Reading]:
-        """Yield torque columns of which two are exchanged."""
-        for i, j in combinations(range(len(self.names)), 2):
-            pair = f"{self.names[i]} and {self.names[j]}"
+        """Yield torque columns that are exchanged: pairs, cycles of three, and equal legs."""
+        for order in self.orders():
             yield self._other(
-                f"The torque columns of {pair} seem to be exchanged",
+                f"The torque columns of {self._moved_by(order)} seem to be exchanged",
                 CORRECT_COLUMNS,
-                order=self._exchange(i, j),
+                order=order,
             )
+
+    def orders(self) -> list[Array]:
+        """Return the orders of joints that are tried, (n,) int each."""
+        every = range(len(self.names))
+        cycles: list[tuple[int, ...]] = [*combinations(every, 2)]
+        if len(self.names) <= MOST:
+            for i, j, k in combinations(every, 3):
+                cycles += [(i, j, k), (i, k, j)]
+        orders = [*(self._cycle(cycle) for cycle in cycles), *self.leg_orders()]
+        # A permutation of legs may be a cycle as well.
+        return list({order.tobytes(): order for order in orders}.values())
+
+    def leg_orders(self) -> list[Array]:
+        """Return the orders of joints in which equal legs are permuted, (n,) int each."""
+        legs = list_legs(self.logs.robot)
+        if not 2 <= len(legs) <= LEGS:
+            return []
+        orders = []
+        for other in list(permutations(legs))[1:]:
+            order = self.literal.order.copy()
+            order[np.concatenate(legs)] = np.concatenate(other)
+            orders.append(order)
+        return orders
+
+    def _moved_by(self, order: Array) -> str:
+        """Return the names of the joints that an order moves."""
+        return join([self.names[k] for k in np.flatnonzero(order != self.literal.order)])
 
     def sign_reversed(self) -> Iterator[Reading]:
         """Yield torque with the other sign: of one joint, then of all."""
@@ -178,12 +213,12 @@ class ReadingCandidates:
             )
 
     def exchanged_positions(self) -> Iterator[Reading]:
-        """Yield two joints whose positions are exchanged, without and with their torque."""
+        """Yield joints whose positions are exchanged, without and with their torque."""
         if len(self.names) > MOST:
             return
-        for i, j in combinations(range(len(self.names)), 2):
-            order = self._exchange(i, j)
-            pair = f"{self.names[i]} and {self.names[j]}"
+        pairs = [self._cycle(pair) for pair in combinations(range(len(self.names)), 2)]
+        for order in self.leg_orders() if self.logs.robot.closed else pairs:
+            pair = self._moved_by(order)
             motion = self.literal.motion[order]
             positions = replace(self.literal, remedy=CORRECT_POSITIONS, motion=motion)
             what = f"The positions of {pair} seem to be exchanged"
@@ -203,29 +238,18 @@ class ReadingCandidates:
         yield replace(positions, description=what, factor=sign)
 
     def positions_in_degrees(self, joint: int) -> Iterator[Reading]:
-        """Yield positions of a revolute joint in degrees."""
-        robot = self.logs.robot
-        if robot.slides[joint]:
+        """Yield positions of a revolute joint in degrees.
+
+        Degrees of a joint that moves enough to be identified span more than a turn in radians.
+        """
+        positions = self.logs.motion.actuated_q[:, joint]
+        if self.logs.robot.slides[joint] or np.ptp(positions) <= TURN:
             return
         unit = np.where(self.is_joint(joint), np.pi / 180, 1.0)
         yield self._other(
             f"The angles of {self.names[joint]} seem to be degrees",
             CORRECT_POSITIONS,
             motion=self.literal.motion * unit[:, None],
-        )
-
-    def zeroed(self, joint: int, zero: float) -> Reading:
-        """Return the reading under which a joint's positions are too large by a zero [rad or m]."""
-        robot = self.logs.robot
-        name = self.names[joint]
-        unit = robot.position_units[joint]
-        correction = f"{name} = {{offset = {-zero:.3g}}}"
-        A = self.literal.motion[:, :-1]
-        return self._other(
-            f"The position of {name} seems to be read {zero:.3g} {unit} too large",
-            f"Correct its zero, or say {correction} under [columns]",
-            motion=np.column_stack([A, zero * self.is_joint(joint)]),
-            fitted_numbers=1,
         )
 
     def turned(self, gravity: Array) -> Reading:
@@ -235,6 +259,7 @@ class ReadingCandidates:
             "" if tilt is None else f"Gravity {tilt.text}",
             "Write it into the robot file, or export it",
             gravity=gravity,
+            turned=True,
             fitted_numbers=2,
         )
 
@@ -242,8 +267,21 @@ class ReadingCandidates:
         """Return the literal reading with some changes, what they are, and what to do."""
         return replace(self.literal, description=description, remedy=remedy, **changes)
 
-    def _exchange(self, i: int, j: int) -> Array:
-        """Return the order of joints of which two are exchanged, (n,) int."""
+    def _cycle(self, joints: tuple[int, ...]) -> Array:
+        """Return the order in which each of some joints has the column of the next, (n,) int."""
         order = self.literal.order.copy()
-        order[[i, j]] = j, i
+        order[list(joints)] = np.roll(joints, -1)
         return np.asarray(order)
+
+
+def list_legs(robot: Robot) -> list[list[int]]:
+    """Return the actuated joints of each branch that begins at the base, if branches are equal."""
+    parents = [*robot.model.parents]
+    legs = defaultdict[int, list[int]](list)
+    for place, name in enumerate(robot.joints):
+        joint = robot.model.getJointId(name)
+        while parents[joint]:
+            joint = parents[joint]
+        legs[joint].append(place)
+    equal = len({len(leg) for leg in legs.values()}) == 1
+    return list(legs.values()) if equal else []

@@ -20,10 +20,10 @@ from identifiability.effects.inertia import ActuatorInertia
 from identifiability.effects.transmission import Hysteresis
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
-from identifiability.foundation.linalg import ROUNDOFF
+from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
-from identifiability.foundation.values import frozen, remember
+from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.spectrum import autocorrelation_time
 from identifiability.regression.columns import list_candidates
@@ -36,6 +36,8 @@ from .reading import Reading
 ROWS, NUMBERS = (2000, 8, 250), 8_000_000
 #: Directions of the smooth functions whose size is less than this share of the largest are left in.
 STRONG: Tolerance = 0.03
+#: Blocks of each log, which belong to two parts by turns.
+BLOCKS = 8
 #: Families beside the smooth functions from which rows are adjusted.
 CONFOUNDERS = (Hysteresis.name, ActuatorInertia.name, "passive_joint_friction")
 
@@ -124,6 +126,8 @@ class TorqueRows:
         Parts of the columns of the base parameters, whose sum is weighted by gravity.
     separate_offsets : bool
         Whether each log has its own torque offsets.
+    others : tuple of TorqueRows
+        Rows of the same samples along other motions, whose smooth functions are removed as well.
     """
 
     def __init__(
@@ -133,19 +137,32 @@ class TorqueRows:
         parts: Array,
         *,
         separate_offsets: bool = False,
+        others: tuple[TorqueRows, ...] = (),
     ) -> None:
         self.structure = structure
         self.robot = structure.robot
         self.excerpt = excerpt
         self.parts = parts
         self.separate_offsets = separate_offsets
+        self.others = others
         joints = range(len(self.robot.joints))
         #: Base parameters whose columns act in each joint: in a tree few do.
         self.acts = [np.flatnonzero(parts[:, j].any((0, 2))) for j in joints]
         self._columns: dict[tuple[int, bool], Array] = {}
+        self._squares: dict[tuple[int, bool], Array] = {}
         self._torque: dict[tuple[int, float, bool], Array] = {}
         self._crosses: dict[tuple[int, float, bool], Array] = {}
-        self._grams: dict[tuple[bool, bytes], list[Array]] = {}
+
+    def acting_gravity(self, gravity: Array) -> Array:
+        """Return gravity (3,) [m/s²] of the same size, without its part that acts in no column.
+
+        A planar arm does not feel gravity across its plane. A tilt in that direction has no value.
+        """
+        along_axes = self.parts[..., 1:].reshape(-1, 3)
+        sizes, directions = np.linalg.eigh(along_axes.T @ along_axes)
+        acts = directions[:, sizes > ROUNDOFF * sizes.max()]
+        acting = acts @ (acts.T @ gravity)
+        return np.asarray(acting * np.linalg.norm(gravity) / np.linalg.norm(acting))
 
     @staticmethod
     def of(
@@ -216,7 +233,10 @@ class TorqueRows:
         return value, residual / scale
 
     def count(self, reading: Reading) -> Array:
-        """Return the number of independent rows of each log column under a reading, (n,)."""
+        """Return the number of independent rows of each log column under a reading, (n,).
+
+        Rows that base parameters and smooth functions use up say nothing.
+        """
         gravity, (value, _) = self.weights(reading), self.solve(reading, adjusted=True)
         residuals = []
         for j, weight in enumerate(gravity):
@@ -225,8 +245,26 @@ class TorqueRows:
             torque = self.torque(j, delay, adjusted=True)[:, column]
             columns = self.columns(j, adjusted=True) @ weight
             residuals.append(torque - columns @ value[self.acts[j]] / reading.factor[j])
-        independent = self.counts / autocorrelation_time(np.column_stack(residuals))
+        functions = [np.linalg.norm(own, axis=0).sum() for own in self._smooth]
+        used = np.array(functions) + self.parts.shape[2] / len(gravity)
+        free = np.maximum(self.counts - used, 0.0)
+        independent = free / autocorrelation_time(np.column_stack(residuals))
         return np.asarray(independent[np.argsort(reading.order)])
+
+    def size_beside_file(self, reading: Reading) -> float:
+        """Return the torque of the fitted bodies over that of the file's; negative if opposite."""
+        value, _ = self.solve(reading, adjusted=False)
+        bodies = np.array([p.group == "rigid_body" for p in self.structure.parameters])
+        of_bodies = self.structure.G[:, bodies].any(1)
+        stated = self.structure.G @ np.where(bodies, self.structure.nominal, 0.0)
+        product, square = 0.0, 0.0
+        for j, gram in enumerate(self.grams(self.weights(reading), adjusted=False)):
+            at = self.acts[j]
+            size = reading.factor[j] ** 2 * self.variation[reading.order[j]]
+            own = (of_bodies * stated)[at] / size
+            product += own @ gram @ (of_bodies * value)[at]
+            square += own @ gram @ (of_bodies * stated)[at]
+        return float(product / square) if square > 0 else 1.0
 
     def _products_under(self, reading: Reading, adjusted: bool) -> list[JointProducts]:
         """Return the products of each joint under a reading."""
@@ -290,13 +328,19 @@ class TorqueRows:
 
     def grams(self, weights: Array, *, adjusted: bool) -> list[Array]:
         """Return the products (c, c) of each joint's columns under weights of gravity."""
+        each = [self.squares(j, adjusted=adjusted) for j in range(len(weights))]
+        return [parts @ w @ w for w, parts in zip(weights, each, strict=True)]
 
-        def compute() -> list[Array]:
-            columns = [self.columns(j, adjusted=adjusted) @ w for j, w in enumerate(weights)]
-            return [Z.T @ Z for Z in columns]
-
-        # The literal gravity and the one that is tried.
-        return remember(self._grams, (adjusted, weights.tobytes()), compute, 2)
+    def squares(self, joint: int, *, adjusted: bool) -> Array:
+        """Return products of the parts of a joint's columns, (c, c, k, k) of k parts."""
+        key = joint, adjusted
+        if key not in self._squares:
+            parts = self.columns(joint, adjusted=adjusted)
+            _, columns, k = parts.shape
+            flat = parts.reshape(len(parts), -1)
+            products = (flat.T @ flat).reshape(columns, k, columns, k)
+            self._squares[key] = products.swapaxes(1, 2)
+        return self._squares[key]
 
     def _shifted_torque(self, joint: int, delay: float) -> Array:
         """Return the torque columns (N, n) at a later time, low-passed afterwards.
@@ -326,8 +370,10 @@ class TorqueRows:
         """Return rows (N, m) of a joint, minus their projection on smooth functions if adjusted."""
         if not adjusted:
             return rows
-        basis, explained = self._smooth[joint]
-        return np.asarray(rows - basis @ (explained[:, None] * (basis.T @ rows)))
+        functions = self._smooth[joint]
+        share = np.linalg.norm(functions, axis=0)
+        basis = functions / np.maximum(share, 1e-300)
+        return np.asarray(rows - basis @ (share[:, None] * (basis.T @ rows)))
 
     @cached_property
     def constant(self) -> Array:
@@ -339,23 +385,83 @@ class TorqueRows:
         return np.asarray(np.concatenate(ones)[self.excerpt.seen].T[..., None] * member)
 
     @cached_property
-    def _smooth(self) -> list[tuple[Array, Array]]:
-        """Orthonormal smooth functions of each joint, and the share of each that is projected."""
+    def functions(self) -> list[Array]:
+        """Orthonormal smooth functions of the motion at each joint, (N, m) each.
+
+        A direction is as long as the share of it that is projected.
+        """
         families = [f for f in find_families(None) if f.unnamed or f.name in CONFOUNDERS]
         motions = [piece.motion for piece in self.excerpt.pieces]
         present = self.structure.present
         listed, _ = list_candidates(self.robot, families, present, motions, fixed=False)
         missing = Missing(with_reversals(self.robot, listed, present), self.excerpt)
-        return [self._smooth_of(missing, j) for j in range(len(self.robot.joints))]
+        columns: list[list[Array]] = [[] for _ in self.robot.joints]
+        for joint, k in sorted(missing.entries):
+            columns[joint].append(missing.entries[joint, k] / missing.scale[k])
+        return [_shorten(np.stack(own, 1)) for own in columns]
 
-    @staticmethod
-    def _smooth_of(missing: Missing, joint: int) -> tuple[Array, Array]:
-        """Return the orthonormal smooth functions of a joint, and their projected shares."""
-        acting = sorted(k for j, k in missing.entries if j == joint)
-        columns = [missing.entries[joint, k] / missing.scale[k] for k in acting]
-        basis, size, _ = np.linalg.svd(np.stack(columns, 1), full_matrices=False)
-        weak = max(STRONG * float(size[0]), 1e-300)  # a joint that stands has no size
-        return basis, 1.0 - 1.0 / np.hypot(1.0, size / weak)
+    @cached_property
+    def _smooth(self) -> list[Array]:
+        """Smooth functions of each joint, of other motions as well."""
+        same = [o for o in self.others if len(o.excerpt.t) == len(self.excerpt.t)]
+        if not same:
+            return self.functions
+        each = zip(self.functions, *(rows.functions for rows in same), strict=True)
+        return [_shorten(np.concatenate(own, 1)) for own in each]
+
+    # Rows of one part of the logs.
+
+    def beside(self, other: TorqueRows) -> TorqueRows:
+        """Return the rows without the smooth functions of another motion as well."""
+        if other.excerpt is self.excerpt:
+            return self
+        return TorqueRows(self.structure, self.excerpt, self.parts, others=(other,))
+
+    def halves(self) -> tuple[TorqueRows, TorqueRows]:
+        """Return the rows of two parts: every other block of each log."""
+        t, log = self.excerpt.t, self.excerpt.log
+        block = np.zeros(len(t), int)
+        for k in np.unique(log):
+            at = log == k
+            since = t[at] - t[at][0]
+            block[at] = k + BLOCKS * since / (since[-1] + NEARLY)
+        return RowsOfPart(self, block % 2 == 0), RowsOfPart(self, block % 2 == 1)
+
+
+def _shorten(functions: Array) -> Array:
+    """Return orthogonal functions (N, m), each as long as the share of it that is projected."""
+    basis, size, _ = np.linalg.svd(functions, full_matrices=False)
+    weak = max(STRONG * float(size[0]), 1e-300)  # a joint that stands has no size
+    return np.asarray(basis * (1.0 - 1.0 / np.hypot(1.0, size / weak)))
+
+
+class RowsOfPart(TorqueRows):
+    """Some rows of the fitted logs. Smooth functions are removed from all rows together.
+
+    A hidden effect repeats in every part, and must not vote.
+
+    Parameters
+    ----------
+    rows : TorqueRows
+    chosen : (N,) bool
+    """
+
+    def __init__(self, rows: TorqueRows, chosen: Array) -> None:
+        data = rows.excerpt.data & chosen[:, None]
+        super().__init__(rows.structure, replace(rows.excerpt, data=data), rows.parts)
+        self.rows = rows
+        self.chosen = chosen
+
+    def columns(self, joint: int, *, adjusted: bool) -> Array:
+        """Return the parts of the c columns that act in a joint, (N, c, 1 or 4)."""
+        key = joint, adjusted
+        if key not in self._columns:
+            self._columns[key] = self.rows.columns(joint, adjusted=adjusted)[self.chosen]
+        return self._columns[key]
+
+    def torque(self, joint: int, delay: float, *, adjusted: bool) -> Array:
+        """Return every torque column as data of one joint, earlier by a delay [s], (N, n)."""
+        return np.asarray(self.rows.torque(joint, delay, adjusted=adjusted)[self.chosen])
 
 
 def solve_nonnegative(gram: Array, cross: Array, nonnegative: Array) -> Array:

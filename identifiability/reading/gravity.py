@@ -12,12 +12,16 @@ import scipy
 from identifiability.effects.base import horizontal_axes
 from identifiability.foundation.names import Array
 
+#: Widths of the two searches for a direction [rad].
+WIDE, NARROW = 0.3, 0.03
 #: Returns half the log of each joint's residual share (n,) under some gravity (3,) [m/s²].
 Misfits: TypeAlias = Callable[[Array], Array]
 
 
-def find_gravity(stated: Array, misfits: Misfits, even: float) -> Array:
-    """Return the gravity (3,) [m/s²] of the stated size that fits best.
+def find_directions(stated: Array, misfits: Misfits, even: float) -> list[Array]:
+    """Return the gravity (3,) [m/s²] of the stated size that fits best, and its opposite.
+
+    The literal residual weighs joints by their squares. The evidence prefers the opposite at times.
 
     Parameters
     ----------
@@ -28,28 +32,33 @@ def find_gravity(stated: Array, misfits: Misfits, even: float) -> Array:
         Logs of the residual by which two directions are equally good.
     """
     size = float(np.linalg.norm(stated))
-    stated = stated / size
-
-    def along(direction: Array) -> Array:
-        return np.asarray(size * (direction / np.linalg.norm(direction)))
+    down = stated / size
 
     def squares(direction: Array) -> float:
-        return float(np.log(np.exp(2.0 * misfits(along(direction))).sum()))
+        gravity = size * (direction / np.linalg.norm(direction))
+        return float(np.log(np.exp(2.0 * misfits(gravity)).sum()))
+
+    # The sum of squares has a wide minimum [rad], the sum of the logs a narrow one.
+    grid = list_directions(down)
+    start = grid[int(np.argmin([squares(direction) for direction in grid]))]
+    wide = refine_direction(start, squares, WIDE)
+    best = tune_direction(size * wide / np.linalg.norm(wide), misfits)
+    # Where weight acts along a slide alone, negative masses would fall upwards as well.
+    mirrored = best - 2.0 * min(float(best @ down), 0.0) * down
+    if squares(mirrored) <= squares(best) + even:
+        best = mirrored
+    return [best, tune_direction(-best, misfits)]
+
+
+def tune_direction(gravity: Array, misfits: Misfits) -> Array:
+    """Return the gravity (3,) [m/s²] near another one that fits best."""
+    size = float(np.linalg.norm(gravity))
 
     def logs(direction: Array) -> float:
-        return float(np.sum(misfits(along(direction))))
+        return float(np.sum(misfits(size * (direction / np.linalg.norm(direction)))))
 
-    grid = list_directions(stated)
-    best = grid[int(np.argmin([squares(direction) for direction in grid]))]
-    # The sum of squares has a wide minimum [rad], the sum of the logs a narrow one.
-    for width, cost in ((0.3, squares), (0.03, logs)):
-        found = refine_direction(best, cost, width)
-        best = along(found) / size
-        # Where weight acts along a slide alone, negative masses would fall upwards as well.
-        down = best - 2.0 * min(float(best @ stated), 0.0) * stated
-        if squares(down) <= squares(best) + even:
-            best = down
-    return along(best)
+    direction = refine_direction(gravity / size, logs, NARROW)
+    return np.asarray(size * (direction / np.linalg.norm(direction)))
 
 
 def list_directions(stated: Array) -> list[Array]:

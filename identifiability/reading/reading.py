@@ -1,9 +1,10 @@
 """`Reading`: one way to understand the columns of the logs, and the direction of gravity.
 
 Torque columns may be exchanged, reversed, delayed or in another unit. Position columns may be
-exchanged, reversed, in degrees or have another zero. A drive may have taken gravity out of the
-torque. Torque offsets may differ between logs. The base may be mounted in another direction. Each
-of these is the model of the same base parameters along other rows, or under other gravity.
+exchanged, reversed or in degrees. A drive may have taken gravity out of the torque. The base may be
+mounted in another direction, and torque offsets may differ between logs. Each of these is the
+model of the same base parameters along other rows, or under other gravity. Encoder zeros of a tree
+are groups of the mixed model.
 """
 
 from __future__ import annotations
@@ -22,9 +23,10 @@ from identifiability.logs import Log
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
 
-#: Columns of a log that move with the positions, and those of them that a zero shifts.
+from .verification import Verification
+
+#: Columns of a log that move with the positions.
 MOTION_COLUMNS = ("q", "q_ref", "dq", "ddq", "dq_ref")
-POSITION_COLUMNS = ("q", "q_ref")
 
 
 @frozen
@@ -45,8 +47,10 @@ class Reading:
         Joints whose torque lacks gravity. `read` adds the gravity torque of the fitted robot.
     gravity : (3,) [m/s²]
         Gravity in the world of the robot file.
-    motion : (n, n + 1)
-        Matrix A and zero b [rad or m]: the joint positions are A q − b.
+    turned : bool
+        Whether the direction of gravity was fitted.
+    motion : (n, n)
+        Matrix A: the joint positions are A q.
     parameters : (p,)
         Standard parameters of the fitted robot. Empty where no gravity torque is added.
     separate_offsets : bool
@@ -59,6 +63,8 @@ class Reading:
         Gain in log evidence of the rows, less ½ ln N for each fitted number [Schwarz 1978].
     error_ratio : float
         Error of the model under this reading over that under the literal reading.
+    verification : Verification or None
+        What rows say that did not choose its numbers; None of the literal reading.
     """
 
     description: str
@@ -69,12 +75,14 @@ class Reading:
     compensated: Array
     gravity: Array
     motion: Array
+    turned: bool = False
     parameters: Array = np.empty(0)
     separate_offsets: bool = False
     offsets: Mapping[str, Array] = {}
     fitted_numbers: int = 0
     log_odds: float = 0.0
     error_ratio: float = 1.0
+    verification: Verification | None = None
 
     @staticmethod
     def literal(robot: Robot) -> Reading:
@@ -88,12 +96,21 @@ class Reading:
             delay=np.zeros(n),
             compensated=np.zeros(n, bool),
             gravity=robot.gravity,
-            motion=np.eye(n, n + 1),
+            motion=np.eye(n),
         )
+
+    @property
+    def holds(self) -> bool:
+        """Whether it is used: rows that did not choose its numbers confirm it."""
+        return self.verification is not None and self.verification.holds
 
     @property
     def statement(self) -> str:
         """How it differs from the literal reading, its evidence, and the remedy."""
+        if self.verification is not None and not self.holds:
+            # A question is put as a possibility.
+            claim = self.description.replace(" seems to ", " may ").replace(" seem to ", " may ")
+            return f"{claim}. {self.verification.doubt} {self.remedy} if that is so."
         less = percent(1.0 - self.error_ratio, 2)
         evidence = f"read so, the model errs by {less} less ({self.log_odds:.3g} nats)"
         return f"{self.description}: {evidence}. {self.remedy}."
@@ -102,7 +119,7 @@ class Reading:
     def moves_joints(self) -> bool:
         """Whether the positions differ from the literal ones."""
         n = len(self.order)
-        return not np.array_equal(self.motion, np.eye(n, n + 1))
+        return not np.array_equal(self.motion, np.eye(n))
 
     @property
     def changes_torque(self) -> Array:
@@ -174,11 +191,5 @@ class Reading:
 
     def _moved(self, log: Log) -> dict[str, Any]:
         """Return the corrected motion columns that the log has, (N, n) by name."""
-        A = self.motion[:, :-1]
-        zero = self.motion[:, -1]
         measured = {name: getattr(log, name) for name in MOTION_COLUMNS}
-        moved = {name: x @ A.T for name, x in measured.items() if x is not None}
-        for name in POSITION_COLUMNS:
-            if name in moved:
-                moved[name] = moved[name] - zero
-        return moved
+        return {name: x @ self.motion.T for name, x in measured.items() if x is not None}

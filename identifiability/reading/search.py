@@ -1,22 +1,21 @@
 """`choose_reading`: the reading of the logs that the fitted rows prefer to the literal one.
 
 1. Every candidate is fitted to all rows. Those that lower the error enough stay.
-2. The best few get the delay, unit, offsets or robot that fits best.
-3. The evidence of adjusted rows chooses among these: missing effects must not vote, and only
-   independent rows count.
+2. The best few get the delay, unit or direction of gravity that fits best.
+3. The evidence of adjusted rows, and the file's masses with a few nats, choose among these.
+4. Rows that did not choose its numbers verify it (`verification`). A reading that they do not
+   confirm is a question, and is not used.
 
-Held-out logs and the file's masses choose nothing. One unit shared by all columns is no reading: a
-linear model cannot tell it from other masses.
+Held-out logs choose nothing. One unit shared by all columns is no reading: a linear model cannot
+tell it from other masses.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cached_property
 
 import numpy as np
-import scipy
 
 from identifiability.estimation.groups import Missing, with_reversals
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
@@ -32,9 +31,10 @@ from identifiability.quality import MeasuredLogs
 
 from .candidates import MOST, ReadingCandidates
 from .fit import TorqueRows, excerpt_size
-from .gravity import find_gravity
+from .gravity import find_directions, tune_direction
 from .reading import Reading
 from .rules import RULES
+from .verification import Verification
 
 #: Readings that are judged by the evidence of adjusted rows.
 JUDGED = 3
@@ -43,16 +43,17 @@ BETWEEN = np.geomspace(1 / 3, 3.0, 101)
 COARSE = BETWEEN[::5]
 #: Sum of the logs of the residual by which one reading is as good as another.
 EVEN: Tolerance = 0.02
+#: Share of the largest log odds from which two readings explain nearly the same.
+ALIKE: Tolerance = 0.8
 #: Sum of the logs of the residual where loops do not close.
 OPEN = 1000
-#: How a zero is searched for.
-ZERO_SEARCH = {"xatol": 1e-3, "maxiter": 14}
 
 
 def choose_reading(logs: MeasuredLogs) -> Reading | None:
-    """Return the reading that the fitted rows surely prefer; None for the literal one.
+    """Return the reading that the fitted rows prefer; None for the literal one.
 
-    Robots with a floating base and logs of commands are read literally.
+    `Reading.holds` says whether it is used or only a question. Robots with a floating base and
+    logs of commands are read literally.
 
     Parameters
     ----------
@@ -62,9 +63,7 @@ def choose_reading(logs: MeasuredLogs) -> Reading | None:
     if logs.robot.base is not None or any(map(of_commands, logs.recordings)):
         return None
     search = ReadingSearch(logs)
-    if not search.is_informative:
-        return None
-    return search.judge([search.refine(reading) for reading in search.screen()])
+    return search.choose() if search.is_informative else None
 
 
 class ReadingSearch:
@@ -84,13 +83,9 @@ class ReadingSearch:
         columns = logs.regression
         self.rows = TorqueRows.of(logs.structure, logs.samples, columns, turns_gravity=True)
         self.candidates = ReadingCandidates(logs, self.literal, self.rows.turns_gravity)
-        #: Rows of other motions, and of separate offsets: each regressor is evaluated once.
+        self.tried = 0
+        #: Rows of other motions: each regressor is evaluated once.
         self._other_rows: dict[bytes, TorqueRows] = {}
-
-    @cached_property
-    def screened(self) -> PositionScreen:
-        """Fits to few samples, by which positions are screened."""
-        return PositionScreen(self.logs)
 
     @property
     def is_informative(self) -> bool:
@@ -98,6 +93,17 @@ class ReadingSearch:
         columns = len(self.structure.base.kept)
         enough = self.rows.counts.sum() >= 2 * columns
         return bool(enough and (self.rows.variation > 0).all())
+
+    def choose(self) -> Reading | None:
+        """Return the reading that is used, else the likeliest one as a question, else None."""
+        judged = self.judge([self.refine(reading) for reading in self.screen()])
+        verified = (replace(reading, verification=self.verify(reading)) for reading in judged)
+        readings = list[Reading]()
+        for reading in verified:
+            readings.append(reading)
+            if reading.holds:
+                return self.complete(reading)
+        return readings[0] if readings else None
 
     def rows_of(self, reading: Reading) -> TorqueRows:
         """Return the rows of a reading's motion and offsets.
@@ -115,35 +121,32 @@ class ReadingSearch:
         return self._other_rows[key]
 
     def _make_rows(self, reading: Reading) -> TorqueRows:
-        if reading.separate_offsets:
-            excerpt = self.rows.excerpt
-            parts = excerpt.X[..., None]
-            return TorqueRows(self.structure, excerpt, parts, separate_offsets=True)
-        screened = self.screened.find_rows(reading.motion) if self.screened.is_whole else None
-        return screened or move_rows(self.logs, self.logs.samples, reading.motion)
+        if not reading.separate_offsets:
+            return move_rows(self.logs, self.logs.samples, reading.motion)
+        excerpt = self.rows.excerpt
+        return TorqueRows(self.structure, excerpt, excerpt.X[..., None], separate_offsets=True)
 
-    def fit(self, reading: Reading, *, adjusted: bool = False) -> Array:
-        """Return half the log of the residual share of each log column under a reading, (n,)."""
-        return self.rows_of(reading).fit(reading, adjusted=adjusted)
+    def compare_rows(self, reading: Reading) -> tuple[TorqueRows, TorqueRows]:
+        """Return the rows of the literal motion and of a reading's.
 
-    def misfit(self, reading: Reading) -> float:
-        """Return the sum of these logs; `OPEN` where loops do not close."""
-        try:
-            return float(self.fit(reading).sum())
-        except ClosureError:
-            return OPEN
+        Both are without the smooth functions of both motions: else the reading gains by other
+        functions of what the model lacks.
+        """
+        rows = self.rows_of(reading)
+        return self.rows.beside(rows), rows.beside(self.rows)
 
     # Step 1: which readings lower the error.
 
     def screen(self) -> list[Reading]:
         """Return the readings that lower the error most, each with its ratio of errors."""
-        literal = self.fit(self.literal)
+        literal = self.rows.fit(self.literal)
         squares = np.exp(2 * literal)
         gains = list[tuple[int, Reading]]()
         for reading in self.propose():
+            self.tried += 1
             if self._cannot_gain(reading, squares):
                 continue
-            misfit = self.fit(reading)
+            misfit = self.rows_of(reading).fit(reading)
             ratio = float(np.sqrt(np.exp(2 * misfit).sum() / squares.sum()))
             gain = round(float((literal - misfit).sum()) / EVEN)
             if gain > 0 and ratio <= RULES.error_ratio:
@@ -171,111 +174,53 @@ class ReadingSearch:
         yield from self.propose_positions()
 
     def propose_gravity(self) -> Iterator[Reading]:
-        """Yield the direction of gravity that fits best, if the file states another one."""
+        """Yield the direction of gravity that fits best, and its opposite."""
 
         def misfits(gravity: Array) -> Array:
-            return self.fit(replace(self.literal, gravity=gravity))
+            return self.rows.fit(replace(self.literal, gravity=gravity))
 
-        reading = self.candidates.turned(find_gravity(self.robot.gravity, misfits, EVEN))
-        if reading.description:
-            yield reading
-
-    def propose_positions(self) -> Iterator[Reading]:
-        """Yield zeros, and readings of positions, where the literal error is large enough."""
-        worst = float(np.exp(self.fit(self.literal)).max())
-        # Loops are closed anew for each motion, which takes long.
-        grades = ESTIMATION_RULES.grades
-        closed = self.robot.closed
-        # All samples would be moved in memory.
-        long = any(s.long for s in self.logs.samples)
-        if long or worst <= grades[closed]:
-            return
-        yield from self.propose_zeros()
-        if worst > grades[1] and not closed:
-            self.screened.restart()
-            yield from sorted(self.candidates.of_positions(), key=self.screened.misfit)[:JUDGED]
-
-    def propose_zeros(self) -> Iterator[Reading]:
-        """Yield the encoder zeros that fit best, at the two joints where most is gained."""
-        screened = self.screened
-        literal = self.misfit(self.literal) if screened.is_whole else screened.misfit(self.literal)
-        joints = range(len(self.candidates.names))
-        tried = [
-            (screened.misfit(self._zeroed(joint, share)), joint, share)
-            for joint in joints
-            for share in (-0.2, 0.2)  # of its range
-        ]
-        for misfit, joint, share in sorted(tried)[:2]:
-            # A zero about a vertical axis moves nothing.
-            if abs(misfit - literal) <= 1e-9:
-                continue
-            reading = self._find_zero(joint, 4 * share)
-            if self.misfit(reading) < OPEN:
+        for gravity in find_directions(self.robot.gravity, misfits, EVEN):
+            reading = self.candidates.turned(self.rows.acting_gravity(gravity))
+            if reading.description:
                 yield reading
 
-    def _zeroed(self, joint: int, share: float) -> Reading:
-        """Return the reading with a joint's zero at a share of its range."""
-        return self.candidates.zeroed(joint, share * self.screened.range[joint])
+    def propose_positions(self) -> Iterator[Reading]:
+        """Yield readings of positions, where the literal error is large enough."""
+        worst = float(np.exp(self.rows.fit(self.literal)).max())
+        # All samples would be moved in memory.
+        long = any(s.long for s in self.logs.samples)
+        if long or worst <= ESTIMATION_RULES.grades[1]:
+            return
+        samples = thin_samples(self.logs)
 
-    def _find_zero(self, joint: int, end: float) -> Reading:
-        """Return the reading with a joint's best zero, between none and an end [share]."""
-        self.screened.restart()
+        def misfit(reading: Reading) -> float:
+            try:
+                rows = move_rows(self.logs, samples, reading.motion)
+            except ClosureError:
+                return OPEN
+            # The same motion is read with and without its torque.
+            return float(rows.fit(reading).sum())
 
-        def misfit(share: float) -> float:
-            return self.screened.misfit(self._zeroed(joint, share))
-
-        bounds = sorted((0.0, end))
-        found = scipy.optimize.minimize_scalar(
-            misfit, bounds=bounds, method="bounded", options=ZERO_SEARCH
-        )
-        return self._zeroed(joint, found.x)
+        screened = [(misfit(reading), reading) for reading in self.candidates.of_positions()]
+        screened.sort(key=lambda pair: pair[0])
+        yield from (reading for size, reading in screened[:JUDGED] if size < OPEN)
 
     # Step 2: the numbers of a reading.
 
     def refine(self, reading: Reading) -> Reading:
-        """Return a reading with the delay, unit, offsets or robot that fits best."""
-        if reading.compensated.any():
-            return replace(reading, parameters=self._fit_robot(reading))
+        """Return a reading with the delay, unit or direction that fits best, described."""
+        tuned = tune_numbers(self.rows_of(reading), reading)
+        if reading.turned:
+            return replace(tuned, description=self.candidates.turned(tuned.gravity).description)
+        return describe_numbers(tuned)
+
+    def complete(self, reading: Reading) -> Reading:
+        """Return a reading with what `Reading.read` needs: offsets, or the robot that is added."""
         if reading.separate_offsets:
             return self._fit_offsets(reading)
-        return describe_numbers(self._refine_units(self._refine_delay(reading)))
-
-    def _refine_delay(self, reading: Reading) -> Reading:
-        """Return a reading with the delay that fits best, in samples of the log."""
-        if not reading.delay.any():
+        if not reading.compensated.any():
             return reading
-        step = sampling_step(self.rows.excerpt.pieces[0].motion.t)
-        delays = [np.round(x * reading.delay / step) * step for x in COARSE]
-        return min((replace(reading, delay=delay) for delay in delays), key=self.misfit)
-
-    def _refine_units(self, reading: Reading) -> Reading:
-        """Return a reading with the unit of each rescaled column that fits best."""
-        joints = np.flatnonzero(reading.rescaled)
-        for joint in joints.tolist():
-            at = self.candidates.is_joint(joint)
-            # One column has another unit; the gears of several need a finer search.
-            factors = COARSE if reading.rescaled.sum() == 1 else BETWEEN
-            tried = [np.where(at, x * reading.factor, reading.factor) for x in factors]
-            readings = (replace(reading, factor=factor) for factor in tried)
-            reading = min(readings, key=self.misfit)
-        return reading
-
-    def _fit_robot(self, reading: Reading) -> Array:
-        """Return the standard parameters (p,) that fit; the file's where the rows tell nothing."""
-        rows = self.rows
-        value, share = rows.solve(reading, adjusted=False)
-        variance = share * rows.variation * rows.counts / rows.count(reading)
-        whitened = []
-        for j, weight in enumerate(rows.weights(reading)):
-            columns = np.zeros((len(rows.excerpt.y), len(value)))
-            columns[:, rows.acts[j]] = rows.columns(j, adjusted=False) @ weight
-            whitened.append(columns / np.sqrt(variance[j]))
-        R = np.linalg.qr(np.concatenate(whitened), mode="r")
-        parameters = np.eye(len(self.structure.columns))
-        root = R @ self.structure.G
-        share_of_body = PHYSICAL_RULES.body_within
-        both = combine_with_file(self.structure, root, R @ value, parameters, share_of_body)
-        return np.asarray(both.mean)
+        return replace(reading, parameters=self._fit_robot(reading))
 
     def _fit_offsets(self, reading: Reading) -> Reading:
         """Return a reading with the offsets of each log, and say where they differ most."""
@@ -306,82 +251,103 @@ class ReadingSearch:
         value = Missing(reversals, replace(excerpt, X=X)).values()
         return np.asarray(value[columns:].reshape(joints, logs).T)
 
+    def _fit_robot(self, reading: Reading) -> Array:
+        """Return the standard parameters (p,) that fit; the file's where the rows tell nothing."""
+        rows = self.rows
+        value, share = rows.solve(reading, adjusted=False)
+        variance = share * rows.variation * rows.counts / rows.count(reading)
+        whitened = []
+        for j, weight in enumerate(rows.weights(reading)):
+            columns = np.zeros((len(rows.excerpt.y), len(value)))
+            columns[:, rows.acts[j]] = rows.columns(j, adjusted=False) @ weight
+            whitened.append(columns / np.sqrt(variance[j]))
+        R = np.linalg.qr(np.concatenate(whitened), mode="r")
+        parameters = np.eye(len(self.structure.columns))
+        root = R @ self.structure.G
+        share_of_body = PHYSICAL_RULES.body_within
+        both = combine_with_file(self.structure, root, R @ value, parameters, share_of_body)
+        return np.asarray(both.mean)
+
     # Step 3: the evidence.
 
-    def judge(self, readings: Sequence[Reading]) -> Reading | None:
-        """Return the reading with the best evidence; None if it is too weak.
+    def judge(self, readings: Sequence[Reading]) -> list[Reading]:
+        """Return the readings that the evidence of adjusted rows prefers, the likeliest first."""
+        judged = [replace(reading, log_odds=self.weigh(reading)) for reading in readings]
+        needed = RULES.unseen_gain + np.log(max(self.tried, 1))
+        likely = [reading for reading in judged if reading.log_odds >= needed]
+        if not likely:
+            return []
+        # Of readings that explain nearly the same, the one with fewest numbers comes first.
+        alike = ALIKE * max(reading.log_odds for reading in likely)
 
-        Parameters
-        ----------
-        readings : sequence of Reading
-            The one that lowers the error most first.
-        """
-        if not readings:
-            return None
-        rows = self.rows_of(readings[0]).count(readings[0])
-        literal = self.fit(self.literal, adjusted=True)
-        price = 0.5 * float(np.log(self.rows.counts.sum()))
+        def rank(reading: Reading) -> tuple[bool, int, float]:
+            numbers = reading.fitted_numbers if reading.log_odds >= alike else 0
+            return reading.log_odds < alike, numbers, -reading.log_odds - self.vote(reading)
 
-        def log_odds(reading: Reading) -> float:
-            gain = float(rows @ (literal - self.fit(reading, adjusted=True)))
-            return gain - price * reading.fitted_numbers
+        return sorted(likely, key=rank)
 
-        odds = [log_odds(reading) for reading in readings]
-        # The first of those within one nat is taken.
-        best = int(np.argmax(np.array(odds) > max(odds) - 1.0))
-        if odds[best] < RULES.log_odds:
-            return None
-        return replace(readings[best], log_odds=odds[best])
+    def weigh(self, reading: Reading) -> float:
+        """Return the log odds of a reading against the literal one [nat]."""
+        plain, rows = self.compare_rows(reading)
+        less = plain.fit(self.literal, adjusted=True) - rows.fit(reading, adjusted=True)
+        price = 0.5 * float(np.log(plain.counts.sum()))
+        return float(rows.count(reading) @ less) - price * reading.fitted_numbers
+
+    def vote(self, reading: Reading) -> float:
+        """Return the nats of the file's masses for a reading, at most zero."""
+        if not self.logs.weighs:
+            return 0.0
+        size = self.rows_of(reading).size_beside_file(reading)
+        if size <= 0:
+            return -RULES.file_vote
+        # Files are wrong by a factor of three at times.
+        surprise = 0.5 * (np.log(size) / np.log(BETWEEN[-1])) ** 2
+        return -min(RULES.file_vote, float(surprise))
+
+    # Step 4: other rows.
+
+    def verify(self, reading: Reading) -> Verification:
+        """Return what each of two parts of the rows says of numbers that the other one chose."""
+        plain, moved = self.compare_rows(reading)
+        independent = moved.count(reading) / np.maximum(moved.counts, 1)
+        parts = list(zip(plain.halves(), moved.halves(), strict=True))
+        tuned = [tune_numbers(rows, reading) for _, rows in parts]
+
+        def gain(part: int, numbers: Reading) -> float:
+            literal, rows = parts[part]
+            less = literal.fit(self.literal, adjusted=True) - rows.fit(numbers, adjusted=True)
+            return float((independent * literal.counts) @ less)
+
+        unseen = gain(0, tuned[1]), gain(1, tuned[0])
+        seen = gain(0, tuned[0]) + gain(1, tuned[1])
+        # A number gains half a nat on the rows that chose it, and loses as much on others.
+        numbers = float(reading.fitted_numbers)
+        if reading.separate_offsets:
+            # Offsets were fitted to all rows.
+            unseen = unseen[0] - numbers, unseen[1] - numbers
+        return Verification(sum(unseen), min(unseen), seen - 2.0 * numbers, self.tried)
 
 
-class PositionScreen:
-    """Fits to few samples of the logs, which are moved as a reading says.
+def tune_numbers(rows: TorqueRows, reading: Reading) -> Reading:
+    """Return a reading with the delay, unit and direction of gravity that fit some rows best."""
 
-    Parameters
-    ----------
-    logs : MeasuredLogs
-    """
+    def misfit(other: Reading) -> float:
+        return float(rows.fit(other).sum())
 
-    def __init__(self, logs: MeasuredLogs) -> None:
-        self.logs = logs
-        #: Samples without decimation, as many as an excerpt has rows.
-        self.samples = thin_samples(logs)
-        #: Whether these are all samples of the logs, as they are fitted.
-        self.is_whole = self.samples is logs.samples
-        self._last: tuple[bytes, TorqueRows] | None = None
-        self._best: list[tuple[float, bytes, TorqueRows]] = []
-
-    @cached_property
-    def range(self) -> Array:
-        """Range of each joint's positions, (n,) [rad or m]."""
-        positions = np.concatenate([s.motion.actuated_q for s in self.samples])
-        return np.asarray(np.ptp(positions, axis=0))
-
-    def restart(self) -> None:
-        """Forget the rows of earlier readings."""
-        self._last = None
-        self._best = []
-
-    def find_rows(self, motion: Array) -> TorqueRows | None:
-        """Return the rows of a motion, of the last reading or the best ones."""
-        key = motion.tobytes()
-        last = [] if self._last is None else [self._last]
-        kept = [*last, *((k, rows) for _, k, rows in self._best)]
-        return next((rows for k, rows in kept if k == key), None)
-
-    def misfit(self, reading: Reading) -> float:
-        """Return the sum of half the logs of the residual shares; `OPEN` for open loops."""
-        rows = self.find_rows(reading.motion)
-        if rows is None:
-            try:
-                rows = move_rows(self.logs, self.samples, reading.motion)
-            except ClosureError:
-                return OPEN
-        misfit = float(rows.fit(reading).sum())
-        self._last = reading.motion.tobytes(), rows
-        best = [*self._best, (misfit, *self._last)]
-        self._best = sorted(best, key=lambda one: one[0])[:JUDGED]
-        return misfit
+    if reading.delay.any():
+        step = sampling_step(rows.excerpt.pieces[0].motion.t)
+        delays = [np.round(x * reading.delay / step) * step for x in COARSE]
+        reading = min((replace(reading, delay=delay) for delay in delays), key=misfit)
+    for joint in np.flatnonzero(reading.rescaled).tolist():
+        at = np.arange(len(reading.factor)) == joint
+        # One column has another unit; the gears of several need a finer search.
+        factors = COARSE if reading.rescaled.sum() == 1 else BETWEEN
+        tried = [np.where(at, x * reading.factor, reading.factor) for x in factors]
+        reading = min((replace(reading, factor=factor) for factor in tried), key=misfit)
+    if reading.turned:
+        turned = tune_direction(reading.gravity, lambda g: rows.fit(replace(reading, gravity=g)))
+        reading = replace(reading, gravity=rows.acting_gravity(turned))
+    return reading
 
 
 def thin_samples(logs: MeasuredLogs) -> tuple[Dataset, ...]:
@@ -395,7 +361,7 @@ def thin_samples(logs: MeasuredLogs) -> tuple[Dataset, ...]:
 
 
 def move_rows(logs: MeasuredLogs, samples: Sequence[Dataset], motion: Array) -> TorqueRows:
-    """Return the rows of samples along another motion, (n, n + 1) as `Reading.motion`.
+    """Return the rows of samples along another motion, (n, n) as `Reading.motion`.
 
     Raises
     ------

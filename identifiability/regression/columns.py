@@ -192,17 +192,23 @@ def compute_entries(
     for piece in pieces:
         stop = start + len(piece.motion.t[piece.at])
         for effect, width, columns in layout:
-            W = np.zeros((len(piece.motion), len(robot.actuated), width))
+            # The samples of a column lie side by side: columns are written and read one by one.
+            columns_of_joints = np.zeros((len(robot.actuated), width, len(piece.motion)))
+            W = columns_of_joints.transpose(2, 0, 1)
             effect.fill(robot, piece.motion, W)
             W = piece.motion.freed(W)
-            acts = np.asarray(W.any(0))
-            found = [(j, k, c) for k, c in columns for j in np.flatnonzero(acts[:, k]).tolist()]
-            if found:
-                own = np.stack([piece.silenced(W[:, j, k], j) for j, k, _ in found], 1)
-                for (j, _, c), values in zip(found, piece.down(own).T, strict=True):
-                    if (j, c) not in entries:
-                        entries[j, c] = np.zeros(rows)
-                    entries[j, c][start:stop] = piece.weighed(values, j)
+            acts = np.asarray(W.any(0))[:, [k for k, _ in columns]]
+            taken, joints = np.nonzero(acts.T)
+            if not taken.size:
+                continue
+            own = W[:, joints, [columns[i][0] for i in taken]]
+            outputs = piece.down(piece.silenced(own, joints))
+            weighed = piece.weighed(outputs, joints)
+            for i, j, values in zip(taken.tolist(), joints.tolist(), weighed.T, strict=True):
+                at = j, columns[i][1]
+                if at not in entries:
+                    entries[at] = np.zeros(rows)
+                entries[at][start:stop] = values
         start = stop
     return entries
 

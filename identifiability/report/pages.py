@@ -179,7 +179,7 @@ SHOWN = 6
 
 
 def section_effects(d: Diagnosis) -> Section:
-    """Return the effects that were named, with their values, and those that were refuted."""
+    """Return the named effects with their values, the refuted ones, and what may be present."""
     rows = []
     for e in d.effects:
         for p in e.placements:
@@ -190,7 +190,11 @@ def section_effects(d: Diagnosis) -> Section:
     refuted = None
     if d.refuted:
         refuted = make_table("refuted", map(_odds_row, d.refuted), verified=d.verified_on)
-    blocks = (*d.tables()[:-1], *(found if rows else ()), refuted)
+    possible = None
+    if d.possible:
+        table = make_table("possible", map(_odds_row, d.possible))
+        possible = Fold(sentence("diagnosis.possible"), (table,))
+    blocks = (*d.tables()[:-1], *(found if rows else ()), refuted, possible)
     nothing = sentence("diagnosis.nothing") if not any(blocks) else None
     return section("diagnosis.effects", *blocks, nothing)
 

@@ -18,12 +18,11 @@ from .gains import file_shares, learn_gains, select_commanded, state_gains
 from .odd_joints import find_odd_joints
 from .positions import forgotten
 from .rollouts import Rollouts
-from .torque import check_commands, compute_torque, replace_servo, servo_log
+from .torque import compute_torque, replace_servo, servo_log
 
 __all__ = [
     "Rollouts",
     "calibrate_torque",
-    "check_commands",
     "compute_torque",
     "delay_commands",
     "file_shares",

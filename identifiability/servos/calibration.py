@@ -25,6 +25,7 @@ from .positions import forgotten, record
 from .problem import RolloutProblem
 from .rollouts import KINDS
 from .torque import servo_log
+from .windows import Window
 
 #: Recordings of a rollout that differ in where the encoders' steps lie.
 PHASES = 4
@@ -49,7 +50,8 @@ def roll_delayed(
     """
     if delay is None:
         nothing_varies = np.zeros((len(KINDS), len(machine.trees)), bool)
-        problem = RolloutProblem(machine, [log], nothing_varies)
+        window = Window(0, log, np.ones(len(machine.trees), bool))
+        problem = RolloutProblem(machine, [window], nothing_varies)
         start = problem.pack(machine.numbers(), 0.0)
         delay = float(descend(problem, start).x[-1])
     return delay, machine.roll(log, delay=delay)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -24,6 +25,8 @@ BLOCK: Tolerance = 0.5
 BEGUN: Tolerance = 20.0
 ENOUGH: Tolerance = 2.0
 STEPS = 20
+#: Share of the remaining time that a search still takes after a step, for its progress.
+LASTING: Tolerance = 0.8
 #: Most steps with one derivative.
 RENEWED = 4
 
@@ -46,7 +49,12 @@ class SearchEnd(NamedTuple):
     J: Array
 
 
-def descend(problem: RolloutProblem, x: Array, enough: float = ENOUGH) -> SearchEnd:
+def descend(
+    problem: RolloutProblem,
+    x: Array,
+    enough: float = ENOUGH,
+    say: Callable[[float], None] = lambda share: None,
+) -> SearchEnd:
     """Return where damped Gauss–Newton steps lead.
 
     The derivative is taken anew where the last step gained too little, and often enough that steps
@@ -59,12 +67,15 @@ def descend(problem: RolloutProblem, x: Array, enough: float = ENOUGH) -> Search
         Where the search begins.
     enough : float
         Weighted squares below which a promised gain ends the search.
+    say : callable(float)
+        Receives the share of the search that is done, as far as it can be foreseen.
     """
     q = problem.roll([x])[0]
     damping = 1e-3
     linearised = x[:0]
     poor = True
     for turn in range(STEPS):
+        say(1.0 - LASTING**turn)
         if linearised is not x and (poor or turn % RENEWED == 0):
             J = problem.linearise(x)
             linearised = x

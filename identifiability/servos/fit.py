@@ -7,12 +7,12 @@ that factor.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from identifiability.foundation.rules import Tolerance
-from identifiability.logs import Log, signals
+from identifiability.foundation.runs import Progress, quiet
+from identifiability.logs import Log
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
 
@@ -21,17 +21,19 @@ from .problem import RolloutProblem
 from .rollouts import KINDS, Rollouts, are_contradicted
 from .start import start_rollouts
 from .torque import servo_log
-
-#: Total length of the logs that are rolled out [s]: more says little more.
-LONG: Tolerance = 45.0
+from .windows import Window, cut_windows, thin_windows
 
 
 def fit_rollouts(
-    robot: Robot, logs: Sequence[Log], shares: Mapping[str, float], delay: float | None = None
+    robot: Robot,
+    logs: Sequence[Log],
+    shares: Mapping[str, float],
+    delay: float | None = None,
+    say: Progress = quiet,
 ) -> Rollouts:
     """Return the numbers of joints, bodies and servos with which rollouts follow logs.
 
-    The search begins on the middle third of each log.
+    Logs that are too long are rolled out in windows. The search begins on a third of them.
 
     Parameters
     ----------
@@ -43,6 +45,8 @@ def fit_rollouts(
         Bodies whose sizes are fitted, and within which share each is the file's.
     delay : float [s], optional
         Where it is known.
+    say : callable(str, float)
+        Receives what is being done, and the share of an analysis that is done.
 
     Raises
     ------
@@ -50,41 +54,42 @@ def fit_rollouts(
         If the robot cannot be rolled out.
     """
     assert robot.servo is not None
-    logs = [_shortened(log, LONG / len(logs)) for log in logs]
-    # Logs often begin and end at rest.
-    thirds = [log.rows(len(log) // 3, 2 * len(log) // 3) for log in logs]
-    machine, numbers = start_rollouts(robot, min(thirds, key=len))
-    free = list_free(robot.servo, machine.servo, logs, delay or 0.0)
-    problem = RolloutProblem(machine, logs, free, delay, shares)
+    windows = cut_windows(logs)
+    thinned = thin_windows(windows)
+    machine, numbers = start_rollouts(robot, thinned)
+    free = list_free(robot.servo, machine.servo, windows, delay or 0.0)
+    problem = RolloutProblem(machine, windows, free, delay, shares)
     start = problem.pack(numbers, delay or 0.0)
-    problem.logs = thirds
+    problem.windows = thinned
     problem.varied[problem.bodies] = False
-    end = descend(problem, start, BEGUN)
+    first, last = share_turns(say, 0.05, 0.2), share_turns(say, 0.2, 0.6)
+    end = descend(problem, start, BEGUN, first)
     if not are_contradicted(problem.missed(end.q)):
-        problem.logs = logs
+        problem.windows = windows
         problem.varied[problem.bodies] = True
-        end = descend(problem, end.x)
+        end = descend(problem, end.x, say=last)
     return conclude(problem, end)
 
 
-def _shortened(log: Log, seconds: float) -> Log:
-    """Return the first seconds of a log."""
-    rows = round(seconds / signals.sampling_step(log.t))
-    return log.rows(0, min(len(log), rows))
+def share_turns(say: Progress, start: float, stop: float) -> Callable[[float], None]:
+    """Return a callback of a search that takes an analysis from one share to another."""
+    return lambda done: say("rolling out commands", start + (stop - start) * done)
 
 
-def list_free(asked: Servo, start: Servo, logs: Sequence[Log], delay: float) -> np.ndarray:
+def list_free(asked: Servo, start: Servo, windows: Sequence[Window], delay: float) -> np.ndarray:
     """Return at which joints each kind of number is varied, (kinds, n) bool.
 
-    Gains that are stated are not. Play and limits are varied only where errors ask for them.
+    Gains that are stated are not, nor numbers of joints whose command stands in all windows.
+    Play and limits are varied only where errors ask for them.
 
     Parameters
     ----------
     asked, start : Servo
         With unknown gains, and with those of the start.
-    logs : sequence of Log
+    windows : sequence of Window
     delay : float [s]
     """
+    logs = [window.rows for window in windows]
     free = dict.fromkeys(KINDS, np.ones(len(asked.kp), bool))
     free["play"] = free["limit"] = np.zeros(len(asked.kp), bool)
     free["kp"] = np.isnan(asked.kp)
@@ -95,4 +100,5 @@ def list_free(asked: Servo, start: Servo, logs: Sequence[Log], delay: float) -> 
     within = np.all((torque > known.low) & (torque < known.high), axis=0)
     is_limited = (known.high < np.inf) & ~within
     free["kv"] = np.isnan(asked.kv) & (has_speeds | is_limited)
-    return np.array([free[kind] for kind in KINDS])
+    moves = np.any([window.moves for window in windows], axis=0)
+    return np.array([free[kind] & moves for kind in KINDS])

@@ -15,6 +15,7 @@ from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import LogError, RobotError
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
+from identifiability.foundation.runs import Progress, quiet
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import of_commands
@@ -29,7 +30,7 @@ from .calibration import calibrate_torque
 from .fit import fit_rollouts
 from .gains import file_shares, with_numbers
 from .odd_joints import find_odd_joints
-from .rollouts import Rollouts
+from .rollouts import Rollouts, are_contradicted
 from .torque import replace_servo
 
 
@@ -64,7 +65,11 @@ class IdentifiedServos:
 
 
 def follow_commands(
-    recordings: Recordings, structure: Structure, how: Preparation, rng: np.random.Generator
+    recordings: Recordings,
+    structure: Structure,
+    how: Preparation,
+    rng: np.random.Generator,
+    say: Progress = quiet,
 ) -> tuple[Recordings, Structure]:
     """Return recordings with calibrated torque of commands, and the structure of their robot.
 
@@ -78,6 +83,8 @@ def follow_commands(
     how : Preparation
         With the cut-off of all logs.
     rng : Generator
+    say : callable(str, float)
+        Receives what is being done, and the share of an analysis that is done.
     """
     robot = structure.robot
     servo = structure.robot.servo
@@ -86,7 +93,7 @@ def follow_commands(
         return recordings, structure
     logs = [recordings.fitted[k].select(robot.joints) for k in at]
     try:
-        found = servo.rolled or fit_rollouts(robot, logs, file_shares(robot), servo.delay)
+        found = servo.rolled or fit_rollouts(robot, logs, file_shares(robot), servo.delay, say)
     except RobotError as error:
         return _without_rollouts(recordings, servo, error), structure
     servos = identify_servos(robot, logs, found)
@@ -203,7 +210,7 @@ def _delay_doubts(own: dict[int, Log], servo: Servo, found: Rollouts) -> list[di
 
 
 def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
-    """Refuse gains that the motion contradicts; return which joints alone do not follow.
+    """Refuse stated gains that the motion contradicts; return which joints alone do not follow.
 
     Raises
     ------
@@ -213,7 +220,8 @@ def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     share = found.missed
     names = [log.name for log in logs]
     k = int(np.argmax(share))
-    if np.median(share) > ESTIMATION_RULES.rollout_contradicted:
+    stated = robot.servo.rolled is None
+    if stated and are_contradicted(share):
         gains = {"kp": robot.servo.kp[k], "kv": robot.servo.kv[k]}
         joint = {"share": share[k], "joint": robot.joints[k]}
         raise LogError(
@@ -221,7 +229,20 @@ def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
         )
     lost = np.flatnonzero(share > ESTIMATION_RULES.rollout_contradicted)
     each = [f"'{robot.joints[j]}' ({100 * share[j]:.0f} %)" for j in lost]
-    return phrase("rollouts", "lost", joints=each) if each else ""
+    text = [phrase("rollouts", "lost", joints=each, stated=stated)] if each else []
+    gone = np.any([_unfollowed(log) for log in logs], axis=0)
+    if gone.any():
+        apart = [robot.joints[j] for j in np.flatnonzero(gone)]
+        text.append(phrase("rollouts", "apart", joints=apart))
+    return " ".join(text)
+
+
+def _unfollowed(log: Log) -> np.ndarray:
+    """Return which joints do not follow their command in a log, (n,) bool."""
+    if log.unmeasured is None:
+        return np.zeros(len(log.joints), bool)
+    lost: np.ndarray = np.all(log.unmeasured, axis=0)
+    return lost
 
 
 def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
@@ -238,9 +259,12 @@ def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
         stated=servo.delay is not None,
         after=1e3 * float(np.sqrt(np.mean(found.errors**2))),
     )
+    held = 1e3 * np.where(servo.kp > 0, found.numbers["Fc"], 0.0) / servo.gain
+    k = int(np.argmax(held))
+    resting = phrase("commands", "held", joint=robot.joints[k], most=held[k])
     undamped = _undamped_joints(robot, servo, np.concatenate([log.tau for log in logs]))
     damped = phrase("commands", "damped", joints=undamped) if undamped else ""
-    return " ".join(filter(None, (servo.found, made, damped, servo.state_rate())))
+    return " ".join(filter(None, (servo.found, made, resting, damped, servo.state_rate())))
 
 
 def _undamped_joints(robot: Robot, servo: Servo, torque: Array) -> list[str]:

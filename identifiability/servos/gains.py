@@ -16,6 +16,8 @@ from identifiability.foundation.errors import RobotError, listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import percent
+from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.runs import Progress, quiet
 from identifiability.logs import Log
 from identifiability.logs.contradictions import check_units
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
@@ -24,7 +26,10 @@ from identifiability.robot.servo import FOUND, Servo
 
 from .fit import fit_rollouts
 from .rollouts import Rollouts
-from .torque import check_commands
+from .torque import set_aside_joints
+
+#: Standard deviation of the logarithm of a gain from which on the logs tell ratios to it alone.
+UNTOLD: Tolerance = 0.5
 
 
 def file_shares(robot: Robot) -> dict[str, float]:
@@ -34,7 +39,7 @@ def file_shares(robot: Robot) -> dict[str, float]:
 
 
 def select_commanded(robot: Robot, logs: Iterable[Log]) -> list[Log]:
-    """Return logs in the robot's order of joints, if the motion does not contradict them.
+    """Return logs in the robot's order of joints, without joints that do not follow commands.
 
     Raises
     ------
@@ -43,12 +48,11 @@ def select_commanded(robot: Robot, logs: Iterable[Log]) -> list[Log]:
     """
     selected = [log.select(robot.joints) for log in logs]
     for log in selected:
-        check_commands(log)
         check_units(robot, [log])
-    return selected
+    return [set_aside_joints(log) for log in selected]
 
 
-def learn_gains(robot: Robot, logs: Sequence[Log]) -> Robot:
+def learn_gains(robot: Robot, logs: Sequence[Log], say: Progress = quiet) -> Robot:
     """Return a robot whose servos have gains; logs of commands tell the unknown ones.
 
     Raises
@@ -62,7 +66,7 @@ def learn_gains(robot: Robot, logs: Sequence[Log]) -> Robot:
     shares = file_shares(robot)
     if not shares:
         raise RobotError(Finding("gains.massless", robot.path))
-    found = fit_rollouts(robot, commanded, shares, robot.servo.delay)
+    found = fit_rollouts(robot, commanded, shares, robot.servo.delay, say)
     text = state_gains(robot, [x.name for x in commanded], found, shares)
     servo = replace(with_numbers(robot.servo, found), found=text, rolled=found)
     return replace(robot, servo=servo)
@@ -96,8 +100,11 @@ def state_gains(
     asked = robot.servo
     servo = robot.servo.having(found.numbers)
     kv_sd, log_kp_sd = np.split(np.sqrt(np.diag(found.covariance)), 2)
-    new_kp = np.isnan(asked.kp)
-    new_kv = np.isnan(asked.kv) & (servo.kv > 0)
+    problem = found.search[0]
+    moves = problem.moves.any(0)
+    is_told = log_kp_sd <= UNTOLD
+    new_kp = np.isnan(asked.kp) & moves & is_told
+    new_kv = np.isnan(asked.kv) & (servo.kv > 0) & moves
     gains = [
         _list_gains("kp", robot, servo.kp, log_kp_sd * servo.kp, new_kp),
         _list_gains("kv", robot, servo.kv, kv_sd, new_kv),
@@ -105,9 +112,15 @@ def state_gains(
     surest = min(shares, key=lambda body: shares[body])
     within = percent(shares[surest])
     listed = "; ".join(filter(None, gains))
-    text = [phrase("gains.found", "says", names=list(names), gains=listed)]
+    text = [phrase("gains.found", "says", names=list(names), gains=listed or "none by itself")]
     text.append(phrase("gains.found", "bodies", body=surest, within=within))
-    mute = np.flatnonzero(np.isnan(asked.kv) & ~(servo.kv > 0))
+    ratios = np.flatnonzero(np.isnan(asked.kp) & moves & ~is_told)
+    if len(ratios):
+        text.append(phrase("gains.found", "ratios", joints=[robot.joints[k] for k in ratios]))
+    guessed = np.flatnonzero(np.isnan(asked.kp) & ~moves)
+    if len(guessed):
+        text.append(phrase("gains.found", "guessed", joints=[robot.joints[k] for k in guessed]))
+    mute = np.flatnonzero(np.isnan(asked.kv) & ~(servo.kv > 0) & moves)
     if len(mute):
         text.append(phrase("gains.found", "damping", joints=[robot.joints[k] for k in mute]))
     return " ".join(text)

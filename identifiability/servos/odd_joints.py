@@ -9,6 +9,7 @@ import numpy as np
 
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 
@@ -17,6 +18,10 @@ from .positions import encoder_noise
 from .problem import PLAY, RolloutProblem
 from .rollouts import KINDS, Rollouts
 from .torque import servo_log
+
+#: Least share of the weighted squares of a tree that a number promises to take off, to first
+#: order, so that it is fitted.
+PROMISED: Tolerance = 0.1
 
 #: Shares of the time in which torque exceeds the limits that are tried first.
 EXCEEDED = np.geomspace(0.004, 0.4, 5)
@@ -99,7 +104,7 @@ def _list_trials(problem: RolloutProblem, found: Rollouts) -> Iterator[tuple[str
     yield "play", PLAY
     yield "kp", -0.2  # the logarithm of its factor
     servo = problem.machine.servo.having(found.numbers)
-    pairs = zip(problem.logs, found.delays.tolist(), strict=True)
+    pairs = zip(problem.logs, found.delays[problem.source].tolist(), strict=True)
     torque = np.concatenate([servo_log(log, servo, delay).tau for log, delay in pairs])
     for limit in np.quantile(np.abs(torque), 1 - EXCEEDED, axis=0):
         yield "limit", limit
@@ -145,8 +150,11 @@ def _explain_tree(
     gain = screening.gain
     of_tree = np.tile(joints, len(KINDS))
     likeliest = np.argsort(-gain[: problem.bodies.start] * of_tree)[:3]
+    weighted = problem.weights(end.q) * problem.residual(end.q, end.x)
+    rows = weighted[: problem.rows()[-1] * len(joints)].reshape(-1, len(joints))
+    least = max(BEGUN, PROMISED * np.sum(rows[:, joints] ** 2))
     tried = list[Explanation]()
-    for number in likeliest[gain[likeliest] > BEGUN].tolist():
+    for number in likeliest[gain[likeliest] > least].tolist():
         # A far less likely number is tried only where the best one explains too little.
         if tried and tried[0].share < 0.5 and gain[number] < 0.5 * gain[likeliest[0]]:
             break

@@ -57,13 +57,13 @@ def record(q: Array, log: Log, rng: np.random.Generator) -> Array:
 
 
 def explicable(logs: Sequence[Log]) -> Array:
-    """Return the explicable motion of joints in logs (rms), (n,) [rad or m].
+    """Return the explicable motion of joints in logs (rms), (logs, n) [rad or m].
 
     It is the difference of positions and merely delayed commands. It is at most how the joint
     moves, and at least five times the noise of positions, and .001.
     """
-    square = [_explicable_square(log) for log in logs]
-    return np.maximum(np.sqrt(np.mean(square, axis=0)), 1e-3)
+    squares = [_explicable_square(log) for log in logs]
+    return np.maximum(np.sqrt(squares), 1e-3)
 
 
 def _explicable_square(log: Log) -> Array:

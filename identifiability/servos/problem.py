@@ -20,14 +20,19 @@ from identifiability.simulation.rollout import COARSE, STEP, CommandedRobot
 
 from .positions import explicable, forgotten
 from .rollouts import KINDS
+from .windows import Window
 
 #: Standard deviation of the logarithm of an unknown gain, beside its start.
-LOOSE: Tolerance = 10.0
+LOOSE: Tolerance = 1.0
 
 #: Shares of the inertia, damping and torque of a joint by which its numbers are varied, and of a
 #: sampling step by which the delay is.
 VARIED: Tolerance = 2e-4
 LATER: Tolerance = 0.05
+
+#: Usual step of rollouts as a share of a sampling step.
+FINE: Tolerance = 0.1
+
 #: Play by which a gear without any is varied [rad or m]: smaller play is lost in noise.
 PLAY = 100 * VARIED
 
@@ -42,7 +47,8 @@ class RolloutProblem:
     Parameters
     ----------
     machine : CommandedRobot
-    logs : sequence of Log
+    windows : sequence of Window
+        Stretches of the logs. A joint counts in the windows in which its command moves.
     free : (kinds, n) bool
         Joints at which each kind of number is varied.
     delay : float [s], optional
@@ -54,16 +60,16 @@ class RolloutProblem:
     def __init__(
         self,
         machine: CommandedRobot,
-        logs: Sequence[Log],
+        windows: Sequence[Window],
         free: np.ndarray,
         delay: float | None = None,
         shares: Mapping[str, float] | None = None,
     ) -> None:
         self.machine = machine
-        self.logs = logs
+        self.windows = windows
         self.shares = shares or {}
         self.trees = machine.trees
-        self.dt = min(signals.sampling_step(log.t) for log in logs)
+        self.dt = min(signals.sampling_step(log.t) for log in self.logs)
         self.bodies = slice(free.size, free.size + len(self.shares))
         self.delays = slice(self.bodies.stop, None)
         #: Which tree each number belongs to.
@@ -73,12 +79,28 @@ class RolloutProblem:
         self.over = free & free[-1]
         self.over[-1] = False
         varied_sizes = np.ones(len(self.shares), bool)
-        varied_delays = np.full(len(logs), delay is None)
+        count = 1 + max(window.log for window in windows)
+        varied_delays = np.full(count, delay is None)
         #: Numbers that are varied, (p,) bool.
         self.varied = np.concatenate([free.ravel(), varied_sizes, varied_delays])
-        steps = [*list_steps(machine, logs), np.full(len(self.shares), VARIED)]
+        steps = [*list_steps(machine, self.logs), np.full(len(self.shares), VARIED)]
         #: Differences by which each number is varied, (p,).
-        self.by = np.concatenate([*steps, np.full(len(logs), LATER * self.dt)])
+        self.by = np.concatenate([*steps, np.full(count, LATER * self.dt)])
+
+    @property
+    def logs(self) -> list[Log]:
+        """Rows of the windows."""
+        return [window.rows for window in self.windows]
+
+    @property
+    def moves(self) -> np.ndarray:
+        """Joints whose command moves, by window, (windows, n) bool."""
+        return np.array([window.moves for window in self.windows])
+
+    @property
+    def source(self) -> np.ndarray:
+        """Which log each window is of, (windows,) int."""
+        return np.array([window.log for window in self.windows], int)
 
     @property
     def scale(self) -> Array:
@@ -108,7 +130,7 @@ class RolloutProblem:
         none = np.zeros(len(self.trees))
         rows = [numbers.get(kind, none) for kind in KINDS[:-1]]
         sizes = np.zeros(len(self.shares))
-        delays = np.full(len(self.logs), delay)
+        delays = np.full(len(self.by) - self.bodies.stop, delay)
         return np.concatenate([*rows, none, sizes, delays])
 
     def unpack(self, x: Array) -> tuple[dict[str, Array], Array]:
@@ -129,15 +151,14 @@ class RolloutProblem:
 
     # Positions and their errors.
 
-    def roll(self, xs: Sequence[Array], step: float = STEP) -> list[list[Array]]:
-        """Return positions along every log, for several vectors, all at one step [s]."""
+    def roll(self, xs: Sequence[Array], step: float | None = None) -> list[list[Array]]:
+        """Return positions along every window, for several vectors, all at one step [s]."""
         machines = [self._machine(x) for x in xs]
-        step = min(step, *(machine.longest(numbers) for machine, numbers, _ in machines))
+        # Logs at a low rate say little about motion within a small share of their step.
+        step = max(STEP, FINE * self.dt) if step is None else step
+        step = min(machine.longest(numbers, step) for machine, numbers, _ in machines)
         return [
-            [
-                machine.roll(log, numbers, delay, step)
-                for log, delay in zip(self.logs, delays, strict=True)
-            ]
+            machine.roll_all(self.logs, numbers, delays[self.source].tolist(), step)
             for machine, numbers, delays in machines
         ]
 
@@ -152,35 +173,60 @@ class RolloutProblem:
         return machine.resized(sizes), numbers, delays
 
     def rows(self) -> np.ndarray:
-        """Return where the judged rows of each log begin and end, (L + 1,) int."""
+        """Return where the judged rows of each window begin and end, (windows + 1,) int."""
         counts = [len(log) - forgotten(log) for log in self.logs]
         return np.cumsum([0, *counts])
 
     def differences(self, q: list[Array]) -> Array:
-        """Return errors of positions in the judged rows, (N, n); one where a rollout diverged."""
-        pairs = zip(q, self.logs, strict=True)
-        rows = [(rolled - log.q)[forgotten(log) :] for rolled, log in pairs]
-        return np.nan_to_num(np.concatenate(rows), nan=1.0)
+        """Return errors of positions in the judged rows, (N, n).
+
+        They are one where a rollout diverged, and zero where the command of a joint stands.
+        """
+        errors = []
+        for rolled, window in zip(q, self.windows, strict=True):
+            log = window.rows
+            error = np.nan_to_num(rolled - log.q, nan=1.0) * window.moves
+            errors.append(error[forgotten(log) :])
+        return np.concatenate(errors)
+
+    def window_errors(self, q: list[Array]) -> Array:
+        """Return errors of positions (rms) by window and joint, (windows, n)."""
+        squares = self.differences(q) ** 2
+        return np.sqrt([part.mean(0) for part in np.split(squares, self.rows()[1:-1])])
 
     def errors(self, q: list[Array]) -> Array:
-        """Return errors of positions (rms) by joint, (n,)."""
-        return np.sqrt(np.mean(self.differences(q) ** 2, axis=0))
+        """Return errors of positions (rms) by joint where its command moves, (n,)."""
+        judged = np.diff(self.rows())[:, None] * self.moves
+        squares = np.sum(self.differences(q) ** 2, axis=0)
+        return np.sqrt(squares / np.maximum(judged.sum(0), 1))
 
     def missed(self, q: list[Array]) -> Array:
-        """Return errors as shares of the explicable motion, (n,)."""
-        return self.errors(q) / explicable(self.logs)
+        """Return errors as shares of the explicable motion, (n,): medians over windows."""
+        shares = self.window_errors(q) / explicable(self.logs)
+        return self._median(shares)
+
+    def _median(self, values: Array) -> Array:
+        """Return medians over the windows in which a joint's command moves, (n,); else zero."""
+        columns = zip(values.T, self.moves.T, strict=True)
+        return np.array([np.median(x[moves]) if moves.any() else 0.0 for x, moves in columns])
 
     def residual(self, q: list[Array], x: Array) -> Array:
         """Return errors of positions, flat, then deviations from prior knowledge, (r,)."""
         return np.append(self.differences(q), self.prior_residual(x))
 
     def weights(self, q: list[Array]) -> Array:
-        """Return weights of the residual, (r,): the inverse error of an independent row."""
-        differences = self.differences(q)
-        times = autocorrelation_time(differences)
-        error = np.maximum(self.errors(q), 1e-9) * np.sqrt(times)
+        """Return weights of the residual, (r,): the inverse error of an independent row.
+
+        A window that errs more than the median one counts by its error: contacts and lost commands
+        are no part of the model.
+        """
+        errors = self.window_errors(q)
+        usual = self._median(errors)
+        times = autocorrelation_time(self.differences(q))
+        scale = np.maximum(np.maximum(errors, usual), 1e-9) * np.sqrt(times)
+        of_rows = np.repeat(1.0 / scale, np.diff(self.rows()), axis=0)
         of_prior = np.ones(len(self.prior_residual(0.0 * self.by)))
-        return np.append(np.tile(1.0 / error, len(differences)), of_prior)
+        return np.append(of_rows, of_prior)
 
     def prior_residual(self, x: Array) -> Array:
         """Return how far numbers are from the file's and the stated ones, (b,) [σ]."""
@@ -234,7 +280,9 @@ class RolloutProblem:
             acts = self.trees[:, None] == self.tree_of[group]
             J[:, :, group] = (other - base)[:, :, None] * acts / by[group]
         # Each log has its own delay.
-        for k, (start, stop) in enumerate(pairwise(self.rows().tolist()), self.bodies.stop):
+        ends = pairwise(self.rows().tolist())
+        for log, (start, stop) in zip(self.source, ends, strict=True):
+            k = self.bodies.stop + log
             J[start:stop, :, k] = (late - base)[start:stop] / by[k]
         return J
 

@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from identifiability.foundation.linalg import or_one
 from identifiability.foundation.names import Array
 from identifiability.logs import Log, signals
+from identifiability.logs.commands import acting
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
-from identifiability.simulation.rollout import COARSE, STEP, CommandedRobot
+from identifiability.simulation.rollout import COARSE, STEP, CommandedRobot, starting_speeds
 
-from .positions import explicable
+from .positions import encoder_noise, explicable
+from .windows import Window
 
 #: Natural frequencies of a servo and its load that are tried [rad/s].
 FREQUENCIES = np.geomspace(2, 250, 17)
 
 
-def start_rollouts(robot: Robot, log: Log) -> tuple[CommandedRobot, dict[str, Array]]:
+def start_rollouts(
+    robot: Robot, windows: Sequence[Window]
+) -> tuple[CommandedRobot, dict[str, Array]]:
     """Return a robot and joints' numbers from which the search begins.
 
-    The file's numbers are used if all gains are known and the file follows the log as well as a
+    The file's numbers are used if all gains are known and the file follows the logs as well as a
     command that is merely delayed. Otherwise each joint takes the best of a grid of natural
     frequencies and damping ratios: files without rotors and damping do not follow at all.
     """
@@ -33,19 +38,106 @@ def start_rollouts(robot: Robot, log: Log) -> tuple[CommandedRobot, dict[str, Ar
     machine = CommandedRobot(robot, {}, guess)
     delay = servo.delay or 0.0
     numbers = machine.numbers()
-    file_error = machine.roll(log, numbers, delay, COARSE * STEP) - log.q
-    rms = np.sqrt(np.mean(file_error**2, 0))
-    if not servo.unknown.any() and np.all(rms < explicable([log])):
+    if not servo.unknown.any() and np.all(_errors(machine, numbers, delay, windows) < 1):
         return machine, numbers
-    tried = [numbers, *_list_numbers(machine, servo, log)]
-    # Each at its own step: few of them ask for a short one.
-    q = np.array([machine.roll(log, one, delay, COARSE * STEP) for one in tried])
-    errors = np.nan_to_num((q - log.q) ** 2, nan=1e6).mean(1)
+    balanced, unknown_scale = balance_torque(machine, servo, windows, delay)
+    tried: list[Mapping[str, Array]] = [numbers, balanced]
+    errors = np.array([_errors(machine, one, delay, windows) for one in tried])
+    if np.any(errors[-1] >= 1):
+        known = replace(servo, kp=np.where(unknown_scale, servo.kp, balanced["kp"]))
+        grid = [*_list_numbers(machine, known, windows[0].rows)]
+        of_grid = [_errors(machine, one, delay, windows) for one in grid]
+        tried = [*tried, *grid]
+        errors = np.array([*errors, *of_grid])
     best = errors.argmin(0)
     chosen = {
         kind: np.array([one[kind] for one in tried])[best, range(len(best))] for kind in numbers
     }
     return CommandedRobot(robot, {}, replace(guess, kp=chosen["kp"])), chosen
+
+
+def _errors(
+    machine: CommandedRobot, numbers: Mapping[str, Array], delay: float, windows: Sequence[Window]
+) -> Array:
+    """Return errors of positions as shares of the explicable motion, (n,): means over windows.
+
+    A joint counts where its command moves.
+    """
+    # Few robots ask for a short step.
+    step = machine.longest(numbers, COARSE * STEP)
+    logs = [window.rows for window in windows]
+    rolled = machine.roll_all(logs, numbers, [delay] * len(logs), step)
+    errors = [
+        np.sqrt(np.mean((q - log.q) ** 2, axis=0)) for q, log in zip(rolled, logs, strict=True)
+    ]
+    shares = np.nan_to_num(errors / explicable(logs), nan=1e6)
+    moves = np.array([window.moves for window in windows])
+    mean: Array = np.sum(shares * moves, axis=0) / np.maximum(moves.sum(0), 1)
+    return mean
+
+
+def balance_torque(
+    machine: CommandedRobot, servo: Servo, windows: Sequence[Window], delay: float
+) -> tuple[dict[str, Array], bool]:
+    """Return joints' numbers by least squares, and whether no gain has a scale.
+
+    The squares are those of the servo's law, one joint at a time.
+
+    The torque kp (q_cmd − q) is that of gravity, inertia, viscous and dry friction. An unknown gain
+    is the one with which gravity is the file's. Joints that feel no gravity get the median gain.
+
+    Parameters
+    ----------
+    machine : CommandedRobot
+    servo : Servo
+        In which unknown gains are NaN.
+    windows : sequence of Window
+    delay : float [s]
+    """
+    rows = [_balance_rows(machine, window, delay) for window in windows]
+    late, v, a, gravity, moves = (np.concatenate(x) for x in zip(*rows, strict=True))
+    numbers = machine.numbers()
+    slope = np.zeros((4, v.shape[1]))
+    for j in np.flatnonzero(moves.any(0)):
+        used = moves[:, j]
+        motion = [np.sign(v[used, j]), v[used, j], a[used, j]]
+        if np.isnan(servo.kp[j]):
+            target = late[used, j]
+            columns = np.stack([*motion, gravity[used, j]], axis=1)
+        else:
+            target = servo.kp[j] * late[used, j] - gravity[used, j]
+            columns = np.stack([*motion, np.ones(used.sum())], axis=1)
+        slope[:, j] = np.linalg.lstsq(columns, target, rcond=None)[0]
+    unknown = np.isnan(servo.kp)
+    # Gravity that turns a joint by less than positions are noisy says nothing of its gain.
+    turned = slope[3] * np.sqrt(np.mean(gravity**2, axis=0))
+    told = unknown & (turned > np.max([encoder_noise(window.rows) for window in windows], axis=0))
+    gains = np.where(told, 1 / or_one(slope[3]), np.nan)
+    usual = float(np.nanmedian(gains)) if told.any() else 1.0
+    gains = np.where(unknown, np.where(told, gains, usual), servo.kp)
+    factor = np.where(unknown, gains, 1.0)
+    dry, viscous, inertia, offset = factor * slope
+    bodies = machine.inertia(windows[0].rows.q.mean(0)) - numbers["Ia"]
+    balanced = {
+        **numbers,
+        "Ia": np.maximum(inertia - bodies, 0.0),
+        "Fv": np.maximum(viscous - machine.servo.kv, 0.0),
+        "Fc": np.maximum(dry, 0.0),
+        "off": np.where(unknown, 0.0, offset),
+        "kp": gains,
+    }
+    return balanced, bool(unknown.any() and not (told.any() or not unknown.all()))
+
+
+def _balance_rows(machine: CommandedRobot, window: Window, delay: float) -> tuple[Array, ...]:
+    """Return late motion, speed, acceleration, gravity, and where a joint moves, (N, n) each."""
+    log = window.rows
+    dt = signals.sampling_step(log.t)
+    v = starting_speeds(log)
+    late = acting(log, machine.servo, log.t, dt, delay) - log.q
+    fast = np.abs(v) > 0.5 * np.sqrt(np.mean(v**2, axis=0))
+    moves = fast & window.moves & (machine.servo.kp > 0)
+    return late, v, np.gradient(v, dt, axis=0), machine.gravity(log.q), moves
 
 
 def _list_numbers(machine: CommandedRobot, servo: Servo, log: Log) -> Iterator[Mapping[str, Array]]:

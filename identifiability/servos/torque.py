@@ -1,4 +1,4 @@
-"""Torque that servos make of commands, and commands that the motion contradicts."""
+"""Torque that servos make of commands, and joints that do not follow their commands."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from identifiability.foundation.errors import LogError
+from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.logs import Log, signals
@@ -24,7 +25,7 @@ def compute_torque(logs: Sequence[Log], servo: Servo | None) -> list[Log]:
     Raises
     ------
     LogError
-        If the motion contradicts the commands.
+        If most joints do not follow their commands.
     """
     return [_with_torque(log, servo) for log in logs]
 
@@ -33,9 +34,8 @@ def _with_torque(log: Log, servo: Servo | None) -> Log:
     """Return a log with the servos' torque, if it needs that."""
     if servo is None or not (log.commanded and log.motion_alone):
         return log
-    check_commands(log)
     # A recorded rollout has no speeds of another sensor.
-    positions = log.without(("dq", "ddq"))
+    positions = set_aside_joints(log).without(("dq", "ddq"))
     return servo_log(positions, servo, servo.delay or 0.0)
 
 
@@ -96,31 +96,44 @@ def replace_servo(log: Log, servo: Servo, other: Servo, later: float = 0.0) -> L
     return replace(log, tau=tau, servo_delay=delay)
 
 
-def check_commands(log: Log) -> None:
-    """Refuse commands that the motion contradicts: those of other joints, or of other units.
+def set_aside_joints(log: Log) -> Log:
+    """Return a log in which joints that do not follow their commands are no data.
+
+    Such a joint moves as it was measured, so that a rollout moves the other joints.
 
     Raises
     ------
     LogError
+        If most joints whose commands move do not follow them.
     """
     if log.q_ref is None:
-        return
+        return log
     # A command is followed within this time [s].
     most = max(1, round(0.5 / signals.sampling_step(log.t)))
-    for joint, command, q in zip(log.joints, log.q_ref.T, log.q.T, strict=True):
-        size = float(command.std())
-        moved = float(q.std())
-        if max(moved, size) < RULES.small:
-            continue
-        degrees = 0.5 < np.radians(size / max(moved, RULES.small)) < 2.0
-        if degrees or correlation_when_delayed(command, q, most) <= 0.5:
-            rule = option_for_shell("--map", f"COLUMN={joint}.cmd", always=True)
-            raise LogError(
-                f"{log.name}: '{joint}' does not follow its command"
-                f"{'; it looks like degrees' if degrees else ''}: say which column is its command, "
-                f"as in {rule}, and in which unit; if that is right, its servo "
-                "is too weak for this motion: leave the log out."
-            )
+    columns = zip(log.q_ref.T, log.q.T, strict=True)
+    lost = np.array([not follows_command(command, q, most) for command, q in columns])
+    stands = np.ptp(log.q_ref, axis=0) == 0.0
+    if lost.sum() > np.sum(~lost & ~stands):
+        joint = log.joints[int(np.argmax(lost))]
+        rule = option_for_shell("--map", f"COLUMN={joint}.cmd", always=True)
+        raise LogError(Finding("servos.unfollowed", log.name, joint=joint, rule=rule))
+    if not lost.any():
+        return log
+    gone = np.tile(lost, (len(log), 1))
+    if log.unmeasured is not None:
+        gone |= log.unmeasured
+    return replace(log, q_ref=np.where(lost, log.q, log.q_ref), unmeasured=gone)
+
+
+def follows_command(command: Array, q: Array, most: int) -> bool:
+    """Whether a position (N,) follows its command (N,) within some samples, in the same unit."""
+    size = float(command.std())
+    moved = float(q.std())
+    # The command of a joint that stands says nothing.
+    if min(size, max(moved, size) - RULES.small) <= 0.0:
+        return True
+    is_degrees = 0.5 < np.radians(size / max(moved, RULES.small)) < 2.0
+    return not is_degrees and correlation_when_delayed(command, q, most) > 0.5
 
 
 def correlation_when_delayed(command: Array, q: Array, most: int) -> float:

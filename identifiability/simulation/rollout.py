@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import compress
 from typing import Any
 
@@ -40,10 +40,11 @@ STEP: Tolerance = 1e-3
 COARSE: Tolerance = 10.0
 
 #: Share of the time in which damping stops a joint that is a step, and of a joint's inertia that is
-#: taken off for steps at most; and no step is shorter [s]: a
-#: joint that stops within a fraction of a servo's period is one without inertia to it.
+#: taken off for steps at most.
 LITTLE: Tolerance = 0.4
-LEAST: Tolerance = 2e-4
+
+#: Shortest step as a share of the usual one: a joint that stops sooner is one without inertia.
+SHORTEST: Tolerance = 0.5
 
 
 class CommandedRobot:
@@ -52,7 +53,7 @@ class CommandedRobot:
     Parameters
     ----------
     robot : Robot
-        Without loops; its `servo` or another one drives it.
+        Without loops, though joints may follow others; its `servo` or another one drives it.
     parameters : mapping
         Standard parameters by name; those that are not given keep the file's values.
     servo : Servo, optional
@@ -75,11 +76,11 @@ class CommandedRobot:
                 f"{robot.path} are what logs of commands shall tell, so nothing moves as yet: "
                 "analyze such logs and give the result."
             )
-        if robot.closed or robot.cables or robot.transmission is not None:
+        if robot.loops or robot.cables or robot.transmission is not None:
             raise RobotError(
                 f"{robot.path}: positions are predicted of robots whose joints are moved one by "
-                "one; it has loops, cables or motors that mix joints. Torque is predicted without "
-                "--forward."
+                "one, or follow another joint. This robot has loops, cables or motors that mix "
+                "joints. Torque is predicted without --forward."
             )
         self.robot = robot
         self.servo = servo
@@ -90,6 +91,8 @@ class CommandedRobot:
         joints = [self.model.joint(j) for j in robot.joints]
         self.dofs = np.array([j.dofadr[0] for j in joints], int)
         self.at = np.array([j.qposadr[0] for j in joints], int)
+        #: Actuators of the joints; what an offset takes off is taken off there.
+        self.actuators = np.array([self.model.actuator(j).id for j in robot.joints], int)
         self.offset = self._forward.bias[0][self.dofs]
 
     def resized(self, sizes: Mapping[str, float]) -> CommandedRobot:
@@ -111,12 +114,25 @@ class CommandedRobot:
         """
         data = mujoco.MjData(self.model)
         M = np.zeros((self.model.nv, self.model.nv))
-        data.qpos[:] = self._forward.home()
-        data.qpos[self.at] = q
+        data.qpos[:], slope = self._forward.tie(q)
         mujoco.mj_forward(self.model, data)
         mujoco.mj_fullM(self.model, data, M)
         M *= 1 + 1e-9 * np.eye(len(M))  # a motor without a rotor moves nothing within play
+        if self.robot.closed:
+            return 1 / np.diag(np.linalg.inv(slope.T @ M @ slope))
         return 1 / np.diag(np.linalg.inv(M))[self.dofs]
+
+    @quiet()
+    def gravity(self, q: Array) -> Array:
+        """Return the torque of gravity and springs at configurations, (N, n) each."""
+        data = mujoco.MjData(self.model)
+        torque = np.zeros(q.shape)
+        for k, at in enumerate(q):
+            data.qpos[:], slope = self._forward.tie(at)
+            mujoco.mj_fwdPosition(self.model, data)
+            mujoco.mj_fwdVelocity(self.model, data)
+            torque[k] = (data.qfrc_bias - data.qfrc_passive) @ slope
+        return torque
 
     @cached_property
     def bare(self) -> Array:
@@ -125,11 +141,14 @@ class CommandedRobot:
         own = self.model.dof_armature[self.dofs]
         return np.maximum(self.inertia(home) - own, 0.0)
 
-    def longest(self, numbers: Mapping[str, Array]) -> float:
-        """Return the longest step that takes little of any joint's inertia off [s]."""
+    def longest(self, numbers: Mapping[str, Array], step: float = STEP) -> float:
+        """Return the longest step that takes little of any joint's inertia off [s].
+
+        It is at most the usual step [s], and at least half of it.
+        """
         damping = np.maximum(numbers["Fv"], 0.0) + self.servo.having(numbers).kv
         ratio = (self.bare + numbers["Ia"]) / np.maximum(damping, 1e-12)
-        return float(max(LEAST, LITTLE * ratio.min()))
+        return float(np.clip(LITTLE * ratio.min(), SHORTEST * step, step))
 
     @property
     def trees(self) -> np.ndarray:
@@ -153,13 +172,12 @@ class CommandedRobot:
             "kp": self.servo.kp,
         }
 
-    @quiet()
     def roll(
         self,
         log: Log,
         numbers: Mapping[str, Array] | None = None,
         delay: float = 0.0,
-        step: float = STEP,
+        step: float | None = None,
     ) -> Array:
         """Return positions at the samples of a log, (N, n); NaN where they diverged.
 
@@ -171,14 +189,38 @@ class CommandedRobot:
             Joints' numbers, as of `numbers`, and gains ``kp``, ``kv`` of the servos if others than
             its own; by default its own.
         delay : float [s]
-        step : float [s]
-            Longest one of the integrator.
+        step : float [s], optional
+            Longest one of the integrator; by default as of `longest`.
         """
+        return self.roll_all([log], numbers, [delay], step)[0]
+
+    @quiet()
+    def roll_all(
+        self,
+        logs: Sequence[Log],
+        numbers: Mapping[str, Array] | None,
+        delays: Sequence[float],
+        step: float | None = None,
+    ) -> list[Array]:
+        """Return positions at the samples of each log; see `roll`."""
         own = numbers or self.numbers()
-        dt = signals.sampling_step(log.t)
-        h = dt / max(1, int(np.ceil(dt / min(step, self.longest(own)) - 1e-9)))
-        speed = starting_speeds(log)[0]
-        model = self._with(own, h)
+        step = self.longest(own) if step is None else step
+        servo = self.servo.having(own)
+        made = dict[float, tuple[Any, Any]]()
+        rolled = []
+        for log, delay in zip(logs, delays, strict=True):
+            dt = signals.sampling_step(log.t)
+            h = dt / max(1, int(np.ceil(dt / step - 1e-9)))
+            if h not in made:
+                model = self._with(own, h)
+                made[h] = (model, mujoco.MjData(model))
+            rolled.append(self._roll_model(*made[h], log, servo, delay))
+        return rolled
+
+    def _roll_model(self, model: Any, data: Any, log: Log, servo: Servo, delay: float) -> Array:
+        """Return positions at the samples of a log, (N, n), of a model with its step."""
+        h = model.opt.timestep
+        speed = starting_speed(log)
         steps = int(np.ceil((log.t[-1] - log.t[0]) / h)) + 2
         # Held commands change between two steps, so that no step holds a share of a change, of
         # which a servo at its limit would make another share of torque.
@@ -186,19 +228,18 @@ class CommandedRobot:
         ahead = next(iter((since - log.t)[since < log.t]), 0.0)
         begin = (float((delay + ahead) / h) % 1.0 - 0.5) * h
         times = log.t[0] + begin + h * np.arange(steps)
-        control = acting(log, self.servo.having(own), times, h, delay)
-        q = self._forward.home()
-        v = np.zeros(model.nv)
-        q[self.at] = log.q[0]
-        v[self.dofs] = speed
-        a0 = self._acceleration(model, q, v, control[0])
-        q[self.at] += begin * speed + (0.5 * begin**2 - h**2 / 8) * a0[self.dofs]
+        control = acting(log, servo, times, h, delay)
+        q, slope = self._forward.tie(log.q[0])
+        v = slope @ speed
+        a0 = self._acceleration(model, data, q, v, control[0])
+        moved = begin * speed + (0.5 * begin**2 - h**2 / 8) * a0[self.dofs]
+        q, slope = self._forward.tie(log.q[0] + moved)
         v += (begin - 0.5 * h) * a0
         start = np.zeros(mujoco.mj_stateSize(model, _STATE))
         start[1 : 1 + model.nq], start[1 + model.nq :][: len(v)] = q, v
         states, _ = rollout.rollout(
             model,
-            mujoco.MjData(model),
+            data,
             start,
             control,
             control_spec=int(mujoco.mjtState.mjSTATE_CTRL),
@@ -210,12 +251,13 @@ class CommandedRobot:
         out[np.cumsum(~(np.abs(out).max(1) < limit)) > 0] = np.nan
         return out
 
-    def _acceleration(self, model: Any, q: Array, v: Array, control: Array) -> Array:
+    def _acceleration(self, model: Any, data: Any, q: Array, v: Array, control: Array) -> Array:
         """Return the acceleration at a state, (nv,), by which speeds half a step old are others."""
-        data = mujoco.MjData(model)
+        mujoco.mj_resetData(model, data)
         data.qpos[:], data.qvel[:], data.ctrl[:] = q, v, control
         mujoco.mj_forward(model, data)
-        return data.qacc
+        acceleration: Array = data.qacc.copy()
+        return acceleration
 
     def _with(self, numbers: Mapping[str, Array], h: float) -> Any:
         """Return the model with other numbers of its joints, at a step of h seconds."""
@@ -225,6 +267,7 @@ class CommandedRobot:
         stiff = [2 * h, 1.0]
         model.dof_solref[:], model.dof_solimp[:, :2] = stiff, HARD
         model.jnt_solref[:] = stiff
+        model.eq_solref[:], model.eq_solimp[:, :2] = stiff, HARD
         damping = np.maximum(numbers["Fv"], 0.0)
         model.dof_damping[dofs] = damping
         model.dof_frictionloss[dofs] = np.maximum(numbers["Fc"], 0.0)
@@ -233,20 +276,19 @@ class CommandedRobot:
         taken = -servo.lead + 0.5 * h * (damping + servo.damping)
         # A file without rotors may state less inertia than a servo of this rate could hold.
         model.dof_armature[dofs] = numbers["Ia"] - np.minimum(taken, LITTLE * whole)
-        late = dict(zip(self.robot.joints, servo.damping, strict=True))
         # Inertia that late speeds of a servo seem to take off is there where its torque stands at
         # an end and follows nothing: that torque pushes the lighter joint by as much less.
         seeming = np.clip(-servo.lead, 0.0, LITTLE * whole)
-        less = dict(zip(self.robot.joints, 1 - seeming / whole, strict=True))
-        for k, (joint, offset) in enumerate(zip(self.robot.joints, numbers["off"], strict=True)):
-            actuator = model.actuator(joint).id  # what is taken off at the joint
-            if "kp" in numbers and servo.kp[k] > 0:
-                model.actuator_gainprm[actuator, 0] = servo.kp[k]
-                model.actuator_biasprm[actuator, 1] = -servo.kp[k]
-            model.actuator_biasprm[actuator, 0] = -offset
-            model.actuator_biasprm[actuator, 2] = -late[joint]
-            ends = np.array([servo.low[k], servo.high[k]])
-            model.actuator_forcerange[actuator] = less[joint] * (ends - offset)
+        less = 1 - seeming / whole
+        offset = numbers["off"]
+        position = self.actuators[servo.kp > 0]
+        if "kp" in numbers:
+            model.actuator_gainprm[position, 0] = servo.kp[servo.kp > 0]
+            model.actuator_biasprm[position, 1] = -servo.kp[servo.kp > 0]
+        model.actuator_biasprm[self.actuators, 0] = -offset
+        model.actuator_biasprm[self.actuators, 2] = -servo.damping
+        ends = np.stack([servo.low - offset, servo.high - offset], axis=1)
+        model.actuator_forcerange[self.actuators] = less[:, None] * ends
         mujoco.mj_setConst(model, mujoco.MjData(model))
         return model
 
@@ -257,9 +299,29 @@ def starting_speeds(log: Log) -> Array:
     Exact differences would make noise of positions a start that takes long to be forgotten.
     """
     dt = signals.sampling_step(log.t)
-    # The speed of a start is seen in .05 s.
-    rows = min(2 * max(2, round(0.5 * 0.05 / dt)) + 1, (len(log) - 1) // 2 * 2 + 1)
+    rows = _seen_rows(dt, len(log))
     return scipy.signal.savgol_filter(log.q, rows, 2, 1, dt, axis=0)
+
+
+def starting_speed(log: Log) -> Array:
+    """Return the speed from which a rollout of a log starts, (n,): the first of the speeds."""
+    dt = signals.sampling_step(log.t)
+    rows = _seen_rows(dt, len(log))
+    speed: Array = _first_slope(rows) @ log.q[:rows] / dt
+    return speed
+
+
+@lru_cache
+def _first_slope(rows: int) -> Array:
+    """Return weights of rows whose sum is the slope at the first row of their parabola, (rows,)."""
+    slope: Array = scipy.signal.savgol_coeffs(rows, 2, 1, pos=0, use="dot")
+    return slope
+
+
+def _seen_rows(dt: float, count: int) -> int:
+    """Return the odd number of rows, of a log of some rows, in which a speed is seen."""
+    # The speed of a start is seen in .05 s.
+    return min(2 * max(2, round(0.5 * 0.05 / dt)) + 1, (count - 1) // 2 * 2 + 1)
 
 
 def drive(robot: Robot, parameters: Mapping[str, float], log: Log, window: float) -> Array:

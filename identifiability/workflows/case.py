@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
@@ -28,11 +29,11 @@ from identifiability.estimation.estimate import Kind, Method, Outliers, find_est
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.groups import MissingEffects, describe_term, find_missing
 from identifiability.estimation.mixed_model import Term
-from identifiability.estimation.motion import MotionChoice, choose_motion
+from identifiability.estimation.motion import MotionChoice, choose_motion, read_records
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding, of_key, phrase
 from identifiability.foundation.options import OptionError
-from identifiability.foundation.runs import Run, share
+from identifiability.foundation.runs import Progress, Run, share
 from identifiability.foundation.stages import Stages
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
@@ -72,6 +73,7 @@ from identifiability.regression.structure import (
 )
 from identifiability.robot import Robot, RobotLike
 
+from .case_file import CaseFile
 from .roles import assign_roles
 
 #: Why no verdict stands on columns that are misread, for after "because".
@@ -83,6 +85,9 @@ MISREAD = (
 #: Families that a model has where rows surely name them.
 COMPLETED = {n for n, f in FAMILIES.items() if f.loaded and not (f.needs or f.shapes)}
 COMPLETED |= {PassiveJointFriction.name}
+
+#: Settings of a case file that say how derivatives are made.
+DERIVED = ("derivatives", "cutoff", "decimate")
 
 #: What follows the statement of a reading that is used.
 SO = "All that follows is said under that reading."
@@ -158,7 +163,7 @@ class Data(OfStructure):
     hints : tuple of str
         What seems to be wrong with robot file and logs, for the user to check.
     reading : Reading or None
-        Another reading of the logs, which is used or only reported.
+        Another reading of the logs. It is used if it `holds` and logs are in memory.
     explained : bool
         Whether a reading or a check explains whatever else contradicts physics.
     misread : str
@@ -175,6 +180,16 @@ class Data(OfStructure):
     reading: Reading | None = None
     explained: bool = False
     misread: str = ""
+
+    @property
+    def question(self) -> Reading | None:
+        """Another reading that these logs do not confirm; it is not used."""
+        return self.reading if self.reading is not None and not self.reading.holds else None
+
+    @property
+    def confirmed(self) -> Reading | None:
+        """Another reading that the logs confirm."""
+        return None if self.question is not None else self.reading
 
     @cached_property
     def unseen(self) -> Regression | None:
@@ -301,6 +316,20 @@ class Case:
         for name, value in values.items():
             object.__setattr__(self, name, value)
 
+    @staticmethod
+    def load(folder: str | Path) -> Case:
+        """Return the case of a folder with `case.toml`.
+
+        Raises
+        ------
+        IdentifiabilityError
+            If there is none, a key is wrong, or the robot cannot be read.
+        """
+        file = CaseFile.read(folder)
+        derived = {k: v for k, v in file.settings.items() if k in DERIVED}
+        how = Preparation(**derived) if derived else None
+        return Case(file.load_robot(), file.logs, file.held_out, preparation=how)
+
     def __repr__(self) -> str:
         """Return the robot and how many logs there are, in one line."""
         return f"<Case: {self.robot.name}, {len(self.logs)} + {len(self.validate)} logs>"
@@ -323,7 +352,8 @@ class Case:
         if not self.use.commands:
             return self.robot
         run.say("reading logs", 0.0)
-        return self.stages.once(find_gains, self.robot, self.logs)
+        divides = self.use.divides and not self.validate
+        return self.stages.once(find_gains, self.robot, self.logs, divides, say=run.say)
 
     def recordings(self, run: Run) -> Recordings:
         """Return the logs as they were measured, with their roles."""
@@ -357,8 +387,9 @@ class Case:
         # Rollouts are a record of their own.
         if recordings.commanded:
             return literal
-        inputs = structure, recordings.fitted, how, self.preparation
-        choice = self.stages.once(choose_motion, *inputs)
+        inputs = structure.robot, recordings.fitted, how, self.preparation
+        records = self.stages.once(read_records, *inputs)
+        choice = self.stages.once(choose_motion, structure, records)
         if choice.record == "auto":
             return literal
         return self.stages.once(use_series, recordings, self.preparation, choice, structure.robot)
@@ -392,9 +423,8 @@ class Case:
         recordings = self.recordings(run)
         if not recordings.commanded:
             return recordings, structure
-        run.say("rolling out commands", 0.1)
         how = self.common_preparation(structure.robot, recordings)
-        return self.stages.once(follow, recordings, structure, how, run.seed)
+        return self.stages.once(follow, recordings, structure, how, run.seed, say=run.say)
 
     def data(
         self,
@@ -430,7 +460,7 @@ class Case:
             recordings, structure = self.torque(structure, run)
         seek = seek and self.reading is None
         literal = self.literal(structure, recordings, run, done, seek=seek, most=most)
-        reading = literal.reading
+        reading = literal.confirmed
         if reading is None or not apply or (recordings.long and not reading.keeps_columns):
             return self.at_fit(literal, run)
         return self.at_fit(self.read_as(literal, reading, run, most), run)
@@ -631,7 +661,7 @@ def comparable_entry(source: LadderSource, commanded: bool) -> LadderEntry:
     return source.models_for(commanded=commanded)
 
 
-def find_gains(robot: Robot, logs: Sequence[LogLike]) -> Robot:
+def find_gains(robot: Robot, logs: Sequence[LogLike], divides: bool, *, say: Progress) -> Robot:
     """Return a robot whose servos have gains; logs of commands tell those that nobody states.
 
     Raises
@@ -644,8 +674,10 @@ def find_gains(robot: Robot, logs: Sequence[LogLike]) -> Robot:
 
     known = Conventions.of(robot)
     recordings = read_recordings(logs, known=known, commands=True, learns=False)
+    # Motion that verifies the result must not choose the gains.
+    recordings = assign_roles(recordings) if divides else recordings
     commanded = (x for x in recordings.fitted if x.commanded and x.motion_alone)
-    return learn_gains(robot, select_commanded(robot, commanded))
+    return learn_gains(robot, select_commanded(robot, commanded), say)
 
 
 def read_case(
@@ -666,13 +698,13 @@ def read_case(
 
 
 def follow(
-    recordings: Recordings, structure: Structure, how: Preparation, seed: int
+    recordings: Recordings, structure: Structure, how: Preparation, seed: int, *, say: Progress
 ) -> tuple[Recordings, Structure]:
     """Return recordings with torque of commands, calibrated on rollouts of a fitted robot."""
     from identifiability.servos import follow_commands  # noqa: PLC0415 - MuJoCo
 
     rng = np.random.default_rng(seed).spawn(1)[0]
-    found: tuple[Recordings, Structure] = follow_commands(recordings, structure, how, rng)
+    found: tuple[Recordings, Structure] = follow_commands(recordings, structure, how, rng, say)
     return found
 
 
@@ -801,13 +833,15 @@ def check_logs(data: Data, reading: Reading | None) -> Data:
     hints = (*find_always(data.measured), *data.hints)
     if data.silence:
         return replace(data, hints=hints)
-    odd = find_oddities(data.measured, explained=reading is not None)
+    holds = reading is not None and reading.holds
+    odd = find_oddities(data.measured, explained=holds)
     reading = None if odd.misread else reading  # positions that are misread explain the torque
-    said = () if reading is None else (Finding("alternative", text=reading.statement),)
+    key = "alternative" if holds else "question"
+    said = () if reading is None else (Finding(key, text=reading.statement),)
     return replace(
         data,
         reading=reading,
-        explained=odd.explains or reading is not None,
+        explained=odd.explains or holds,
         misread=MISREAD if odd.misread else "",
         hints=(*said, *odd.hints, *hints),
     )

@@ -32,7 +32,9 @@ def state_provenance(
     if robot.sidecar is not None:
         out["sidecar"] = robot.sidecar.name
         out[f"sha256 {robot.sidecar.name}"] = sha256(robot.sidecar.read_bytes()).hexdigest()
+    masses = (f"{', '.join(b.bodies)}: {b.mass}" for b in robot.bounds if b.mass is not None)
     conventions = {
+        "known masses": "; ".join(masses),
         "columns": robot.columns.text,
         "time unit": robot.time_unit,
         "torque": robot.torque.text,

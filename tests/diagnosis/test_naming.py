@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import Noise, diagnose
+from identifiability import Noise, Robot, diagnose
 from identifiability.effects import find_family
 from identifiability.effects.effect import measure_spans
 from identifiability.simulation import Campaign, random_trajectory, shipped_trajectory
@@ -104,6 +104,34 @@ def test_coulomb_asymmetry_and_offset_are_one_name_with_two_words(effects, diagn
     assert names <= {"coulomb_asymmetry", "torque_offset", "free_spring", "torque_drift"}
     assert effect.joints == ("joint_1",)
     assert "cannot tell" in d.statement
+
+
+def test_friction_of_all_joints_but_one_is_named_in_these_joints_alone(diagnosis_of, named):
+    """Most joints are not all joints."""
+    joints = tuple(f"joint_{k}" for k in range(2, 7))
+    few = ("stribeck_friction", "torque_offset", "quadratic_friction")
+    d = diagnosis_of("six-dof-arm", f"stribeck_friction@{'+'.join(joints)}=0.05", effects=few)
+    assert named(d) == [("stribeck_friction", joints)]
+    assert "in all joints" not in d.statement
+
+
+def test_a_law_of_another_form_gets_one_name_and_no_function_beside_it(named, tmp_path):
+    """Friction falls with the square of the speed, and no family does; the name is right."""
+    robot, rng = Robot.load("two-link"), np.random.default_rng(99)
+    c = Campaign.of(robot, [random_trajectory(robot, rng) for _ in range(5)])
+    v = c.move.dq[:, 0]
+    added = np.zeros_like(c.move.dq)
+    added[:, 0] = 2.0 * np.sign(v) * np.exp(-((v / (0.3 * v.std())) ** 2))
+    noise = Noise(additive=0.004, correlation=0.9, encoder=2e-5)
+    logs = c.logs(added, noise, np.random.default_rng(0))
+    d = diagnose(robot, logs[:4], logs[4:], forward=False)
+    assert named(d) == [("stribeck_friction", ("shoulder",))]
+    assert d.held_after < 0.5 * d.held_before
+    (function,) = d.to_dict()["possible"]
+    assert (function["name"], function["place"]) == ("function_of_velocity", "shoulder")
+    assert function["left_out"] > 0
+    page = d.write_report(tmp_path / "d.html").read_text()
+    assert "What may also be present" in page
 
 
 def paper_logs(rps, parameters=None, excess=0.0, seed=1):

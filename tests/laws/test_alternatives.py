@@ -1,12 +1,14 @@
 """What may be missing beside a model, and what analyses say of it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from identifiability import Log, Robot, analyze, calibrate, export
+from identifiability import Log, Robot, analyze, calibrate, export, simulate
 from identifiability.estimation.noise import LaggedProducts, whiten, whitening_filter
 from identifiability.report.results import answer_first
-from identifiability.simulation import Noise
+from identifiability.simulation import Noise, random_trajectory
 from identifiability.simulation.simulator import ar1
 from identifiability.workflows.predict import read_fit
 
@@ -88,3 +90,22 @@ def test_a_sign_that_physics_forbids_is_in_doubt_however_certain(logs):
     assert "physics forbids it" in verdict.reason
     assert "elbow.Fc would have a sign that physics forbids" in found.chosen.contradicted
     assert "diagnose" in found.next()[0][1]
+
+
+def test_the_card_warns_by_fitted_and_unseen_rows_together():
+    robot, rng = Robot.load("two-link"), np.random.default_rng(0)
+    short, long = (
+        simulate(
+            robot,
+            random_trajectory(robot, np.random.default_rng(seed), samples=samples),
+            noise=Noise(torque=0.03, correlation=0.5),
+            rng=rng,
+            hide=["joint_stiffness=0.012"],
+        )
+        for seed, samples in ((1, 300), (2, 3000))
+    )
+    missing = analyze(robot, replace(short, name="short"), replace(long, name="long")).missing
+    (named,) = missing.named
+    # The fitted rows alone would not be enough to warn.
+    assert named.odds < 3.0 < named.unseen
+    assert missing.statement.startswith("joint stiffness in elbow")

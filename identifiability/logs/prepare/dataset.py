@@ -158,22 +158,22 @@ class Piece:
         """The same as it was measured, not low-passed, (m, n)."""
         return self.weighed(np.array(self.tau[self.at]))
 
-    def silenced(self, x: Array, joint: int | None = None) -> Array:
-        """Return inputs (N, n, …), or (N, …) of a joint, that are zero where torque is no data.
+    def silenced(self, x: Array, joints: np.ndarray | None = None) -> Array:
+        """Return inputs (N, n, …), or (N, m) of m joints, that are zero where torque is no data.
 
         Torque and columns alike, before a filter draws on them: what is low-passed is then related
         as it is where the joint moves, however near. They are written over.
         """
         if self._lost is not None and self.decimation is not None:
-            x[self._lost if joint is None else self._lost[:, joint]] = 0.0
+            x[self._lost if joints is None else self._lost[:, joints]] = 0.0
         return x
 
-    def weighed(self, x: Array, joint: int | None = None) -> Array:
-        """Return rows (m, n, …), or (m, …) of a joint, by the root of their weight.
+    def weighed(self, x: Array, joints: np.ndarray | None = None) -> Array:
+        """Return rows (N, n, …), or (N, m) of m joints, by the root of their weight.
 
         They are written over.
         """
-        weight = self.weight[self.at] if joint is None else self.weight[self.at][:, joint]
+        weight = self.weight[self.at] if joints is None else self.weight[self.at][:, joints]
         if not (weight == 1).all():
             x *= np.sqrt(weight).reshape(*weight.shape, *(1,) * (x.ndim - weight.ndim))
         return x
@@ -664,14 +664,14 @@ def require_signal(samples: Sequence[Dataset], done: str) -> None:
 
 
 def move_samples(robot: Robot, given: Dataset, by: Array) -> Dataset:
-    """Return samples at other positions, A times theirs less b.
+    """Return samples at other positions, A times theirs.
 
     Parameters
     ----------
     robot : Robot
     given : Dataset
-    by : (n, n + 1)
-        A and b.
+    by : (n, n)
+        A.
 
     Raises
     ------
@@ -679,10 +679,9 @@ def move_samples(robot: Robot, given: Dataset, by: Array) -> Dataset:
         If loops do not close at some.
     """
     old = given.motion
-    A = by[:, :-1]
-    actuated = (x @ A.T for x in (old.actuated_q, old.actuated_v, old.actuated_a))
-    new = complete_motion(robot, old.t, next(actuated) - by[:, -1], *actuated)
+    actuated = (x @ by.T for x in (old.actuated_q, old.actuated_v, old.actuated_a))
+    new = complete_motion(robot, old.t, *actuated)
     if len(new) < len(old):
         raise ClosureError(f"Loops of {given.name} do not close there.")
     new = replace(new, kept=old.kept, dropped=old.dropped, start=old.start)
-    return replace(given, motion=new, weight=given.weight[:, np.abs(A).argmax(1)])
+    return replace(given, motion=new, weight=given.weight[:, np.abs(by).argmax(1)])

@@ -15,7 +15,7 @@ import pandas as pd
 
 from identifiability.effects.vocabulary import by_effect, file_kinds, values_in_file
 from identifiability.estimation.prediction import loaded_joints
-from identifiability.estimation.rules import Thresholds
+from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.estimation.verdict import Class, Flag, Verdict, percent_of
 from identifiability.foundation.answers import Answer, Cell, Note, Table, measured_cells
 from identifiability.foundation.errors import listing
@@ -66,7 +66,8 @@ class LadderedPresenter(PredictingPresenter):
         use = replace(use, short=f"{state_weight(result)} {use.short}".lstrip())
         more = [sentence("laddered.measured", kind=result.validation_kind)]
         if not result.nothing:
-            more += [_state_left_out(result), _state_file_error(result)]
+            more += [_state_own_means(result), _state_left_out(result)]
+            more += [_state_file_error(result), _state_open(result)]
         error = self.answer_error(" ".join(filter(None, more)), raw=result.left_out["raw"])
         return use, error, answer_doubt(result)
 
@@ -240,6 +241,24 @@ def _state_left_out(result: Laddered[Any]) -> str:
     if not left["rows"] > 0:
         return ""
     return sentence("decision.left", "rows", share=left["rows"], error=left["all_rows"])
+
+
+def _state_own_means(result: Laddered[Any]) -> str:
+    """Return the error over each joint's own mean, where that of all joints misleads."""
+    constant = result.held_out.constant_error()
+    if not constant * RULES.means_apart < 1.0:
+        return ""
+    error = result.chosen.error_ra_validation
+    return sentence("decision.left", "means", error=error / constant)
+
+
+def _state_open(result: Laddered[Any]) -> str:
+    """Return why a model predicts well of which no parameter is identifiable."""
+    chosen = result.chosen
+    good = grade_of(chosen.error_ra_validation) in ("very-good", "good")
+    if chosen.count(Class.IDENTIFIABLE) or chosen.unjudged or not good:
+        return ""
+    return sentence("decision.left", "open", count=len(chosen.submodel))
 
 
 def _state_file_error(result: Laddered[Any]) -> str:

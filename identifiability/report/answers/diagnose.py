@@ -283,9 +283,6 @@ def _answer_gap(d: Diagnosis) -> Answer:
     ends = [f"{100 * x:+.2g}".replace("-", "−") for x in d.interval]
     interval = sentence(about, "interval", ends=" … ".join(ends)) if any(d.interval) else "."
     text = sentence(about, "unseen", verified=d.verified_on)
-    if 0 < d.included < len(d.effects):
-        titles = [e.title for e in d.effects[: d.included]]
-        text += sentence(about, "some", titles=titles)
     tone = "green" if d.interval[1] < 0 else "amber"
     holes: dict[str, Any] = {"before": d.held_before, "after": d.held_after}
     model = d.known.words.rstrip(",")

@@ -23,13 +23,8 @@ class StudyPresenter(Presenter):
     def next_line(self) -> str:
         """Return the first command to type."""
         result = self.result
-        if result.has_logs:
-            given = " ".join(map(path_for_shell, [result.robot, *result.fitted]))
-            held = result.held_back
-            judge = f" --validate {path_for_shell(held)}" if held else ""
-            verb = f"analyze {given}{judge} --report report.html"
-        else:
-            verb = f"inspect {path_for_shell(result.robot)}"
+        alone = f"inspect {path_for_shell(result.robot)}"
+        verb = "analyze --report report.html" if result.has_logs else alone
         return f"cd {path_for_shell(result.folder)} && identifiability {verb}"
 
     def statement(self) -> str:

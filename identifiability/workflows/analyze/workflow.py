@@ -306,7 +306,7 @@ def conclude_analysis(
         settings=settings,
         nothing=nothing,
         recordings=data.recordings,
-        alternative=data.reading,
+        alternative=data.confirmed,
         missing=missing,
         late=found.shared.together(unpruned) @ unpruned.M.T,
     )

@@ -11,15 +11,15 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
-from itertools import compress, zip_longest
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
-from scipy.special import chdtrc, logsumexp, softmax
+from scipy.special import logsumexp, softmax
 
 from identifiability.effects import Family, Placed, find_families
 from identifiability.effects import Part as EffectPart
-from identifiability.effects.friction import REVERSALS
+from identifiability.effects.friction import REVERSALS, RisingFriction
 from identifiability.estimation.estimate import Outliers, with_known
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evidence import LEVELS, Evidence
@@ -28,7 +28,7 @@ from identifiability.estimation.groups import Excerpt, Missing, with_reversals
 from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms
 from identifiability.estimation.noise import split_runs
 from identifiability.estimation.prediction import Prediction, predict
-from identifiability.estimation.rules import RULES, Thresholds
+from identifiability.estimation.rules import RULES
 from identifiability.foundation.linalg import ROUNDOFF, scan_columns
 from identifiability.foundation.names import Array, Parameter
 from identifiability.foundation.rules import Tolerance
@@ -55,9 +55,6 @@ from .problem import (
     weigh_fit,
 )
 
-#: Share of all places from which on an effect is said to be everywhere.
-MOST: Tolerance = 0.75
-
 
 @frozen
 class Part:
@@ -69,8 +66,8 @@ class Part:
         With its shape; its columns are numbered among those of all parts.
     term : Term
         Of the group that was found; its place may be everywhere.
-    unseen : float [nat]
-        What it gains on unseen rows; nan without any.
+    left_out, unseen : float [nat]
+        What it gains on left-out blocks of fitted rows, and on unseen rows; nan without any.
     rivals : tuple of Term
         What would do as well in its place, the likeliest first.
     weight : float
@@ -81,6 +78,7 @@ class Part:
 
     candidate: Candidate
     term: Term
+    left_out: float
     unseen: float
     rivals: Terms
     weight: float
@@ -112,6 +110,8 @@ class Naming:
         Log odds of all groups beside the model, and beside what was named.
     refuted : tuple of (Term, float)
         What fitted rows named and unseen rows did not confirm, with what it gains on these [nat].
+    possible : tuple of (Term, float)
+        What may be present beside what is named, with what it gains on left-out blocks [nat].
     parts : tuple of Part
         What is missing, families as they came, each in the order of the robot's places.
     """
@@ -126,6 +126,7 @@ class Naming:
     before: Terms
     after: Terms
     refuted: tuple[tuple[Term, float], ...] = ()
+    possible: tuple[tuple[Term, float], ...] = ()
     parts: tuple[Part, ...] = ()
 
     @cached_property
@@ -299,6 +300,17 @@ class Naming:
         return predict(self.completed.regression(self.fitted.samples), fit[:, None])
 
 
+def without_last(naming: Naming, count: int) -> Naming:
+    """Return a naming of the first parts; the last ones may be present beside them."""
+    first, last = naming.parts[:count], naming.parts[count:]
+    placed = [(p, replace(p.term.group, place=p.candidate.place)) for p in last]
+    more = [(replace(p.term, group=group), p.left_out) for p, group in placed]
+    terms = tuple(dict.fromkeys(p.term for p in first))
+    after = tuple(naming.whole.gains(naming.whole.update_terms(terms)))
+    possible = (*naming.possible, *more)
+    return with_parts(replace(naming, after=after, possible=possible), first)
+
+
 def look(problem: Problem, effects: Iterable[str] | None = None) -> Naming:
     """Return what may be missing beside the model of a problem, before anything is named.
 
@@ -336,25 +348,140 @@ def look(problem: Problem, effects: Iterable[str] | None = None) -> Naming:
 
 
 def name_missing(looked: Naming) -> Naming:
-    """Return what is missing: found on fitted rows, confirmed on unseen ones."""
-    kept, gains = looked.whole.search(), dict[tuple[str, str], float]()
-    named = [t for t in kept if not _family(looked.asked, t).unnamed]
-    if named:  # their torque is no noise
-        missing = looked.asked.beside(named)
-        looked = replace(looked, asked=missing, whole=missing.model(), missing=missing)
-        kept = looked.whole.search()
+    """Return what is missing: found on fitted rows, not refuted by unseen ones.
+
+    Of what stands, left-out blocks of the fitted rows decide in which joints it is.
+    """
+    looked, kept = _search(looked)
+    gains = dict[tuple[str, str], float]()
     if looked.problem.validation and kept:
         found = kept
         kept, gains = _confirm(looked, found)
         standing = {t.key for t in kept}
         refuted = tuple((t, gains[t.key]) for t in found if t.key not in standing)
         looked = replace(looked, refuted=refuted)
+    places, possible = _ask_left_out(looked, kept) if kept else ({}, ())
+    kept = looked.whole.update_terms(tuple(t for t in kept if places[t.key]))
+    looked = replace(looked, possible=possible)
     parts = list[Part]()
     for k, term in enumerate(kept):
-        parts += _write_term(looked, kept, k, gains.get(term.key, np.nan))
+        unseen = gains.get(term.key, np.nan)
+        parts += _write_term(looked, kept, k, places[term.key], unseen)
     came = [p.candidate.family.name for p in parts]
     parts.sort(key=lambda p: (came.index(p.candidate.family.name), p.candidate.columns))
     return with_parts(replace(looked, after=tuple(looked.whole.gains(kept))), parts)
+
+
+def _search(looked: Naming) -> tuple[Naming, Terms]:
+    """Return what is missing on fitted rows, and the naming whose noise and rows it is found with.
+
+    Friction that rises with speed may be friction that turns when no record can tell. Then it is
+    looked for between reversals alone.
+    """
+    kept = looked.whole.search()
+    if any(t.group.family == RisingFriction.name for t in kept):
+        looked = _with_missing(looked, looked.asked.between_reversals())
+        kept = looked.whole.search()
+    named = [t for t in kept if not _family(looked.asked, t).unnamed]
+    if named:  # their torque is no noise
+        looked = _with_missing(looked, looked.asked.beside(named))
+        kept = looked.whole.search()
+    return looked, kept
+
+
+def _with_missing(looked: Naming, missing: Missing) -> Naming:
+    """Return a naming that asks for effects along other rows, or beside other noise."""
+    return replace(looked, asked=missing, whole=missing.model(), missing=missing)
+
+
+#: Places of terms by their keys, each with its gain on left-out blocks [nat].
+Places = dict[tuple[str, str], dict[str, float]]
+#: Terms, each with a gain [nat].
+Gains = tuple[tuple[Term, float], ...]
+
+
+def _ask_left_out(looked: Naming, found: Terms) -> tuple[Places, Gains]:
+    """Return where terms surely gain on left-out blocks of fitted rows, and those that may gain.
+
+    A family everywhere is one term a place, and each needs its own log odds as well, which know the
+    signs that physics allows. In each round the worst term of each place and family leaves.
+    """
+    rows = looked.asked.seen
+    blocks = looked.asked.products(rows, _block_edges(rows), among=found)
+    owners, terms = _split_places(looked, found)
+    possible, gains = list[tuple[Term, float]](), np.empty(0)
+    while terms:
+        gains, needed = _gains_left_out(looked.whole, terms, blocks)
+        odds = np.array([t.odds for t in looked.whole.update_terms(terms)])
+        lacking = np.minimum(gains - needed, odds - RULES.name)
+        gone = _choose_leaving(lacking, owners, terms)
+        if not gone:
+            break
+        possible += [(terms[k], float(gains[k])) for k in gone if gains[k] > 0]
+        stays = [k for k in range(len(terms)) if k not in gone]
+        owners, terms = [owners[k] for k in stays], tuple(terms[k] for k in stays)
+    places: Places = {t.key: {} for t in found}
+    for owner, term, gain in zip(owners, terms, gains.tolist(), strict=False):
+        places[owner][term.group.place] = gain
+    return places, tuple(possible)
+
+
+def _choose_leaving(lacking: Array, owners: Sequence[tuple[str, str]], terms: Terms) -> list[int]:
+    """Return the terms that leave in a round: of a place and of a family at most one, the worst.
+
+    Any one scale of the torque says no more than the others together, and all of them say much.
+    """
+    gone = list[int]()
+    for k in np.argsort(lacking).tolist():
+        families = {owners[g] for g in gone}
+        places = {terms[g].group.place for g in gone}
+        alone = owners[k] not in families and terms[k].group.place not in places
+        if lacking[k] < 0 and alone:
+            gone.append(k)
+    return gone
+
+
+def _split_places(looked: Naming, found: Terms) -> tuple[list[tuple[str, str]], Terms]:
+    """Return terms of one place each, and the keys of the terms whose parts they are."""
+    owners, terms = list[tuple[str, str]](), list[Term]()
+    for k, term in enumerate(found):
+        for c in _candidates(looked.asked, looked.whole, found, k):
+            columns = np.array(c.columns) + looked.asked.fixed
+            group = replace(term.group, place=c.place, members=(columns,), price=0.0)
+            owners.append(term.key)
+            terms.append(replace(term, group=group, member=0))
+    return owners, tuple(terms)
+
+
+def _block_edges(rows: Excerpt) -> list[int]:
+    """Return rows at which blocks of the logs begin, and the end of the last."""
+    logs = np.unique(rows.log)
+    each = -(-LEVELS.folds // len(logs))
+    edges = [0]
+    for log in logs:
+        at = np.flatnonzero(rows.log == log)
+        edges += np.linspace(at[0], at[-1] + 1, each + 1).astype(int).tolist()[1:]
+    return edges
+
+
+def _gains_left_out(model: MixedModel, terms: Terms, blocks: Information) -> tuple[Array, Array]:
+    """Return what each term gains on left-out blocks, and what it must gain there, (t,) [nat].
+
+    A law is an approximation: of several terms in a joint, all but the likeliest may be its error,
+    and must gain a share of what they gain together. The likeliest may be a family everywhere.
+    """
+    here = dict[str, list[int]]()
+    for k, term in enumerate(terms):
+        here.setdefault(term.group.place, []).append(k)
+    crowded = [some for some in here.values() if len(some) > 1]
+    found = model.left_out(terms, blocks, [*([k] for k in range(len(terms))), *crowded])
+    gains, together = found[: len(terms)], found[len(terms) :]
+    needed = np.full(len(terms), RULES.keep)
+    for some, gain in zip(crowded, together.tolist(), strict=True):
+        likeliest = max(some, key=lambda k: terms[k].odds)
+        others = [k for k in some if k != likeliest]
+        needed[others] = max(RULES.keep, RULES.law_error * gain)
+    return gains, needed
 
 
 def _confirm(looked: Naming, found: Terms) -> tuple[Terms, dict[tuple[str, str], float]]:
@@ -368,7 +495,9 @@ def _confirm(looked: Naming, found: Terms) -> tuple[Terms, dict[tuple[str, str],
     return kept, gains
 
 
-def _write_term(looked: Naming, kept: Terms, k: int, gain: float) -> Iterator[Part]:
+def _write_term(
+    looked: Naming, kept: Terms, k: int, places: dict[str, float], unseen: float
+) -> Iterator[Part]:
     """Yield the parts of one of the terms that are missing.
 
     Parameters
@@ -376,8 +505,10 @@ def _write_term(looked: Naming, kept: Terms, k: int, gain: float) -> Iterator[Pa
     looked : Naming
     kept : tuple of Term
     k : int
-    gain : float [nat]
-        Of the term on unseen rows.
+    places : dict of str to float [nat]
+        Where the term surely is, with its gain on left-out blocks.
+    unseen : float [nat]
+        Gain of the term on unseen rows.
     """
     term, rest, missing = kept[k], kept[:k] + kept[k + 1 :], looked.asked
     others = [t for t in looked.whole.gains(rest) if _may_rival(t.group, term.group)]
@@ -387,7 +518,9 @@ def _write_term(looked: Naming, kept: Terms, k: int, gain: float) -> Iterator[Pa
     nearest = [t for t in named if unnamed and t.group.place == term.group.place]
     weight = float(softmax([term.odds, *(t.odds for t in others)])[0])
     for c in _candidates(missing, looked.whole, kept, k):
-        yield Part(c, term, gain, tuple(rivals), weight, tuple(nearest[:3]))
+        if c.place in places:
+            gains = places[c.place], unseen
+            yield Part(c, term, *gains, tuple(rivals), weight, tuple(nearest[:3]))
 
 
 def _may_rival(one: Group, other: Group) -> bool:
@@ -401,9 +534,9 @@ def _family(missing: Missing, term: Term) -> Family:
 
 
 def _candidates(missing: Missing, model: MixedModel, terms: Terms, k: int) -> list[Candidate]:
-    """Return what a term is written as: one candidate a place, where it has a share."""
+    """Return what a term is written as: one candidate a place."""
     term, rest = terms[k], terms[:k] + terms[k + 1 :]
-    sets, everywhere = missing.sets[term.key], term.group.place == EVERYWHERE
+    sets = missing.sets[term.key]
     chosen = sets[min(term.member, len(sets) - 1)]
     if sets[0][0].family.continuous:
         chosen = _refined(model, rest, term.group, sets)
@@ -412,31 +545,7 @@ def _candidates(missing: Missing, model: MixedModel, terms: Terms, k: int) -> li
     places: dict[str, list[Candidate]] = {}
     for c in chosen:
         places.setdefault(c.place, []).append(c)
-    found = [_merge_kinds(own) for own in places.values()]
-    return _where_sure(missing, model, rest, term, found) if everywhere else found
-
-
-def _where_sure(
-    missing: Missing, model: MixedModel, rest: Terms, term: Term, found: list[Candidate]
-) -> list[Candidate]:
-    """Return the candidates of a term where it surely has a share; all where it has most.
-
-    Parameters
-    ----------
-    missing, model
-    rest : tuple of Term
-        All others.
-    term : Term
-        A family everywhere.
-    found : list of Candidate
-        One a place.
-    """
-    columns = [np.array(c.columns) + missing.fixed for c in found]
-    groups = [Group(*c.group, (at,), 0.0) for c, at in zip(found, columns, strict=True)]
-    every = (*rest, *(replace(term, group=group, member=0) for group in groups))
-    shares = [_has_share(model, every, len(rest) + n) for n in range(len(found))]
-    sure = list(compress(found, shares))
-    return sure if 0 < len(sure) < MOST * len(found) else found
+    return [_merge_kinds(own) for own in places.values()]
 
 
 def _merge_kinds(own: Sequence[Candidate]) -> Candidate:
@@ -452,13 +561,6 @@ def _values_of(model: MixedModel, terms: Terms, k: int) -> tuple[Array, Array]:
     at = rows_of(model, terms, k)
     root = s.root[:, at]
     return s.value[at], root.T @ root
-
-
-def _has_share(model: MixedModel, terms: Terms, k: int) -> bool:
-    """Whether a term's values are surely none of zero."""
-    value, covariance = _values_of(model, terms, k)
-    square = value @ np.linalg.solve(covariance, value)
-    return bool(chdtrc(len(value), square) < Thresholds.sign_level)
 
 
 def with_parts(naming: Naming, parts: Sequence[Part]) -> Naming:

@@ -240,6 +240,9 @@ class Diagnosis(Result, Predicts):
         ε_RA on unseen motion.
     refuted : tuple of Odds
         Of what fitted motion named and unseen motion did not confirm; in no model.
+    possible : tuple of Odds
+        Of what may be present beside the named effects; in no model. `unseen` is what it gains on
+        left-out blocks of the fitted motion.
     interval : (float, float)
         95 % of the change on unseen motion.
     discrepancies : tuple of Discrepancy
@@ -285,6 +288,7 @@ class Diagnosis(Result, Predicts):
     held_before: float
     held_after: float
     refuted: tuple[Odds, ...]
+    possible: tuple[Odds, ...]
     interval: tuple[float, float]
     discrepancies: tuple[Discrepancy, ...]
     refusals: tuple[Refusal, ...]
@@ -482,6 +486,9 @@ class Diagnosis(Result, Predicts):
         return {
             "effects": [_effect_row(e) for e in self.effects],
             "refuted": [pick(x, "name", "place", "unseen", odds="before") for x in self.refuted],
+            "possible": [
+                pick(x, "name", "place", odds="before", left_out="unseen") for x in self.possible
+            ],
             "changes": [_change_row(c) for c in self.changes],
             "unexplained": {"statement": self.unexplained, "rms": rms},
             "not_applicable": [vars(r) for r in self.refusals],

@@ -19,6 +19,7 @@ import numpy as np
 
 from identifiability.effects import Part, Placed, default_effects, find_families, title_of
 from identifiability.effects.measurement import CommandDelay
+from identifiability.effects.registry import is_loaded
 from identifiability.estimation.estimate import Outliers
 from identifiability.estimation.groups import NO_MISSING_EFFECTS, place_of
 from identifiability.estimation.mixed_model import EVERYWHERE
@@ -35,7 +36,7 @@ from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.logs.prepare.dataset import require_signal
 from identifiability.logs.prepare.excerpt import MOST_IN_ALL, MOST_SAMPLES, thin_all
-from identifiability.physical.cad_prior import resolve_prior
+from identifiability.physical.cad_prior import load_by_fit, resolve_prior, with_loads
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.quality.hints import where_outlying
 from identifiability.quality.recordings import Logs, Recordings
@@ -68,12 +69,14 @@ from identifiability.workflows.roles import require_held_out
 
 from .changes import Change
 from .naming import (
+    Gains,
     Naming,
     find_change_in_log,
     leave_out,
     look,
     name_missing,
     with_parts,
+    without_last,
     without_outliers,
 )
 from .problem import (
@@ -265,7 +268,7 @@ def _with_context(
     found = replace(
         found,
         nothing="" if found.fixed else data.misread,
-        alternative="" if data.reading is None else data.reading.statement,
+        alternative="" if data.confirmed is None else data.confirmed.statement,
         reading=data.recordings.reading,
         hints=hints,
         provenance=state_provenance(found.robot, logs, seed, None, options | {"quick": quick}),
@@ -381,7 +384,7 @@ def _read_logs(
     if request.keeps:
         return data, None
     reference = None
-    if pilot is not None and data.reading is None:
+    if pilot is not None and data.confirmed is None:
         reference = case.data(pilot, run, "diagnosed", seek=False, most=most)
     return case.at_fit(data, run, named=True), reference
 
@@ -504,8 +507,8 @@ def _as_diagnosed(structure: Structure, diagnosed: Structure, base: Array) -> Ar
 def _under_ladder(case: Case, data: Data, entry: LadderEntry, run: Run) -> Data:
     """Return data under the unpruned model of a ladder, with the same reading."""
     structure = case.structure(data.robot, ladder_model(entry))
-    if data.reading is not None:
-        structure = case.stages.once(apply_to_structure, data.reading, structure)
+    if data.confirmed is not None:
+        structure = case.stages.once(apply_to_structure, data.confirmed, structure)
     return case.at_fit(case.under(data, structure), run)
 
 
@@ -537,7 +540,24 @@ def name_effects(
             hint = hint or f"{where} was left out. Look at what happened there."
             found = _name_between_changes(without_outliers(problem, outliers), effects, run)
     run.say("verifying", 0.9)
+    found = take_loads(found, run.engine)
     return replace(conclude(found, rng), hints=(hint,) if hint else ())
+
+
+def take_loads(naming: Naming, engine: Engine) -> Naming:
+    """Return a naming whose load-dependent columns are those of the fit with all names.
+
+    Without the names masses are wrong, and so is the torque that a wrong scale multiplies.
+    """
+    problem = naming.problem
+    loaded = is_loaded(naming.completed.parameters)
+    if not (naming.parts and loaded and problem.known.tells_nothing):
+        return naming
+    fitted = load_by_fit(naming.completed, naming.regression, engine)
+    loads = fitted.robot.reference
+    under = None if problem.under is None else with_loads(problem.under, loads)
+    problem = replace(problem, structure=with_loads(problem.structure, loads), under=under)
+    return with_parts(replace(naming, problem=problem), naming.parts)
 
 
 def _find_outliers(problem: Problem, found: Naming) -> tuple[str, Outliers | None]:
@@ -700,12 +720,15 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     fits = [naming.of(problem.plain) @ plain, *(naming.fit(range(n)) for n in ends[1:])]
     residual = naming.predict_excerpt(fits[-1]).residual[:, :, 0]
     found = verify_effects(naming, ends, fits, plain)
+    if 0 < found.included < len(counts):
+        return conclude(without_last(naming, ends[found.included]), rng)
     placed = [_place(naming, k) for k in range(len(parts))]
     return Diagnosis(
         problem=problem,
         effects=_list_effects(naming, ends, placed, found.gap, rng),
         curves=tuple(_curve(naming, residual, k, p) for k, p in enumerate(placed)),
-        refuted=_list_refuted(naming),
+        refuted=_list_odds(naming.refuted),
+        possible=_list_odds(naming.possible),
         interval=change_of(found.gap, 0, -1, rng),
         discrepancies=find_discrepancies(naming.fitted, residual, problem.robot.joints),
         refusals=naming.refusals,
@@ -742,10 +765,9 @@ def _list_effects(
     return tuple(effects)
 
 
-def _list_refuted(naming: Naming) -> tuple[Odds, ...]:
-    """Return what fitted rows named and unseen rows did not confirm."""
-    pairs = naming.refuted
-    return tuple(Odds(t.group.family, place_of(t), t.odds, unseen=x) for t, x in pairs)
+def _list_odds(found: Gains) -> tuple[Odds, ...]:
+    """Return terms with what they gain on rows that they were not fitted to."""
+    return tuple(Odds(t.group.family, place_of(t), t.odds, unseen=x) for t, x in found)
 
 
 def _list_evidence(naming: Naming) -> tuple[Odds, ...]:

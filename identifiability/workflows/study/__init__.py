@@ -1,4 +1,4 @@
-"""A folder to begin a study in: robot, sidecar, logs and a script that runs at once."""
+"""A folder to begin a study in: robot, sidecar, logs, a case file and a script."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ from identifiability.foundation.findings import Finding
 from identifiability.foundation.options import Expected, FilePath, checked
 from identifiability.foundation.output import check_writable, csv_text, write_together
 from identifiability.foundation.presenter import presented
-from identifiability.foundation.quoting import for_python, for_toml, toml_key
+from identifiability.foundation.quoting import for_toml, toml_key
 from identifiability.foundation.values import frozen
 from identifiability.logs.formats.reader import check_there
 from identifiability.robot import Robot
 from identifiability.robot.locate import find_sidecar, locate_robot, shipped_robots
 from identifiability.robot.table import write_table
+from identifiability.workflows.case_file import FILE
 from identifiability.workflows.inspect import template_frame
 
 # `new_study`: copy or write what a study begins with.
@@ -46,7 +47,7 @@ class Study:
     written : tuple of Path
         Its files.
     fitted : tuple of str
-        Logs that its script fits, seen from the folder.
+        Logs that its case fits, seen from the folder.
     held_back : str or None
         The held-out log.
     has_logs : bool
@@ -92,7 +93,7 @@ def new_study(
         MJCF or URDF file, which is copied with its sidecar, a table of Denavit and Hartenberg
         (TOML), of which URDF and sidecar are written, or a shipped robot's name, such as 3-rps.
     logs : sequence of path, optional
-        Your own logs, which stay where they are: the script names them. The last of several
+        Your own logs, which stay where they are: the case file names them. The last of several
         is held out.
 
     Raises
@@ -123,9 +124,10 @@ def new_study(
     names = [os.path.relpath(log, folder) for log in logs] or list(RUNS)
     fitted, held_back = (names[:-1], names[-1]) if len(names) > 1 else (names, None)
     has_logs = bool(logs) or all(name in files for name in names)
-    texts = {"study.py": _filled("study.py", _facts_of_script(source.name, fitted, held_back))}
+    known = Robot.load(source)
+    case = _facts_of_case(known, source.name, fitted, held_back)
+    texts = {"study.py": _filled("study.py", {}), FILE: _filled(FILE, case)}
     if not has_logs or (logs and sidecar.name not in files):
-        known = Robot.load(source)
         if not has_logs:
             texts["template.csv"] = csv_text(template_frame(known))
         if sidecar.name not in files:
@@ -150,13 +152,16 @@ def new_study(
     )
 
 
-def _facts_of_script(robot: str, fitted: Sequence[str], held_back: str | None) -> dict[str, str]:
-    """Return the names in the script, as Python."""
+def _facts_of_case(
+    known: Robot, robot: str, fitted: Sequence[str], held_back: str | None
+) -> dict[str, str]:
+    """Return the values of a new case file, as TOML."""
     held_out = [] if held_back is None else [held_back]
     return {
-        "ROBOT": for_python(robot),
-        "LOGS": for_python(list(fitted)),
-        "HELD_OUT": for_python(held_out),
+        "ROBOT": for_toml(robot),
+        "LOGS": for_toml(list(fitted)),
+        "HELD_OUT": for_toml(held_out),
+        "BODY": toml_key(known.bodies[-1]),
     }
 
 

@@ -1,0 +1,80 @@
+"""`Verification`: rows that did not choose the numbers of a reading say whether it holds.
+
+Blocks of all fitted logs form two parts. Each part chooses the numbers of the reading, and the
+other part keeps only these numbers: base parameters are fitted again, beside smooth functions of
+the motion. An effect that the model lacks is such a function. It repeats in both parts, and must
+not vote.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from identifiability.foundation.values import frozen
+
+from .rules import RULES
+
+
+@frozen
+class Verification:
+    """How much a reading gains on rows that did not choose its numbers.
+
+    Attributes
+    ----------
+    gain : float [nat]
+        Log evidence against the literal reading, summed over both parts.
+    least : float [nat]
+        The smaller gain of the two parts.
+    predicted : float [nat]
+        The gain that each part promises for rows that it did not see, summed.
+    candidates : int
+        Number of readings that were tried.
+    """
+
+    gain: float
+    least: float
+    predicted: float
+    candidates: int
+
+    @property
+    def needed(self) -> float:
+        """The gain from which a reading is used [nat]; each candidate had its chance."""
+        return RULES.unseen_gain + float(np.log(max(self.candidates, 1)))
+
+    @property
+    def can_confirm(self) -> bool:
+        """Whether the logs can confirm the reading at all."""
+        return self.predicted >= RULES.unseen_gain
+
+    @property
+    def holds(self) -> bool:
+        """Whether the reading is used."""
+        # A gain of z²/2 has a standard deviation of z.
+        sd = float(np.sqrt(2.0 * max(self.predicted, 0.0)))
+        replicates = self.gain >= self.predicted - 2.0 * sd
+        return bool(
+            self.can_confirm
+            and replicates
+            and self.gain >= self.needed
+            and self.least >= -RULES.unseen_gain
+        )
+
+    @property
+    def doubt(self) -> str:
+        """Why a reading is not used, in a sentence."""
+        if not self.can_confirm:
+            return "These logs cannot confirm it."
+        return "Rows that did not choose it do not confirm it, so it is not used."
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain values."""
+        return {
+            "gain": self.gain,
+            "least": self.least,
+            "predicted": self.predicted,
+            "needed": self.needed,
+            "candidates": self.candidates,
+            "holds": self.holds,
+        }

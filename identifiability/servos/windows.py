@@ -1,0 +1,84 @@
+"""Windows: stretches of logs that are rolled out, each from its first measured state."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.values import frozen
+from identifiability.logs import Log, signals
+
+from .positions import encoder_noise
+
+#: Total length of the windows that are rolled out [s]: more says little more.
+LONG: Tolerance = 36.0
+
+#: Length of each window of a log that is too long to be rolled out whole [s].
+WINDOW: Tolerance = 3.0
+
+
+@frozen
+class Window:
+    """A stretch of a log.
+
+    Attributes
+    ----------
+    log : int
+        Which log the window is of.
+    rows : Log
+    moves : (n,) bool
+        Joints whose command moves. Another joint stands, and says nothing of its servo.
+    """
+
+    log: int
+    rows: Log
+    moves: np.ndarray
+
+
+def cut_windows(logs: Sequence[Log]) -> list[Window]:
+    """Return windows of logs: each log whole, or equally spaced windows of a log that is longer."""
+    budget = LONG / len(logs)
+    windows = list[Window]()
+    for k, log in enumerate(logs):
+        step = signals.sampling_step(log.t)
+        length = round(min(budget, WINDOW) / step)
+        if len(log) <= round(budget / step):
+            parts = [log]
+        else:
+            starts = np.linspace(0, len(log) - length, max(int(budget / WINDOW), 1)).astype(int)
+            parts = [log.rows(start, start + length) for start in starts.tolist()]
+        windows += [Window(k, part, moving_commands(part)) for part in parts]
+    return windows
+
+
+def thin_windows(windows: Sequence[Window]) -> list[Window]:
+    """Return about half of the windows, or the middle third of a log that is rolled out whole.
+
+    Logs often begin and end at rest.
+    """
+    chosen = list[Window]()
+    for k in dict.fromkeys(window.log for window in windows):
+        of_log = [window for window in windows if window.log == k]
+        if len(of_log) > 1:
+            chosen += of_log[1::2]
+            continue
+        rows = of_log[0].rows
+        third = rows.rows(len(rows) // 3, 2 * len(rows) // 3)
+        chosen.append(Window(k, third, moving_commands(third)))
+    return chosen
+
+
+def moving_commands(log: Log) -> np.ndarray:
+    """Return which joints have a command that moves by more than positions are noisy, (n,) bool.
+
+    Joints that do not follow their command are not among them.
+    """
+    commands = [x for x in (log.q_ref, log.dq_ref, log.tau_ff) if x is not None]
+    sizes = [np.std(x, axis=0) for x in commands]
+    noise = encoder_noise(log)
+    moves: np.ndarray = np.max(sizes, axis=0) > noise
+    if log.unmeasured is not None:
+        moves &= ~log.unmeasured.all(0)
+    return moves

@@ -1,0 +1,178 @@
+"""A case on disk: a folder with `case.toml`, which names a robot, its logs and settings.
+
+Paths are relative to the folder. They are opened as files and never run. The command line goes
+before `case.toml`, and `case.toml` before the sidecar of the robot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, Field
+
+from identifiability.foundation.documents import key, read_document
+from identifiability.foundation.errors import IdentifiabilityError, RobotError, near_match
+from identifiability.foundation.findings import Finding, phrase
+from identifiability.foundation.options import Derivatives
+from identifiability.foundation.values import frozen
+from identifiability.robot import Robot
+from identifiability.robot.description import Bound
+from identifiability.robot.locate import shipped_robots
+from identifiability.robot.sidecar import Length, Masses, Named, Strict
+
+#: Name of the file in the folder.
+FILE = "case.toml"
+
+
+def _without_null(text: str) -> str:
+    if "\0" in text:
+        raise ValueError("a path has no null character")
+    return text
+
+
+FilePath = Annotated[Named, AfterValidator(_without_null)]
+Paths = list[FilePath]
+
+
+class SettingsEntry(Strict):
+    """How logs are read and prepared, before what the sidecar says."""
+
+    derivatives: Derivatives | None = key("How derivatives are made.", None, "spline")
+    cutoff: Length | None = key("Of the low-pass [Hz].", None)
+    decimate: Annotated[int, Field(gt=0)] | None = key("Keep one sample of so many.", None)
+    time_unit: Literal["s", "ms", "us", "ns"] | None = key("Of the times in logs.", None)
+    angles: Literal["rad", "deg"] | None = key("Unit of angles in logs.", None)
+    base: Literal["fixed", "floating"] | None = key("Whether the root stood still.", None)
+
+
+class CaseEntry(Strict):
+    """A robot, its logs and settings."""
+
+    robot: FilePath = key("The robot file, or the name of a shipped robot.", ..., "arm.urdf")
+    sidecar: FilePath | None = key("Its sidecar; else the one beside the robot file.", None)
+    lock: list[Named] = key(
+        "Joints that stand still, each as NAME or NAME=VALUE.", [], ["finger=0.02"]
+    )
+    logs: Paths = key("Logs to fit.", [], ["run1.csv", "run2.csv"])
+    validate_: Paths | Literal["none"] = key(
+        'Held-out logs; "none" fits all logs.', [], ["run3.csv"], alias="validate"
+    )
+    result: FilePath = key(
+        "JSON that `analyze` writes, and that `predict`, `export` and `payload` read.",
+        "result.json",
+    )
+    masses: dict[str, Masses] = key(
+        "Masses of bodies that are known, between two limits [kg].", {}, {"forearm": [1.9, 2.1]}
+    )
+    settings: SettingsEntry = SettingsEntry()
+
+
+@frozen
+class CaseFile:
+    """A case file with its folder, in which its paths stand.
+
+    Attributes
+    ----------
+    folder : Path
+    entry : CaseEntry
+        What the file says.
+    """
+
+    folder: Path
+    entry: CaseEntry
+
+    @staticmethod
+    def read(folder: str | Path) -> CaseFile:
+        """Read the case file of a folder.
+
+        Raises
+        ------
+        IdentifiabilityError
+            If there is none, or a key is not known or has another kind of value.
+        """
+        path = Path(folder) / FILE
+        entry = read_document(path, CaseEntry, "TOML", "case", IdentifiabilityError)
+        return CaseFile(Path(folder), entry)
+
+    @cached_property
+    def robot(self) -> str:
+        """Path of the robot file, or the name of a shipped robot."""
+        path = self.place(self.entry.robot)
+        shipped = self.entry.robot in shipped_robots() and not Path(path).exists()
+        return self.entry.robot if shipped else path
+
+    @property
+    def sidecar(self) -> str | None:
+        """Path of the sidecar, where the case names one."""
+        return None if self.entry.sidecar is None else self.place(self.entry.sidecar)
+
+    @property
+    def logs(self) -> list[str]:
+        """Paths of the logs to fit."""
+        return [*map(self.place, self.entry.logs)]
+
+    @property
+    def held_out(self) -> list[str]:
+        """Paths of the held-out logs; "none" alone where all logs are fitted."""
+        given = self.entry.validate_
+        return [given] if isinstance(given, str) else [*map(self.place, given)]
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The settings that the file states."""
+        return self.entry.settings.model_dump(exclude_none=True)
+
+    @property
+    def statement(self) -> str:
+        """What the case holds, in one sentence."""
+        entry = self.entry
+        held_out = [] if entry.validate_ == "none" else list(entry.validate_)
+        names = {"robot": entry.robot, "logs": entry.logs, "held": held_out}
+        said = [phrase("case", "says", file=FILE, **names)]
+        known = [f"{body} {low:g} … {high:g} kg" for body, (low, high) in entry.masses.items()]
+        if known:
+            said.append(phrase("case", "masses", known=known))
+        settings = [f"{name} = {value}" for name, value in self.settings.items()]
+        if settings:
+            said.append(phrase("case", "settings", settings=settings))
+        return " ".join(said)
+
+    def place(self, text: str) -> str:
+        """Return a path of the file as seen from the working folder."""
+        return str(self.folder / text)
+
+    def with_masses(self, robot: Robot) -> Robot:
+        """Return a robot with the known masses, which replace those of its sidecar.
+
+        Raises
+        ------
+        RobotError
+            If the robot has no such body.
+        """
+        masses = self.entry.masses
+        for body in masses:
+            if body not in robot.bodies:
+                near = near_match(body, robot.bodies)
+                raise RobotError(Finding("case.body", self.folder / FILE, body=body, near=near))
+        kept = (replace(b, mass=None) if _is_of(b, masses) else b for b in robot.bounds)
+        stated = (Bound((body,), span) for body, span in masses.items())
+        return replace(robot, bounds=(*kept, *stated))
+
+    def load_robot(self) -> Robot:
+        """Return the robot with its sidecar, locked joints, settings and known masses.
+
+        Raises
+        ------
+        RobotError
+        """
+        own = {k: v for k, v in self.settings.items() if k in ("time_unit", "angles", "base")}
+        return self.with_masses(Robot.load(self.robot, self.sidecar, lock=self.entry.lock, **own))
+
+
+def _is_of(bound: Bound, bodies: Iterable[str]) -> bool:
+    """Return whether a bound is of one of some bodies."""
+    return len(bound.bodies) == 1 and bound.bodies[0] in bodies
