@@ -21,7 +21,6 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare.dataset import Dataset
-from identifiability.logs.prepare.instruments import noise_again
 from identifiability.logs.prepare.preparation import (
     CommonPreparation,
     Plan,
@@ -31,7 +30,8 @@ from identifiability.logs.prepare.preparation import (
     joint_log,
     make_plan,
 )
-from identifiability.logs.spectrum import BandAdvice, bandwidth_of_windows
+from identifiability.logs.rules import RULES
+from identifiability.logs.spectrum import BandAdvice, Spectrum, bandwidth_of_windows
 from identifiability.regression.information import Information
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
@@ -48,7 +48,7 @@ STEP: Tolerance = 1.5
 BLOCKS = 40
 
 #: The search ends where so many narrower cut-offs on end do not replace a wider one.
-FURTHER = 2
+FURTHER = 3
 
 
 @frozen
@@ -118,7 +118,7 @@ class Window:
         data = np.ones(dq.shape, bool) if plan.dwells is None else ~plan.dwells.find(dq)
         if joints.unmeasured is not None:
             data &= ~joints.unmeasured
-        noisier = noise_again(joints, np.random.default_rng(0))
+        noisier = add_white_noise(joints, plan.step)
         return Window(robot, joints, origin, plan, at, data[at], noisier)
 
     @property
@@ -137,6 +137,21 @@ class Window:
         if band < cutoff:
             ddq = replace(plan, cutoff=band).derive(self.log, self.origin)[2]
         return np.stack([q, dq, ddq])[:, self.at]
+
+
+def add_white_noise(log: Log, dt: float) -> Log:
+    """Return a log with as much white noise once more on positions and velocities.
+
+    White noise is what the highest tenth of the frequencies has: a joint may shake below.
+    """
+    rng = np.random.default_rng(0)
+
+    def more(x: Array) -> Array:
+        density = Spectrum.of([x], dt).power
+        highest = density[int(RULES.nearly_all * len(density)) :].mean(0)
+        return np.asarray(x + np.sqrt(highest * 0.5 / dt) * rng.standard_normal(x.shape))
+
+    return replace(log, q=more(log.q), dq=None if log.dq is None else more(log.dq))
 
 
 def make_samples(windows: Sequence[Window], cutoff: float, band: float) -> list[Dataset]:
