@@ -14,6 +14,7 @@ from identifiability import (
     Noise,
     Robot,
     analyze,
+    compare,
     diagnose,
     export,
     payload,
@@ -100,6 +101,14 @@ def test_torque_is_predicted_in_the_columns_of_the_log(fault, results, tmp_path)
     assert [x.subject for x in of_key(contradicted.warnings, "reading_contradicted")] == [
         clean.name
     ]
+
+
+@pytest.mark.parametrize("fault", ["signs", "gravity"])
+def test_a_log_that_contradicts_the_logs_before_is_named(fault):
+    logs = [record(fault, 1), record(fault, 2)]
+    found = compare(ROBOT, logs, record("none", 3))
+    assert [x.subject for x in of_key(found.hints, "reading_contradicted")] == ["none3.csv"]
+    assert not of_key(compare(ROBOT, logs, record(fault, 3)).hints, "reading_contradicted")
 
 
 @pytest.mark.parametrize("verb", [diagnose, prune])

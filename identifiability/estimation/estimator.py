@@ -7,6 +7,7 @@ any. How long the noise of each actuator remembers is measured in what a fit lea
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -110,19 +111,19 @@ class Estimate:
         independent = float(np.sum(self.rows / self.times)) - len(self.kept)
         return float(self.weights @ self.rss) / max(independent, 1.0)
 
-    @property
+    @cached_property
     def sigma(self) -> Array:
         """Standard deviations, (k,)."""
         return np.sqrt(np.diag(self.covariance))
 
-    @property
+    @cached_property
     def sigma_percent(self) -> Array:
         """Relative standard deviations σ%, ``100 σ/|φ|``, (k,) [%]."""
         with np.errstate(divide="ignore", invalid="ignore"):
             percent = 100 * self.sigma / np.abs(self.value)
         return np.where(self.determined & np.isfinite(percent), percent, np.inf)
 
-    @property
+    @cached_property
     def paper_rule(self) -> np.ndarray:
         """The 10× rule: σ% below ten times the smallest of the model, (k,) bool."""
         percent = self.sigma_percent

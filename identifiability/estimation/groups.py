@@ -43,7 +43,7 @@ from identifiability.regression.columns import (
 )
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel
-from identifiability.regression.regression import Chunk, Regression, choose_windows, inside
+from identifiability.regression.regression import REACHES, Chunk, Regression, choose_windows, inside
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 
@@ -56,8 +56,6 @@ from .rules import RULES
 RADIUS: Tolerance = 0.1
 LOAD = {kind: RADIUS ** min(k, 1 + (k > 3)) for k, kind in enumerate(INERTIAL_KINDS)}
 
-#: Samples of a piece are at least so many times those that its first output draws on before it.
-OVERLAPS = 8
 #: Samples of all logs up to which all are looked at; of more so many windows of so many samples.
 EXCERPT = (6_000, 6, 1_000)
 #: Share of the largest pulse at reversals from which rows are of one.
@@ -120,8 +118,9 @@ class Excerpt:
             chunks += part.shown()
             start = part.start
             decimation = part.samples.decimation
-            size = PIECE if decimation is None else max(PIECE, OVERLAPS * decimation.reach)
-            for piece in part.samples.pieces(size):
+            # Pieces overlap by what the decimation filter draws on.
+            reach = 1 if decimation is None else decimation.reach
+            for piece in part.samples.pieces(max(PIECE, REACHES * reach)):
                 stop = start + len(piece.motion.t[piece.at])
                 found = [rows for _, rows in inside(windows[part.log], start, stop)]
                 if found:

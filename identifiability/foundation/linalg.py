@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.linalg.lapack import dgeqrf
+from scipy.linalg.lapack import dgeqrf, dtbtrs
 
 from .names import Array
 
@@ -48,6 +48,27 @@ def triangular_factor(A: Array) -> Array:
         return A[: A.shape[1]]
     # Of small matrices NumPy's own takes twice the time.
     return np.asarray(np.triu(dgeqrf(A)[0][: A.shape[1]]))
+
+
+def filter_from_rest(denominator: Array, x: Array) -> Array:
+    """Return y with ``Σ a_k y_(t-k) = x_t``, zero before its first sample.
+
+    The equations are a triangular system with few bands. `scipy.signal.lfilter` does the same,
+    but its import takes .3 s.
+
+    Parameters
+    ----------
+    denominator : (K + 1,)
+        Coefficients a_0 … a_K, of which the first is 1.
+    x : (N,) or (N, m)
+
+    Returns
+    -------
+    As x.
+    """
+    bands = np.repeat(denominator[:, None], len(x), axis=1)
+    y, _ = dtbtrs(bands, x.reshape(len(x), -1), uplo="L")
+    return np.asarray(y.reshape(x.shape))
 
 
 def scan_columns(unit: Array, order: Sequence[int]) -> list[int]:

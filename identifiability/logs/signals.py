@@ -11,14 +11,13 @@ one side of the equation only.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 import scipy
-from scipy.linalg.lapack import dtbtrs
 from scipy.special import binom
 
-from identifiability.foundation.linalg import ROUNDOFF
+from identifiability.foundation.linalg import ROUNDOFF, filter_from_rest
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 
@@ -137,7 +136,6 @@ def lowpass(x: Array, dt: float, cutoff: float) -> Array:
     It is of fourth order each way; beyond its ends x goes on point-symmetrically, and before that
     it is as if it had always been as there.
     """
-    # Not by scipy.signal: its import takes .3 s, as long as the fit of a short log.
     poles = butterworth_poles(2 * cutoff * dt)
     pad = min(len(x) - 1, int(3 / (cutoff * dt)))
     before = 2 * x[0] - x[pad:0:-1]
@@ -152,8 +150,7 @@ def lowpass(x: Array, dt: float, cutoff: float) -> Array:
 def _filter_once(x: Array, poles: Array) -> Array:
     """Return x (N, m) filtered once, as if it had always been as its first sample.
 
-    A pair of conjugate poles is a section y_k + a_1 y_(k-1) + a_2 y_(k-2) = u_k: a triangular
-    system of three bands.
+    Each pair of conjugate poles is a section of second order.
     """
     y = x - x[0]
     for pole in poles[poles.imag > 0]:
@@ -162,8 +159,7 @@ def _filter_once(x: Array, poles: Array) -> Array:
         driven = y.copy()
         driven[1:] += 2 * y[:-1]
         driven[2:] += y[:-2]
-        bands = np.repeat(denominator[:, None], len(y), axis=1)
-        y, _ = dtbtrs(bands, gain * driven, uplo="L")
+        y = filter_from_rest(denominator, gain * driven)
     filtered: Array = y + x[0]
     return filtered
 
@@ -207,8 +203,14 @@ def _spline_slope(x: Array) -> Array:
     """Return the slope of the spline of fifth degree through samples, or of less through few."""
     if len(x) < 2:
         return np.zeros_like(x)
-    at = np.arange(len(x), dtype=float)
-    spline = scipy.interpolate.make_interp_spline(at, x, min(5, len(x) - 1))
+    return np.tensordot(_slope_weights(len(x)), x, 1)
+
+
+@cache
+def _slope_weights(count: int) -> Array:
+    """Return the slopes of the splines through one at a sample and zero at the others, (N, N)."""
+    at = np.arange(count, dtype=float)
+    spline = scipy.interpolate.make_interp_spline(at, np.eye(count), min(5, count - 1))
     return np.asarray(spline(at, 1))
 
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import Annotated, Any
 
 import numpy as np
-import scipy
 
 from identifiability.foundation.errors import IdentifiabilityError, near_match
+from identifiability.foundation.linalg import filter_from_rest
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Expected, Names, Rng, Seed, check_fields, checked
 from identifiability.foundation.values import frozen
@@ -118,7 +118,7 @@ def ar1(shape: tuple[int, ...], correlation: float, rng: np.random.Generator) ->
     """Return stationary AR(1) noise of unit variance along the first axis."""
     white = rng.standard_normal(shape)
     white[1:] *= np.sqrt(1 - correlation**2)
-    return scipy.signal.lfilter([1.0], [1.0, -correlation], white, axis=0)
+    return filter_from_rest(np.array([1.0, -correlation]), white)
 
 
 MOTION = "a PrescribedMotion or a Trajectory, such as shipped_trajectory gives"

@@ -13,7 +13,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import scipy
 
 from identifiability.estimation.estimate import Method, estimate_noise, find_estimator, fit_whole
 from identifiability.estimation.fit import body_scatter
@@ -29,6 +28,7 @@ from identifiability.estimation.noise import (
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.errors import LogError
+from identifiability.foundation.linalg import filter_from_rest
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import LEVEL, REACH, Share, clustered_share, each_share
 from identifiability.foundation.values import frozen
@@ -546,11 +546,7 @@ def simulate_noise(noise: ARNoise, runs: Runs, rng: np.random.Generator) -> Arra
         for start, stop in runs:
             count = FORGOTTEN + stop - start
             e = own.sigma * rng.standard_normal(count)
-            series = scipy.signal.lfilter(
-                [1.0],
-                a,
-                e,
-            )
+            series = filter_from_rest(a, e)
             out[start:stop, j] = series[FORGOTTEN:]
     return out
 

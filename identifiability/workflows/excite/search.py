@@ -236,11 +236,14 @@ class Objective:
         step = self.series.period / samples
         space = survey(robot, self.limits, motion, samples, m, step, self.drive)
         W = self.question.model.regressor(robot, motion)[:, :, self.question.columns]
-        W = W * np.sqrt(known.weights * known.samples / samples)[:, None]
-        full = np.zeros((m * samples, *W.shape[1:]))
-        full[motion.kept] = W
-        rows = full.reshape(m, samples * n, -1)
-        return known.G + rows.transpose(0, 2, 1) @ rows, space
+        W *= np.sqrt(known.weights * known.samples / samples)[:, None]
+        if len(W) < m * samples:
+            full = np.zeros((m * samples, *W.shape[1:]))
+            full[motion.kept] = W
+            W = full
+        rows = W.reshape(m, samples * n, -1)
+        # The product of one matrix with itself takes half of the work.
+        return known.G + np.stack([own.T @ own for own in rows]), space
 
     def _batch(self, x: Array) -> Array:
         G, space = self.look(x, self.samples)
