@@ -157,6 +157,7 @@ STEPS = {
     "band": "low-pass and shapes, under the noise that was put on",
     "noise": "noise of the rich model",
     "rivals": "other groups of the search",
+    "left-out blocks": "blocks of the fitted logs that were predicted from the others",
     "unseen log": "the log that may refute",
     "beside other names": "nothing of it: more is named beside it",
     "no group": "no group at its place",
@@ -182,7 +183,7 @@ def trace(d: Any, effect: dict[str, Any], truth: dict[str, Any]) -> dict[str, An
     It is lost at the first step that leaves less than a name needs beside its price: that of the
     likeliest of its groups, with what an average over shapes and sizes costs. Steps are the motion
     as encoders tell it, the band and the shapes of the groups under the noise that was put upon the
-    torque, that of the rich model, other groups, and the log that may refute.
+    torque, that of the rich model, other groups, left-out blocks, and the log that may refute.
     """
     looked = look(d.problem)
     found = name_missing(looked)
@@ -214,6 +215,8 @@ def trace(d: Any, effect: dict[str, Any], truth: dict[str, Any]) -> dict[str, An
     steps = {"oracle": "price", "preparation": "preparation", "band": "band", "noise": "noise"}
     at = next((steps[k] for k, x in left.items() if x < NAMES.name), "")
     left |= {"rivals": max((t.odds for t in beside), default=np.nan), "paid": paid}
+    if not at and any(true(t) for t, _ in found.possible):
+        at = "left-out blocks"
     if not at and not any(map(true, kept)):
         at = "rivals"
     stays = [t for t in kept if t.key not in {x.key for x, _ in found.refuted}]

@@ -14,6 +14,10 @@ predicts. Where it states none, it is that of the true reading over the literal 
 rows [nats], under white noise up to 8 Hz. `over` is the error on the sealed log over that of the
 same data, read right. Labels hold if their intervals have the machine's values.
 
+`--matrix` asks every verb about misread logs of a two-link arm (`readings_verbs`), and compares its
+answers with those on the same data, read right. Planted cases of a folder are read as well, if it
+is there.
+
 A stopped run goes on with the same command. `--repeat ROW NUMBER` writes one case, and prints what
 is said of it. Stream 0 is for development; others are looked at once.
 """
@@ -35,7 +39,8 @@ from field_commanded import examine_labels
 from field_conditions import truth_of
 from hidden_effect import read_rows
 from paper_study.result import StudyCheck
-from readings_faults import FAULTS, Fault, Logged, Right, folder_name, plant
+from readings_faults import FAULTS, Fault, Logged, Right, folder_name, plant, under_gravity
+from readings_verbs import KINDS, VERBS, measure
 from shared import ROOT, study_parser, write_answer
 
 from identifiability import Analysis, Log, Preparation, analyze
@@ -71,6 +76,16 @@ FALSE = 1 / 120
 
 #: Outcomes of a draw.
 OUTCOMES = ("right", "wrong", "question", "none", "refused", "moves nothing")
+#: Planted cases of a two-link arm, and what names their fault; nothing of sound logs.
+CASES = {
+    "two_good": "",
+    "two_sts": "sign in bit 10",
+    "two_u16_": "16-bit numbers in two's complement",
+    "two_u32q": r"spans -782 … 748.*ticks",
+    "comp": "seems to be compensated for gravity",
+    "neg": "torque of all joints seems to have the wrong sign",
+    "mil": r"torque of elbow is .* times as large",
+}
 #: Rows of a run in short.
 QUICK = ("nothing wrong", "sign of one", "uint16")
 
@@ -142,13 +157,16 @@ def judge(result: Analysis, logged: Logged, fault: Fault, over: float) -> tuple[
         family in fault.families and (not logged.place or place in places)
         for family, place in effects
     ]
+    if not used and fault.certain and fault.answer == "reading" and over <= MEDIAN:
+        return "right", "as it is logged"
     if not used:
         said = "\n".join([*result.hints, result.mass_warning or ""])
         names = bool(fault.says and re.search(fault.says, said, re.IGNORECASE))
         return ("question" if names else "none"), said if names else ""
     corrects = reading is None or is_right(as_right(reading, logged.robot), logged, fault)
     if fault.equivalent and reading is not None:
-        corrects = over <= MEDIAN
+        same = changed(as_right(reading, logged.robot), logged.robot)
+        corrects = over <= MEDIAN and same == changed(logged.right, logged.robot)
     fits = not fault.families or over <= WORST
     right = fault.plant is not None and corrects and all(expressed) and fits
     return ("right" if right else "wrong"), used
@@ -232,22 +250,6 @@ def find_gain(logged: Logged, truth: Robot, literal: Robot) -> float:
     return float(0.5 * rows * np.log(shares / best[np.argsort(logged.right.order)]).sum())
 
 
-def weightless(robot: Robot) -> Robot:
-    """Return a robot without gravity."""
-    model = robot.model.copy()
-    model.gravity.linear = np.zeros(3)
-    return replace(robot, model=model)
-
-
-def true_robot(logged: Logged, robot: Robot) -> Robot:
-    """Return a robot under the gravity that the torque of a draw has."""
-    gravity = logged.true_gravity
-    if not gravity.any():
-        return weightless(robot)
-    same = np.allclose(gravity, robot.gravity)
-    return robot if same else robot.turned(gravity)
-
-
 class Truths:
     """Errors of the data of a draw, read right: faults of the same data share one analysis."""
 
@@ -260,7 +262,7 @@ class Truths:
         key = tuple(x.tobytes() for x in data)
         if key not in self._errors:
             file, logs = logged.write(path, true=True)
-            robot = true_robot(logged, Robot.load(file))
+            robot = under_gravity(Robot.load(file), logged.true_gravity)
             begin = time.process_time()
             result = analyze(robot, logs[:-1], logs[-1], replicates=0)
             seconds = time.process_time() - begin
@@ -304,7 +306,11 @@ def expected_gain(logged: Logged, fault: Fault, robot: Robot) -> float:
     """Return the gain of the right reading [nats]; `CERTAIN` where no fit is needed to see it."""
     if fault.plant is None:
         return 0.0
-    return CERTAIN if fault.certain else find_gain(logged, true_robot(logged, robot), robot)
+    return (
+        CERTAIN
+        if fault.certain
+        else find_gain(logged, under_gravity(robot, logged.true_gravity), robot)
+    )
 
 
 def predicted_gain(result: Analysis) -> float:
@@ -368,7 +374,13 @@ def find_checks(frame: pd.DataFrame) -> list[StudyCheck]:
     ]
 
 
-def show(rows: Sequence[dict[str, Any]], out: Path, stream: str) -> list[StudyCheck]:
+def show(
+    rows: Sequence[dict[str, Any]],
+    matrix: Sequence[dict[str, Any]],
+    cases: Sequence[dict[str, Any]],
+    out: Path,
+    stream: str,
+) -> list[StudyCheck]:
     """Print the tables, write the page, and return the checks."""
     frame = pd.DataFrame(rows)
     for column in ("over", "held", "judged", "trust", "predicted"):
@@ -376,6 +388,8 @@ def show(rows: Sequence[dict[str, Any]], out: Path, stream: str) -> list[StudyCh
     grouped = dict(tuple(frame.groupby("row")))
     counts = pd.DataFrame([count_row(row, grouped[row]) for row in FAULTS if row in grouped])
     checks = find_checks(frame)
+    checks += [check_matrix(matrix)] if matrix else []
+    checks += [check_cases(cases)] if cases else []
     print(counts.round(3).to_string(index=False))
     failed = [check.name for check in checks if not check.passed]
     statement = (
@@ -386,12 +400,64 @@ def show(rows: Sequence[dict[str, Any]], out: Path, stream: str) -> list[StudyCh
     tables = {
         "Required checks": pd.DataFrame([asdict(check) for check in checks]),
         "Rows": counts.round(3),
+        "Answers on misread logs over those on sound ones": pd.DataFrame(matrix).round(3),
+        "Planted cases": pd.DataFrame(cases).round(4),
         "Draws": frame.drop(columns="missed", errors="ignore").round(3),
     }
     print(tables["Required checks"].to_string(index=False))
     title = f"Readings of the logs, stream {stream}"
     write_answer(out, title, statement, tables, __doc__)
     return checks
+
+
+def find_matrix(
+    rows: list[dict[str, Any]], kinds: Sequence[str], store: Path, stream: str, folder: Path
+) -> list[dict[str, Any]]:
+    """Return the answers of all verbs by fault; those that are missing are measured and stored."""
+    done = {row["fault"] for row in rows}
+    for kind in kinds:
+        if kind in done:
+            continue
+        rows.append(plain(measure(kind, list(VERBS), stream, folder / "verbs")))
+        with store.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(rows[-1]) + "\n")
+    return [row for row in rows if row["fault"] in kinds]
+
+
+def check_matrix(matrix: Sequence[dict[str, Any]]) -> StudyCheck:
+    """Return whether all answers are those on sound logs."""
+    answers = [row[verb] for row in matrix for verb in VERBS]
+    # What is refused, or is no number, is no answer.
+    numbers = [x if isinstance(x, float) else float("inf") for x in answers]
+    worst = max(numbers, default=1.0)
+    good = sum(x <= MEDIAN for x in numbers)
+    shown = f"{good} of {len(numbers)}, worst {worst:.3f}"
+    return StudyCheck("answers of verbs", shown, f"{MEDIAN}", "", good == len(numbers))
+
+
+def find_cases(folder: Path) -> list[dict[str, Any]]:
+    """Return what `analyze` says of the planted cases of a folder, if it is there."""
+    rows = []
+    for name, pattern in CASES.items():
+        *fitted, sealed = sorted(folder.glob(f"{name}[0-9].csv")) or [None]
+        if sealed is None:
+            continue
+        row: dict[str, Any] = {"case": name}
+        try:
+            result = analyze(folder / "two.urdf", fitted, sealed, replicates=0)
+            said = "\n".join(result.hints)
+            row |= {"error": result.chosen.error_ra_validation}
+        except IdentifiabilityError as refusal:
+            said = str(refusal)
+        named = bool(re.search(pattern, said)) if pattern else not said
+        rows.append(row | {"right": named, "said": said})
+    return rows
+
+
+def check_cases(cases: Sequence[dict[str, Any]]) -> StudyCheck:
+    """Return whether all planted cases are read right, with their culprit."""
+    right = sum(case["right"] for case in cases)
+    return StudyCheck("planted cases", f"{right}", f"{len(cases)}", "", right == len(cases))
 
 
 def repeat(stream: str, row: str, number: int, folder: Path) -> None:
@@ -412,6 +478,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--draws", type=int, help="most draws of a row")
     parser.add_argument("--first", type=int, default=0, help="number of the first draw")
     parser.add_argument("--folder", type=Path, default=ROOT / "reports" / "readings")
+    parser.add_argument("--matrix", action="store_true", help="verbs on misread logs, too")
+    parser.add_argument("--cases", type=Path, default=ROOT.parent / "shared" / "cases")
     parser.add_argument("--repeat", nargs=2, metavar=("ROW", "NUMBER"), help="one case alone")
     asked = parser.parse_args(argv)
     if asked.repeat:
@@ -437,7 +505,13 @@ def main(argv: Sequence[str] | None = None) -> None:
                 file.write(json.dumps(rows[-1]) + "\n")
             print(describe(result), flush=True)
             shutil.rmtree(path, ignore_errors=True)
-    checks = show(rows, asked.out, asked.stream)
+    matrix, cases = list[dict[str, Any]](), list[dict[str, Any]]()
+    if asked.matrix:
+        verbs = asked.out.with_suffix(".verbs.jsonl")
+        matrix = find_matrix(read_rows(verbs), KINDS, verbs, asked.stream, asked.folder)
+    if asked.cases.is_dir() and not asked.quick:
+        cases = find_cases(asked.cases)
+    checks = show(rows, matrix, cases, asked.out, asked.stream)
     failed = [check.name for check in checks if not check.passed]
     if failed and not asked.quick:
         raise SystemExit(f"Required checks failed: {'; '.join(failed)}.")

@@ -229,8 +229,10 @@ class Logged:
         """Logs that are fitted, and the sealed one at last."""
         return [*range(self.fitted), len(LOGS) - 1]
 
-    def write(self, path: Path, *, true: bool = False) -> tuple[Path, list[Path]]:
-        """Write the robot file and the logs; return their paths, that of the sealed log at last."""
+    def write(
+        self, path: Path, *, true: bool = False, logs: Sequence[int] = ()
+    ) -> tuple[Path, list[Path]]:
+        """Write the robot file and the logs, by default those that are used; return the paths."""
         shutil.rmtree(path, ignore_errors=True)
         path.mkdir(parents=True)
         file = path / f"robot{self.drawn.ending}"
@@ -238,11 +240,22 @@ class Logged:
         stated = "\n".join(filter(None, [self.drawn.sidecar, "" if true else self.sidecar]))
         if stated:
             file.with_suffix(".toml").write_text(f"{stated}\n")
-        logs = []
-        for log in self.used_logs:
-            logs.append(path / f"{LOGS[log]}.parquet")
-            self.frame(log, true=true).to_parquet(logs[-1])
-        return file, logs
+        paths = []
+        for log in logs or self.used_logs:
+            paths.append(path / f"{LOGS[log]}.parquet")
+            self.frame(log, true=true).to_parquet(paths[-1])
+        return file, paths
+
+
+def under_gravity(robot: Robot, gravity: Array) -> Robot:
+    """Return a robot under a gravity (3,) [m/s²], which may be none."""
+    if np.allclose(gravity, robot.gravity):
+        return robot
+    if gravity.any():
+        return robot.turned(gravity)
+    model = robot.model.copy()
+    model.gravity.linear = gravity
+    return replace(robot, model=model)
 
 
 def draw_name(number: int, robots: Sequence[str]) -> str:
@@ -449,7 +462,9 @@ def _zero(x: Logged) -> None:
 def _turn(x: Logged, degrees: float) -> None:
     machine = x.case.machine
     turned = machine.model.__copy__()
-    way = x.rng.uniform(0, 2 * np.pi)
+    # An arm in a vertical plane feels no gravity across it, and is turned about its axes.
+    planar = x.drawn.name == "two-link"
+    way = np.pi / 2 * x.rng.choice([-1, 1]) if planar else x.rng.uniform(0, 2 * np.pi)
     turn = np.radians(degrees) * np.array([np.cos(way), np.sin(way), 0.0])
     turned.opt.gravity[:] = Rotation.from_rotvec(turn).apply(machine.model.opt.gravity)
     x.tau = x.tau + torque_between(machine, turned, x.drawn.runs)
@@ -471,23 +486,23 @@ def _tilt(x: Logged) -> None:
     _turn(x, 2.0)
 
 
-def weigh(x: Logged, model: mujoco.MjModel) -> Array:
+def weigh(drawn: Drawn, model: mujoco.MjModel) -> Array:
     """Return the gravity torque of a model's bodies along the logs, (L, N, n) [N·m or N]."""
-    robot = MujocoRobot(x.robot)
+    robot = MujocoRobot(drawn.case.robot)
     robot.model.body_mass[:] = model.body_mass
     robot.model.body_ipos[:] = model.body_ipos
-    return np.stack([robot.inverse_dynamics(q, 0 * q, 0 * q).tau for q in x.drawn.q])
+    return np.stack([robot.inverse_dynamics(q, 0 * q, 0 * q).tau for q in drawn.q])
 
 
 def _compensate(x: Logged) -> None:
-    x.tau = x.tau - weigh(x, x.case.machine.model)
+    x.tau = x.tau - weigh(x.drawn, x.case.machine.model)
     x.true_tau = x.tau.copy()
     x.true_gravity = np.zeros(3)
     x.right = replace(x.right, gravity=x.true_gravity)
 
 
 def _compensate_one(x: Logged) -> None:
-    weight = weigh(x, x.case.machine.model)
+    weight = weigh(x.drawn, x.case.machine.model)
     joint = int(weight.std((0, 1)).argmax())
     x.place = x.robot.joints[joint]
     at = np.arange(x.n) == joint
@@ -510,7 +525,7 @@ def _load(x: Logged) -> mujoco.MjModel:
 
 def _compensate_robot(x: Logged) -> None:
     bare = _load(x)
-    x.tau = x.tau - weigh(x, bare)
+    x.tau = x.tau - weigh(x.drawn, bare)
     x.right = replace(x.right, gravity=np.zeros(3))
 
 
@@ -591,9 +606,9 @@ FAULTS = {
     "delay of one": Fault(_delay_one, "late|early|delay|clock", families=LATE),
     "delay of all": Fault(_delay_all, "late|early|delay|clock", families=LATE),
     "encoder zero": Fault(_zero, "encoder|zero|bias|too large", families=("encoder_bias",)),
-    "on its side": Fault(_mount_on_side, GRAVITY, STANDING, families=TILT),
-    "overhead": Fault(_mount_overhead, GRAVITY, STANDING, families=TILT),
-    "tilted by 2 degrees": Fault(_tilt, GRAVITY, STANDING, families=TILT),
+    "on its side": Fault(_mount_on_side, GRAVITY, STANDING, TILT, equivalent=True),
+    "overhead": Fault(_mount_overhead, GRAVITY, STANDING, TILT, equivalent=True),
+    "tilted by 2 degrees": Fault(_tilt, GRAVITY, STANDING, TILT, equivalent=True),
     "gravity removed": Fault(_compensate, GRAVITY, STANDING),
     "gravity removed in one joint": Fault(_compensate_one, GRAVITY, STANDING),
     "gravity of the robot removed": Fault(_compensate_robot, GRAVITY, STANDING, equivalent=True),
@@ -613,12 +628,16 @@ FAULTS = {
 def plant(stream: str, number: int, row: str) -> Logged:
     """Return the logs of a draw with the fault of a row."""
     fault = FAULTS[row]
-    drawn = draw(stream, number, draw_name(number, fault.robots), fault.hidden)
-    rng = np.random.default_rng([*drawn.seed, *map(ord, row)])
+    return plant_fault(draw(stream, number, draw_name(number, fault.robots), fault.hidden), row)
+
+
+def plant_fault(drawn: Drawn, row: str) -> Logged:
+    """Return the logs of a machine with the fault of a row."""
+    fault = FAULTS[row]
     robot = drawn.case.robot
     logged = Logged(
         drawn=drawn,
-        rng=rng,
+        rng=np.random.default_rng([*drawn.seed, *map(ord, row)]),
         q=drawn.q,
         tau=drawn.tau,
         right=Right.literal(robot),

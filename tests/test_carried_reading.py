@@ -14,6 +14,7 @@ from identifiability import (
     Noise,
     Robot,
     analyze,
+    compare,
     diagnose,
     export,
     payload,
@@ -43,6 +44,7 @@ FAULTS = {
     "sign of one": lambda log, _: log.tau * [1.0, -1.0],
     "exchanged": lambda log, _: log.tau[:, ::-1],
     "unit of one": lambda log, _: log.tau * [1.0, 1e-3],
+    "late": lambda log, _: np.stack([np.interp(log.t - 0.1, log.t, x) for x in log.tau.T], 1),
     "gravity": lambda log, robot: log.tau - weight(log, robot),
     "gravity of one": lambda log, robot: log.tau - weight(log, robot) * [0.0, 1.0],
 }
@@ -99,6 +101,14 @@ def test_torque_is_predicted_in_the_columns_of_the_log(fault, results, tmp_path)
     assert [x.subject for x in of_key(contradicted.warnings, "reading_contradicted")] == [
         clean.name
     ]
+
+
+@pytest.mark.parametrize("fault", ["signs", "gravity"])
+def test_a_log_that_contradicts_the_logs_before_is_named(fault):
+    logs = [record(fault, 1), record(fault, 2)]
+    found = compare(ROBOT, logs, record("none", 3))
+    assert [x.subject for x in of_key(found.hints, "reading_contradicted")] == ["none3.csv"]
+    assert not of_key(compare(ROBOT, logs, record(fault, 3)).hints, "reading_contradicted")
 
 
 @pytest.mark.parametrize("verb", [diagnose, prune])
@@ -159,3 +169,23 @@ def test_a_reading_that_was_changed_by_hand_is_refused_in_one_sentence(wrong, re
         predict(ROBOT, path, log)
     with pytest.raises(IdentifiabilityError, match=r"result\.json|The reading"):
         export(ROBOT, path, tmp_path / "fitted.xml", validate=log, force=True)
+
+
+def test_a_prediction_of_late_columns_errs_no_more_than_one_of_sound_logs():
+    errors = {}
+    for fault in ("none", "late"):
+        found = analyze(case(fault), quick=True).predict([record(fault, 3)]).as_logged
+        known = found.known & np.isfinite(found.tau)
+        assert known.mean() > 0.8
+        errors[fault] = np.sqrt(np.mean((found.tau - found.predicted)[known] ** 2))
+    assert errors["late"] <= 1.1 * errors["none"]
+
+
+def test_a_planar_arm_on_its_side_is_exported_as_it_stands(tmp_path):
+    turned = ROBOT.turned(np.array([-9.81, 0.0, 0.0]))
+    logs = [replace(record("none", seed, turned), name=f"{seed}.csv") for seed in (1, 2, 3)]
+    result = analyze(ROBOT, logs[:2], logs[2], quick=True)
+    assert abs(result.alternative.gravity[1]) < 1e-9  # across the plane nothing weighs
+    path = result.to_json(tmp_path / "result.json")
+    written = export(ROBOT, path, tmp_path / "turned.xml", validate=logs[2], force=True)
+    assert written.unseen.both < 1.1 * result.chosen.error_ra_validation

@@ -469,6 +469,12 @@ def test_a_joint_whose_command_stands_has_no_weight_and_blames_nobody(arm, unsta
         assert not re.search(r"elbow [\d.]+ \(", said)
 
 
+def test_gains_are_found_on_the_fitted_logs_alone(unstated, frames):
+    result = analyze(unstated, frames, quick=True)
+    assert result.recordings.set_aside
+    assert len(result.recordings.rolled.delays) == len(result.recordings.fitted) == 1
+
+
 def test_progress_of_rollouts_moves_forward(unstated, arm, frames):
     shares = []
     log = read(arm, frames[1])

@@ -361,7 +361,9 @@ class Command(typer.core.TyperCommand):
         typed, _, _ = self.make_parser(ctx).parse_args(args=[*words])
         robot = typed.get("robot")
         robot = robot if isinstance(robot, str) else "."
-        is_folder = Path(robot).is_dir()
+        is_folder = False
+        with suppress(OSError):  # a name that is too long
+            is_folder = Path(robot).is_dir()
         folder = robot if is_folder else "."
         if not (Path(folder) / "case.toml").is_file():
             return {}

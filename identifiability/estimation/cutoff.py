@@ -30,13 +30,15 @@ from identifiability.logs.prepare.preparation import (
     joint_log,
     make_plan,
 )
-from identifiability.logs.spectrum import BandAdvice, bandwidth_of_windows
+from identifiability.logs.rules import RULES
+from identifiability.logs.spectrum import BandAdvice, Spectrum, bandwidth_of_windows
+from identifiability.regression.information import Information
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, complete_motion
 from identifiability.robot.closure import known_torque
 
 from .estimator import Estimator
-from .evidence import LEVELS, Folds, Gain, HeldOut, sum_gain
+from .evidence import LEVELS, Folds, HeldOut
 from .motion import ROWS, gather_rows
 
 #: A cut-off over the next one on the grid.
@@ -46,7 +48,7 @@ STEP: Tolerance = 1.5
 BLOCKS = 40
 
 #: The search ends where so many narrower cut-offs on end do not replace a wider one.
-FURTHER = 2
+FURTHER = 3
 
 
 @frozen
@@ -59,28 +61,23 @@ class CutoffTrial:
         Of the motion.
     band : float [Hz]
         Up to where torque and columns would be kept.
-    squares : (F,) [(N·m)² or N²]
-        Squared errors of each fold, of all joints together.
-    torque : float [(N·m)² or N²]
-        Sum of squares of the torque about each joint's mean.
-    ratio : float
-        Samples predicted over samples fitted.
+    error : float
+        Root mean square over each joint's own scale. Joints count by the share that their scale has
+        of the sum of all.
+    clean : float
+        The square of the error that a motion without noise would have. Noise of the motion moves a
+        prediction, but a narrower band only hides that; it makes no value better.
     """
 
     cutoff: float
     band: float
-    squares: Array
-    torque: float
-    ratio: float
+    error: float
+    clean: float
 
     @property
-    def error(self) -> float:
-        """The error over the torque, root mean square."""
-        return float(np.sqrt(self.squares.sum() / self.torque))
-
-    def gain(self, other: CutoffTrial) -> Gain:
-        """Return by how much its squares are smaller than those of another cut-off."""
-        return sum_gain(other.squares - self.squares, self.ratio)
+    def most(self) -> float:
+        """Squared error up to which another cut-off may stand for this one."""
+        return self.clean + ((1.0 + LEVELS.rise) ** 2 - 1.0) * self.error**2
 
 
 @frozen
@@ -100,6 +97,8 @@ class Window:
         Rows that are used.
     data : (m, n) bool
         Whether torque of these rows is data, whichever cut-off is tried.
+    noisier : Log
+        The log with as much white noise on its motion once more.
     """
 
     robot: Robot
@@ -108,6 +107,7 @@ class Window:
     plan: Plan
     at: slice
     data: np.ndarray
+    noisier: Log
 
     @staticmethod
     def of(robot: Robot, log: Log, origin: int, plan: Plan, step: int) -> Window:
@@ -118,7 +118,13 @@ class Window:
         data = np.ones(dq.shape, bool) if plan.dwells is None else ~plan.dwells.find(dq)
         if joints.unmeasured is not None:
             data &= ~joints.unmeasured
-        return Window(robot, joints, origin, plan, at, data[at])
+        noisier = add_white_noise(joints, plan.step)
+        return Window(robot, joints, origin, plan, at, data[at], noisier)
+
+    @property
+    def again(self) -> Window:
+        """The rows of the log with the noise of its motion once more."""
+        return replace(self, log=self.noisier)
 
     def derive(self, cutoff: float, band: float) -> Array:
         """Return position, velocity and acceleration of the rows below a cut-off, (3, m, n).
@@ -131,6 +137,21 @@ class Window:
         if band < cutoff:
             ddq = replace(plan, cutoff=band).derive(self.log, self.origin)[2]
         return np.stack([q, dq, ddq])[:, self.at]
+
+
+def add_white_noise(log: Log, dt: float) -> Log:
+    """Return a log with as much white noise once more on positions and velocities.
+
+    White noise is what the highest tenth of the frequencies has: a joint may shake below.
+    """
+    rng = np.random.default_rng(0)
+
+    def more(x: Array) -> Array:
+        density = Spectrum.of([x], dt).power
+        highest = density[int(RULES.nearly_all * len(density)) :].mean(0)
+        return np.asarray(x + np.sqrt(highest * 0.5 / dt) * rng.standard_normal(x.shape))
+
+    return replace(log, q=more(log.q), dq=None if log.dq is None else more(log.dq))
 
 
 def make_samples(windows: Sequence[Window], cutoff: float, band: float) -> list[Dataset]:
@@ -231,22 +252,15 @@ def advise(
 
 
 def choose_trial(trials: Sequence[CutoffTrial]) -> CutoffTrial:
-    """Return the widest cut-off that may stand for the one of least error.
-
-    It may if its error is within one standard error of the least, or rises by next to nothing.
+    """Return the widest cut-off whose error rises by next to nothing above the least.
 
     Parameters
     ----------
     trials : sequence of CutoffTrial
         The widest first.
     """
-    best = min(trials, key=lambda x: x.error)
-    most = (1.0 + LEVELS.rise) * best.error
-    for trial in trials:
-        gain = best.gain(trial)
-        if gain.value <= gain.se or trial.error <= most:
-            break
-    return trial
+    best = min(trials, key=lambda trial: trial.clean)
+    return next(trial for trial in trials if trial.clean <= best.most)
 
 
 def make_windows(robot: Robot, logs: Sequence[Log], how: Preparation) -> list[Window]:
@@ -311,11 +325,28 @@ def try_cutoff(
     band : float [Hz]
         Up to where torque and columns would be kept.
     """
-    samples = make_samples(windows, cutoff, band)
-    size = max(1, sum(len(s.tau) for s in samples) // BLOCKS)
-    information = gather_rows(structure, samples, size)
+    information = gather_trial(structure, windows, cutoff, band)
     fit = Estimator().fit(information)
     held = HeldOut.of(information, fit.noise, Folds.of(information))
-    score = held.score(held.refit(fit))
-    torque = float(information.variation.sum())
-    return CutoffTrial(cutoff, band, score.squares.sum(1), torque, score.ratio)
+    values = held.refit(fit)
+    score = held.score(values)
+    scale = np.sqrt(score.variation)
+    acts = scale > 0
+    shares = np.where(acts, 1.0, 0.0) / np.where(acts, scale * scale.sum(), 1.0)
+    error = float(score.squares.sum(0) @ shares)
+    # As much noise once more adds as much error as the noise of the motion has added.
+    noisier = gather_trial(structure, [x.again for x in windows], cutoff, band)
+    clean = error
+    if np.array_equal(noisier.counts, information.counts):
+        again = HeldOut.of(noisier, fit.noise, held.folds).score(values)
+        clean -= float(again.squares.sum(0) @ shares) - error
+    return CutoffTrial(cutoff, band, float(np.sqrt(error)), clean)
+
+
+def gather_trial(
+    structure: Structure, windows: Sequence[Window], cutoff: float, band: float
+) -> Information:
+    """Return the information of windows, in blocks of which folds are made."""
+    samples = make_samples(windows, cutoff, band)
+    size = max(1, sum(len(s.tau) for s in samples) // BLOCKS)
+    return gather_rows(structure, samples, size)

@@ -208,7 +208,7 @@ class Score:
 
     def gain(self, other: Score) -> Gain:
         """Return the gain of its predictive log density over another's of the same folds [nats]."""
-        return sum_gain(self.density - other.density, max(self.ratio, other.ratio))
+        return _sum_gain(self.density - other.density, max(self.ratio, other.ratio))
 
 
 @frozen
@@ -372,7 +372,7 @@ class Evidence:
         return bool(self.limits[0] > -np.log1p(LEVELS.rise))
 
 
-def sum_gain(each: Array, ratio: float) -> Gain:
+def _sum_gain(each: Array, ratio: float) -> Gain:
     """Return the sum of gains of K folds, (K,), with its standard error."""
     K = len(each)
     apart = each - each.mean()  # np.var of a few numbers takes four times as long
@@ -389,7 +389,7 @@ def _error_gain(a: Array, b: Array, ratio: float) -> Gain:
     if (sums == ROUNDOFF**2).all():
         return Gain(0.0, 0.0)
     each = 0.5 * (b / sums[1] - a / sums[0])  # what each fold does to the logarithm
-    return Gain(0.5 * float(np.log(sums[1] / sums[0])), sum_gain(each, ratio).se)
+    return Gain(0.5 * float(np.log(sums[1] / sums[0])), _sum_gain(each, ratio).se)
 
 
 def near_best(scores: Sequence[Score]) -> np.ndarray:

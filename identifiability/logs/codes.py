@@ -16,8 +16,8 @@ from identifiability.foundation.values import frozen
 
 from .rules import RULES
 
-#: Fewest bits of a register.
-FEWEST_BITS = 8
+#: Fewest bits of a register, and the usual ones.
+FEWEST_BITS, REGISTER = 8, 16
 
 
 @frozen
@@ -60,7 +60,8 @@ class Code:
 def find_codes(values: Mapping[str, Array]) -> dict[str, Code]:
     """Return the codes of columns, by name.
 
-    A column that is always negative does not show its code. Another one of its kind does.
+    A column that is always negative does not show its code. Another one of its kind does, or the
+    size of torque near the end of a register.
 
     Parameters
     ----------
@@ -72,6 +73,10 @@ def find_codes(values: Mapping[str, Array]) -> dict[str, Code]:
         for name, x in values.items()
         if (code := find_code(x)) is not None
     }
+    if "tau" not in kinds and any(
+        is_negative(x) for name, x in values.items() if name.endswith(".tau")
+    ):
+        kinds["tau"] = Code(REGISTER, sign_bit=False)
     shared = {name: kinds.get(name.rpartition(".")[2]) for name in values}
     return {
         name: code
@@ -96,6 +101,15 @@ def find_code(values: Array) -> Code | None:
     bits = max(int(known.max()).bit_length(), FEWEST_BITS)
     codes = (Code(bits, sign_bit=False), Code(bits, sign_bit=True))
     return next((code for code in codes if code.removes_jumps(known)), None)
+
+
+def is_negative(values: Array) -> bool:
+    """Return whether values (N,) lie in the last quarter of a register: small negative numbers."""
+    known = values[np.isfinite(values)]
+    if len(known) < RULES.fewest or not is_unsigned(known, REGISTER):
+        return False
+    # No sensor measures torque by such counts alone.
+    return bool(known.min() >= 0.75 * 2**REGISTER)
 
 
 def is_unsigned(values: Array, bits: int) -> bool:

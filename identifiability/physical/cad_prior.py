@@ -285,19 +285,24 @@ def load_by_fit(
         phi = combine_with_file(structure, *both, RULES.body_within).mean.tolist()
         known = dict(zip(structure.columns, phi, strict=True))
         loads = complete_values(structure.robot, known, keep=False)
-        robot = replace(structure.robot, reference=loads)
-        # Columns that do not depend on loads have the same groupings.
+        structure = with_loads(structure, loads)
         if loaded:
-            structure = Structure.of(robot, structure.model)
             regression = structure.regression(regression.samples)
-        else:
-            structure = Structure(robot, structure.model, structure.base)
         x = fit.value
         # Settled to a tenth of an error; other loads may let more base parameters be told.
         if x.shape == before.shape and np.all(np.abs(x - before) <= 0.1 * fit.sigma):
             break
         before = x
     return structure
+
+
+def with_loads(structure: Structure, loads: Mapping[str, float]) -> Structure:
+    """Return a structure whose loads are those of standard parameters."""
+    robot = replace(structure.robot, reference=loads)
+    # Columns that do not depend on loads have the same groupings.
+    if is_loaded(structure.parameters):
+        return Structure.of(robot, structure.model)
+    return Structure(robot, structure.model, structure.base)
 
 
 # Bodies to which a prior may draw: those of the robot file, and others where it states none.

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import null_space
 
+from identifiability.effects.registry import is_loaded
 from identifiability.effects.vocabulary import file_values
 from identifiability.estimation.estimator import clip_signs
 from identifiability.estimation.evidence import LEVELS, Evidence, HeldOut, Score
@@ -219,7 +220,8 @@ def scale_bodies(structure: Structure, whole: Information) -> Array:
     """Return the standard parameters (p,) to whose bodies a prior draws.
 
     A file whose masses are another robot's, as placeholders are, draws to its proportions alone.
-    All base parameters decide that, so that models of one robot are drawn to the same bodies.
+    All base parameters decide that, so that models of one robot are drawn to the same bodies. A
+    scale of the torque takes no part: with one at each joint bodies could weigh anything.
 
     Parameters
     ----------
@@ -229,9 +231,13 @@ def scale_bodies(structure: Structure, whole: Information) -> Array:
     """
     bodies, _ = draw_bodies(structure)
     at = physical_set(structure).bodies.ravel()
-    rows = whole.factor(1.0 / or_one(whole.torque))[:-1]
+    # A joint whose torque is rounding says nothing of bodies.
+    turned = whole.torque > ROUNDOFF * whole.torque.max(initial=0.0)
+    rows = whole.factor(1.0 / np.where(turned, whole.torque, np.inf))[:-1]
     R = rows[:, :-1] @ structure.G
-    alike = np.column_stack([R[:, at] @ bodies[at], np.delete(R, at, axis=1)])
+    loaded = [k for k, p in enumerate(structure.parameters) if is_loaded([p])]
+    others = np.delete(R, [*at, *loaded], axis=1)
+    alike = np.column_stack([R[:, at] @ bodies[at], others])
     factor = np.linalg.lstsq(alike, rows[:, -1], rcond=None)[0][0]
     if factor > 0 and not 1 / RULES.another_robot < factor < RULES.another_robot:
         bodies = bodies.copy()

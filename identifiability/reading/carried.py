@@ -145,6 +145,25 @@ class CarriedReading:
             columns[:, column] = later / factors[j]
         return columns
 
+    def known_as_logged(self, times: Array, known: Array) -> Array:
+        """Return where the columns of a log are known, (N, n) bool.
+
+        A column that is late has the torque of earlier samples. Before the log none is known.
+
+        Parameters
+        ----------
+        times : (N,) [s]
+            Of one log.
+        known : (N, n) bool
+            Where torque of the joints is known.
+        """
+        columns = np.empty_like(known)
+        for j, column in enumerate(self.reading.order.tolist()):
+            at = times - self.reading.delay[j]
+            unknown = np.interp(at, times, 1.0 - known[:, j], left=1.0, right=1.0)
+            columns[:, column] = unknown == 0.0
+        return columns
+
     def find_contradictions(
         self,
         structure: Structure,

@@ -153,6 +153,17 @@ class TorqueRows:
         self._torque: dict[tuple[int, float, bool], Array] = {}
         self._crosses: dict[tuple[int, float, bool], Array] = {}
 
+    def acting_gravity(self, gravity: Array) -> Array:
+        """Return gravity (3,) [m/s²] of the same size, without its part that acts in no column.
+
+        A planar arm does not feel gravity across its plane. A tilt in that direction has no value.
+        """
+        along_axes = self.parts[..., 1:].reshape(-1, 3)
+        sizes, directions = np.linalg.eigh(along_axes.T @ along_axes)
+        acts = directions[:, sizes > ROUNDOFF * sizes.max()]
+        acting = acts @ (acts.T @ gravity)
+        return np.asarray(acting * np.linalg.norm(gravity) / np.linalg.norm(acting))
+
     @staticmethod
     def of(
         structure: Structure,

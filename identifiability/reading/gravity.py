@@ -11,9 +11,11 @@ import scipy
 
 from identifiability.effects.base import horizontal_axes
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 
 #: Widths of the two searches for a direction [rad].
-WIDE, NARROW = 0.3, 0.03
+WIDE: Tolerance = 0.3
+NARROW: Tolerance = 0.03
 #: Returns half the log of each joint's residual share (n,) under some gravity (3,) [m/s²].
 Misfits: TypeAlias = Callable[[Array], Array]
 

@@ -180,7 +180,7 @@ class ReadingSearch:
             return self.rows.fit(replace(self.literal, gravity=gravity))
 
         for gravity in find_directions(self.robot.gravity, misfits, EVEN):
-            reading = self.candidates.turned(gravity)
+            reading = self.candidates.turned(self.rows.acting_gravity(gravity))
             if reading.description:
                 yield reading
 
@@ -346,7 +346,7 @@ def tune_numbers(rows: TorqueRows, reading: Reading) -> Reading:
         reading = min((replace(reading, factor=factor) for factor in tried), key=misfit)
     if reading.turned:
         turned = tune_direction(reading.gravity, lambda g: rows.fit(replace(reading, gravity=g)))
-        reading = replace(reading, gravity=turned)
+        reading = replace(reading, gravity=rows.acting_gravity(turned))
     return reading
 
 

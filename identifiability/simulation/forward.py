@@ -229,6 +229,24 @@ class ForwardRobot:
         """Return the home configuration, (nq,)."""
         return self._kinematics.home()[: self.model.nq]
 
+    def tie(self, q: Array) -> tuple[Array, Array]:
+        """Return the configuration (nq,) of actuated positions (n,), and speeds per speed (nv, n).
+
+        Coupled joints stand where their couplings put them.
+
+        Raises
+        ------
+        ClosureError
+            If the loops do not close.
+        """
+        kinematics = self._kinematics
+        full = kinematics.walk(kinematics.home(), q, 0)
+        slope = np.zeros((self.model.nv, len(q)))
+        slope[kinematics.actuated] = np.eye(len(q))
+        if kinematics.closed:
+            slope[kinematics.passive] = -kinematics.slope()
+        return full[: self.model.nq], slope
+
     @quiet()
     def _set_joints(self, joints: Mapping[str, Mapping[str, float]]) -> None:
         """Set friction, rotors and springs."""

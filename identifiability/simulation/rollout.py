@@ -53,7 +53,7 @@ class CommandedRobot:
     Parameters
     ----------
     robot : Robot
-        Without loops; its `servo` or another one drives it.
+        Without loops, though joints may follow others; its `servo` or another one drives it.
     parameters : mapping
         Standard parameters by name; those that are not given keep the file's values.
     servo : Servo, optional
@@ -76,11 +76,11 @@ class CommandedRobot:
                 f"{robot.path} are what logs of commands shall tell, so nothing moves as yet: "
                 "analyze such logs and give the result."
             )
-        if robot.closed or robot.cables or robot.transmission is not None:
+        if robot.loops or robot.cables or robot.transmission is not None:
             raise RobotError(
                 f"{robot.path}: positions are predicted of robots whose joints are moved one by "
-                "one; it has loops, cables or motors that mix joints. Torque is predicted without "
-                "--forward."
+                "one, or follow another joint. This robot has loops, cables or motors that mix "
+                "joints. Torque is predicted without --forward."
             )
         self.robot = robot
         self.servo = servo
@@ -114,24 +114,24 @@ class CommandedRobot:
         """
         data = mujoco.MjData(self.model)
         M = np.zeros((self.model.nv, self.model.nv))
-        data.qpos[:] = self._forward.home()
-        data.qpos[self.at] = q
+        data.qpos[:], slope = self._forward.tie(q)
         mujoco.mj_forward(self.model, data)
         mujoco.mj_fullM(self.model, data, M)
         M *= 1 + 1e-9 * np.eye(len(M))  # a motor without a rotor moves nothing within play
+        if self.robot.closed:
+            return 1 / np.diag(np.linalg.inv(slope.T @ M @ slope))
         return 1 / np.diag(np.linalg.inv(M))[self.dofs]
 
     @quiet()
     def gravity(self, q: Array) -> Array:
         """Return the torque of gravity and springs at configurations, (N, n) each."""
         data = mujoco.MjData(self.model)
-        data.qpos[:] = self._forward.home()
         torque = np.zeros(q.shape)
         for k, at in enumerate(q):
-            data.qpos[self.at] = at
+            data.qpos[:], slope = self._forward.tie(at)
             mujoco.mj_fwdPosition(self.model, data)
             mujoco.mj_fwdVelocity(self.model, data)
-            torque[k] = (data.qfrc_bias - data.qfrc_passive)[self.dofs]
+            torque[k] = (data.qfrc_bias - data.qfrc_passive) @ slope
         return torque
 
     @cached_property
@@ -229,12 +229,11 @@ class CommandedRobot:
         begin = (float((delay + ahead) / h) % 1.0 - 0.5) * h
         times = log.t[0] + begin + h * np.arange(steps)
         control = acting(log, servo, times, h, delay)
-        q = self._forward.home()
-        v = np.zeros(model.nv)
-        q[self.at] = log.q[0]
-        v[self.dofs] = speed
+        q, slope = self._forward.tie(log.q[0])
+        v = slope @ speed
         a0 = self._acceleration(model, data, q, v, control[0])
-        q[self.at] += begin * speed + (0.5 * begin**2 - h**2 / 8) * a0[self.dofs]
+        moved = begin * speed + (0.5 * begin**2 - h**2 / 8) * a0[self.dofs]
+        q, slope = self._forward.tie(log.q[0] + moved)
         v += (begin - 0.5 * h) * a0
         start = np.zeros(mujoco.mj_stateSize(model, _STATE))
         start[1 : 1 + model.nq], start[1 + model.nq :][: len(v)] = q, v
@@ -268,6 +267,7 @@ class CommandedRobot:
         stiff = [2 * h, 1.0]
         model.dof_solref[:], model.dof_solimp[:, :2] = stiff, HARD
         model.jnt_solref[:] = stiff
+        model.eq_solref[:], model.eq_solimp[:, :2] = stiff, HARD
         damping = np.maximum(numbers["Fv"], 0.0)
         model.dof_damping[dofs] = damping
         model.dof_frictionloss[dofs] = np.maximum(numbers["Fc"], 0.0)

@@ -352,7 +352,8 @@ class Case:
         if not self.use.commands:
             return self.robot
         run.say("reading logs", 0.0)
-        return self.stages.once(find_gains, self.robot, self.logs, say=run.say)
+        divides = self.use.divides and not self.validate
+        return self.stages.once(find_gains, self.robot, self.logs, divides, say=run.say)
 
     def recordings(self, run: Run) -> Recordings:
         """Return the logs as they were measured, with their roles."""
@@ -660,7 +661,7 @@ def comparable_entry(source: LadderSource, commanded: bool) -> LadderEntry:
     return source.models_for(commanded=commanded)
 
 
-def find_gains(robot: Robot, logs: Sequence[LogLike], *, say: Progress) -> Robot:
+def find_gains(robot: Robot, logs: Sequence[LogLike], divides: bool, *, say: Progress) -> Robot:
     """Return a robot whose servos have gains; logs of commands tell those that nobody states.
 
     Raises
@@ -673,6 +674,8 @@ def find_gains(robot: Robot, logs: Sequence[LogLike], *, say: Progress) -> Robot
 
     known = Conventions.of(robot)
     recordings = read_recordings(logs, known=known, commands=True, learns=False)
+    # Motion that verifies the result must not choose the gains.
+    recordings = assign_roles(recordings) if divides else recordings
     commanded = (x for x in recordings.fitted if x.commanded and x.motion_alone)
     return learn_gains(robot, select_commanded(robot, commanded), say)
 

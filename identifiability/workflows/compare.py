@@ -26,6 +26,7 @@ from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.keyed import Row, name_estimates
+from identifiability.foundation.names import Array
 from identifiability.foundation.options import checked
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.result import Result
@@ -47,7 +48,7 @@ from identifiability.workflows.diagnose.changes import (
     list_log_changes,
 )
 
-from .case import MEASURED, Case, take_case
+from .case import MEASURED, Case, Data, take_case
 from .provenance import given_paths
 
 # Logs of several sides as one question.
@@ -281,6 +282,7 @@ def compare(
         submodel = build_ladder(source.entry, unchanged.structure)[0]
         found = _find_changes(sides, unchanged.structure, submodel)
         terms = found.model.search()
+        hints = (*_check_reading(case, unchanged, found.known.base, run), *unchanged.hints)
     later, earlier = sides.paths
     return Comparison(
         structure=unchanged.structure,
@@ -288,12 +290,31 @@ def compare(
         before=earlier,
         after=later,
         changes=list_log_changes(found, terms, sides.names),
-        hints=unchanged.hints,
+        hints=hints,
         preparation=case.preparation or Preparation(),
         motion=sides.samples[0].motion,
         torque=DifferentTorque.of(found, terms),
         source=source,
     )
+
+
+def _check_reading(case: Case, data: Data, base: Array, run: Run) -> list[Finding]:
+    """Return which logs after contradict the reading of the logs before.
+
+    Parameters
+    ----------
+    case : Case
+    data : Data
+        Under this reading; held-out logs are those after.
+    base : (b,)
+        Values of its base parameters, by the logs before.
+    run : Run
+    """
+    carried = data.recordings.reading
+    if carried is None:
+        return []
+    literal = case.data(carried.structure, run, seek=False)
+    return carried.find_contradictions(data.structure, base, data.validation, literal.validation)
 
 
 def _find_changes(sides: Sides, structure: Structure, submodel: Submodel) -> Differences:

@@ -152,6 +152,7 @@ class TorquePrediction(Result):
         lacking = np.broadcast_to(self.lacking, self.predicted.shape)
         columns = {name: np.empty(lacking.shape) for name in ("tau", "raw", "predicted")}
         widths = {name: np.empty(lacking.shape) for name in ("mean", "low", "new")}
+        known = np.empty_like(self.known)
         for k in range(len(self.logs)):
             rows = self.log == k
             for name, column in columns.items():
@@ -160,7 +161,7 @@ class TorquePrediction(Result):
             for name, width in widths.items():
                 torque = getattr(self, name)[rows]
                 width[rows] = carried.as_logged(self.t[rows], torque, width=True)
-        known = self.known[:, np.argsort(carried.reading.order)]
+            known[rows] = carried.known_as_logged(self.t[rows], self.known[rows])
         arrays: dict[str, Any] = {"known": known, **columns, **widths}
         return replace(self, **arrays)
 
@@ -482,7 +483,7 @@ def _predict_along(
         motion=samples[0].motion,
         notes={s.path or s.name: s.notes for s in samples},
         hints=(
-            *state_reading(fit, case, samples, run),
+            *state_reading(fit, case, samples, run, "written"),
             *fit.hints,
             *state_missing(fit.missing),
             *recordings.hints,
@@ -506,7 +507,9 @@ def _lacking_torque(
     return np.concatenate(parts)
 
 
-def state_reading(fit: Fit, case: Case, samples: Sequence[Dataset], run: Run) -> Iterator[Finding]:
+def state_reading(
+    fit: Fit, case: Case, samples: Sequence[Dataset], run: Run, part: str = "read"
+) -> Iterator[Finding]:
     """Yield under which reading of a result new logs stand, and which logs contradict it.
 
     Parameters
@@ -517,11 +520,14 @@ def state_reading(fit: Fit, case: Case, samples: Sequence[Dataset], run: Run) ->
     samples : sequence of Dataset
         The prepared logs, under this reading.
     run : Run
+    part : {"read", "written"}
+        Whether torque is also written in the columns of the logs.
     """
     carried = fit.reading
     if carried is None:
         return
-    yield Finding("carried_reading", what=carried.reading.description)
+    what = carried.reading.description
+    yield Finding("carried_reading", text=phrase("carried_reading", part, what=what))
     literal = case.with_(reading=None)
     named = literal.samples(carried.structure.robot, run)
     logs = case.recordings(run)
@@ -1045,7 +1051,8 @@ def _predict_positions(case: Case, result: Predicts | Robot | str | Path) -> Pos
         gravity: Any = {"model": carried.turn(robot).model, "upright": robot.gravity}
         robot = replace(robot, **gravity)
         other = replace(other[0], **gravity), *other[1:]
-        hints = (Finding("carried_reading", what=carried.reading.description), *hints)
+        said = phrase("carried_reading", "read", what=carried.reading.description)
+        hints = (Finding("carried_reading", text=said), *hints)
     logs = select_commanded(robot, in_memory(recordings.fitted))
     file: Machine = robot, _file_name(robot), {}
     if robot.servo is not None and robot.servo.unknown.any() and other is not None:

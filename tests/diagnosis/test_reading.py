@@ -11,6 +11,7 @@ from identifiability.effects.nominal import gravity_torque
 from identifiability.logs.prepare.preparation import choose_cutoff
 from identifiability.quality import MeasuredLogs
 from identifiability.reading import choose_reading
+from identifiability.regression.regression import LogPart
 from identifiability.regression.structure import Structure
 from identifiability.robot import complete_motion
 from identifiability.robot.description import Tilt
@@ -246,3 +247,18 @@ def test_a_reading_that_other_rows_do_not_confirm_is_a_question_and_is_not_used(
         assert "not used" in found.statement
     hints = analyze(robot, wrong, "none", replicates=20).hints
     assert not any("All that follows" in hint for hint in hints)
+
+
+def test_on_clean_logs_at_most_eight_regressors_are_evaluated(arm, monkeypatch):
+    robot, log = arm
+    evaluated = []
+    compute = LogPart._computed
+
+    def computed(part, *windows):
+        evaluated.append(part)
+        return compute(part, *windows)
+
+    monkeypatch.setattr(LogPart, "_computed", computed)
+    second = replace(record("six-dof-arm", seed=2)[1], name="second")
+    assert look(robot, log, second) is None
+    assert len(evaluated) <= 8

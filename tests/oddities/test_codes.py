@@ -56,6 +56,14 @@ def test_a_column_that_is_always_negative_has_the_code_of_its_kind():
     np.testing.assert_array_equal(read.tau[:, 1], log["elbow.tau"])
 
 
+def test_torque_that_is_always_negative_is_known_by_the_end_of_its_register():
+    log = counted(16)
+    log["elbow.tau"] = -500.0 - np.abs(log["elbow.tau"]) // 8
+    log["shoulder.tau"] = np.abs(log["shoulder.tau"]) // 8
+    read = Log.from_frame(encoded(log, two_complement, 16, "tau"))
+    np.testing.assert_array_equal(read.tau, log[["shoulder.tau", "elbow.tau"]])
+
+
 @pytest.mark.parametrize("bits", BITS)
 def test_numbers_that_are_no_codes_stay_as_they_are(bits):
     log = counted(bits)

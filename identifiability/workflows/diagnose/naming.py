@@ -19,7 +19,7 @@ from scipy.special import logsumexp, softmax
 
 from identifiability.effects import Family, Placed, find_families
 from identifiability.effects import Part as EffectPart
-from identifiability.effects.friction import REVERSALS
+from identifiability.effects.friction import REVERSALS, RisingFriction
 from identifiability.estimation.estimate import Outliers, with_known
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evidence import LEVELS, Evidence
@@ -348,22 +348,21 @@ def look(problem: Problem, effects: Iterable[str] | None = None) -> Naming:
 
 
 def name_missing(looked: Naming) -> Naming:
-    """Return what is missing: found on fitted rows, confirmed on unseen ones."""
-    kept, gains = looked.whole.search(), dict[tuple[str, str], float]()
-    named = [t for t in kept if not _family(looked.asked, t).unnamed]
-    if named:  # their torque is no noise
-        missing = looked.asked.beside(named)
-        looked = replace(looked, asked=missing, whole=missing.model(), missing=missing)
-        kept = looked.whole.search()
-    places, possible = _ask_left_out(looked, kept) if kept else ({}, ())
-    kept = looked.whole.update_terms(tuple(t for t in kept if places[t.key]))
-    looked = replace(looked, possible=possible)
+    """Return what is missing: found on fitted rows, not refuted by unseen ones.
+
+    Of what stands, left-out blocks of the fitted rows decide in which joints it is.
+    """
+    looked, kept = _search(looked)
+    gains = dict[tuple[str, str], float]()
     if looked.problem.validation and kept:
         found = kept
         kept, gains = _confirm(looked, found)
         standing = {t.key for t in kept}
         refuted = tuple((t, gains[t.key]) for t in found if t.key not in standing)
         looked = replace(looked, refuted=refuted)
+    places, possible = _ask_left_out(looked, kept) if kept else ({}, ())
+    kept = looked.whole.update_terms(tuple(t for t in kept if places[t.key]))
+    looked = replace(looked, possible=possible)
     parts = list[Part]()
     for k, term in enumerate(kept):
         unseen = gains.get(term.key, np.nan)
@@ -371,6 +370,28 @@ def name_missing(looked: Naming) -> Naming:
     came = [p.candidate.family.name for p in parts]
     parts.sort(key=lambda p: (came.index(p.candidate.family.name), p.candidate.columns))
     return with_parts(replace(looked, after=tuple(looked.whole.gains(kept))), parts)
+
+
+def _search(looked: Naming) -> tuple[Naming, Terms]:
+    """Return what is missing on fitted rows, and the naming whose noise and rows it is found with.
+
+    Friction that rises with speed may be friction that turns when no record can tell. Then it is
+    looked for between reversals alone.
+    """
+    kept = looked.whole.search()
+    if any(t.group.family == RisingFriction.name for t in kept):
+        looked = _with_missing(looked, looked.asked.between_reversals())
+        kept = looked.whole.search()
+    named = [t for t in kept if not _family(looked.asked, t).unnamed]
+    if named:  # their torque is no noise
+        looked = _with_missing(looked, looked.asked.beside(named))
+        kept = looked.whole.search()
+    return looked, kept
+
+
+def _with_missing(looked: Naming, missing: Missing) -> Naming:
+    """Return a naming that asks for effects along other rows, or beside other noise."""
+    return replace(looked, asked=missing, whole=missing.model(), missing=missing)
 
 
 #: Places of terms by their keys, each with its gain on left-out blocks [nat].
@@ -383,9 +404,9 @@ def _ask_left_out(looked: Naming, found: Terms) -> tuple[Places, Gains]:
     """Return where terms surely gain on left-out blocks of fitted rows, and those that may gain.
 
     A family everywhere is one term a place, and each needs its own log odds as well, which know the
-    signs that physics allows. In each round the worst term of each place leaves.
+    signs that physics allows. In each round the worst term of each place and family leaves.
     """
-    rows = looked.fitted.seen
+    rows = looked.asked.seen
     blocks = looked.asked.products(rows, _block_edges(rows), among=found)
     owners, terms = _split_places(looked, found)
     possible, gains = list[tuple[Term, float]](), np.empty(0)
@@ -393,14 +414,9 @@ def _ask_left_out(looked: Naming, found: Terms) -> tuple[Places, Gains]:
         gains, needed = _gains_left_out(looked.whole, terms, blocks)
         odds = np.array([t.odds for t in looked.whole.update_terms(terms)])
         lacking = np.minimum(gains - needed, odds - RULES.name)
-        worst = dict[str, int]()
-        for k in np.flatnonzero(lacking < 0):
-            here = worst.setdefault(terms[k].group.place, int(k))
-            if lacking[k] < lacking[here]:
-                worst[terms[k].group.place] = int(k)
-        if not worst:
+        gone = _choose_leaving(lacking, owners, terms)
+        if not gone:
             break
-        gone = worst.values()
         possible += [(terms[k], float(gains[k])) for k in gone if gains[k] > 0]
         stays = [k for k in range(len(terms)) if k not in gone]
         owners, terms = [owners[k] for k in stays], tuple(terms[k] for k in stays)
@@ -408,6 +424,21 @@ def _ask_left_out(looked: Naming, found: Terms) -> tuple[Places, Gains]:
     for owner, term, gain in zip(owners, terms, gains.tolist(), strict=False):
         places[owner][term.group.place] = gain
     return places, tuple(possible)
+
+
+def _choose_leaving(lacking: Array, owners: Sequence[tuple[str, str]], terms: Terms) -> list[int]:
+    """Return the terms that leave in a round: of a place and of a family at most one, the worst.
+
+    Any one scale of the torque says no more than the others together, and all of them say much.
+    """
+    gone = list[int]()
+    for k in np.argsort(lacking).tolist():
+        families = {owners[g] for g in gone}
+        places = {terms[g].group.place for g in gone}
+        alone = owners[k] not in families and terms[k].group.place not in places
+        if lacking[k] < 0 and alone:
+            gone.append(k)
+    return gone
 
 
 def _split_places(looked: Naming, found: Terms) -> tuple[list[tuple[str, str]], Terms]:
@@ -436,8 +467,8 @@ def _block_edges(rows: Excerpt) -> list[int]:
 def _gains_left_out(model: MixedModel, terms: Terms, blocks: Information) -> tuple[Array, Array]:
     """Return what each term gains on left-out blocks, and what it must gain there, (t,) [nat].
 
-    A law is an approximation: of several terms in a joint, all but the largest may be its error,
-    and must gain a share of what they gain together.
+    A law is an approximation: of several terms in a joint, all but the likeliest may be its error,
+    and must gain a share of what they gain together. The likeliest may be a family everywhere.
     """
     here = dict[str, list[int]]()
     for k, term in enumerate(terms):
@@ -447,8 +478,8 @@ def _gains_left_out(model: MixedModel, terms: Terms, blocks: Information) -> tup
     gains, together = found[: len(terms)], found[len(terms) :]
     needed = np.full(len(terms), RULES.keep)
     for some, gain in zip(crowded, together.tolist(), strict=True):
-        largest = max(some, key=gains.__getitem__)
-        others = [k for k in some if k != largest]
+        likeliest = max(some, key=lambda k: terms[k].odds)
+        others = [k for k in some if k != likeliest]
         needed[others] = max(RULES.keep, RULES.law_error * gain)
     return gains, needed
 

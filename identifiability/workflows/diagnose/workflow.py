@@ -19,6 +19,7 @@ import numpy as np
 
 from identifiability.effects import Part, Placed, default_effects, find_families, title_of
 from identifiability.effects.measurement import CommandDelay
+from identifiability.effects.registry import is_loaded
 from identifiability.estimation.estimate import Outliers
 from identifiability.estimation.groups import NO_MISSING_EFFECTS, place_of
 from identifiability.estimation.mixed_model import EVERYWHERE
@@ -35,7 +36,7 @@ from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.logs.prepare.dataset import require_signal
 from identifiability.logs.prepare.excerpt import MOST_IN_ALL, MOST_SAMPLES, thin_all
-from identifiability.physical.cad_prior import resolve_prior
+from identifiability.physical.cad_prior import load_by_fit, resolve_prior, with_loads
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.quality.hints import where_outlying
 from identifiability.quality.recordings import Logs, Recordings
@@ -539,7 +540,24 @@ def name_effects(
             hint = hint or f"{where} was left out. Look at what happened there."
             found = _name_between_changes(without_outliers(problem, outliers), effects, run)
     run.say("verifying", 0.9)
+    found = take_loads(found, run.engine)
     return replace(conclude(found, rng), hints=(hint,) if hint else ())
+
+
+def take_loads(naming: Naming, engine: Engine) -> Naming:
+    """Return a naming whose load-dependent columns are those of the fit with all names.
+
+    Without the names masses are wrong, and so is the torque that a wrong scale multiplies.
+    """
+    problem = naming.problem
+    loaded = is_loaded(naming.completed.parameters)
+    if not (naming.parts and loaded and problem.known.tells_nothing):
+        return naming
+    fitted = load_by_fit(naming.completed, naming.regression, engine)
+    loads = fitted.robot.reference
+    under = None if problem.under is None else with_loads(problem.under, loads)
+    problem = replace(problem, structure=with_loads(problem.structure, loads), under=under)
+    return with_parts(replace(naming, problem=problem), naming.parts)
 
 
 def _find_outliers(problem: Problem, found: Naming) -> tuple[str, Outliers | None]:

@@ -1,0 +1,51 @@
+"""The exam of readings judges what is used, and corrects what it plants."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from readings import Truths, as_right, examine, is_right
+from readings_faults import FAULTS, draw, folder_name, plant_fault
+
+from identifiability import Log
+from identifiability.reading import Reading
+from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
+
+NUMBER, ARM = 2, "two-link"
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    return draw("0", NUMBER, ARM)
+
+
+@pytest.mark.parametrize(
+    ("row", "outcome"),
+    [("nothing wrong", "moves nothing"), ("sign of one", "right"), ("uint16", "right")],
+)
+def test_a_drawn_arm_is_read_as_it_was_logged(drawn, tmp_path, row, outcome):
+    logged = replace(plant_fault(drawn, row), fitted=1)
+    result = examine(logged, row, tmp_path / folder_name(row, NUMBER), Truths())
+    assert result["outcome"] == outcome
+    assert result["over"] < 1.05
+
+
+def result_structure(robot):
+    return Structure.of(robot, Model.of("rigid_body"))
+
+
+@pytest.mark.parametrize("row", ["columns exchanged", "sign of one", "unit of one", "delay of one"])
+def test_the_reading_that_is_right_gives_the_logs_without_the_fault(drawn, row):
+    logged = plant_fault(drawn, row)
+    right, robot = logged.right, logged.robot
+    names = ("order", "factor", "delay", "compensated", "gravity")
+    reading = replace(Reading.literal(robot), **{name: getattr(right, name) for name in names})
+    assert is_right(as_right(reading, robot), logged, FAULTS[row])
+    assert not is_right(as_right(None, robot), logged, FAULTS[row])
+    read = reading.read(Log.from_frame(logged.frame(0)), result_structure(robot))
+    sound = logged.true_tau[0]
+    half = len(sound) // 2  # a late column lacks its end
+    assert np.abs(read.tau - sound)[:half].max() < 0.2 * np.abs(sound).max()
+    wrong = replace(reading, factor=-reading.factor)
+    assert not is_right(as_right(wrong, robot), logged, FAULTS[row])

@@ -1,0 +1,54 @@
+"""Currents whose constants are off by 5 % at each joint: masses stay, and scales are found."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identifiability import Noise, analyze, diagnose, simulate
+from identifiability.physical.cad_prior import total_mass
+from identifiability.simulation.motion import find_motion
+from studies.drawn_robots import draw_arm
+
+EVERY = [pytest.param(seed, marks=pytest.mark.everything) for seed in (1, 2, 3, 5)]
+
+
+def simulate_currents(seed, folder):
+    """Return an arm, three logs of its torque, and these with constants off at each joint."""
+    rng = np.random.default_rng([84, 4, seed])
+    robot = draw_arm(rng, folder, "RRRRRR")
+    scale = 1.0 + rng.choice([-0.05, 0.05], 6)
+    logs = []
+    for k in range(3):
+        motion = find_motion(robot, "random", 600, rng)
+        log = simulate(robot, motion, noise=Noise(torque=0.01), rng=rng)
+        logs.append(replace(log, name=f"run{k}", sha256=f"{k}", dq=None, ddq=None))
+    return robot, logs, [replace(log, tau=scale * log.tau) for log in logs]
+
+
+def find_scales(parameters):
+    """Return the factors of torque among the parameters of a robot."""
+    return [1.0 + x for name, x in parameters.items() if name.endswith(".scale")]
+
+
+@pytest.mark.parametrize("seed", [0, 4, *EVERY])
+def test_wrong_constants_of_all_joints_move_no_mass(seed, tmp_path):
+    robot, true, (*fitted, unseen) = simulate_currents(seed, tmp_path)
+    found = analyze(robot, fitted, unseen, replicates=0)
+    sound = analyze(robot, true[:2], true[2], replicates=0)
+    assert found.chosen.error_ra_validation <= 1.05 * sound.chosen.error_ra_validation
+    values = found.real_robot["parameters"]
+    assert total_mass(robot, values) == pytest.approx(total_mass(robot, robot.nominal), rel=0.1)
+    assert find_scales(values)
+    assert all(0.5 < factor < 2.0 for factor in find_scales(values))
+
+
+def test_named_scales_multiply_the_torque_that_is_fitted_beside_them(tmp_path):
+    robot, true, (*fitted, unseen) = simulate_currents(1, tmp_path)
+    sound = analyze(robot, true[:2], true[2], replicates=0)
+    named = diagnose(robot, fitted, unseen, forward=False)
+    assert named.held_after <= 1.05 * sound.chosen.error_ra_validation
+    values = named.to_dict()["physical"]["parameters"]
+    assert total_mass(robot, values) == pytest.approx(total_mass(robot, robot.nominal), rel=0.1)
+    assert len(find_scales(values)) == 3
+    assert all(0.5 < factor < 2.0 for factor in find_scales(values))
