@@ -33,11 +33,11 @@ F = TypeVar("F", bound=Find)
 class Does(StrEnum):
     """What follows from what a check says."""
 
-    MENDS = "it is mended when logs are read, and said"
-    MISREADS = "columns are read as what they are not: no verdict stands"
-    EXPLAINS = "whatever else contradicts physics follows from it, and is not said"
-    HINTS = "it is said"
-    WEIGHS = "rows have less weight in the fit, and it is said where that moves a value"
+    MENDS = "logs are repaired when they are read, and the repair is reported"
+    MISREADS = "columns have a wrong name, unit or sign: no verdict is given"
+    EXPLAINS = "all other contradictions of physics follow from it, and are not reported"
+    HINTS = "it is reported"
+    WEIGHS = "rows have less weight in the fit. This is reported if it moves a value"
 
 
 @frozen
