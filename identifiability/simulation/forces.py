@@ -87,11 +87,10 @@ class JointTerms:
     def friction(self, speed: Array) -> Array:
         """Return viscous and Coulomb friction at the speeds of a motion (N,), (N,).
 
-        A joint that stands sticks, and what its motor then supplies is anything within the levels:
-        the motion does not say it. It begins with what it was when the joint stopped, for torque
-        does not jump, ends with what makes the joint break away, and goes evenly between, as that
-        of a controller does whose integral acts. Before the first motion and behind the last one
-        nothing pulls.
+        A joint at rest sticks. The motion does not determine its dry friction, which may have any
+        value between the two levels. Friction is interpolated linearly from its value when the
+        joint stops to its value when the joint breaks away. The integral part of a controller makes
+        such torque. Friction is zero before the first motion and after the last one.
         """
         dry = np.where(speed > 0, self.forward, np.where(speed < 0, -self.backward, 0.0))
         rests = np.concatenate([[False], speed == 0, [False]])
@@ -101,7 +100,7 @@ class JointTerms:
         return self.viscous * speed + np.interp(at, at[known], dry[known])
 
     def force(self, stretch: Array, speed: Array, acceleration: Array) -> Array:
-        """Return what acts along a joint (N,) that is so far off its spring's rest, (N,)."""
+        """Return the force along a joint, (N,), for a distance (N,) from its spring's rest."""
         moving = self.friction(speed) + self.inertia * acceleration
         return moving + self.stiffness * stretch + self.offset
 
@@ -190,7 +189,7 @@ def _ripple(_speed: Array, position: Array, _load: Array) -> Array:
 
 
 def _cable(_speed: Array, position: Array, _load: Array) -> Array:
-    """Return what a cable does that is bent at one end and pulled tight at the other."""
+    """Return the torque of a cable that bends at one end and pulls tight at the other."""
     along = _from_end_to_end(position)
     return np.exp(3 * (along - 1)) - 0.4 * np.tanh(3 * (along + 0.4))
 
@@ -292,7 +291,7 @@ def hideable(laws: Iterable[str] = ()) -> list[str]:
 
 
 def parse_hidden(text: str, laws: Mapping[str, Law] | None = None) -> Hidden:
-    """Return what ``stribeck_friction``, ``stribeck_friction=0.1`` or ``…@slider1+slider3`` hides.
+    """Return the effect hidden by ``stribeck_friction``, ``…=0.1`` or ``…@slider1+slider3``.
 
     Parameters
     ----------
@@ -370,7 +369,7 @@ def _chosen(names: Sequence[str], hidden: Hidden, robot: Robot) -> list[int]:
 
 
 def _record(move: PrescribedMotion, tau: Array, k: int, name: str) -> Array:
-    """Return what a late, leaking or drifting record adds to joint k, (N,)."""
+    """Return the torque error that a delayed, leaking or drifting record adds at joint k, (N,)."""
     seams = np.flatnonzero(np.diff(move.t) > 0.5 * PAUSE) + 1
     if name in ("time_delay", "clock_error"):
         slope = np.concatenate([np.gradient(part) for part in np.split(tau[:, k], seams)])

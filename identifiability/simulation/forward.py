@@ -98,7 +98,7 @@ def compile_forward(robot: Robot, values: Mapping[str, float], servo: Servo | No
 
 
 def _set_bodies(model: Any, robot: Robot, values: Mapping[str, float]) -> None:
-    """Set the bodies that move; what is fixed to one is part of it."""
+    """Set the inertial values of moving bodies, each with all bodies that are fixed to it."""
     bodies = {b: np.array([values[f"{b}.{k}"] for k in INERTIAL_KINDS]) for b in robot.bodies}
     for body, theta in share_out(robot, bodies).items():
         b = model.body(body).id
@@ -278,9 +278,9 @@ class ForwardRobot:
         return self.robot.rest.get(name, at_home)
 
     def _constant(self, terms: Mapping[str, JointTerms]) -> tuple[Array, Array]:
-        """Return what is taken off at joints (nv,) and along straight tendons (c,), always.
+        """Return the constant force subtracted at joints (nv,) and along straight tendons (c,).
 
-        Offsets, and by how much dry friction is larger forwards than on both ways' mean.
+        It is the offset plus half the difference between forward and backward dry friction.
         """
         cables = [cable.name for cable in self.robot.cables]
         joints = np.zeros(self.model.nv)
@@ -367,7 +367,7 @@ class ForwardRobot:
 
 
 def stated_numbers(terms: JointTerms) -> dict[str, float]:
-    """Return what a robot file states of a joint with these terms."""
+    """Return the joint attributes of MuJoCo for these terms, none below zero."""
     numbers = {
         "damping": terms.viscous,
         "frictionloss": 0.5 * (terms.forward + terms.backward),

@@ -30,7 +30,7 @@ _EQ, _OFF = mujoco.mjtEq, mujoco.mjtDisableBit
 
 
 def robot_spec(robot: Robot, *, balance: str = "false", shapes: bool = False) -> Any:
-    """Return the robot file before it is compiled (mujoco.MjSpec); what floats has six joints.
+    """Return the robot file as mujoco.MjSpec, uncompiled; a floating base has six joints.
 
     Loops of the sidecar, which go before those of the file, are connections of sites. With
     `shapes` it has those that collide, and masses mean nothing.

@@ -1,12 +1,13 @@
 """Rollouts: a robot with position servos, moved by the commands of a log from its start.
 
-What a user does with a commanded robot's model is this, so the error of its positions is what
-counts. Servos are MuJoCo's position actuators; robots with other numbers are rolled out together.
+Users simulate commanded robots in this way, so position errors judge the model. Servos are MuJoCo's
+position actuators. Robots that differ only in their numbers are rolled out together.
 
-The step of the integrator is no part of the robot: MuJoCo's implicit damping acts with the speed
-behind the step, which adds h D / 2 to the inertia of a joint of damping D, the servo's included; it
-is taken off its rotor. Positions are then those of a second-order method [Verlet 1967]. A servo's
-own rate is part of it: what it measured is half a period old while it acts.
+The step h of the integrator must not change the robot. MuJoCo's implicit damping uses the speed at
+the end of the step. For a joint with damping D, servo included, this adds h D / 2 to its inertia.
+The same amount is subtracted from its rotor inertia. Positions then have the accuracy of a
+second-order method [Verlet 1967]. The sampling rate of a servo is modelled: its measurements are on
+average half a period old.
 """
 
 from __future__ import annotations
@@ -327,8 +328,8 @@ def _seen_rows(dt: float, count: int) -> int:
 def drive(robot: Robot, parameters: Mapping[str, float], log: Log, window: float) -> Array:
     """Return positions by measured torque, (N, n).
 
-    They begin anew with what was measured every `window` [s], for the last time one of these before
-    the end.
+    The simulation restarts from the measured state every `window` [s]. The last restart is one
+    window before the end.
     """
     step = signals.sampling_step(log.t)
     rows = min(max(2, round(window / step)), len(log))
@@ -354,8 +355,9 @@ _STATE = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 def _sample(path: Array, at: Array) -> Array:
     """Return positions at fractional steps (m,) of a path (S, n).
 
-    Accelerations hold from half a step before a row until half a step behind it, and rows, between
-    which the speed is that of their middle, lie an eighth of what that makes of a step below.
+    Each acceleration is constant from half a step before its row to half a step after it. In that
+    interval the position is a parabola. At the row it is the path plus one eighth of the second
+    difference of the path.
     """
     k = np.clip(np.rint(at).astype(int), 1, len(path) - 2)
     part = (at - k)[:, None]

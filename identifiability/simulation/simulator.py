@@ -97,7 +97,7 @@ class Noise:
     def on_torque(self, tau: Array, rng: np.random.Generator, level: Array | None = None) -> Array:
         """Return torques (N, n) with relative and with additive, autocorrelated noise.
 
-        `level` (n,) is what the additive noise is a share of, by default the rms of the torque.
+        Additive noise is a share of `level` (n,), by default of the rms of the torque.
         """
         out = tau * (1 + self.torque * rng.standard_normal(tau.shape))
         if self.additive:
