@@ -1,8 +1,8 @@
 """`Case`: a robot, logs of it and settings, with every stage from logs to columns computed once.
 
 A stage is a plain function in its own room; `Case` connects the stages and keeps their results. No
-stage changes the result of another. What a verb needs of them is `Data`: logs prepared under one
-model, as they are to be understood. Verbs that are given the same case share all stages:
+stage changes the result of another. Verbs use `Data`: logs prepared under one model, with one
+interpretation of their columns. Verbs that take the same case share all stages:
 
 1. `Case.recordings`: logs read, repaired, with roles (fitted, held out) that are the same for every
    verb;
@@ -198,19 +198,19 @@ class Data(OfStructure):
 
     @cached_property
     def missing(self) -> MissingEffects:
-        """What may be missing in the unpruned model."""
+        """Effects that may be missing in the unpruned model."""
         commanded = bool(of_key(self.hints, "commands"))
         return find_missing(self.structure, self.regression, self.unseen, commanded=commanded)
 
     @cached_property
     def measured(self) -> MeasuredLogs:
-        """The fitted logs, as checks look at them."""
+        """The fitted logs in the form that data-quality checks take."""
         logs = self.recordings.fitted
         return MeasuredLogs(self.structure, logs, self.samples, self.regression)
 
     @property
     def band(self) -> Any:
-        """What the chosen cut-off lets through; None where none was chosen."""
+        """Bandwidth and noise of the chosen cut-off; None where no cut-off was chosen."""
         return getattr(self.preparation, "band", None)
 
     @cached_property
@@ -244,7 +244,7 @@ class WeightedRows:
 
     @cached_property
     def missing(self) -> MissingEffects:
-        """What may be missing in the model; rows of little weight are left out."""
+        """Effects that may be missing in the model. Rows of little weight are left out."""
         light = self.outliers.below() if self.outliers is not None and self.outlier_hint else None
         if light is None:
             return self.data.missing
@@ -822,7 +822,7 @@ def seek_reading(data: Data) -> Reading | None:
 
 
 def check_logs(data: Data, reading: Reading | None) -> Data:
-    """Return data with what the data-quality checks report.
+    """Return data with the findings of the data-quality checks.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """What changed between logs of one robot.
 
-Logs are compared by the mixed model: what may differ is a group that acts in some logs alone
-(`Differences`), beside what the model may lack in all of them.
+The mixed model compares logs (`Differences`). Each possible change is a group that acts in some
+logs only. Effects that all logs may lack are groups, too.
 """
 
 from __future__ import annotations
@@ -126,7 +126,7 @@ def find_differences(
     later: int,
     single: int,
 ) -> Differences:
-    """Return what may differ between logs.
+    """Return the possible differences between logs.
 
     Parameters
     ----------
@@ -244,10 +244,10 @@ def compare(
     preparation: Preparation | None = None,
     engine: Engine | None = None,
 ) -> Comparison:
-    """Find what changed: loads, friction, offsets, torque gains; of three logs also in which.
+    """Find changed loads, friction, offsets and torque gains; for three logs also the changed log.
 
-    They are compared beside what the model may lack in all of them. How columns are read, and the
-    cut-off, follow from the logs before alone.
+    The comparison allows for effects that the model lacks in all logs. Only the logs of `before`
+    determine how columns are read, and the cut-off.
 
     Parameters
     ----------
@@ -318,7 +318,7 @@ def _check_reading(case: Case, data: Data, base: Array, run: Run) -> list[Findin
 
 
 def _find_changes(sides: Sides, structure: Structure, submodel: Submodel) -> Differences:
-    """Return what may have changed in the first side, or in single logs, under a model."""
+    """Return possible changes between the sides or in single logs, under a model."""
     seen, count = sides.look(len(submodel)), sides.count
     unchanged = seen.log >= count
     values = pooled_values(seen.X[unchanged], seen.y[unchanged], submodel.M, submodel.fixed)

@@ -1,7 +1,7 @@
-"""What a robot file says, which columns its logs must have, and what is in logs and odd about them.
+"""`inspect`: content of a robot file, required columns of logs, content of logs, and problems.
 
-What to use when: `inspect` before anything is fitted: it needs no logs; with logs it says how they
-are read, prepared, and whether robot file, limits and physics contradict them.
+What to use when: call `inspect` before any fit. It needs no logs. With logs it reports how they are
+read and prepared. It also checks them against the robot file, its limits and physics.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ Role = Literal["actuated", "floats", "passive", "coupled", "locked", "left out"]
 
 @frozen
 class JointFact:
-    """What is known of a joint before anything is measured.
+    """Properties of a joint that the robot file states.
 
     Attributes
     ----------
@@ -90,7 +90,7 @@ class JointFact:
 
 @frozen
 class Need:
-    """What the robot file does not say, and a sidecar can.
+    """A fact that the robot file lacks and a sidecar can state.
 
     Attributes
     ----------
@@ -121,7 +121,7 @@ def describe_joints(robot: Robot) -> tuple[JointFact, ...]:
 
 
 def _describe_joint(robot: Robot, dof: int, kind: str) -> JointFact:
-    """Return what is known of a joint of the tree; an actuated one has limits."""
+    """Return the stated properties of a joint of the tree; an actuated joint has limits."""
     name = robot.dofs[dof]
     unit = "m" if robot.is_prismatic(dof) else "rad"
     followed = [listing(c.terms, 4) for c in robot.couplings if c.joint == name]
@@ -169,7 +169,7 @@ def template_frame(robot: Robot) -> pd.DataFrame:
 
 
 def find_needs(robot: Robot) -> tuple[Need, ...]:
-    """Return what the robot file leaves open, the most important first."""
+    """Return the facts that the robot file lacks, the most important first."""
     needs = [Need(wrong)] if (wrong := find_impossible_bodies(robot)) else []
     needs += [Need(finding) for finding in check_plausible(robot)]
     if robot.assembled:
@@ -192,7 +192,7 @@ def find_needs(robot: Robot) -> tuple[Need, ...]:
 
 @frozen
 class Record:
-    """What is in a log.
+    """Content of a log.
 
     Attributes
     ----------
@@ -229,7 +229,7 @@ class Record:
     tau: Array
 
     def to_dict(self) -> dict[str, Any]:
-        """Return it as JSON has it; None for what is not known."""
+        """Return the content of the log for JSON, with None for unknown entries."""
         return {
             "name": self.path or self.name,
             **self.clock,
@@ -241,7 +241,7 @@ class Record:
 
 
 def describe_log(robot: Robot, log: Log, prepared: Dataset) -> Record:
-    """Return what is in a log."""
+    """Return the content of a log."""
     windows = [joint_log(robot, window) for _, window in log.windows()]
     gaps = Gaps.of(log.name, log.clock, [w.t for w in windows])
     t, q, tau = (np.concatenate([getattr(w, c) for w in windows]) for c in ("t", "q", "tau"))
@@ -305,7 +305,7 @@ def _describe_range(robot: Robot, q: Array) -> dict[str, Any]:
 
 @frozen(kw_only=True)
 class Inspection(OfStructure, Result):
-    """What there is to know before anything is fitted.
+    """Robot, logs and problems that are known before any fit.
 
     `to_frame` has one row a joint; with logs, one row a joint of each log.
 
@@ -349,7 +349,7 @@ class Inspection(OfStructure, Result):
 
     @presented
     def parameters_frame(self) -> pd.DataFrame:
-        """Return one row a base parameter: name, unit and what is grouped in it."""
+        """Return one row a base parameter: name, unit and the standard parameters grouped in it."""
         raise NotImplementedError
 
     def to_dict(self) -> dict[str, Any]:
@@ -394,7 +394,7 @@ def inspect(
     progress: Progress | None = None,
     engine: Engine | None = None,
 ) -> Inspection:
-    """Say what a robot file holds, what its logs must have, and what is in logs and odd about them.
+    """Report the content of a robot file, the columns that its logs need, and problems in logs.
 
     Parameters
     ----------

@@ -79,7 +79,7 @@ VERBS: dict[str, Any] = {"analyze": analyze, "prune": prune, "diagnose": diagnos
 
 
 def _check_options(verb: str, given: Mapping[str, Any]) -> None:
-    """Refuse what is no option of a verb."""
+    """Refuse unknown options of a verb."""
     kinds = get_type_hints(VERBS[verb], include_extras=True)
     for name, value in given.items():
         if name not in kinds:
@@ -98,7 +98,7 @@ EMPTY: dict[str, Any] = {
 def run_task(
     verb: str, options: Mapping[str, Any], task: tuple[Path, str]
 ) -> tuple[dict[str, Any], bytes, bytes]:
-    """Return the row of a robot, its JSON and its page; whatever goes wrong stands in the row.
+    """Return the table row of a robot, its JSON and its page; the row states any error.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def run_task(
 
 
 def _state(told: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what the table says of the JSON of a result."""
+    """Return the table entries of a result from its JSON."""
     if "models" not in told:  # a diagnosis
         effects = ((" or ".join([e["effect"], *e["or"]]), e["joints"]) for e in told["effects"])
         chosen, names, verdicts = told["after"], told["fit"]["names"], Counter[str]()

@@ -1,9 +1,9 @@
-"""What hangs on a body: mass, centre and inertia, from logs of a robot that was fitted without.
+"""Loads on a body: mass, centre and inertia, from logs with the load and a fit without it.
 
-The mixed model of the loaded logs (`Differences`) always has the ten parameters of the load. It
-also lets the robot differ from the result, as far as its covariance allows. Torque gains
-and friction may differ between logs. Other changes that the logs show are in the model, too. A load
-that is known tells the torque gains instead, joint by joint.
+The mixed model of the loaded logs (`Differences`) always has the ten parameters of the load. The
+robot may differ from the result within its covariance. Torque gains and friction may differ between
+logs. Other changes that the logs show are in the model, too. A known load identifies the torque
+gain of each joint instead.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ TYPICAL: Array = entry_scale(np.ones(1), np.full(1, 0.1))[0]
 
 @frozen(kw_only=True)
 class LoadEstimate:
-    """What logs tell of a load, before physics says what can be.
+    """Estimate of a load from logs, before physical constraints.
 
     Attributes
     ----------
@@ -166,7 +166,7 @@ LIGHTEST: Tolerance = 1e-3
 
 @frozen
 class Quantity:
-    """One number about a load, or what one unit of a joint's torque column is.
+    """One number about a load, or the torque gain of a joint.
 
     Attributes
     ----------
@@ -220,7 +220,7 @@ def describe_body(theta: Array) -> Array:
 
 
 def state_quantities(found: LoadEstimate, body: Array, length: float) -> tuple[Quantity, ...]:
-    """Return what is known of a body near an estimate.
+    """Return the quantities of a body with the intervals of its estimate.
 
     Parameters
     ----------
@@ -325,10 +325,10 @@ def _state_gain(robot: Robot, joint: str, inverse: float, sd: float) -> Quantity
 
 @frozen(kw_only=True)
 class Load(Result):
-    """What hangs on a body. Make it with `payload`.
+    """The load on a body, made by `payload`.
 
-    `to_frame` has one row a quantity: ``name``, value, interval, unit, whether it is told, why. Of
-    a load that is known it has one row a joint: its gain.
+    `to_frame` has one row a quantity: ``name``, value, interval, unit, verdict, why. For a known
+    load it has one row a joint, with its gain.
 
     Attributes
     ----------
@@ -385,14 +385,14 @@ class Load(Result):
 
     @property
     def sidecar(self) -> str:
-        """Lines for the robot's sidecar; nothing if no gain is told."""
+        """Lines for the robot's sidecar; empty if no gain is identifiable."""
         gains = {g.name: float(f"{g.value:.6g}") for g in self.gains if g.told}
         return f"[torque]\ngain = {for_toml(gains)}\n" if gains else ""
 
     @property
     @presented
     def caveats(self) -> tuple[str, ...]:
-        """What makes the answer doubtful, and what to do."""
+        """Reasons to doubt the answer, each with a remedy."""
         raise NotImplementedError
 
     def rows_by_name(self) -> Iterator[Row]:
@@ -439,7 +439,7 @@ def payload(
     inertia: Point | None = None,
     engine: Engine | None = None,
 ) -> Load:
-    """Find mass, centre and inertia of what hangs on a body, or torque gains from a known load.
+    """Find mass, centre and inertia of a load on a body, or torque gains from a known load.
 
     Parameters
     ----------
@@ -518,7 +518,7 @@ def _state_load(
 
 @frozen
 class KnownLoad:
-    """What is stated of a load.
+    """Stated properties of a load.
 
     Attributes
     ----------
@@ -550,7 +550,8 @@ class KnownLoad:
     def parameters(self, nearest: Array) -> Array:
         """Return its ten parameters in the order of `INERTIAL_KINDS`.
 
-        A centre that is not stated, and then the moments, are those of the nearest real body.
+        An unstated centre is taken from the nearest physically consistent body, together with the
+        moments.
         """
         if self.mass is None or self.centre is None:
             return np.asarray((nearest * (self.mass or 0.0) / nearest[9])[FROM_GROUPED])
@@ -559,7 +560,7 @@ class KnownLoad:
 
 
 def _find_unloaded(result: FitLike | Logs, robot: Robot) -> tuple[Fit | None, list[LogLike]]:
-    """Return the fit of the robot without the load, or logs that stand for it."""
+    """Return the fit of the robot without the load, or the logs to fit it from."""
     empty = [] if is_result(result) else list_logs(cast("Logs", result))
     return None if empty else find_fit(cast("FitLike", result), robot), empty
 
@@ -628,7 +629,7 @@ def _join_case(
 def _find_load(
     sides: Sides, fit: Fit | None, structure: Structure, place: str, load: KnownLoad
 ) -> Differences:
-    """Return what may differ between logs with a load and the robot without it."""
+    """Return the possible differences between logs with a load and the robot without it."""
     count = sides.count
     if fit is None or (load.mass is not None and count < len(sides.samples)):
         # Logs without the load tell more than values by other gains.
@@ -653,7 +654,7 @@ def _without_gains(robot: Robot) -> Structure:
 
 
 def _tell_noise(logs: Sequence[Log], how: Preparation) -> list[str]:
-    """Return what noise of the motion does to the load, where it does."""
+    """Return a warning if noise of the motion can bias the load."""
     band = how.band if isinstance(how, CommonPreparation) else None
     if band is None or band.noise <= LOG_RULES.small:
         return []

@@ -1,4 +1,4 @@
-"""Predict torque along a log: from a result, or from what its JSON keeps (`Fit`)."""
+"""Predict torque along a log, from a result or from the fit in its JSON (`Fit`)."""
 
 from __future__ import annotations
 
@@ -63,12 +63,12 @@ MOTION = Use(divides=False, commands=False, motion_alone=True)
 
 
 def state_missing(functions: Sequence[str]) -> tuple[str, ...]:
-    """Return what holds of the values of a fit beside which functions are missing, if any are."""
+    """Return the remark on the values of a fit whose model lacks functions, if any."""
     return (phrase("result.missing", "says", functions=list(functions)),) if functions else ()
 
 
 def list_missing(found: MissingEffects) -> list[dict[str, Any]]:
-    """Return what is named as a JSON result has it."""
+    """Return the named missing effects for JSON."""
     return [
         {
             "effect": t.group.family,
@@ -208,7 +208,7 @@ class TorquePrediction(Result):
 
     @presented
     def error_frame(self) -> pd.DataFrame:
-        """Return one row a joint: its error over its own scale, in N or N·m, and inside what."""
+        """Return one row a joint: relative error, error in N or N·m, and coverage of intervals."""
         raise NotImplementedError
 
     def to_dict(self) -> dict[str, Any]:
@@ -255,7 +255,7 @@ class Entry(BaseModel):
 
 
 class RobotEntry(Entry):
-    """What the result is about."""
+    """The robot of a result."""
 
     name: str
     sha256: str = ""
@@ -278,7 +278,7 @@ class Predicts(ABC):
         """The model to use: values, covariance, and how torque scatters about it."""
 
     def covariance_frame(self) -> pd.DataFrame:
-        """Return the covariance of the values with what the noise remembers, (k, k).
+        """Return the covariance of the values, with autocorrelated noise, (k, k).
 
         Rows and columns are parameters; units are those of the two multiplied.
         """
@@ -317,9 +317,10 @@ class Predicts(ABC):
 
     @staticmethod
     def from_json(path: str | Path, robot: RobotLike | None = None) -> Any:
-        """Read a result back: with its robot the model to use (`Fit`), which predicts.
+        """Read a result. With its robot, return the model to use (`Fit`), which predicts.
 
-        Without, what it says: its answers, findings, rows by name and JSON, equal to the live one.
+        Without, return its answers, findings, rows by name and JSON, equal to those of the live
+        result.
 
         Raises
         ------
@@ -391,7 +392,7 @@ class Fit(Keyed, Predicts):
 
     @property
     def covariance(self) -> Array:
-        """Covariance of the values, with what the noise remembers, (k, k)."""
+        """Covariance of the values, with autocorrelated noise, (k, k)."""
         return self.spread.covariance
 
     @property
@@ -401,13 +402,13 @@ class Fit(Keyed, Predicts):
 
     @property
     def of_labels(self) -> tuple[Array, Array]:
-        """Base parameters beside what is missing, (b,), and their covariance, (b, b)."""
+        """Base parameters corrected for missing effects, (b,), and their covariance, (b, b)."""
         shift, sd = np.broadcast_to(self.alternatives, (2, len(self.base)))
         return self.base - shift, self.base_covariance + np.diag(sd**2)
 
     @property
     def of_standard(self) -> LeastSquares:
-        """What it says of standard parameters, in units of its standard deviations."""
+        """Estimate of the standard parameters, in units of its standard deviations."""
         told = LeastSquares.of_normal(*self.of_labels, self.base_unknown)
         return told.through(self.structure.G)
 
@@ -428,11 +429,11 @@ class Fit(Keyed, Predicts):
         return by_name(pd.DataFrame({**columns, "unit": self.submodel.units}))
 
     def __repr__(self) -> str:
-        """Return what it is, in one line."""
+        """Return a description in one line."""
         return f"<Fit: {len(self.names)} values of '{self.submodel.name}' for {self.robot.name}>"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what is read back, as plain values."""
+        """Return the entries that `read_fit` reads, as plain values."""
         entry = model_entry(self.submodel, self.structure)
         told = {
             "model": entry.model_dump(by_alias=True, exclude_none=True),
@@ -581,7 +582,7 @@ class GravityEntry(Entry):
 
 
 class RealEntry(Entry):
-    """The nearest real robot, and how much it errs."""
+    """The nearest physically consistent robot, and its errors."""
 
     parameters: dict[str, Value] = {}
     shapes: dict[str, float] = {}
@@ -598,7 +599,7 @@ class RealEntry(Entry):
 
 
 class RolloutEntry(Entry):
-    """How far motions by commands are off, and what was found of servos."""
+    """Position errors of rollouts by commands, and the servo numbers that were found."""
 
     statement: str
     logs: tuple[str, ...]
@@ -608,7 +609,7 @@ class RolloutEntry(Entry):
     gains: dict[str, dict[str, float]] = {}
 
     def apply_gains(self, servo: Servo, joints: Sequence[str]) -> Servo:
-        """Return servos with the gains that logs told."""
+        """Return servos with the gains that logs determined."""
         if not self.gains:
             return servo
         own = {k: np.array([of.get(j, np.inf) for j in joints]) for k, of in self.gains.items()}
@@ -725,7 +726,7 @@ def _read_result(path: str | Path, robot: Robot, done: str) -> tuple[ResultEntry
 def read_real(
     path: str | Path, robot: Robot, done: str
 ) -> tuple[ResultEntry, Robot, dict[str, float]]:
-    """Read the nearest real robot of a result: with servos and gravity as found, and its values.
+    """Read the nearest physical robot of a result, with fitted servos and gravity, and its values.
 
     Parameters
     ----------
@@ -876,7 +877,7 @@ class PositionPrediction(Result):
 
     @cached_property
     def alike(self) -> np.ndarray:
-        """Which joints turn, or if none does, slide, (n,) bool: what errors are told of."""
+        """Joints whose errors are averaged, (n,) bool: revolute ones or, without any, all."""
         slides = self.robot.slides
         return slides if slides.all() else ~slides
 
@@ -928,7 +929,7 @@ class PositionPrediction(Result):
 
     @presented
     def warn(self, answer: Answer) -> Answer:
-        """Return how good a model is, behind that it moves worse than without what was named."""
+        """Return an answer that first warns if the named effects make the motion worse."""
         raise NotImplementedError
 
     @property
@@ -1064,7 +1065,7 @@ def _predict_positions(case: Case, result: Predicts | Robot | str | Path) -> Pos
 def read_driven(robot: Robot, logs: Sequence[LogLike]) -> Recordings:
     """Return logs whose commands, or torque where a robot has no servos, move its joints.
 
-    Torque beside commands is not looked at; motions that come again all count.
+    Torque is ignored in logs with commands. Repeated motions all count.
     """
     known = replace(Conventions.of(robot), commands=robot.servo is not None)
     return read_recordings(logs, known=known, commands=True, learns=False)

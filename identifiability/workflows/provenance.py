@@ -1,4 +1,4 @@
-"""What decided the numbers of a result: versions, seed, options, and hashes of its inputs."""
+"""Provenance of a result: versions, seed, options, and hashes of its inputs."""
 
 from __future__ import annotations
 

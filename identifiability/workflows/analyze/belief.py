@@ -1,4 +1,4 @@
-"""What is believed of the parameters after the data, and that bodies can exist.
+"""Posterior of the parameters, given the data and physically consistent bodies.
 
 A posterior of one model is sampled.
 """
@@ -108,9 +108,9 @@ class Belief:
 def believed_interval(draws: Array, nonnegative: np.ndarray, moved: Array | float = 0.0) -> Array:
     """Return the shortest intervals (m, 2) that hold 95 % of draws (D, m).
 
-    Where a true value lies at the edge of what is possible the density is highest there, and a
-    central interval never holds it. What cannot be negative may begin at zero. They hold whatever
-    the density at the edges: by what means move.
+    A true value can lie on the edge of the physical set, where the density is highest. A central
+    interval never contains such a value. Intervals of nonnegative parameters may begin at zero.
+    Intervals are widened by `moved`, the prior sensitivity of the means.
     """
     # So many ways to leave the rest of the draws at the two ends.
     below = np.linspace(0, 0.05, 11)
@@ -122,10 +122,10 @@ def believed_interval(draws: Array, nonnegative: np.ndarray, moved: Array | floa
 
 
 def refine_verdicts(verdicts: Sequence[Verdict], belief: Belief) -> tuple[Verdict, ...]:
-    """Return the verdicts of a model with what the physical posterior adds.
+    """Return the verdicts of a model, updated by the physical posterior.
 
-    Verdicts on what the data determine stay. What they leave open may still be narrowed by
-    bodies that can exist, or be no more than the prior.
+    Verdicts on parameters that the data determine do not change. Physically consistent bodies may
+    narrow the other parameters, or their posterior may equal the prior.
     """
     rules, physical, out = Thresholds(), belief.physical, list(verdicts)
     if physical is None or not physical.convergence.trustworthy:
@@ -213,7 +213,7 @@ def widest(data: LeastSquares) -> Array:
 
 
 def state_prior(structure: Structure, data: LeastSquares, share: float = 0.0) -> Prior:
-    """Return the prior: around the robot file, widened or narrowed by what the sidecar states.
+    """Return the prior around the robot file, widened or narrowed by entries of the sidecar.
 
     Parameters
     ----------
@@ -259,9 +259,9 @@ def state_prior(structure: Structure, data: LeastSquares, share: float = 0.0) ->
 
 
 def start_inside(target: Target, nominal: Array) -> Array:
-    """Return a point inside of what is possible, (p,), near to what the data say.
+    """Return a point inside the physical set, (p,), near the estimate.
 
-    The projection ends on the edge of signs, or by rounding outside.
+    The projection can end on a sign bound or, by rounding, outside it.
     """
     options = {"margin": START_MARGIN, "reference": nominal, "fixed": target.fixed}
     start = np.array(project(target.data, target.region, **options).phi)
@@ -278,10 +278,11 @@ def _sample_physical(
     effort: Mapping[str, int],
     progress: Progress | None,
 ) -> Belief:
-    """Sample the standard parameters on the cone and look at them through the model.
+    """Sample the standard parameters on the physical set and map the draws to the model.
 
-    What the model leaves out, holds or ties is so in every draw; what bodies cannot do without
-    counts as error in full, as in the nearest real robot.
+    Every draw keeps the zero, fixed and tied parameters of the model. Parameters that the model
+    omits but physical bodies need count fully as error. The nearest physically consistent robot
+    treats them alike.
     """
     structure, to_x, prior = model.structure, model.to_x, target.prior
     moving = ~(model.fixed or Fixed.none(target.size)).parameters  # others are not asked

@@ -1,4 +1,4 @@
-"""Models of a ladder: fitted, each with its nearest real robot, and what they predict."""
+"""Fitted models of a ladder, their nearest physically consistent robots, and their predictions."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ ACCOUNTS = 6
 
 @frozen
 class LadderFit:
-    """A fitted model with the nearest real robot, and what both predict in turns.
+    """A fitted model, the nearest physically consistent robot, and cross-validation of both.
 
     Attributes
     ----------
@@ -59,10 +59,10 @@ class LadderFit:
 
     @property
     def values(self) -> Array:
-        """Base parameters (b, `ACCOUNTS`): as estimated, and of the nearest real robot.
+        """Base parameters (b, `ACCOUNTS`): estimated, and of the nearest physical robot.
 
-        Then what a robot file holds of the latter: of its own format, and of the other. Last what
-        such files hold of the robot that was given.
+        Two columns follow for the latter as a robot file can hold it, in its format and in the
+        other one. The last two columns are the same for the given robot.
         """
         structure = self.model.structure
         free = self.model.submodel.expand(self.model.estimate.value)
@@ -129,7 +129,7 @@ def fit_with_robot(
     choose: bool = True,
     certified: Sequence[Any] = (),
 ) -> LadderFit:
-    """Return the nearest real robot of a model, and what both predict in turns.
+    """Return the nearest physically consistent robot of a model, and cross-validate both.
 
     Parameters
     ----------

@@ -59,8 +59,8 @@ WORSE = "no model predicts motion that it has not seen better than a constant to
 class ModelResult:
     """A model that was fitted and judged.
 
-    Its errors are those of the values to use (`recommended`): what is said, written and predicted
-    with is the same.
+    Its errors are those of the recommended values (`recommended`). Reports, files and predictions
+    use the same values.
 
     Attributes
     ----------
@@ -95,12 +95,13 @@ class ModelResult:
 
     @cached_property
     def real(self) -> Submodel | None:
-        """The model as the nearest real robot has it, if its values are those to use.
+        """The model with the values of the nearest physical robot, if these are the values to use.
 
-        They are unless the estimate is surely better on folds and unseen motion does not refute
-        that, by more than its standard error: one motion does not tell what extrapolates. What its
-        bodies cannot do without although the model leaves it out is held. None where they cannot
-        have alike what the model ties.
+        They are used unless the estimate is surely better on the folds and unseen motion does not
+        refute this. It refutes this if the physical values are better by more than one standard
+        error: one motion does not show which values extrapolate. Parameters that the model omits
+        but physical bodies need are fixed. The result is None if physical bodies cannot satisfy
+        the ties of the model.
         """
         real, M = self.physical, self.submodel.M
         if real is None or not (real.as_good or self.unseen.surely_better(1, 0)):
@@ -112,7 +113,7 @@ class ModelResult:
 
     @property
     def physical_used(self) -> bool:
-        """Whether the values to use are those of the nearest real robot."""
+        """Whether the values to use are those of the nearest physically consistent robot."""
         return self.real is not None
 
     @property
@@ -138,9 +139,9 @@ class ModelResult:
         return float(self.unseen.relative_error()[int(self.physical_used)])
 
     def unseen_by(self, which: int) -> float:
-        """Return ε_RA on unseen motion of the estimate (0), the real robot (1), its files (2, 3).
+        """Return ε_RA on unseen motion: estimate (0), nearest physical robot (1), its files (2, 3).
 
-        Then of files that hold what is stated of the robot (4, 5).
+        Indices 4 and 5 are files with the values that the given robot states.
         """
         every = self.unseen.relative_error()
         return float(every[which]) if which < len(every) else float("nan")
@@ -152,7 +153,7 @@ class ModelResult:
 
     @property
     def contradicted(self) -> str:
-        """What has for certain a sign that physics forbids, for after "because", if any has."""
+        """Parameters that surely have a sign that physics forbids, as a clause after "because"."""
         sure = [v for v in self.verdicts if Flag.IN_DOUBT in v.flags and v.interval95[1] < 0]
         wrong = [v.name for v in sure if v.name in self.infeasible]
         return phrase("forbidden", "says", names=wrong) if wrong else ""
@@ -198,10 +199,10 @@ class ModelResult:
 
     @property
     def meanings(self) -> tuple[str, ...]:
-        """What each value to use stands for, where it surely is not what the name says; else "".
+        """The effective combination of each value to use, if it surely differs from the label.
 
-        A reduced model's parameters take over some of what it leaves out, and of what is missing
-        beside all base parameters: its values are such combinations, and labels are not.
+        Parameters of a reduced model absorb part of the omitted parameters and of missing effects.
+        Their values are such combinations. Their labels name one parameter only.
         """
         pairs = zip(self.verdicts, self.recommended, strict=True)
         another = [abs(x - v.value) > REACH * v.sigma_robust for v, x in pairs]
@@ -280,16 +281,16 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
 
     @property
     def held_out(self) -> Prediction:
-        """The same on validation logs or, without any, on stretches (or logs) in turns.
+        """The same prediction on validation logs or, without any, by cross-validation.
 
-        Of raw torque, beside columns that are not silenced where joints stand: it is not, either.
+        Its errors of raw torque also use samples at which joints stand still.
         """
         own, every = self.chosen.used[1], self.everywhere
         raw = own if every is None else every
         return replace(own, errors=np.stack([own.errors[0], raw.errors[1]]))
 
     def rows_by_name(self) -> Iterator[Row]:
-        """Yield the verdicts of the model to use, then those of what it leaves out."""
+        """Yield the verdicts of the model to use, then those of the parameters that it omits."""
         return name_rows(self.chosen.rows(), self.full.rows())
 
     def explain_absence(self, name: str) -> str:
@@ -299,7 +300,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
     @property
     @presented
     def validation_kind(self) -> str:
-        """What the error on unseen motion was measured on."""
+        """Name the data on which the error on unseen motion was measured."""
         raise NotImplementedError
 
     @cached_property
@@ -310,7 +311,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
 
     @cached_property
     def moved(self) -> predict.PositionPrediction | None:
-        """How far rollouts of the nearest real robot are off, of logs of commands."""
+        """Position errors of rollouts of the nearest physical robot, for logs of commands."""
         return predict.move_fitted(self.robot, self.real_robot["parameters"], self.recordings)
 
     @cached_property
@@ -348,7 +349,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         )
 
     def _servo_errors(self) -> dict[str, tuple[float, float]]:
-        """Return the delay and the gains of servos that logs told, and their errors."""
+        """Return the delay and the servo gains that the logs determine, with standard errors."""
         servo, rolled, joints = self.robot.servo, self.recordings.rolled, self.robot.joints
         if servo is None or rolled is None:
             return {}
@@ -369,16 +370,16 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
     def error_frame(self) -> pd.DataFrame:
         """Return the errors of the values to use by joint and by log, fitted and held out.
 
-        Relative to how much the torque varies: that of the joint about its own mean (`rms` is in
-        N or N·m, `raw` of the torque as it was measured, not low-passed), that of all joints of a
-        log about the log's mean (ε_RA of the log by itself). NaN where a log took no part, or the
-        torque does not vary.
+        Errors of a joint are relative to the variation of its torque about its mean. Errors of a
+        log are relative to the variation of all joints about the log's mean (ε_RA of the log).
+        `rms` is in N or N·m. `raw` uses the measured torque before the low-pass. Errors are NaN
+        where a log took no part, or the torque does not vary.
         """
         raise NotImplementedError
 
     @cached_property
     def real_robot(self) -> dict[str, Any]:
-        """The nearest real robot as plain values, as `export` reads them."""
+        """The nearest physically consistent robot as plain values, as `export` reads them."""
         used, real = self.chosen, self.chosen.physical
         assert real is not None
         errors = used.fitted.relative_error()[1:].tolist()
@@ -396,7 +397,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
 
     @property
     def mass_warning(self) -> str:
-        """What is wrong with the total mass of the nearest real robot; empty if nothing is."""
+        """A warning if the total mass of the nearest physical robot is wrong; else empty."""
         real = self.real_robot
         return "" if self.nothing else state_mass(self.robot, real["parameters"], real["cad_prior"])
 
@@ -469,7 +470,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         return both | {"left_out": self.left_out}
 
     def _physical(self) -> dict[str, Any]:
-        """Return the nearest real robot of the model to use, for JSON."""
+        """Return the nearest physically consistent robot of the model to use, for JSON."""
         used = self.chosen
         return {
             "feasible": used.feasible,
@@ -497,7 +498,7 @@ def disagree(motions: Motions) -> bool:
 def compare_logs(
     samples: Sequence[Dataset], result: ModelResult, missing: Sequence[str] = ()
 ) -> str:
-    """Return in what logs disagree under a model; nothing where they agree, or are one or short.
+    """Return the parameters on which logs disagree, as text; empty if they agree or are too few.
 
     Parameters
     ----------
@@ -600,10 +601,10 @@ def doubt(
 
 
 def stated_values(analysis: Laddered[Any], result: ModelResult) -> list[float | None]:
-    """Return what this fit would find on the robot of the file, None where it states nothing.
+    """Return the estimates expected for the robot of the file; None where the file states nothing.
 
-    A value that stands for more than its label is compared with what the file's robot would show.
-    Friction and rotors of zero are none that the file states.
+    Estimates may be combinations of several parameters. They are compared with the same
+    combinations of the file's values. Zero friction and zero rotor inertia count as not stated.
     """
     nominal, base = analysis.robot.nominal, analysis.base
     known = {n for n, x in nominal.items() if x or n.rpartition(".")[2] in INERTIAL_KINDS}

@@ -1,4 +1,4 @@
-"""`SharedErrors`: what errors that all samples of a log share do to values."""
+"""`SharedErrors`: changes of the values by errors that all samples of a log share."""
 
 from __future__ import annotations
 
@@ -24,12 +24,13 @@ from identifiability.workflows.case import Data, WeightedRows
 
 @frozen
 class SharedErrors:
-    """What errors that all samples of a log share do to values.
+    """Changes of the values by errors that all samples of a log share.
 
-    ``delay``: of delays and gains of servos. ``bias``: of noise that a cut-off lets into computed
-    derivatives, where no second record of the motion takes it away: with as much noise once more
-    values move by what it has moved them already [Cook 1994]. ``noise``: of the low-pass, where
-    logs have next to no noise: values move likewise when the motion is prepared once more.
+    ``delay`` is due to delays and gains of servos. ``bias`` is due to noise in computed derivatives
+    below the cut-off, where no second record of the motion removes it. Adding the same noise again
+    moves the values by the bias that they already have [Cook 1994]. ``noise`` is due to the
+    low-pass, for logs with almost no noise. Preparing the motion once more moves the values by as
+    much.
 
     Attributes
     ----------
@@ -64,7 +65,7 @@ class SharedErrors:
 
 
 def measure_shared_errors(rows: WeightedRows) -> SharedErrors:
-    """Return what delays, gains and noise of the motion do to values of fitted samples."""
+    """Return the changes of fitted values by delays, gains and noise of the motion."""
     delayed = tuple(_gather_again(rows.data, logs) for logs in rows.data.recordings.later)
     others = {"delay": delayed} if delayed else {}
     if _motion_is_noisy(rows):

@@ -49,7 +49,7 @@ from .result import Analysis, ModelResult, compare_logs, doubt
 
 
 def say_band(band: Band | None, *, names: bool = False) -> tuple[str, ...]:
-    """Return what to say of a cut-off: samples are too slow for it, another is better, or noise.
+    """Return findings on a cut-off: slow sampling, a better cut-off, or noise.
 
     Parameters
     ----------

@@ -139,7 +139,7 @@ class Experiment:
         return Information.of_rows(self.names, W, tau, self.log, block, V, self.moves)
 
     def judge(self, whole: Information, tau: Array, W: Array, rng: np.random.Generator) -> Outcome:
-        """Fit and judge one outcome; the arguments are those of `gather`, and what it returned."""
+        """Fit and judge one outcome, with the arguments and the result of `gather`."""
         method = estimate_noise(find_estimator(self.method), whole)
         model = FittedModel.of(
             self.structure,
@@ -182,7 +182,7 @@ def base_columns(regression: Regression) -> tuple[Array, Array | None]:
 
 @frozen
 class Cell:
-    """What was counted in simulated repetitions.
+    """Counts of simulated repetitions.
 
     Attributes
     ----------
@@ -453,7 +453,7 @@ class World:
         return base_columns(structure.regression(samples))
 
     def repeat(self, seed: np.random.SeedSequence) -> tuple[Outcome, Array]:
-        """Return one repetition, fitted and judged, and what the labels meant in it, (k,)."""
+        """Return one fitted and judged repetition, and the true values of its labels, (k,)."""
         of_robot, of_noise, of_motion, of_fit = map(np.random.default_rng, seed.spawn(4))
         e = self.experiment
         submodel = e.submodel
@@ -500,7 +500,7 @@ def find_runs(samples: Sequence[Dataset]) -> list[tuple[int, int]]:
 
 
 def fit_residual_noise(tau: Array, W: Array, runs: JointRuns) -> ARNoise:
-    """Return the noise of torque beside the columns that are fitted to it.
+    """Return the noise of torque, corrected for the columns that are fitted to it.
 
     A residual looks whiter and smaller than the noise was, because slow noise is swallowed by the
     columns that are fitted: on the motion of one log a correlation of 0.97 looks like 0.75.

@@ -1,6 +1,6 @@
-"""`Change`: what differs between logs or parts of one, of which size, where and when.
+"""`Change`: a difference between logs or parts of a log, with size, place and time.
 
-And what it may be instead.
+It also lists competing hypotheses.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ WEIGHT = INERTIAL_KINDS[:4]
 
 
 def list_changes(robot: Robot, bodies: Sequence[str]) -> tuple[Candidate, ...]:
-    """Return what may differ between rows of a robot: a load on some bodies, and families.
+    """Return possible differences between rows of a robot: a load on some bodies, and families.
 
-    A load has those parameters that its weight tells, or all: nobody knows which.
+    A load has either the parameters that its weight determines, or all ten. Both are candidates.
     """
     rigid = FAMILIES["rigid_body"].effect
     loads: tuple[tuple[str, ...], ...] = (WEIGHT, INERTIAL_KINDS)
@@ -56,7 +56,7 @@ def list_changes(robot: Robot, bodies: Sequence[str]) -> tuple[Candidate, ...]:
 
 @frozen
 class DifferentTorque:
-    """Torque of a log beside what a model has in all of them.
+    """Torque of a log minus the torque that the model has in all logs.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class DifferentTorque:
 
     @staticmethod
     def of(found: Differences, terms: Terms) -> DifferentTorque:
-        """Return what the torque of the first log has beside the model of all."""
+        """Return the torque of the first log minus that of the model of all logs."""
         seen, p, a = found.missing.seen, len(found.known.precision), found.always.shape[1]
         value = found.solve(terms)[0]
         explained = np.where(seen.data, 0.0, np.nan)
@@ -151,7 +151,7 @@ class Change:
 
     @property
     def sure(self) -> bool:
-        """Whether it is as sure as what fitted and unseen rows together name."""
+        """Whether its odds exceed the thresholds of fitted and unseen rows together."""
         return self.odds >= RULES.name + RULES.keep
 
     @property
@@ -163,12 +163,12 @@ class Change:
     @property
     @presented
     def called(self) -> str:
-        """What it is, without a capital letter, and what it may be instead."""
+        """Description of the change without a capital letter, with competing hypotheses."""
         raise NotImplementedError
 
 
 def _describe(found: Differences, term: Term, names: Sequence[str]) -> str:
-    """Return what a group is, in words."""
+    """Return a description of a group."""
     own = found.whose(term)
     if not own.pattern:
         return f"{describe_term(term)} that the model lacks"
@@ -183,7 +183,7 @@ def rows_of(model: MixedModel, terms: Terms, k: int) -> np.ndarray:
 
 
 def list_log_changes(found: Differences, terms: Terms, names: Sequence[str]) -> tuple[Change, ...]:
-    """Return what terms say of logs, the surest first; kinds of friction at one place together.
+    """Return the changes of terms, the surest first; friction at one place is one change.
 
     Parameters
     ----------

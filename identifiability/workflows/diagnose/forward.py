@@ -1,8 +1,8 @@
 """The gap in motion: simulate forward from measured states, before and after the named effects.
 
-The torque-level gap says how well a model explains torques. A user simulates with a model, so the
-second half of the proof is motion: stretches of unseen motion are started from measured states and
-driven by the measured torque, with the nearest real robot of either model.
+The torque-level gap says how well a model explains torques. Users simulate with a model, so motion
+is the second test. Stretches of unseen motion start from measured states and are driven by the
+measured torque. Both models use their nearest physically consistent robot.
 """
 
 from __future__ import annotations
@@ -196,7 +196,7 @@ def _stretches(unseen: Sequence[Dataset], dt: float, steps: int, most: int) -> S
 
 
 def _mean_torque(fit: Physical, samples: Dataset, others: Array, rows: np.ndarray) -> Array:
-    """Return the torque over each step, (S, n): what was recorded, less its delay and effects.
+    """Return the mean torque of each step, (S, n), corrected for delay, minus `others`.
 
     Parameters
     ----------
@@ -216,10 +216,10 @@ def _mean_torque(fit: Physical, samples: Dataset, others: Array, rows: np.ndarra
 
 
 def other_torque(fit: Physical, motion: Motion) -> Array:
-    """Return the torque (N, n) of what a model has and MuJoCo does not, along a measured motion.
+    """Return the torque (N, n) of effects that MuJoCo lacks, along a measured motion.
 
-    Simulated motion leaves it little within a stretch, and friction that remembers its way and what
-    drifts over a session are those of the log.
+    Simulated motion stays close to the measured motion within a stretch. Hysteresis of friction and
+    drift over a session are taken from the log.
     """
     robot = fit.structure.robot
     out = np.zeros((len(motion), len(robot.joints)))

@@ -1,8 +1,8 @@
-"""`Naming`: what is missing beside a model, found and confirmed by one mixed model.
+"""`Naming`: effects that a model lacks, found and confirmed by one mixed model.
 
 Groups of all families at all places, and everywhere, are searched on fitted rows; unseen rows may
-only take out what was found. What stays is written as parts of a model: one shape each, refined
-between those of its grid, at the places where it is sure.
+only remove them. The remaining groups become parts of a model, at the places where they are sure.
+Each has one shape, which is refined between the shapes of the grid.
 """
 
 from __future__ import annotations
@@ -187,7 +187,7 @@ class Naming:
     def coordinates(self) -> tuple[Array, Array]:
         """Base parameters of the completed model by values of the model and of all parts.
 
-        ``β = base + C x``, C (b, d + m), and what standard deviation x is known to have, (d + m,).
+        ``β = base + C x``, C (b, d + m), and the prior standard deviation of x, (d + m,).
         """
         known, completed, names = self.known, self.completed, self.names(self.parts)
         own = self.of(self.problem.plain) @ known.directions
@@ -199,7 +199,7 @@ class Naming:
 
     @property
     def known(self) -> KnownValues:
-        """What is known of the base parameters that parts are added to."""
+        """Prior knowledge of the base parameters to which parts are added."""
         same = self.problem.plain is self.problem.structure
         return self.problem.known if same else know_nothing(self.problem.plain)
 
@@ -279,7 +279,8 @@ class Naming:
     def best(self) -> Array:
         """Base parameters (b,) of the completed model to predict with.
 
-        Those of the nearest real robot where it predicts parts of the fitted logs as well.
+        They are those of the nearest physical robot if it predicts parts of the fitted logs as
+        well.
         """
         if self.real is not None and self.real.as_good:
             return self.real.base
@@ -301,7 +302,7 @@ class Naming:
 
 
 def without_last(naming: Naming, count: int) -> Naming:
-    """Return a naming of the first parts; the last ones may be present beside them."""
+    """Return a naming of the first parts; the last parts become possible effects."""
     first, last = naming.parts[:count], naming.parts[count:]
     placed = [(p, replace(p.term.group, place=p.candidate.place)) for p in last]
     more = [(replace(p.term, group=group), p.left_out) for p, group in placed]
@@ -312,7 +313,7 @@ def without_last(naming: Naming, count: int) -> Naming:
 
 
 def look(problem: Problem, effects: Iterable[str] | None = None) -> Naming:
-    """Return what may be missing beside the model of a problem, before anything is named.
+    """Return the effects that the model of a problem may lack, before any is named.
 
     Parameters
     ----------
@@ -348,9 +349,9 @@ def look(problem: Problem, effects: Iterable[str] | None = None) -> Naming:
 
 
 def name_missing(looked: Naming) -> Naming:
-    """Return what is missing: found on fitted rows, not refuted by unseen ones.
+    """Return the missing effects, found on fitted rows and not refuted by unseen rows.
 
-    Of what stands, left-out blocks of the fitted rows decide in which joints it is.
+    Left-out blocks of the fitted rows decide in which joints each confirmed effect acts.
     """
     looked, kept = _search(looked)
     gains = dict[tuple[str, str], float]()
@@ -390,7 +391,7 @@ def _search(looked: Naming) -> tuple[Naming, Terms]:
 
 
 def _with_missing(looked: Naming, missing: Missing) -> Naming:
-    """Return a naming that asks for effects along other rows, or beside other noise."""
+    """Return a naming that searches effects along other rows, or with another noise model."""
     return replace(looked, asked=missing, whole=missing.model(), missing=missing)
 
 
@@ -465,10 +466,11 @@ def _block_edges(rows: Excerpt) -> list[int]:
 
 
 def _gains_left_out(model: MixedModel, terms: Terms, blocks: Information) -> tuple[Array, Array]:
-    """Return what each term gains on left-out blocks, and what it must gain there, (t,) [nat].
+    """Return the gain of each term on left-out blocks, and the gain that it needs, (t,) [nat].
 
-    A law is an approximation: of several terms in a joint, all but the likeliest may be its error,
-    and must gain a share of what they gain together. The likeliest may be a family everywhere.
+    A law is an approximation. The likeliest term of a joint may leave an error that other terms
+    fit. Each other term must therefore gain a share of their joint gain. The likeliest may be a
+    family everywhere.
     """
     here = dict[str, list[int]]()
     for k, term in enumerate(terms):
@@ -485,7 +487,7 @@ def _gains_left_out(model: MixedModel, terms: Terms, blocks: Information) -> tup
 
 
 def _confirm(looked: Naming, found: Terms) -> tuple[Terms, dict[tuple[str, str], float]]:
-    """Return the terms that unseen rows do not refute, and what all gain on these, by key."""
+    """Return the terms that unseen rows do not refute, and the gains of all terms there, by key."""
     model, gains = looked.whole, dict[tuple[str, str], float]()
     products = looked.asked.products(looked.unseen.seen, among=found)
     kept = model.confirm(found, products)
@@ -534,7 +536,7 @@ def _family(missing: Missing, term: Term) -> Family:
 
 
 def _candidates(missing: Missing, model: MixedModel, terms: Terms, k: int) -> list[Candidate]:
-    """Return what a term is written as: one candidate a place."""
+    """Return the candidates of a term in a model, one for each place."""
     term, rest = terms[k], terms[:k] + terms[k + 1 :]
     sets = missing.sets[term.key]
     chosen = sets[min(term.member, len(sets) - 1)]
@@ -579,7 +581,7 @@ def _refined(
 ) -> list[Candidate]:
     """Return a continuous family at its places, with the likeliest shape between those of its grid.
 
-    It is where the parabola through the likeliest of the grid and those beside it is highest.
+    A parabola through the likeliest grid shape and its two neighbours has its maximum there.
     """
     odds = _odds_of_each(model, rest, group, group.members[: len(sets)])
     at = where = int(odds.argmax())
@@ -623,7 +625,7 @@ SHORTEST: Tolerance = 0.5
 def _parts_of_time(rows: Excerpt) -> tuple[np.ndarray, np.ndarray]:
     """Return rows at which parts of time begin, and the end of the last; and which log each is of.
 
-    What is shorter than two parts is a burst.
+    A change shorter than two parts is an outlier segment.
     """
     begins, log = [0], list[int]()
     for n in np.unique(rows.log):
@@ -637,10 +639,10 @@ def _parts_of_time(rows: Excerpt) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _stays(log: np.ndarray) -> np.ndarray:
-    """Return the first part of time, and the one after the last, that a change may have, (w, 2).
+    """Return the possible intervals of a change, (w, 2): first part of time, and end part.
 
-    Of one log alone what ended in it says as much as what began then. Of most of what was logged
-    nobody knows which part is odd.
+    In a single log, a change that ends is the same as a change that begins. If a change lasts for
+    most of a log, nobody knows which part changed.
     """
     out = []
     for n in np.unique(log):
@@ -652,7 +654,7 @@ def _stays(log: np.ndarray) -> np.ndarray:
 
 
 def _session(rows: ResidualRows, begins: np.ndarray, log: np.ndarray) -> Array:
-    """Return how what warms up through a session may go, by part of time, (2, P)."""
+    """Return time courses of warm-up through a session, by part of time, (2, P)."""
     lasting = np.array([np.ptp(s.output_times()) for s in rows.samples])
     clock = rows.seen.t[begins[:-1]] + (np.cumsum(lasting) - lasting)[log]
     x = (clock - clock.min()) / max(float(np.ptp(clock)), 1e-9)
@@ -695,10 +697,10 @@ class _Grid:
 
 
 def find_change_in_log(naming: Naming, effects: Collection[str] | None = None) -> Change | None:
-    """Return the likeliest change in the middle of a log beside what was named, if it is sure.
+    """Return the likeliest change in the middle of a log, given the named effects, if it is sure.
 
-    No unseen motion can take it out: it needs what both thresholds ask together, and nothing that
-    is there all the time may be a rival. Of two logs nobody knows which is odd.
+    Unseen motion cannot refute a change. It must therefore exceed both thresholds together, and no
+    permanent effect may compete with it. For two logs nobody knows which log changed.
 
     Parameters
     ----------
@@ -811,7 +813,7 @@ class _Stay:
 
     @property
     def title(self) -> str:
-        """What it is and where, in words."""
+        """Name and place of the effect."""
         family = self.candidate.family
         what = "load" if family.name == "payload" else family.title
         return f"{what} of {self.candidate.place}"
@@ -895,7 +897,7 @@ def _odds_of_stay(
 
 
 def _ends(at: np.ndarray, likely: Array, time: Array) -> tuple[float, float]:
-    """Return between which instants 95 % of what is likely lies, a part more on each side."""
+    """Return the 95 % interval of an instant, widened by one part of time on each side."""
     inside = (at >= 0) & (at < len(time))
     share = np.cumsum(np.bincount(at[inside], likely[inside], len(time)))
     low, high = np.searchsorted(share, [0.025, 0.975]).tolist()
@@ -911,9 +913,9 @@ def without_outliers(problem: Problem, outliers: Outliers) -> Problem:
 
 
 def leave_out(problem: Problem, change: Change) -> Problem | None:
-    """Return a problem without what was logged while a change lasted; None if too little is left.
+    """Return a problem without the rows of a change; None if too few rows remain.
 
-    So is when it may have lasted.
+    The uncertainty of its start and end is left out as well.
     """
     at = [s.name for s in problem.samples].index(change.log)
     every = [x for x in (problem.samples, problem.excerpt) if x]

@@ -1,4 +1,4 @@
-"""`Problem`: what is diagnosed, what is known of its values, and the rows of its residual."""
+"""`Problem`: the diagnosed model, prior knowledge of its values, and the rows of its residual."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from identifiability.workflows.predict import Fit, Predicts, read_fit
 
 @frozen
 class Problem(OfStructure):
-    """What is diagnosed, and from what.
+    """The diagnosed model and its logs.
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ Given = bool | float | str | Path | Fit | Predicts
 
 @frozen(kw_only=True)
 class KnownValues(Known):
-    """Base parameters of which something is known beside the logs.
+    """Base parameters with prior knowledge from sources other than the logs.
 
     Attributes
     ----------
@@ -126,7 +126,7 @@ class KnownValues(Known):
 
     @property
     def root(self) -> Array:
-        """Rows about the coordinates of what is known, each of variance 1."""
+        """Rows of the prior knowledge of the coordinates, each of variance 1."""
         return np.diag(np.sqrt(self.precision))[self.precision > 0]
 
     @property
@@ -136,7 +136,7 @@ class KnownValues(Known):
 
     @property
     def hint(self) -> str:
-        """What is kept near the file, in one sentence."""
+        """A sentence on the values that are kept near the file."""
         return phrase("kept", "near", share=self.share)
 
 
@@ -193,7 +193,7 @@ def know_share(share: float, structure: Structure, *, refitted: bool = False) ->
 
 
 def _know_rows(rows: Array, aim: Array, structure: Structure) -> Known:
-    """Return what rows about the standard parameters, each of variance 1, say of the base."""
+    """Return the knowledge of the base parameters from unit-variance rows of the standard ones."""
     size = np.linalg.norm(rows, axis=0)
     size = np.where(size > 0, size, 1.0)
     scaled, G = rows / size, structure.G / size
@@ -206,7 +206,7 @@ def _know_rows(rows: Array, aim: Array, structure: Structure) -> Known:
 
 
 def read_given(given: Given, robot: Robot) -> tuple[Fit | None, str]:
-    """Return the fit whose values are kept, if it is one's, and what to call it."""
+    """Return the fit whose values are kept, or None, and its name in messages."""
     if isinstance(given, str | Path):
         return read_fit(given, robot), Path(given).name
     if isinstance(given, Predicts):
@@ -217,7 +217,8 @@ def read_given(given: Given, robot: Robot) -> tuple[Fit | None, str]:
 def know_fit(fit: Fit, structure: Structure, name: str) -> KnownValues:
     """Return the values of a fit with their covariance, that of the unpruned model.
 
-    What a reduced model leaves out is not known to be nothing: it is only too small to be seen.
+    Parameters that a reduced model omits are not known to be zero. They are only too small to be
+    seen.
 
     Parameters
     ----------
@@ -291,7 +292,7 @@ class ResidualRows:
         return q, dq, ddq
 
     def along(self, j: int) -> dict[str, Array]:
-        """Return what the residual of joint j may depend on, each (N,)."""
+        """Return variables that the residual of joint j may depend on, each (N,)."""
         q, dq, ddq = (x[:, j] for x in self.states)
         out = {"velocity": dq, "position": q, "acceleration": ddq, "load": self.measured[:, j]}
         out |= {"time": self.seen.t, "log": self.seen.log}
@@ -441,10 +442,10 @@ def along_rollouts(
 ) -> tuple[Dataset, ...]:
     """Return samples of logs of commands along the motion of their rollouts.
 
-    Torque of commands is made of the very positions that columns are made of, so that steps of
-    encoders stand in both, and columns that no fit was calibrated for look like them. What torque
-    is more than the rolled out robot's along the measured motion is put upon what it is along the
-    rollout, which differs little from it and has no steps.
+    Torque from commands and the columns use the same positions, so encoder steps are in both.
+    Columns for which no fit was calibrated then correlate with these steps. The returned motion is
+    therefore the rollout, which has no steps and differs little from the measured motion. Its
+    torque is corrected by the change of the rolled-out robot's torque between the two motions.
 
     Parameters
     ----------

@@ -109,7 +109,7 @@ class Placement:
 
 @frozen
 class Curve:
-    """What an effect was learned to be, along the fitted motion.
+    """Learned law of an effect along the fitted motion.
 
     Attributes
     ----------
@@ -185,7 +185,7 @@ class NamedEffect:
 
     @property
     def unseen(self) -> float:
-        """What it gains on unseen motion [nat]."""
+        """Gain of the effect on unseen motion [nat]."""
         return min(p.unseen for p in self.placements)
 
     @property
@@ -329,7 +329,7 @@ class Diagnosis(Result, Predicts):
 
     @property
     def known(self) -> KnownValues:
-        """What is known of the model's values before the logs."""
+        """Prior knowledge of the model's values."""
         return self.problem.known
 
     @property
@@ -382,7 +382,7 @@ class Diagnosis(Result, Predicts):
 
     @property
     def mass_warning(self) -> str:
-        """What is wrong with the total mass of the nearest real robot; empty if nothing is."""
+        """A warning if the total mass of the nearest physical robot is wrong; else empty."""
         known = None if self.forward is None else self.forward.nearest
         return "" if known is None else state_mass(self.robot, known.values, known.cad_weight)
 
@@ -394,7 +394,7 @@ class Diagnosis(Result, Predicts):
 
     @cached_property
     def refitted(self) -> tuple[Information, Known]:
-        """A refit of the model with the named effects, whatever was known beforehand."""
+        """A refit of the model with the named effects, without prior knowledge of the values."""
         information, fit, *_ = self.refit
         return information, Known.of(information, fit, np.random.default_rng(self.seed), 0)
 
@@ -431,7 +431,7 @@ class Diagnosis(Result, Predicts):
     @property
     @presented
     def unexplained(self) -> str:
-        """What is left, in words."""
+        """Description of the remaining residual."""
         raise NotImplementedError
 
     def rows_by_name(self) -> Iterator[Row]:
@@ -481,7 +481,7 @@ class Diagnosis(Result, Predicts):
         return found if self.moved is None else found | {"rollout": self.moved.to_rollout()}
 
     def _missing(self) -> dict[str, Any]:
-        """Return what is missing, what is not, and what stays unexplained, for JSON."""
+        """Return missing effects, refuted effects and the unexplained residual, for JSON."""
         rms = {x.joint: x.rms for x in self.discrepancies}
         return {
             "effects": [_effect_row(e) for e in self.effects],
@@ -496,7 +496,7 @@ class Diagnosis(Result, Predicts):
         }
 
     def _roles(self) -> dict[str, Any]:
-        """Return what chose, what verified, and what was left out, for JSON."""
+        """Return the logs that chose, verified and were left out, for JSON."""
         return {
             "chosen": "by the evidence of the fitted logs",
             "verified": self.verified_on,
@@ -590,9 +590,9 @@ def logs_disagree(d: Diagnosis) -> bool:
 
 
 def keep_completed(d: Diagnosis) -> Fit:
-    """Return the model with the named effects, with the values that its error is stated of.
+    """Return the model with the named effects, with the values whose error is stated.
 
-    Intervals are those of a refit, whatever was known beforehand.
+    Intervals are those of a refit without prior knowledge of the values.
     """
     structure = d.completed
     submodel = full_model(structure.base, "the diagnosed model")
@@ -641,10 +641,10 @@ def _as_physical(structure: Structure, found: PhysicalResult) -> Physical:
 
 
 def real_robot(d: Diagnosis, structure: Structure, weight: float | None = None) -> Physical:
-    """Return the real robot of a diagnosis under the model without or with the named effects.
+    """Return the physical robot of a diagnosis under the model without or with the named effects.
 
-    It is drawn to the robot file with a weight, where one is given, and the same one is compared.
-    With the file's values kept it is these, and what the named effects add.
+    A given weight pulls it to the robot file, the same for both models. If the file's values are
+    kept, it has these values and those of the named effects.
 
     Raises
     ------

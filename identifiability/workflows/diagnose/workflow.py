@@ -1,8 +1,8 @@
 """`diagnose`: find, name, add, verify; each stage can be called by itself.
 
-Another reading of the torque columns, or gravity far from the file's, is found before all else
-(`alternatives`), since under a wrong model much seems to be missing that is not: what is diagnosed
-is then the model that the fitted logs prefer.
+`alternatives` first looks for another reading of the torque columns, or gravity far from the
+file's. Under a wrong model many effects seem to be missing. The diagnosis then uses the model that
+the fitted logs prefer.
 """
 
 from __future__ import annotations
@@ -241,10 +241,10 @@ def _diagnose_logs(
 
 
 def common_delay(effects: Sequence[NamedEffect], joints: Sequence[str]) -> float:
-    """Return by how much commands act later at most joints than their log was corrected for [s].
+    """Return the median over joints of the command delay that is not yet corrected [s].
 
-    A log's delay is found from all joints together, so that one that is late, or whose gain is
-    wrong, makes the others early. What most of them have in common is the log's.
+    The delay of a log is estimated from all joints together. One delayed joint, or one with a wrong
+    gain, makes the others seem early. The delay that most joints share belongs to the log.
     """
     placements = [p for e in effects if e.name == CommandDelay.name for p in e.placements]
     delays = {p.place: float(p.values[0]) for p in placements}
@@ -255,7 +255,7 @@ def common_delay(effects: Sequence[NamedEffect], joints: Sequence[str]) -> float
 def _with_context(
     case: Case, request: Request, found: Diagnosis, data: Data, *, quick: bool, seed: int
 ) -> Diagnosis:
-    """Return a diagnosis with what its logs, its options and its model ask to be said."""
+    """Return a diagnosis with the hints on its logs, options and model."""
     # Torque of commands is calibrated with the cut-off.
     band = getattr(found.preparation, "band", None)
     said = () if found.commanded else say_band(band, names=True)
@@ -298,7 +298,7 @@ def _list_options(case: Case, request: Request, found: Diagnosis) -> dict[str, A
 def pose_problem(
     case: Case, request: Request, run: Run, recordings: Recordings | None = None
 ) -> tuple[Problem, Data]:
-    """Return what is diagnosed, and the logs under the reading that fits them.
+    """Return the problem and the logs under the reading that fits them.
 
     Parameters
     ----------
@@ -328,7 +328,7 @@ def pose_problem(
 def _problem_of(
     case: Case, request: Request, known: KnownValues, data: Data, run: Run
 ) -> tuple[Problem, Data]:
-    """Return what is diagnosed of prepared logs, and the samples of which errors are stated.
+    """Return the problem of prepared logs, and the samples whose errors are stated.
 
     Parameters
     ----------
@@ -495,7 +495,7 @@ def recommend(
 def _as_diagnosed(structure: Structure, diagnosed: Structure, base: Array) -> Array | None:
     """Return recommended values as base parameters of the diagnosed model; None if it lacks some.
 
-    A recommended model that leaves out what the diagnosed one lacks is the diagnosed one.
+    Both models are the same if the recommended one omits all that the diagnosed one lacks.
     """
     common = [n for n in structure.columns if n in diagnosed.columns]
     G, to = (s.G[:, [s.columns.index(n) for n in common]] for s in (structure, diagnosed))
@@ -547,7 +547,7 @@ def name_effects(
 def take_loads(naming: Naming, engine: Engine) -> Naming:
     """Return a naming whose load-dependent columns are those of the fit with all names.
 
-    Without the names masses are wrong, and so is the torque that a wrong scale multiplies.
+    Without the named effects masses are wrong. A wrong scale then multiplies a wrong torque.
     """
     problem = naming.problem
     loaded = is_loaded(naming.completed.parameters)
@@ -599,7 +599,7 @@ def _last(changes: Sequence[Change], samples: Sequence[Dataset]) -> bool:
 def _choose_values(
     case: Case, robot: Robot, request: Request, *, commanded: bool
 ) -> tuple[Structure, KnownValues]:
-    """Return what is diagnosed, and what is known of the values that it keeps."""
+    """Return the diagnosed model, and the knowledge of the values that it keeps."""
     fixed = request.fixed
     fit, name = read_given(fixed, robot)
     if fit is not None and request.model is None:
@@ -657,8 +657,8 @@ def verify_effects(
 ) -> Verified:
     """Return the effects that predict better on folds and that unseen motion does not refute.
 
-    Folds of the fitted logs choose what predicts, and unseen motion may refute that. What came last
-    is left out first.
+    Folds of the fitted logs choose the effects, and unseen motion may refute them. The last effect
+    found is removed first.
 
     Parameters
     ----------
@@ -766,7 +766,7 @@ def _list_effects(
 
 
 def _list_odds(found: Gains) -> tuple[Odds, ...]:
-    """Return terms with what they gain on rows that they were not fitted to."""
+    """Return terms with their gains on rows to which they were not fitted."""
     return tuple(Odds(t.group.family, place_of(t), t.odds, unseen=x) for t, x in found)
 
 
@@ -778,7 +778,7 @@ def _list_evidence(naming: Naming) -> tuple[Odds, ...]:
 
 
 def _place(naming: Naming, k: int) -> Placement:
-    """Return what is known of a part."""
+    """Return the placement of a part: values, torque, odds and rivals."""
     part, c = naming.parts[k], naming.parts[k].candidate
     value, covariance = naming.values(k)
     parameters = part.parameters(naming.problem.robot)
@@ -802,9 +802,9 @@ def _place(naming: Naming, k: int) -> Placement:
 
 
 def _unfiltered(naming: Naming, part: Part) -> Array:
-    """Return the columns of a part as they are, (N, n, m).
+    """Return the columns of a part without the low-pass, (N, n, m).
 
-    The low-pass leaves what depends on where the motion came from.
+    Low-passed columns depend on the past of the motion.
     """
     robot, rows, effect = naming.problem.robot, naming.fitted, Placed([part])
     columns = np.zeros((*rows.measured.shape, len(effect.parameters(robot))))
@@ -813,7 +813,7 @@ def _unfiltered(naming: Naming, part: Part) -> Array:
 
 
 def _curve(naming: Naming, left: Array, k: int, placed: Placement) -> Curve:
-    """Return what a part was learned to be, along the fitted motion."""
+    """Return the learned law of a part along the fitted motion."""
     c, rows = naming.parts[k].candidate, naming.fitted
     robot = naming.problem.robot
     columns = {j: naming.columns([k], j) for j in naming.acts(k)}

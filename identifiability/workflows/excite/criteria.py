@@ -1,6 +1,7 @@
-"""What an exciting motion is good for: criteria on Gram matrices ``WᵀW``, of a `Question`.
+"""Criteria of an exciting motion, on Gram matrices ``WᵀW``, for a `Question`.
 
-A question says which columns a motion should tell apart, and what logs say of them already.
+A question lists the columns that a motion should separate. `Known` holds the information of earlier
+logs.
 """
 
 from __future__ import annotations
@@ -67,7 +68,7 @@ class LogDet:
 
 @frozen
 class Ask:
-    """A true effect of known size, and what else it may be taken for.
+    """A true effect of known size, and the rival that it may be confused with.
 
     Attributes
     ----------
@@ -87,11 +88,11 @@ class Ask:
 
 @frozen
 class Discrimination:
-    """What of true effects of known size neither the model nor a rival explains.
+    """The part of true effects of known size that neither the model nor a rival explains.
 
     T-optimality [Atkinson & Fedorov 1975]: half of these squares, the non-centrality, is the
     expected logarithm of the likelihood ratio. Gram matrices are in units of the noise. The
-    harmonic mean over `asks` counts, so that what is told apart already weighs little. The first
+    criterion is the harmonic mean over `asks`, so that separated effects weigh little. The first
     `model` columns are the model.
     """
 
@@ -189,7 +190,7 @@ class Question:
 
 @frozen
 class Known:
-    """What logs say already.
+    """Information of earlier logs.
 
     Attributes
     ----------
@@ -253,7 +254,7 @@ def add_beside(structure: Structure, effects: Sequence[Effect]) -> Question:
 
 
 def know_nothing(question: Question, planned: int) -> Known:
-    """Return what is known without logs; the next log has the planned samples."""
+    """Return the knowledge without logs; the next log has the planned samples."""
     k, n = len(question.columns), len(question.structure.robot.actuated)
     nominal = zip(question.structure.base.names, question.structure.nominal_base, strict=True)
     filed = dict(nominal)
@@ -262,7 +263,7 @@ def know_nothing(question: Question, planned: int) -> Known:
 
 
 def gather_known(regression: Regression) -> Known:
-    """Return what logs say of the columns of a question."""
+    """Return the information of logs on the columns of a question."""
     k, samples = len(regression.parameters), regression.samples
     information = gather_information(regression)
     fit = estimate(information)

@@ -1,4 +1,4 @@
-"""What a motion must keep: `Limits`, loops, leaps, drives and collisions.
+"""Constraints of a motion: `Limits`, loops, jumps, drives and collisions.
 
 `Limits` say how far, how fast and how hard joints may move. Beyond those of single joints,
 candidates may lose loops or ask too much of drives by the nominal model, and bodies may come near
@@ -42,7 +42,7 @@ from identifiability.simulation.mujoco_robot import MujocoRobot, compile_shapes
 
 
 class LimitsFile(RootModel[dict[str, LimitEntry]]):
-    """The file: joints and what replaces their limits."""
+    """A limits file: joints and replacements of their limits."""
 
 
 @frozen
@@ -189,7 +189,7 @@ class Clearance:
 
     @staticmethod
     def of(robot: Robot) -> tuple[Clearance | None, str]:
-        """Return what to watch, and a sentence on what is not watched, and why."""
+        """Return the clearance to watch, and a sentence on unwatched pairs with the reason."""
         if robot.cables:
             return None, phrase("collisions", "tendons", file=robot.path.name)
         try:
@@ -234,7 +234,7 @@ def _find_pairs(shapes: MujocoRobot) -> np.ndarray:
 
 
 def nearness(gaps: Array) -> Array:
-    """Return what each sample costs: nothing from twice the margin on, 1 at contact."""
+    """Return the cost of each sample: 1 at contact, zero from four clearances on."""
     near: Array = np.maximum(1.0 - np.asarray(gaps) / (4 * CLEARANCE), 0.0) ** 2
     return near
 
@@ -244,7 +244,7 @@ def nearness(gaps: Array) -> Array:
 
 @frozen
 class Drive:
-    """The nominal model, and what its drives can do.
+    """The nominal model, and the limits of its drives.
 
     Attributes
     ----------
@@ -260,7 +260,7 @@ class Drive:
 
     @staticmethod
     def of(robot: Robot, limits: Limits) -> Drive | None:
-        """Return the drives of a robot; None where nobody stated what they can do."""
+        """Return the drives of a robot; None where no limit of a drive is stated."""
         if not (np.isfinite(limits.torque).any() or np.isfinite(limits.power).any()):
             return None
         structure = Structure.of(robot, Model.of(*default_effects(robot, USUAL_EFFECTS)))
@@ -284,7 +284,7 @@ INNER: Tolerance = 0.9
 
 @frozen
 class Workspace:
-    """What candidates do outside their joints' limits.
+    """Violations by candidates of constraints other than joint limits.
 
     Attributes
     ----------
@@ -310,7 +310,7 @@ class Workspace:
         return kept
 
     def cost(self, bound: float) -> Array:
-        """Return what is added to the cost of candidates, (m,): nothing well inside."""
+        """Return the penalty of candidates, (m,); it is zero well inside the workspace."""
         with np.errstate(divide="ignore"):
             near = np.maximum(np.log(np.minimum(self.condition, 1e12) / (INNER * bound)), 0.0)
         heavy = np.maximum(np.log(np.maximum(self.load, INNER) / INNER), 0.0)
@@ -327,7 +327,7 @@ def survey(
     step: float,
     drive: Drive | None = None,
 ) -> Workspace:
-    """Return what candidates do, from the motion of all of them one after the other.
+    """Return the violations by candidates, from the concatenated motion of all candidates.
 
     Parameters
     ----------

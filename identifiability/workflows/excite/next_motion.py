@@ -1,9 +1,8 @@
-"""`NextMotion`: what to measure next, so that "A or B" becomes A, or B.
+"""`NextMotion`: the next motion to measure, so that "A or B" becomes A, or B.
 
-The motion makes the torque that was named as unlike as it can what its rivals explain beside the
-rest of the model, with the logs there are. The logarithm of the likelihood ratio of the true effect
-to its rival is about normal, with half of the non-centrality as its mean and all of it as its
-variance.
+The motion maximises the torque of the named effect that its rivals and the rest of the model cannot
+explain, together with the earlier logs. The log likelihood ratio of the true effect to its rival is
+about normal. Its mean is half of the non-centrality, and its variance is the non-centrality.
 """
 
 from __future__ import annotations
@@ -95,7 +94,7 @@ class NextMotion:
         return write_json(path, self.to_dict())
 
     def to_dict(self) -> dict[str, Any]:
-        """Return a trajectory file with what is known of the motion beside it."""
+        """Return a trajectory file with the properties of the motion."""
         told = {"separates": list(self.names), "chance": self.chance}
         told |= {"before": self.before, "periods": self.periods}
         return {**self.excitation.to_dict(), "comment": self.statement, "next": told}
@@ -156,7 +155,7 @@ def find_next(
 def decision_chance(squares: Array) -> Array:
     """Return the chance that log likelihood ratios exceed the odds up to which it is "A or B".
 
-    `squares` are non-centralities: what of the true effect is outside of model and rival.
+    `squares` are non-centralities: squares of the true effect's part outside of model and rival.
     """
     squares = np.maximum(squares, 1e-12)
     chance: Array = ndtr((squares / 2 - RULES.rival) / np.sqrt(squares))
@@ -165,7 +164,7 @@ def decision_chance(squares: Array) -> Array:
 
 @frozen
 class Bench:
-    """What was named and its rivals beside the rest of the model, along the logs.
+    """The named effect, its rivals and the rest of the model, along the logs.
 
     Attributes
     ----------
@@ -218,16 +217,16 @@ class Bench:
         return np.reshape(left > (1.0 - SAME**2) * whole, (-1, 2))
 
     def chance(self, G: Array, told: np.ndarray) -> float:
-        """Return the chance that the least sure of those rivals that are told is decided."""
+        """Return the chance of a decision for the least sure of the separable rivals."""
         each = decision_chance(self.aim.squares(G[None])[:, 0]).reshape(-1, 2)
         some = told.any(1) | ~told.any()
         return float(np.where(told[:, 0], each[:, 0], each[:, 1])[some].min())
 
     def along(self, d: Diagnosis, path: Trajectory) -> Array:
-        """Return what a period of a motion would say, (k, k).
+        """Return the Gram matrix of a period of a motion, (k, k).
 
-        It is prepared like a log: what low-passes torque takes from the columns what is fast, such
-        as where laws of friction differ at a reversal.
+        The motion is prepared like a log. The low-pass removes fast parts of the columns, such as
+        differences of friction laws at a reversal.
         """
         t = np.arange(PREPARED * path.samples) * path.period / path.samples
         q, some = path.motion(t)[0], np.ones((len(t), len(d.robot.joints)))

@@ -1,4 +1,4 @@
-"""`Excitation`: a motion to measure, what it is good for, and what it keeps.
+"""`Excitation`: a motion to measure, its merit, and the limits that it keeps.
 
 A controller plays it from rest, into the periods, back to rest.
 """
@@ -84,12 +84,12 @@ def _keeps(
     return watched is None or float(watched.gaps(whole.q).min()) >= CLEARANCE
 
 
-# `Excitation`: a motion to measure, what it is good for, and what it keeps.
+# `Excitation`: a motion to measure, its merit, and the limits that it keeps.
 
 
 @frozen
 class Merit:
-    """What a motion tells, together with the logs there are.
+    """Information of a motion, together with earlier logs.
 
     Attributes
     ----------
@@ -171,7 +171,7 @@ class Excitation(Result):
     @property
     @presented
     def beside(self) -> str:
-        """What `before` is about."""
+        """Description of the motion of `before`."""
         raise NotImplementedError
 
     @cached_property
@@ -192,7 +192,7 @@ class Excitation(Result):
         raise NotImplementedError
 
     def play(self, rate: float = DEFAULTS.rate, periods: int = 1) -> PrescribedMotion:
-        """Return what a controller plays: from rest, through whole periods, back to rest.
+        """Return the motion for a controller: from rest, through whole periods, back to rest.
 
         Parameters
         ----------
@@ -218,7 +218,7 @@ class Excitation(Result):
         raise LogError(Finding("excite.rest", motion=path.name, robot=self.robot.name))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return a trajectory file with what is known of the trajectory beside it."""
+        """Return a trajectory file with the properties of the trajectory."""
         path = self.trajectory
         joints = {
             name: {
@@ -286,11 +286,11 @@ class Excitation(Result):
     @property
     @presented
     def worth(self) -> str:
-        """What the motion tells, in words; nothing of what only `diagnose --next` asks."""
+        """Description of the merit of the motion; empty for motions of `diagnose --next`."""
         raise NotImplementedError
 
     @property
     @presented
     def limits_statement(self) -> str:
-        """What the motion keeps, in words."""
+        """Description of the limits that the motion keeps."""
         raise NotImplementedError

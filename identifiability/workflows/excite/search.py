@@ -1,4 +1,4 @@
-"""Candidate motions, what they keep by construction and cost, and the search among them.
+"""Candidate motions within limits, their cost, and the search among them.
 
 Many random candidates, the best of them improved one after the other.
 """
@@ -160,12 +160,12 @@ class Objective:
 
     @cached_property
     def drive(self) -> Drive | None:
-        """What the drives can do, if it was stated."""
+        """The drives with their limits, if any limit is stated."""
         return Drive.of(self.question.structure.robot, self.limits)
 
     @cached_property
     def watched(self) -> tuple[Clearance | None, str]:
-        """What of the robot may collide, or the sentence that says why nothing is watched."""
+        """The pairs that may collide, or a sentence on why none is watched."""
         return Clearance.of(self.question.structure.robot)
 
     def __call__(self, x: Array) -> Array:

@@ -132,7 +132,7 @@ def _pose(
     run: Run,
     planned: int | None,
 ) -> tuple[Question, Known, Data | None]:
-    """Return the question about a robot as logs show it, what they say, and the logs.
+    """Return the question about a robot as logs show it, their information, and the logs.
 
     Parameters
     ----------
@@ -177,7 +177,7 @@ def find_motion(
     evaluations: int,
     name: str = "excite",
 ) -> Excitation:
-    """Find the motion that answers a question best beside what is known.
+    """Find the motion that answers a question best, given earlier information.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ def find_motion(
 
 
 def _judge(objective: Objective, noisy: Objective, x: Array | None, samples: int) -> Merit:
-    """Return what a motion tells, or the logs' motion measured again for None.
+    """Return the merit of a motion; None means the motion of the logs, measured again.
 
     Parameters
     ----------

@@ -140,7 +140,7 @@ def write_parameters(
     reference: Mapping[str, float] | None = None,
     comment: str = "",
 ) -> Written:
-    """Write a robot file with other parameters; what it cannot hold stands in its sidecar.
+    """Write a robot file with other parameters; a sidecar holds the values that it cannot.
 
     Parameters
     ----------
@@ -292,7 +292,7 @@ class Exported:
     @property
     @presented
     def statement(self) -> str:
-        """What the files hold, in words."""
+        """Description of the files."""
         raise NotImplementedError
 
 
@@ -306,7 +306,7 @@ def export(
     validate: Logs = (),
     force: bool = False,
 ) -> Exported:
-    """Write the nearest real robot of a JSON result as a robot file, and a sidecar if it needs one.
+    """Write the nearest physical robot of a JSON result as a robot file, with a sidecar if needed.
 
     Parameters
     ----------
@@ -417,7 +417,7 @@ def _describe(
     kind: Kind | None = None,
     unseen: Unseen | PositionPrediction | None = None,
 ) -> Exported:
-    """Return what was exported, without a function for MuJoCo.
+    """Return the export without a function for MuJoCo.
 
     Parameters
     ----------
@@ -445,7 +445,7 @@ def _describe(
 
 
 def _add_snippet(robot: Robot, found: Exported) -> Exported:
-    """Return what was exported, with a function for MuJoCo where its file lacks torque."""
+    """Return the export, with a function for MuJoCo where its file lacks torque."""
     assert found.sidecar is not None
     read = partial(_reread, robot, found.robot, found.sidecar)
     # Not that of another format's file.
@@ -459,7 +459,7 @@ def _add_snippet(robot: Robot, found: Exported) -> Exported:
 
 
 def _write_patch(robot: Robot, result: Path | str, path: Path, **how: Any) -> Exported:
-    """Write what an export changes in a robot's own file and sidecar: ``patch -p1`` applies it."""
+    """Write the changes of an export to a robot's file and sidecar; ``patch -p1`` applies them."""
     with temporary_folder() as folder:
         made = export(robot, result, Path(folder) / robot.path.name, **how)
         pairs = ((robot.path, made.robot), (robot.sidecar, made.sidecar))
@@ -608,7 +608,7 @@ def _predict_by_file(
 
 
 def _reread(robot: Robot, path: Path, sidecar: Path | None, *, alone: bool) -> Robot:
-    """Return what a robot file says, or says alone, of logs that are named as the robot's are."""
+    """Return the robot of a written file; `alone` leaves out torque that only its sidecar holds."""
     with temporary_folder() as folder:
         given = {} if sidecar is None else tomllib.loads(sidecar.read_text("utf-8-sig"))
         kept = {key: x for key, x in given.items() if not alone or key not in _BESIDE}
@@ -627,7 +627,7 @@ def _reread(robot: Robot, path: Path, sidecar: Path | None, *, alone: bool) -> R
 
 
 def state_servos(robot: Robot, content: ResultEntry) -> str:
-    """Return what an exported robot file says of its servos; nothing where it has none."""
+    """Return a sentence on the servos of an exported robot file; empty where it has none."""
     servo, moved = robot.servo, content.rollout
     if servo is None or moved is None:
         return ""

@@ -1,11 +1,11 @@
 """The path down: from every column to few, one physically meaningful move at a time.
 
-1. What this motion never excites, or excites only together with something else, goes first.
-2. Moves that knowledge of the robot suggests, in the order merge, zero, tie: each is made unless
-   the predictive log density of unseen stretches falls by more than the judge lets a smaller model
-   fall below the best, and by more than its standard error.
-3. Then the group whose loss raises the sum of squares least, until nothing is left. A joint's two
-   Coulomb levels are merged or dropped together, never torn apart.
+1. Columns that this motion never excites, or excites only in combination, are removed first.
+2. Suggested moves come next, in the order merge, zero, tie. A move is refused if it lowers the
+   predictive log density of unseen stretches too far. The fall must exceed its standard error and
+   the tolerance for smaller models.
+3. Then the group is removed that raises the sum of squares least, until none is left. The two
+   Coulomb levels of a joint are merged or removed together.
 
 Of the path the smallest model as good as the best is used.
 
@@ -217,7 +217,7 @@ class WhitenedRegression:
     refits: Refits
 
     def along(self, path: Sequence[Made]) -> list[Step]:
-        """Return nested models with their fits, and what these predict of the folds.
+        """Return nested models with their fits, and their predictions of the folds.
 
         Parameters
         ----------
@@ -239,7 +239,7 @@ class WhitenedRegression:
         return found
 
     def _turn(self, partitions: Sequence[Partition]) -> Array:
-        """Return orthonormal directions (k, k): the first ones span what a model leaves free."""
+        """Return orthonormal directions (k, k); the first ones span the free space of a model."""
         rows = [before.rows_to(after) for before, after in pairwise(partitions)]
         fixed = np.concatenate([np.empty((0, len(self.inverse))), *rows]) @ self.inverse
         fixed /= np.linalg.norm(fixed, axis=1, keepdims=True)
@@ -323,11 +323,11 @@ def whiten_regression(
 
 
 def _see(information: Information, full: Estimate, R: Array, tests: Information) -> Array:
-    """Return what densities are of, ``[Y, e]ᵀ [Y, e]`` of each fold, (F, k + 1, k + 1).
+    """Return the products ``[Y, e]ᵀ [Y, e]`` of each fold, for densities, (F, k + 1, k + 1).
 
-    Noise in the motion is in columns and errors alike: a model that fits it would predict the log's
-    torque better and the robot's worse. Where there are instruments, all is projected on what they
-    see: they have no part in it.
+    Noise in the motion enters both columns and errors. A model that fits this noise predicts the
+    log better and the robot worse. Where there are instruments, columns and errors are projected on
+    them, because instruments do not contain this noise.
     """
     k = information.size
     one = np.eye(k + 1)
@@ -360,7 +360,7 @@ SATISFIED: Tolerance = 1e-5
 
 @frozen
 class Remaining:
-    """What is left to be taken away from the fit to everything.
+    """The fit to all rows after some moves, with the remaining free directions.
 
     Attributes
     ----------
@@ -380,7 +380,7 @@ class Remaining:
 
     @staticmethod
     def of(own: WhitenedRegression) -> Remaining:
-        """Return what all columns are."""
+        """Return the state with all columns."""
         refits = own.refits
         values, vectors = np.linalg.eigh(refits.grams[0])
         seen = np.maximum(values, SATISFIED**2 * values.max(initial=0.0))
@@ -394,7 +394,7 @@ class Remaining:
         )
 
     def after(self, move: Move) -> tuple[Remaining, float]:
-        """Return what is left after a move, and by how much the estimator's loss rises."""
+        """Return the state after a move, and the rise of the estimator's loss."""
         partition = self.partition.apply(move)
         rows = self.partition.rows_to(partition)
         rows = rows / (np.abs(rows) @ self.size)[:, None]
@@ -439,7 +439,7 @@ class Remaining:
 
 @frozen
 class Plan:
-    """What may be done.
+    """Allowed, forced and suggested moves.
 
     Attributes
     ----------
@@ -461,7 +461,7 @@ class Plan:
 
 @frozen
 class Refusal:
-    """A suggested move that was not made, and what it would do to the predictive log density."""
+    """A refused move, and its change of the predictive log density."""
 
     move: Move
     gain: Gain
@@ -477,7 +477,7 @@ Made = tuple[Move | None, Partition]
 
 
 def walk(fit: WhitenedRegression, plan: Plan) -> tuple[list[Step], list[Refusal]]:
-    """Return the models from a fit of all columns down, and what was refused on the way."""
+    """Return the models from a fit of all columns down, and the refused moves."""
     left, made = _force(Remaining.of(fit), plan.forced)
     refused = []
     for kind in (Kind.OFFSET, Kind.MERGE, Kind.ZERO, Kind.TIE):
@@ -500,7 +500,7 @@ def walk(fit: WhitenedRegression, plan: Plan) -> tuple[list[Step], list[Refusal]
 
 
 def _force(left: Remaining, forced: Sequence[Move]) -> tuple[Remaining, list[Made]]:
-    """Return what remains after forced moves, and the models on the way."""
+    """Return the state after forced moves, and the models on the way."""
     made: list[Made] = [(None, left.partition)]
     for move in forced:
         if left.partition.alive(move.zero):
@@ -510,7 +510,7 @@ def _force(left: Remaining, forced: Sequence[Move]) -> tuple[Remaining, list[Mad
 
 
 def _ask_folds(fit: WhitenedRegression, made: Sequence[Made], step: Made) -> Gain:
-    """Return what one more step does to the predictive log density of folds."""
+    """Return the change of the predictive log density of folds by one more step."""
     *_, before, then = fit.along([made[0], made[-1], step])
     return then.score.gain(before.score)
 
@@ -520,7 +520,7 @@ def _ask_folds(fit: WhitenedRegression, made: Sequence[Made], step: Made) -> Gai
 
 @frozen
 class Search:
-    """A path and what it was walked with.
+    """A path, with the regression and the plan of the search.
 
     Attributes
     ----------
@@ -636,7 +636,7 @@ def is_contradicted(whitened: Sequence[Step], measured: Sequence[Step], held_out
 
 
 def first_allowed(steps: Sequence[Step]) -> int:
-    """Return the first step after what must go: what the motion or the user leaves out."""
+    """Return the first step after the removals that the motion or the user forces."""
     kinds = [s.move and s.move.kind for s in steps]
     must = (Kind.UNEXCITED, Kind.FORCED)
     return max((k for k, kind in enumerate(kinds) if kind in must), default=0)

@@ -1,4 +1,4 @@
-"""What a pruning step does to the columns of a model: zero some, or make some equal.
+"""Moves: a pruning step sets columns of a model to zero, or makes some equal.
 
 Moves that knowledge of the robot suggests are declared in its sidecar or proposed from its
 kinematics.
@@ -74,7 +74,7 @@ class Move:
 
     @property
     def text(self) -> str:
-        """What is done, ``zero platform.mz`` or ``slider1.Fc+ = slider1.Fc-``."""
+        """The move as text, ``zero platform.mz`` or ``slider1.Fc+ = slider1.Fc-``."""
         parts = [" = ".join(members) for members in self.tie]
         if self.zero:
             parts.append(f"zero {', '.join(self.zero)}")
@@ -212,7 +212,7 @@ CLOSE: Tolerance = 1e-5
 
 @frozen
 class Attachment:
-    """What fixes a body to another: a point, a hinge line, or a slide that goes one way.
+    """An attachment of a body to another: a point, a hinge line, or a slide along one direction.
 
     Attributes
     ----------
@@ -267,7 +267,7 @@ class Mirror:
 
 
 def attachments(robot: Robot) -> list[list[Attachment]]:
-    """Return what each body is fixed by: its own joint, the joints on it, and loop closures."""
+    """Return the attachments of each body: its joint, the joints on it, and loop closures."""
     joints, links = robot.tree.joints, robot.links
     body_of = {last: k for k, last in enumerate(link.last for link in links)}
     found: list[list[Attachment]] = [[] for _ in links]
@@ -409,7 +409,10 @@ def declared_moves(robot: Robot, columns: Sequence[str]) -> list[Move]:
 
 
 def zero_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
-    """Return what vanishes if bodies are mirror images of themselves, equal bodies together."""
+    """Return moves that zero the columns which mirror symmetry of bodies makes zero.
+
+    Columns of equal bodies are set to zero together.
+    """
     robot = structure.robot
     parts = attachments(robot)
     sets = find_equal_bodies(robot)
@@ -434,7 +437,7 @@ def zero_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
 
 
 def tie_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
-    """Return what becomes equal if bodies of equal chains are equal."""
+    """Return moves that tie columns which become equal if equal chains have equal bodies."""
     sets = find_equal_bodies(structure.robot)
     reach, size = _confine(structure, [(bodies, np.eye(len(GROUPED_KINDS))) for bodies in sets])
     told = np.abs(reach).max(1, initial=0.0) > RANK_TOLERANCE * size

@@ -24,9 +24,9 @@ from .elimination import Refusal, Step
 
 @frozen(kw_only=True)
 class PrunedModel(ModelResult):
-    """One model on the way down, judged with the memory of the chosen model's residual.
+    """One model of the path, judged with the autocorrelation of the chosen model's residual.
 
-    Only the model to use has a real robot beside it.
+    Only the model to use has a physically consistent robot.
 
     Attributes
     ----------

@@ -213,7 +213,7 @@ def weigh_unpruned(
 
 
 def pose_question(case: Case, source: LadderSource, rows: WeightedRows) -> Question:
-    """Return what is pruned: the first model of a ladder, on weighted rows."""
+    """Return the question: the first model of a ladder, on weighted rows."""
     entry = LadderEntry(models=source.entry.models[:1])
     start = build_ladder(entry, rows.data.structure)[0]
     noise_known = estimate_noise(rows.estimator, start.reduce(rows.information))
@@ -272,7 +272,7 @@ def walk_down(
 
 
 def _hint(rows: WeightedRows, models: Sequence[PrunedModel], selected: int) -> tuple[str, ...]:
-    """Return what seems to be wrong with robot file, logs and their cut-off."""
+    """Return findings on robot file, logs and their cut-off."""
     data = rows.data
     other = of_key(data.hints, "alternative")
     return (
@@ -306,10 +306,10 @@ def _check_wishes(start: Submodel, forbid: Sequence[str], force: Sequence[str]) 
 
 
 def _choose(question: Question, search: Search, cad_prior: float | None) -> tuple[int, LadderFit]:
-    """Return the step to use: the smallest as good as the best, and its nearest real robot.
+    """Return the step to use, the smallest as good as the best, and its nearest physical robot.
 
-    What a model with impossible values says of the robot is its nearest real robot. A smaller
-    model whose values a real robot has stands for it if these two predict alike.
+    A model whose values are not physically consistent is replaced by its nearest physical robot. If
+    a smaller model with physically consistent values predicts equally well, that model is used.
     """
     steps, tried = search.steps, []
     held_out = HeldOut.of(
@@ -341,7 +341,7 @@ def _choose(question: Question, search: Search, cad_prior: float | None) -> tupl
 
 @frozen
 class Question:
-    """What is pruned: a model, and what the logs say of all its base parameters.
+    """The model to prune, and the information of the logs on all its base parameters.
 
     Attributes
     ----------
@@ -384,7 +384,7 @@ class Question:
 
 @frozen
 class PathPredictions:
-    """What the models of a path predict, going through the logs once.
+    """Predictions by the models of a path, from one pass through the logs.
 
     Attributes
     ----------
@@ -404,7 +404,7 @@ class PathPredictions:
 
 
 def predict_path(question: Question, search: Search, chosen: LadderFit) -> PathPredictions:
-    """Return what the models of a path predict.
+    """Return the predictions by the models of a path.
 
     Parameters
     ----------
