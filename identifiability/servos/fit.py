@@ -46,7 +46,7 @@ def fit_rollouts(
     delay : float [s], optional
         Where it is known.
     say : callable(str, float)
-        Receives what is being done, and the share of an analysis that is done.
+        Receives the current stage, and the finished share of an analysis.
 
     Raises
     ------

@@ -84,7 +84,7 @@ def follow_commands(
         With the cut-off of all logs.
     rng : Generator
     say : callable(str, float)
-        Receives what is being done, and the share of an analysis that is done.
+        Receives the current stage, and the finished share of an analysis.
     """
     robot = structure.robot
     servo = structure.robot.servo

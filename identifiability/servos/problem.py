@@ -22,7 +22,7 @@ from .positions import explicable, forgotten
 from .rollouts import KINDS
 from .windows import Window
 
-#: Standard deviation of the logarithm of an unknown gain, beside its start.
+#: Standard deviation of the logarithm of an unknown gain about its start.
 LOOSE: Tolerance = 1.0
 
 #: Shares of the inertia, damping and torque of a joint by which its numbers are varied, and of a

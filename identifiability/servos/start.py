@@ -150,7 +150,7 @@ def _list_numbers(machine: CommandedRobot, servo: Servo, log: Log) -> Iterator[M
     inertia = machine.inertia(log.q.mean(0))
     numbers = machine.numbers()
     bodies = inertia - numbers["Ia"]
-    # A rotor that the file lacks is taken to be as large as what the heaviest joint moves.
+    # The start of a rotor that the file lacks is the largest inertia that a joint moves.
     stated = np.where(numbers["Ia"] > 0, inertia, inertia.max())
     highest = 1.0 / signals.sampling_step(log.t)
     for frequency in FREQUENCIES[highest > FREQUENCIES]:

@@ -35,7 +35,7 @@ from .mujoco_robot import MujocoRobot, compile_robot, robot_spec
 #: Coefficients of a coupling of MuJoCo.
 POWERS = 5
 
-#: A motor of unit gain, whatever the defaults of a file are.
+#: A motor of unit gain, independent of the defaults of a file.
 _MOTOR = {
     "gear": [1, 0, 0, 0, 0, 0],
     "gaintype": mujoco.mjtGain.mjGAIN_FIXED,
@@ -172,12 +172,12 @@ def _add_servo(spec: Any, joint: str, servo: Servo, k: int) -> None:
 
 # Forward simulation: many short stretches of motion from measured states, by MuJoCo.
 #
-# What a user does with a fitted model is to simulate with it. Open-loop simulation of a whole log
-# drifts away, whatever the model; short stretches that start from measured states do not, and the
-# error after a given time is a fair figure of merit.
+# Users simulate with a fitted model. Open-loop simulation of a whole log drifts away with any
+# model. Short stretches that start from measured states do not drift. Their error after a given
+# time is a fair figure of merit.
 
 
-#: What is farther than so many ranges of the motion has diverged.
+#: Positions beyond so many ranges of the motion have diverged.
 DIVERGED: Tolerance = 10.0
 #: Impedance of dry friction: how little a joint that sticks creeps.
 HARD: tuple[Tolerance, Tolerance] = (0.9999, 0.9999)
@@ -193,7 +193,7 @@ class ForwardRobot:
         Standard parameters by name; bodies must be possible ones. Those that are not given keep
         the file's values.
     servo : Servo, optional
-        What the model has as actuators, beside the forces of `run`.
+        Actuators of the model. The forces of `run` act in addition.
 
     Raises
     ------

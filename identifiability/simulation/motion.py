@@ -28,7 +28,7 @@ from identifiability.robot import Robot
 
 # Prescribed motion of the actuated joints: Fourier series, from a file or at random, or a table.
 #
-# `PrescribedMotion` is what the simulated robot is made to do; `find_motion` finds the one that a
+# `PrescribedMotion` is the motion of the simulated robot; `find_motion` finds the one that a
 # command names.
 
 

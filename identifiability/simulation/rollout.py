@@ -40,8 +40,8 @@ STEP: Tolerance = 1e-3
 #: Step of rollouts whose differences alone are looked at, in that of others.
 COARSE: Tolerance = 10.0
 
-#: Share of the time in which damping stops a joint that is a step, and of a joint's inertia that is
-#: taken off for steps at most.
+#: Longest step as a share of the time constant of a joint's damping, and largest share of a joint's
+#: inertia that is subtracted for the step.
 LITTLE: Tolerance = 0.4
 
 #: Shortest step as a share of the usual one: a joint that stops sooner is one without inertia.

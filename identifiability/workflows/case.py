@@ -153,7 +153,7 @@ class Data(OfStructure):
     structure : Structure
         The robot under the unpruned model.
     recordings : Recordings
-        What the logs were prepared from.
+        The logs before preparation.
     preparation : Preparation
         How they were prepared, with one cut-off.
     samples, validation : tuple of Dataset
@@ -161,11 +161,11 @@ class Data(OfStructure):
     regression : Regression
         Columns of the base parameters along the fitted motion.
     hints : tuple of str
-        What seems to be wrong with robot file and logs, for the user to check.
+        Possible problems of robot file and logs, for the user to check.
     reading : Reading or None
         Another reading of the logs. It is used if it `holds` and logs are in memory.
     explained : bool
-        Whether a reading or a check explains whatever else contradicts physics.
+        Whether a reading or a check explains all contradictions of physics.
     misread : str
         Why no verdict stands, for after "because"; empty where verdicts do.
     """
@@ -261,12 +261,13 @@ class Case:
     ----------
     robot : Robot, path or shipped name
     logs : log, path, DataFrame, or several
-        What models are fitted to.
+        Logs that models are fitted to.
     validate : the same, or "none", optional
         Held-out logs. Without any, the last log (or the last quarter of the only one) is set aside;
         with "none" all logs are fitted.
     model : path, LadderEntry, result of `prune` or `diagnose`, or None
-        Models that `analyze` compares and `prune` starts from; by default those beside the robot.
+        Models that `analyze` compares and `prune` starts from; by default those in the folder of
+        the robot file.
     preparation : Preparation, optional
         How derivatives are made.
     reading : CarriedReading, optional
@@ -401,7 +402,7 @@ class Case:
         ----------
         ladder : path, LadderEntry, result of `prune`, or None
         beside : bool
-            Whether the default is the ladder beside the robot file.
+            Whether the default is the ladder in the folder of the robot file.
         """
         chosen = self.model if ladder is None else ladder
         return self.stages.once(look_up_ladder, self.robot, chosen, beside)
@@ -615,7 +616,7 @@ class Case:
         return self.at_fit(self.stages.once(complete_model, data, tuple(terms)), run)
 
 
-#: What stands for held-out logs where all logs are to be fitted.
+#: The value of held-out logs that asks to fit all logs.
 NONE = "none"
 
 
@@ -636,7 +637,7 @@ def take_case(
     Raises
     ------
     OptionError
-        If a case is given and logs or a preparation beside it.
+        If a case is given together with logs or a preparation.
     """
     if not isinstance(robot, Case):
         return Case(robot, logs, validate, preparation=preparation, use=use)
@@ -648,7 +649,7 @@ def take_case(
     return robot
 
 
-# The stages: plain functions of what earlier stages returned.
+# The stages: plain functions of the results of earlier stages.
 
 
 def look_up_ladder(robot: Robot, ladder: LadderLike | None, beside: bool) -> LadderSource:

@@ -79,7 +79,7 @@ class CaseFile:
     ----------
     folder : Path
     entry : CaseEntry
-        What the file says.
+        Content of the file.
     """
 
     folder: Path

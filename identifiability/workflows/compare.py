@@ -256,8 +256,8 @@ def compare(
     before, after : log, path, DataFrame, or several
         With columns as for `analyze`.
     ladder : path, LadderEntry or result of `prune`, optional
-        Its first model is the one that logs are compared under; by default that of the case, or
-        the one beside the robot file, else every base parameter, with torque offsets.
+        Its first model is the one that logs are compared under; by default the ladder of the case
+        or of the robot's folder, else all base parameters with torque offsets.
     preparation : Preparation, optional
         How derivatives are made.
     engine : Engine, optional

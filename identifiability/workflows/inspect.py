@@ -70,7 +70,7 @@ class JointFact:
     unit : str
         rad or m.
     remark : str
-        What it follows, where it is locked, which torque along it is known.
+        Joints that it follows, its locked position, known torque along it.
     low, high : float [rad or m]
         Limits of position; NaN where none is known or it is not actuated.
     speed, acceleration : float
@@ -95,9 +95,9 @@ class Need:
     Attributes
     ----------
     text : str
-        What is missing, and what for.
+        The missing fact, and its use.
     line : str
-        What to write into the sidecar; empty where a sidecar does not help.
+        Line to write into the sidecar; empty where a sidecar does not help.
     """
 
     text: str
@@ -198,7 +198,7 @@ class Record:
     ----------
     name, path, sha256 : str
     channels : tuple of str
-        What it has of every joint.
+        Kinds of columns that every joint has.
     clock : mapping
         ``samples``, ``start`` and ``duration`` [s], ``rate`` [Hz], ``jitter`` (what 95 % of the
         steps differ from the usual one at most, as a share of it), ``gaps`` (steps over which
@@ -315,11 +315,11 @@ class Inspection(OfStructure, Result):
         The robot under the unpruned model.
     joints : tuple of JointFact
     needs : tuple of Need
-        What the robot file leaves open.
+        Facts that the robot file lacks.
     records : tuple of Record
         One a log.
     hints : tuple of str
-        What is odd, the same that `analyze` says.
+        Problems, the same that `analyze` says.
     provenance : mapping
         Versions, options, and hashes of the inputs.
     preparation : Preparation
@@ -407,7 +407,7 @@ def inspect(
     preparation : Preparation, optional
         How derivatives are made.
     progress : callable(str, float), optional
-        Called with what is being done and the share that is done.
+        Called with the current stage and the finished share.
     engine : Engine, optional
         Where stretches of logs that are too long for memory are worked on.
 

@@ -222,7 +222,7 @@ def analyze_many(
     Raises
     ------
     IdentifiabilityError
-        If options or the folder cannot be used; what is wrong with one robot stands in its row.
+        If options or the folder cannot be used; errors of a single robot are stated in its row.
     """
     say, folder = progress or quiet, Path(out)
     _check_options(verb, options)

@@ -75,17 +75,17 @@ class LoadEstimate:
     theta : (10,)
         In the order of `GROUPED_KINDS`, about the origin of the body's frame.
     covariance : (10, 10)
-        Of what is told.
+        Of the identifiable parameters.
     root : (10 − d, 10)
         ``|root (θ − theta)|²`` is the distance of another load from this one, in σ².
     unknown : (10, d)
         Directions that the logs do not tell, orthonormal.
     lacks : tuple of str
-        What the model seems to lack in these logs.
+        Effects that the model seems to lack in these logs.
     changes : tuple of Change
         What else differs.
     torque : DifferentTorque
-        Of the first log with the load: what it adds, as measured and by these.
+        Of the first log with the load: its torque, measured and by these parameters.
     """
 
     theta: Array
@@ -228,7 +228,7 @@ def state_quantities(found: LoadEstimate, body: Array, length: float) -> tuple[Q
     body : (10,)
         The real one nearest to it.
     length : float [m]
-        Size of the robot's bodies: where a centre is less certain, it is not told.
+        Size of the robot's bodies: a centre with a wider interval is not identifiable.
     """
     values = describe_body(body)
     half = _half_widths(found, body)
@@ -340,11 +340,12 @@ class Load(Result):
     logs, without : tuple of str
         Logs with the load, and without.
     estimate : LoadEstimate
-        What the logs say by themselves.
+        The estimate from the logs alone.
     motion : Motion
         Of the first log with the load.
     parameters : (10,)
-        Of the nearest real body, in the order of `GROUPED_KINDS`, about the origin of the frame.
+        Of the nearest physically consistent body, in the order of `GROUPED_KINDS`, about the origin
+        of the frame.
     quantities : tuple of Quantity
         Mass, centre, and moments of inertia about it.
     gains : tuple of Quantity
@@ -446,13 +447,13 @@ def payload(
     robot : Robot, path, shipped name, or Case
         The robot that the result is about. The fitted logs of a case are the logs without the load.
     result : Fit, Analysis, Ladder, Diagnosis or path
-        Fitted to logs without the load. What it does not know of the robot enters every interval.
-        Where the load is known it may be logs without it instead: then gains may be anything.
+        Fitted to logs without the load. Its uncertainty enters every interval. Where the load is
+        known it may be logs without it instead: then gains may be anything.
     logs : log, path, DataFrame, or several
         Logs with the load; they are prepared like the fitted ones, with the same cut-off.
     without : the same, optional
-        Logs without the load, best of the same day and along the same motion: what the model
-        lacks acts in both alike.
+        Logs without the load, best of the same day and along the same motion: effects that the
+        model lacks act equally in both.
     body : str, optional
         Which carries the load; by default the last of a chain, or the platform, on which most
         loops end.

@@ -106,8 +106,8 @@ class TorquePrediction(Result):
     predicted : (N, n) [N·m or N]
     mean, low, new : (N, n) [N·m or N]
         Half widths of the 95 % intervals of the mean (the model with its true values), of a new
-        low-passed and of a new raw sample; infinite where the motion acts on what the fitted
-        motion never showed.
+        low-passed and of a new raw sample; infinite where the motion excites directions that the
+        fitted motion did not.
     known : (N, n) bool
         Where torque was measured and is data.
     motion : Motion
@@ -345,20 +345,21 @@ class Fit(Keyed, Predicts):
     preparation : Preparation
         How the fitted logs were turned into motion, with the cut-off that was chosen for them.
     base_covariance, base_unknown : (b, b), (b, d)
-        What the logs do not know of the base parameters, by the unpruned model: a reduced one
-        takes what it leaves out as known. The latter are directions that the motion never showed.
+        Uncertainty of the base parameters under the unpruned model: a reduced model takes omitted
+        parameters as known. The latter are directions that the motion never showed.
     origin : str
         Name of the file that it was read from (reports tell no paths of a machine).
     missing : tuple of str
         Functions of a joint's motion or load that the result says are missing.
     alternatives : (2, b)
-        What functions that are missing did to the base parameters, and its standard deviation.
+        Change of the base parameters by missing functions, and its standard deviation.
     servo : mapping of str to (float, float)
-        ``delay`` [s] and gains, ``<joint>.kp`` and ``<joint>.kv``, that logs told, and how surely.
+        ``delay`` [s] and gains, ``<joint>.kp`` and ``<joint>.kv``, that logs determine, with
+        standard errors.
     reading : CarriedReading or None
         The reading of the fitted logs, and of those that are given to it; None for the literal one.
     hints : tuple of str
-        What differs from when the result was made.
+        Differences from the inputs with which the result was made.
     """
 
     structure: Structure
@@ -733,7 +734,7 @@ def read_real(
     path : path
     robot : Robot
     done : str
-        What is done with it, as a participle.
+        The use of the robot, as a participle.
 
     Raises
     ------
@@ -969,7 +970,7 @@ def move_fitted(
         The fitted standard parameters by name.
     logs : Recordings
     beside : bool
-        Whether a robot moves, too, that is without what was named.
+        Whether a robot without the named effects is moved as well.
     """
     unseen, fitted = (
         tuple(x.select(robot.joints) for x in own if of_commands(x))

@@ -15,7 +15,7 @@ from identifiability.foundation.rounding import format_count, join
 from identifiability.logs import Log
 from identifiability.quality.recordings import Recordings
 
-#: What follows the name of a log in that of a part of it.
+#: Suffix of the name of a part of a log.
 PART = ", part "
 #: Samples of a log that is divided: the part that verifies has a hundred or so.
 FEWEST = int(100 / LAST)

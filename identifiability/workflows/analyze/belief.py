@@ -64,8 +64,8 @@ class Summary:
     chains : (E, K, N, m)
         All draws by ensemble and walker, in order.
     prior_sensitivity : (m,)
-        By how many sd the mean may move where the prior has another density at the edges of what
-        is possible.
+        Change of the mean, in sd, if the prior has another density at the edges of the physical
+        set.
     convergence : Convergence
         Whether the numbers may be shown.
     """
@@ -219,7 +219,7 @@ def state_prior(structure: Structure, data: LeastSquares, share: float = 0.0) ->
     ----------
     structure : Structure
     data : LeastSquares
-        What logs say of its standard parameters.
+        Estimate of its standard parameters from the logs.
     share : float
         Within which bodies are the file's, 0 for the sidecar's.
 
@@ -248,7 +248,8 @@ def state_prior(structure: Structure, data: LeastSquares, share: float = 0.0) ->
                 f"not have{near_match(name, names)}"
             )
         k = names.index(name)
-        # A prior of what cannot be negative may lie so many of its deviations below zero.
+        # The mean of a prior of a nonnegative parameter may lie so many standard deviations below
+        # zero.
         if structure.nonnegative[k] and m + 4.0 * s < 0:
             raise RobotError(
                 f"The sidecar of {robot.path} states the prior {m:g} ± {s:g} for '{name}', which "

@@ -51,11 +51,11 @@ def decide_model(
     full : Estimate or None
         Of all base parameters.
     missing : MissingEffects
-        What may be missing beside these.
+        Effects that may be missing in these.
     late : SharedErrors, optional
-        What errors that all samples share do to the values of a model.
+        Changes of the values of a model by errors that all samples share.
     real : PhysicalResult, optional
-        The nearest real robot: it may be right, too, where it predicts as well.
+        The nearest physically consistent robot: it may be right, too, where it predicts as well.
     """
     structure, submodel, estimate = model.structure, model.submodel, model.estimate
     fit = Fit.of(model.information, estimate, rng, replicates)

@@ -46,7 +46,7 @@ class LadderFit:
     free : Score
         Of the estimated values, on folds.
     real : Score or None
-        The same of the nearest real robot; None where there is none.
+        The same of the nearest physically consistent robot; None where there is none.
     crossed : (F, b, 2)
         Base parameters of both, found from each fold's rest.
     """
@@ -135,7 +135,7 @@ def fit_with_robot(
     ----------
     model : FittedModel
     held_out : HeldOut
-        Folds of what was fitted.
+        Folds of the fitted logs.
     cad_weight : float or None
         As in `fit_ladder`.
     heaviest : float
@@ -180,7 +180,7 @@ class FittedLadder:
     fitted, unseen : Prediction
         By the accounts of each model (`LadderFit.values`), on fitted and on unseen motion.
     shared : SharedErrors
-        What errors that all samples of a log share do to values.
+        Changes of the values by errors that all samples of a log share.
     """
 
     rows: WeightedRows

@@ -67,7 +67,7 @@ class ModelResult:
     submodel : Submodel
     estimate : Estimate
     fit : Fit
-        The estimate with what is not known of it, term by term.
+        The estimate with its uncertainty, term by term.
     verdicts : tuple of Verdict
     infeasible : tuple of str
         Parameters with a sign that physics forbids, the paper's test.
@@ -226,9 +226,9 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
     samples, validation : tuple of Dataset
         Logs that are fitted, and that are held out.
     hints : tuple of str
-        What seems to be wrong with robot file and logs, for the user to check.
+        Possible problems of robot file and logs, for the user to check.
     recordings : Recordings
-        What they were prepared from.
+        The logs before preparation.
     models : tuple of ModelResult
         The unpruned one first.
     information : Information
@@ -244,7 +244,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
     nothing : str
         Why no verdict is believed, for after "because"; empty where they are.
     missing : MissingEffects
-        What may be missing beside the unpruned model.
+        Effects that may be missing in the unpruned model.
     late : (w, b)
         By how much base parameters move by errors that all samples of a log share.
     """

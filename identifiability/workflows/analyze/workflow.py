@@ -45,7 +45,7 @@ from .judge import assess_ladder, select_model, tell_with_file
 from .ladder import FittedLadder, LadderFit, compute_ladder
 from .result import Analysis, ModelResult, compare_logs, doubt
 
-# What is reported beside the models: an unsuitable cut-off, and what the fit says of its logs.
+# Further findings: an unsuitable cut-off, and remarks of the fit on its logs.
 
 
 def say_band(band: Band | None, *, names: bool = False) -> tuple[str, ...]:
@@ -167,12 +167,12 @@ def analyze(
         `DEFAULTS.refits_quick` if `quick`.
     posterior : bool
         Also sample the posteriors of the selected model; costs two to three times the rest. Off
-        everywhere unless asked for: it says more of what the data leave open, and never changes a
-        verdict on what they determine.
+        everywhere unless asked for: it narrows parameters that the data do not determine, and never
+        changes a verdict on the others.
     cad_prior : float, optional
-        Weight of a log-det prior around the bodies of the robot file when the nearest real robot
-        is sought [σ²]; 0 for none. By default the heaviest that predicts stretches of the fitted
-        logs as well as the best.
+        Weight of a log-det prior around the bodies of the robot file in the search for the nearest
+        physical robot [σ²]; 0 for none. By default the heaviest that predicts stretches of the
+        fitted logs as well as the best.
     prior : float, optional
         Share within which the bodies are those of the robot file, such as 0.2: it is a `cad_prior`
         of 1 / (2 share²), and verdicts say what it narrows. By default 0.2 where logs hold commands
@@ -180,7 +180,7 @@ def analyze(
     seed : int
         Of every random choice.
     progress : callable(str, float), optional
-        Called with what is being done and the share that is done.
+        Called with the current stage and the finished share.
     engine : Engine, optional
         Where stretches of logs that are too long for memory are worked on; by default in several
         processes.

@@ -59,11 +59,11 @@ class Calibration(Result):
         Whose motion, model and residual were used.
     model : str
     cell : Cell
-        What was counted, with all causes.
+        Counts of all repetitions, with all causes.
     hints : tuple of str
-        What is odd about robot file and logs, and why something was not measured.
+        Problems of robot file and logs, and reasons for missing measurements.
     provenance : mapping
-        What decided the numbers of the analysis and these.
+        Versions, seeds, options and hashes of the analysis and of this calibration.
     """
 
     schema: ClassVar[str] = "identifiability/calibration/1"

@@ -89,7 +89,7 @@ class Experiment:
     moves : (N, n) bool
         Where torque is data: joints do not dwell; elsewhere columns and torque are zero.
     structure : Structure
-        What is behind the columns: intervals know what the model leaves out.
+        What is behind the columns: intervals include the effect of omitted parameters.
     method, replicates
         As in `analyze`.
     """
@@ -256,7 +256,7 @@ def count_outcomes(trials: Sequence[Outcome], truth: Array, names: Sequence[str]
     ----------
     trials : sequence of Outcome
     truth : (k,) or (T, k)
-        What the labels meant, in all trials or in each.
+        True values of the labels, in all trials or in each.
     names : sequence of str
         Of the k parameters.
     """
@@ -372,7 +372,7 @@ class World:
     logs : tuple of (Log, Dataset, Preparation)
         Each as it was measured and prepared, and how.
     noise : ARNoise
-        Of the torque; with what the errors of the motion add it is like the residual.
+        Of the torque; together with the errors of the motion it resembles the residual.
     runs : Runs
         Stretches of time without gaps, between which noise remembers nothing.
     """

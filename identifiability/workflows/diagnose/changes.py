@@ -24,7 +24,7 @@ from identifiability.foundation.values import frozen
 from identifiability.regression.columns import Candidate, number
 from identifiability.robot import Robot
 
-#: Families that may differ beside loads.
+#: Families that may differ, other than loads.
 DIFFERING = (
     "coulomb_friction",
     "viscous_friction",
@@ -64,7 +64,7 @@ class DifferentTorque:
     whole : (N, n) [N·m or N]
         All of the torque.
     measured, explained : (N, n) [N·m or N]
-        What differs as measured, and by what was found; NaN where torque is no data.
+        The measured difference, and its part that the changes explain; NaN where torque is no data.
     """
 
     t: Array
@@ -106,20 +106,20 @@ class Change:
     names, units : tuple of str
         Of its q numbers.
     sizes, sd : (q,)
-        Of these, beside all others that changed.
+        Of these, given all other changes.
     share, share_sd : float
         Of its torque before; NaN where that is not known.
     odds : float
         Log odds, averaged over sizes and ways, less what families and places cost; those of its
         surest part.
     others : tuple of str
-        What else it may be,
+        Competing hypotheses,
     rivals : tuple of (family, place)
         and that by name.
     start, stop : float [s]
         When it began and ended; infinite where that was not logged.
     began, ended : (float, float) [s]
-        Where these instants are in 95 % of what is likely.
+        95 % intervals of these instants.
     weight : float
         Its posterior probability among all that may have changed in part of a log.
     """

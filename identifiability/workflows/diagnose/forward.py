@@ -239,7 +239,7 @@ def joint_values(fit: Physical) -> dict[str, float]:
     for body, kind in product(robot.bodies, INERTIAL_KINDS):
         load = values.get(f"{body}.payload_{kind}", 0.0)
         out[f"{body}.{kind}"] = values.get(f"{body}.{kind}", 0.0) + load
-    # What a model does not have is not there, whatever the file says.
+    # Effects that the model lacks are zero, even if the file states them.
     for axis in (*robot.axes, *robot.passive_axes):
         for kind in ("Fv", "K", "off", *robot.inertia_parts):
             out[f"{axis.name}.{kind}"] = values.get(f"{axis.name}.{kind}", 0.0)

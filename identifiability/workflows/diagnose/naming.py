@@ -67,9 +67,9 @@ class Part:
     term : Term
         Of the group that was found; its place may be everywhere.
     left_out, unseen : float [nat]
-        What it gains on left-out blocks of fitted rows, and on unseen rows; nan without any.
+        Gain on left-out blocks of fitted rows, and on unseen rows; nan without any.
     rivals : tuple of Term
-        What would do as well in its place, the likeliest first.
+        Competing hypotheses, the likeliest first.
     weight : float
         Its posterior probability among all that may be in its place.
     nearest : tuple of Term
@@ -105,13 +105,13 @@ class Naming:
     whole : MixedModel
         and the model of that.
     missing : Missing
-        The parts alone, after friction at reversals, beside the model and its noise.
+        The parts alone, after friction at reversals, given the model and its noise.
     before, after : tuple of Term
-        Log odds of all groups beside the model, and beside what was named.
+        Log odds of all groups, given the model, and given the named effects as well.
     refuted : tuple of (Term, float)
-        What fitted rows named and unseen rows did not confirm, with what it gains on these [nat].
+        Effects that fitted rows named and unseen rows refuted, with their gains there [nat].
     possible : tuple of (Term, float)
-        What may be present beside what is named, with what it gains on left-out blocks [nat].
+        Possible effects that are not named, with their gains on left-out blocks [nat].
     parts : tuple of Part
         What is missing, families as they came, each in the order of the robot's places.
     """
@@ -608,8 +608,8 @@ def _odds_of_each(
 # What changed while a log was recorded: a mass that was gripped, a brake that dragged for seconds.
 #
 # No effect of the robot says it, and no unseen motion can judge it: the fitted motion alone has the
-# instant. So a group acts between two instants of a grid, all of which are its prior. What was
-# logged meanwhile is of another robot, and is left out of all that follows.
+# instant. So a group acts between two instants of a grid, all of which are its prior. Rows of the
+# change are those of another robot. All later stages leave them out.
 
 
 #: What may begin and end while a robot is logged: a load, a brake or dirt, a counterweight.
@@ -674,7 +674,7 @@ class _Grid:
     stays : (w, 2) int
         First part of each possible change, and the one after the last.
     courses : (c, P)
-        How what warms up through a session may go.
+        Time courses of warm-up through a session.
     """
 
     begins: np.ndarray

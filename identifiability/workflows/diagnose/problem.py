@@ -50,7 +50,7 @@ class Problem(OfStructure):
     samples, validation : tuple of Dataset
         Fitted and unseen motion, of which errors are stated.
     known : KnownValues
-        What is known of the model's values before the logs.
+        Prior knowledge of the model's values.
     fixed : bool
         Whether the model keeps these values.
     seed : int
@@ -105,7 +105,7 @@ class Problem(OfStructure):
         return self.under or self.structure
 
 
-#: What a diagnosis may be told of the values it keeps.
+#: Options for the values that a diagnosis keeps.
 Given = bool | float | str | Path | Fit | Predicts
 
 
@@ -226,7 +226,7 @@ def know_fit(fit: Fit, structure: Structure, name: str) -> KnownValues:
     structure : Structure
         The robot under the model that is diagnosed.
     name : str
-        What to call it.
+        Its name in messages.
 
     Raises
     ------
@@ -247,8 +247,8 @@ class ResidualRows:
     Attributes
     ----------
     seen : Excerpt
-        Torque that the columns should explain, beside what is known, and those of the model whose
-        values are not exact.
+        Rows minus the torque of known parameters, with the columns of parameters that are not known
+        exactly.
     samples : tuple of Dataset
     measured : (N, n) [N·m or N]
         Measured torque, low-passed like the columns.
@@ -267,7 +267,7 @@ class ResidualRows:
         regression : Regression
             Columns of the base parameters along these logs.
         known : KnownValues
-            What is known of the values beforehand.
+            Prior knowledge of the values.
         """
         samples = regression.samples
         every = sum(s.outputs for s in samples)
@@ -392,8 +392,8 @@ class Discrepancy:
     share : float
         Of the measured torque's rms.
     explained : mapping
-        Share of the residual's variance that its averages over bins of velocity, position,
-        acceleration, load, time, log and session explain, beyond what white noise would.
+        Adjusted share of the residual's variance explained by its means over bins. The bins are of
+        velocity, position, acceleration, load, time, log and session.
     """
 
     joint: str
@@ -452,7 +452,7 @@ def along_rollouts(
     structure : Structure
     samples : sequence of Dataset
     logs : sequence of Log
-        What they were prepared from.
+        The logs before preparation.
     rolled : Rollouts
     """
     robot, model = structure.robot, structure.model

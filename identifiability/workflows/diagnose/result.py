@@ -85,7 +85,7 @@ class Placement:
     weight : float
         Its posterior probability among all that may be in its place.
     odds, unseen : float [nat]
-        Log odds for it on the fitted motion, and what it gains on unseen motion.
+        Log odds for the effect on the fitted motion, and its gain on unseen motion.
     """
 
     place: str
@@ -208,9 +208,9 @@ class Odds:
     ----------
     name, place : str
     before, after : float [nat]
-        Beside the model, and beside what was named as well; nan of what was named itself.
+        Given the model, and given the named effects as well; nan for named effects.
     unseen : float [nat]
-        What it gains on unseen motion; nan where it was not asked.
+        Gain on unseen motion; nan where it was not asked.
     """
 
     name: str
@@ -227,7 +227,7 @@ class Diagnosis(Result, Predicts):
     Attributes
     ----------
     problem : Problem
-        What was diagnosed, and from what.
+        The diagnosed model and its logs.
     effects : tuple of NamedEffect
         In order of addition; empty when nothing can be named.
     curves : tuple of Curve
@@ -239,14 +239,14 @@ class Diagnosis(Result, Predicts):
     held_before, held_after : float
         ε_RA on unseen motion.
     refuted : tuple of Odds
-        Of what fitted motion named and unseen motion did not confirm; in no model.
+        Of effects that fitted motion named and unseen motion refuted; in no model.
     possible : tuple of Odds
-        Of what may be present beside the named effects; in no model. `unseen` is what it gains on
-        left-out blocks of the fitted motion.
+        Of possible effects that are not named; in no model. `unseen` is the gain on left-out blocks
+        of the fitted motion.
     interval : (float, float)
         95 % of the change on unseen motion.
     discrepancies : tuple of Discrepancy
-        Where what is left of the fitted motion sits.
+        Residuals of the fitted motion by joint.
     refusals : tuple of Refusal
     evidence : tuple of Odds
         Of all that was asked, the likeliest first.
@@ -264,11 +264,11 @@ class Diagnosis(Result, Predicts):
     included : int
         How many of the effects are in the model, the first ones.
     moved : PositionPrediction or None
-        How far rollouts of the nearest real robot are off, of logs of commands.
+        Position errors of rollouts of the nearest physical robot, for logs of commands.
     forward : ForwardGap or None
         Forward simulation before and after, where it was made.
     hints : tuple of str
-        What seems to be wrong with robot file and logs, for the user to check.
+        Possible problems of robot file and logs, for the user to check.
     nothing : str
         Why nothing was looked for, for after "because"; empty where it was.
     alternative : str

@@ -120,7 +120,7 @@ def diagnose(
     robot : Robot, path, shipped name, or Case
         A case has its own logs and preparation, and shares its stages with other verbs.
     logs : log, path, DataFrame, or several
-        What the model is fitted to and effects are named from.
+        Logs from which the model is fitted and effects are named.
     validate : the same, optional
         Logs that are not fitted: they may refute a name, and measure the gap. Without any, the last
         log (or the last quarter of the only one) is set aside.
@@ -128,20 +128,20 @@ def diagnose(
         Families that may be named, such as stribeck_friction; by default all that are registered.
     model : Model, sequence of str, path of a model file or result of `prune`, optional
         Effects of the model to diagnose; by default rigid body, viscous and symmetric Coulomb
-        friction and actuator inertia. What a model file leaves out, holds or ties is free.
+        friction and actuator inertia. Parameters that a model file omits, fixes or ties are free.
     fixed : bool, float, path, Fit or result
         Keep values instead of refitting them; then wrong masses, payloads and gravity are
         candidates too. True: those of the robot file, as if they were exact. A share: those of the
         robot file, which may be off by it, such as 0.1 (a standard deviation). A result: those of
         an `analyze`, `prune` or `diagnose`, of its JSON or its `Fit`, with their covariance, for
-        the model that is diagnosed. What these errors explain is no effect.
+        the model that is diagnosed. Torque that these errors explain is not named as an effect.
     preparation : Preparation, optional
         How derivatives are made.
     seed : int
     quick : bool
         Leave out the simulation of `forward`.
     forward : bool
-        Also simulate the motion that verifies, before and after what was named (half a second).
+        Also simulate the verifying motion, without and with the named effects (half a second).
     progress : callable(str, float), optional
     engine : Engine, optional
         Where logs are prepared; here by default. The result does not depend on it.
@@ -292,7 +292,7 @@ def _list_options(case: Case, request: Request, found: Diagnosis) -> dict[str, A
     return options
 
 
-# From a case to what is diagnosed.
+# From a case to the problem of a diagnosis.
 
 
 def pose_problem(
@@ -334,7 +334,7 @@ def _problem_of(
     ----------
     case, request
     known : KnownValues
-        What is known of values that are kept.
+        Prior knowledge of the values that are kept.
     data : Data
     run : Run
     """

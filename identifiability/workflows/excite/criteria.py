@@ -78,7 +78,7 @@ class Ask:
         Its size.
     others : tuple of (q,) int
         Columns of a rival with each of its shapes, of which the most alike counts; one without
-        columns for what is to be told from the model alone.
+        columns if the effect is separated from the model alone.
     """
 
     own: np.ndarray
@@ -165,7 +165,7 @@ class Question:
     structure : Structure
         The robot under the model.
     model : Model
-        With the effects that are to be told apart, if any, at its end.
+        With the effects to separate, if any, at its end.
     columns : (k,) int
         Of the model: base parameters, then the columns of these effects.
     names, units : tuple of str

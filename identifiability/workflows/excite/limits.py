@@ -97,7 +97,7 @@ def find_limits(robot: Robot, given: LimitsLike | None = None) -> Limits:
     ----------
     robot : Robot
     given : path, mapping or None
-        A limits file, or what would stand in one.
+        A limits file, or its content.
 
     Raises
     ------
@@ -169,7 +169,7 @@ def _read(given: LimitsLike | None, known: Sequence[str]) -> LimitsFile:
 #: Distance that bodies keep which are not joined [m].
 CLEARANCE: Tolerance = 0.005
 
-#: How far shapes see each other: what is farther away is nobody's concern [m].
+#: How far shapes see each other: larger distances are not measured [m].
 REACH = 6 * CLEARANCE
 
 
@@ -249,7 +249,7 @@ class Drive:
     Attributes
     ----------
     structure : Structure
-        The robot under its nominal model; what the robot file does not state is zero.
+        The robot under its nominal model; values that the robot file does not state are zero.
     torque, power : (n,) [N·m or N; W]
         Largest of each drive; infinite where nobody stated it.
     """

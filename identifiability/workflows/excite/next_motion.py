@@ -64,7 +64,7 @@ class NextMotion:
     Attributes
     ----------
     names : tuple of str
-        What was named and its rivals, as a model file writes them.
+        The named effect and its rivals, as a model file writes them.
     excitation : Excitation
         The motion, which begins and ends at rest.
     periods : int
@@ -171,9 +171,9 @@ class Bench:
     question : Question
         Its `chosen` are the name and its rivals.
     aim : Discrimination
-        Of each rival two asks: what was named is true, and the rival is, as large as that.
+        Of each rival two asks: either the named effect is true, or the rival with as much torque.
     known : Known
-        What the logs say.
+        Information of the logs.
     """
 
     question: Question

@@ -130,7 +130,7 @@ class Excitation(Result):
     chosen : tuple of str
         Parameters or effects that the criterion is about; empty for all.
     logs : tuple of str
-        What was measured already.
+        Logs that were measured already.
     before, after : Merit
         Of the same logs measured again, or of a random motion in the middle of many within the
         same limits; and of the trajectory.
@@ -143,7 +143,7 @@ class Excitation(Result):
     gap : float [m]
         Least distance at any sample of bodies that are not joined; infinite where none is watched.
     hints : tuple of str
-        What was not used, assumed or watched.
+        Unused inputs, assumptions, and pairs that are not watched.
     provenance : mapping
         Versions, seed, options, and hashes of the inputs.
     """
@@ -259,8 +259,8 @@ class Excitation(Result):
         ----------
         path : path
             CSV with t, JOINT.q, JOINT.dq and JOINT.ddq, and JOINT.cmd of position servos, which
-            are told the positions; NumPy arrays (.npz: t, q, dq, ddq, joints); or an MCAP bag with
-            one message of ``trajectory_msgs/JointTrajectory`` (extra ``ros``).
+            take positions as commands; NumPy arrays (.npz: t, q, dq, ddq, joints); or an MCAP bag
+            with one message of ``trajectory_msgs/JointTrajectory`` (extra ``ros``).
         rate : float [Hz]
         periods : int
 

@@ -39,8 +39,8 @@ from .limits import CLEARANCE, Clearance, Drive, Limits, Workspace, nearness, su
 FINENESS = 40
 
 
-#: Cost of each sample at which bodies touch that are not joined, and the step of its gradient, over
-#: which distances change by more than their rounding.
+#: Cost of each sample at which unconnected bodies touch, and the step of its gradient. Distances
+#: change by more than their rounding over this step.
 TOUCHING: Tolerance = 4.0
 NUDGE: Tolerance = 1e-3
 #: Cost of a candidate whose loops do not close everywhere; more for each sample.

@@ -80,8 +80,8 @@ def excite(
         Base parameters about which the log-determinant of the information is made large; by
         default all.
     model : Model, sequence of str, path of a model file or result of `prune`, optional
-        Effects of the model; what a model file leaves out, holds or ties is free. By default rigid
-        bodies, viscous and Coulomb friction and actuator inertia; of a case, the model that
+        Effects of the model; parameters that a model file omits, fixes or ties are free. By default
+        rigid bodies, viscous and Coulomb friction and actuator inertia; of a case, the model that
         `analyze` reduces.
     start_from : log, path, DataFrame, or several
         Log that was measured already: the motion is the best one to measure next.
@@ -183,7 +183,7 @@ def find_motion(
     ----------
     question : Question
     known : Known
-        What was measured already.
+        Information of logs that were measured already.
     series : Series
         All motions that may be found.
     run : Run

@@ -50,7 +50,7 @@ class Draws:
     share : float
         By which bodies may differ from the file's.
     servos : DataFrame
-        Delay of commands [s] and gains that logs told, of each draw.
+        Delay of commands [s] and gains that the logs determine, of each draw.
     """
 
     structure: Structure

@@ -261,19 +261,19 @@ class Exported:
     robot : Path
     sidecar : Path or None
     beside : mapping
-        What the robot file cannot hold and the sidecar does: parameters by effect.
+        Values that the sidecar holds because the robot file cannot: parameters by effect.
     error_ra, error_ra_file : float or None
-        ε_RA on the fitted logs of all that was fitted, and of what the robot file alone holds;
-        None where the torque does not vary.
+        ε_RA on the fitted logs, with all fitted values and with those that the robot file alone
+        holds; None where the torque does not vary.
     unseen : Unseen, PositionPrediction or None
         Errors of the files on logs that were not fitted, where some were given; of logs of commands
         those of positions.
     mass : str
-        What is wrong with the total mass, and the remedy; empty if nothing is.
+        A warning on the total mass, and the remedy; empty if the mass is plausible.
     notes : tuple of str
-        What else a user has to know of it.
+        Further remarks for the user.
     snippet : Path or None
-        Torque of what the file cannot hold, as a function for MuJoCo.
+        Torque that the file cannot hold, as a function for MuJoCo.
     added : tuple of str
         Effects that are in it.
     """
@@ -316,15 +316,14 @@ def export(
         JSON of `analyze`, `prune` or `diagnose`.
     out : path
         ``.xml`` for MJCF, ``.urdf`` for URDF, from either kind of file; ``.py`` for a configuration
-        of actuators (isaaclab); ``.patch`` for what changes in the robot's own file and sidecar, as
-        a unified diff.
+        of actuators (isaaclab); ``.patch`` for the changes of the robot's file and sidecar, as a
+        unified diff.
     form : {"mjcf", "urdf", "isaaclab", "patch"}, optional
-        What to write; by default what the ending says. From an MJCF comes a URDF as well, and the
+        What to write; by default that of the ending. From an MJCF comes a URDF as well, and the
         other way round, without geometry; isaaclab is a configuration of actuators for robots with
         servos.
     validate : log, path, DataFrame, or several
-        Logs that were not fitted, on which the file that is written is compared with the robot's
-        own.
+        Logs that were not fitted. The written file is compared with the robot's file on them.
     force : bool
         Whether a robot file is written that errs more than the robot's own: on these, on the
         fitted logs of the result, or on those that it held out.

@@ -59,7 +59,7 @@ class Step:
     ----------
     partition : Partition
     score : Score
-        What it predicts of each fold, fitted to the rest. It chooses the model.
+        Prediction of each fold by the fit to the rest. It chooses the model.
     errors : Score
         The score on rows as measured. It differs from `score` if whitened rows choose.
     values : (F + 1, c)
@@ -162,7 +162,7 @@ class Refits:
         Parameters
         ----------
         turn : (k, k)
-            Orthonormal; its first columns span what a model leaves free.
+            Orthonormal; its first columns span the free space of a model.
         free : (M,) int
             How many.
         """
@@ -197,7 +197,7 @@ class WhitenedRegression:
     unit : float
         Variance of noise of weight 1: the errors of y of the full fit.
     tests : Information
-        About y and what the full fit leaves of the torque: what each fold predicts.
+        About y and the residual of the full fit: what each fold predicts.
     gram : (F, k + 1, k + 1)
         What densities are of: products of all of it, whitened, or of what instruments see of it.
     variation : (n,) [torque²]
@@ -222,7 +222,7 @@ class WhitenedRegression:
         Parameters
         ----------
         path : sequence of (Move, Partition)
-            What led to each model, of all that the motion excites first.
+            The move to each model, beginning with the model of all excited columns.
         """
         partitions = [partition for _, partition in path]
         turn, free = self._turn(partitions), np.array(list(map(len, partitions)))
@@ -350,7 +350,7 @@ def _see(information: Information, full: Estimate, R: Array, tests: Information)
 # Which move is the cheapest.
 
 
-#: A constraint of which so small a share is left beside those before it holds already.
+#: A constraint already holds if earlier constraints leave less than this share of it free.
 SATISFIED: Tolerance = 1e-5
 
 # Only the fit to everything says what is cheapest. So the order is found with that fit alone, and
@@ -368,7 +368,7 @@ class Remaining:
     values : (c,)
         Of all columns under the constraints so far.
     X : (c, k)
-        ``x = X z`` in coordinates z of unit information, in which only what is free moves.
+        ``x = X z`` in coordinates z of unit information, in which only free directions move.
     size : (c,)
         Length of each row of X without constraints.
     """
@@ -448,7 +448,7 @@ class Plan:
     pairs : tuple of Move
         Merges of Coulomb levels; such columns are dropped in pairs only.
     forced : tuple of Move
-        Made first, whatever the data say.
+        Made first, without regard to the data.
     kept : frozenset of str
         Columns that must not be dropped.
     """
@@ -472,7 +472,7 @@ class Refusal:
         return phrase("pruned", "refused", fall=-self.gain.value, se=self.gain.se)
 
 
-#: What led to a model, and the model.
+#: The move to a model, and the model.
 Made = tuple[Move | None, Partition]
 
 
@@ -561,9 +561,9 @@ def find_path(
     variation : (n,), optional [(N·m)² or N²]
         Of the torque of each joint about its mean, as in `whiten_regression`.
     suggested : sequence of Move
-        What knowledge of the robot suggests.
+        Moves that knowledge of the robot suggests.
     forbid, force : sequence of str
-        Columns that must not be dropped, and that are dropped whatever the data say.
+        Columns that must not be dropped, and columns that are always dropped.
     method : str or Estimator
         Its refits are the fits of the path.
     """

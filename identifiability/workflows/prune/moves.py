@@ -59,7 +59,7 @@ class Move:
     tie : tuple of tuple of str
         Sets of columns that are equal from now on.
     why : str
-        What suggests it, as the beginning of a sentence.
+        The reason to suggest it, as the beginning of a sentence.
     """
 
     kind: Kind
@@ -419,7 +419,7 @@ def zero_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
     single = [(k,) for k in range(len(parts)) if not any(k in s for s in sets)]
     known, moves, seen = set(columns), [], set[str]()
     for bodies in [*single, *sets]:
-        # One hinge says nothing of the shape of what hangs on it.
+        # One hinge does not constrain the shape of its body.
         mirrors = find_mirrors(parts[bodies[0]]) if len(parts[bodies[0]]) > 1 else []
         if not mirrors:
             continue

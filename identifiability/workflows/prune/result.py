@@ -31,14 +31,14 @@ class PrunedModel(ModelResult):
     Attributes
     ----------
     step : Step
-        The move that led here, and what the model predicts of folds.
+        The move that led here, and the predictions of folds by the model.
     crossed : Prediction
         On stretches (or logs) that the fits have not seen; `unseen` is of validation logs, if there
         are any.
     spread : float
         Relative standard error of the difference of its error on folds to the best model's.
     density, density_se : float [nats]
-        What the model was chosen by: predictive log density of these stretches, less that of the
+        The criterion of the choice: predictive log density of these stretches, less that of the
         best model; and the standard error.
     weight : float
         Of the model in the mixture of all (`elimination.weigh_models`).

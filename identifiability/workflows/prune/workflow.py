@@ -117,7 +117,7 @@ def prune(
     forbid : sequence of str
         Parameters that must not be dropped.
     force : sequence of str
-        Parameters that are dropped whatever the data say.
+        Parameters that are always dropped.
     preparation : Preparation, optional
         How derivatives are made.
     method : str or Estimator
@@ -128,13 +128,13 @@ def prune(
         Resampled logs of the bootstrap; by default `DEFAULTS.resampled`, or
         `DEFAULTS.resampled_quick` if `quick`.
     cad_prior : float, optional
-        As for `analyze`: keeps the nearest real robot near the robot file.
+        As for `analyze`: keeps the nearest physical robot near the robot file.
     prior : float, optional
         The same as the share within which the bodies are the file's, as for `analyze`.
     seed : int
         Of every random choice.
     progress : callable(str, float), optional
-        Called with what is being done and the share that is done.
+        Called with the current stage and the finished share.
     engine : Engine, optional
         Where stretches of logs that are too long for memory are worked on; by default in several
         processes. The result does not depend on it.
@@ -255,7 +255,7 @@ def walk_down(
     whitened : Information or None
         Whitened rows of all base parameters, as `whiten_rows` returned them.
     forbid, force : sequence of str
-        Parameters that are kept, and that are dropped, whatever the logs say.
+        Parameters that are always kept, and parameters that are always dropped.
     """
     rows, start = question.rows, question.start
     data = rows.data

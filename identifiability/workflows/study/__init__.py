@@ -53,7 +53,7 @@ class Study:
     has_logs : bool
         Whether these are there.
     notes : tuple of str
-        What a table of the robot left open.
+        Facts that a table of the robot lacks.
     """
 
     folder: Path
