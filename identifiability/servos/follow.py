@@ -44,7 +44,7 @@ class IdentifiedServos:
         With these servos.
     found : Rollouts
     rivals : tuple of Servo
-        Servos that explain the logs as well, or are one standard deviation off.
+        Servos that explain the logs equally well, or differ by one standard deviation.
     findings : tuple of Finding
         On odd joints, and on the common scale of stated gains.
     text : str

@@ -26,12 +26,12 @@ from .mujoco_robot import MujocoRobot, RigidTorque
 # Written out as force laws of speed and position; the columns in `effects` are written apart.
 
 
-#: Parameters of springs of which no robot file states a rest.
+#: Parameters of springs without a stated rest position.
 _SPRINGS = ("k", "kq0", "ks", "kc", "F0")
 
 
 def both_directions(parameters: Mapping[str, float]) -> dict[str, float]:
-    """Return parameters with a Coulomb level for each direction where one stands for both."""
+    """Return parameters with a Coulomb level for each direction, instead of one for both."""
     out = dict(parameters)
     for name, value in parameters.items():
         if name.endswith(".Fc"):
@@ -54,7 +54,7 @@ class JointTerms:
     stiffness : float [N·m/rad or N/m]
     offset : float [N·m or N]
     loose : mapping
-        Of springs of which no file states a rest, by kind: ``k · position − kq0`` [N·m/rad or N/m,
+        Of springs without a stated rest position, by kind: ``k · position − kq0`` [N·m/rad or N/m,
         N·m or N], ``ks`` and ``kc`` of a gravity spring or counterweight [N·m], a constant ``F0``.
     """
 
@@ -68,7 +68,7 @@ class JointTerms:
 
     @staticmethod
     def of(values: Mapping[str, float], name: str, inertia_parts: tuple[str, ...]) -> JointTerms:
-        """Return the terms of a joint among parameter values by name; those not there are zero."""
+        """Return the terms of a joint from parameter values by name; missing values are zero."""
 
         def of(kind: str, default: float = 0.0) -> float:
             return values.get(f"{name}.{kind}", default)
@@ -180,7 +180,7 @@ def _typical(speed: Array) -> float:
 
 
 def _from_end_to_end(position: Array) -> Array:
-    """Return where positions are in their range, from −1 to 1."""
+    """Return positions scaled to their range, from −1 to 1."""
     return 2 * (position - position.min()) / max(np.ptp(position), 1e-12) - 1
 
 
@@ -382,7 +382,7 @@ def _record(move: PrescribedMotion, tau: Array, k: int, name: str) -> Array:
     if name in ("torque_drift", "friction_drift"):
         since = np.concatenate([t - t[0] for t in np.split(move.t, seams)])
         return since - 0.4 * since.max() if name == "torque_drift" else since * move.dq[:, k]
-    # Warming up after a calibration in the middle: a drift about zero, or it were an offset.
+    # Warm-up about a calibration in the middle: the drift has zero mean, so that it is no offset.
     drift = 1.0 - np.exp(-(move.t - move.t[0]) / (0.5 * np.ptp(move.t) or 1.0))
     return drift - drift.mean()
 

@@ -37,14 +37,14 @@ from .forward import DIVERGED, HARD, ForwardRobot
 #: Longest step of the integrator [s].
 STEP: Tolerance = 1e-3
 
-#: Step of rollouts whose differences alone are looked at, in that of others.
+#: Step of rollouts of which only differences are used, as a multiple of the usual one.
 COARSE: Tolerance = 10.0
 
 #: Longest step as a share of the time constant of a joint's damping, and largest share of a joint's
 #: inertia that is subtracted for the step.
 LITTLE: Tolerance = 0.4
 
-#: Shortest step as a share of the usual one: a joint that stops sooner is one without inertia.
+#: Shortest step as a share of the usual one: a joint that needs a shorter one has no inertia.
 SHORTEST: Tolerance = 0.5
 
 
@@ -97,7 +97,7 @@ class CommandedRobot:
         self.offset = self._forward.bias[0][self.dofs]
 
     def resized(self, sizes: Mapping[str, float]) -> CommandedRobot:
-        """Return the robot with bodies that are so many times as heavy, and alike."""
+        """Return the robot with bodies of scaled mass and inertia."""
         other = copy(self)
         other.model = copy(self.model)
         other.__dict__.pop("bare", None)
@@ -143,7 +143,7 @@ class CommandedRobot:
         return np.maximum(self.inertia(home) - own, 0.0)
 
     def longest(self, numbers: Mapping[str, Array], step: float = STEP) -> float:
-        """Return the longest step that takes little of any joint's inertia off [s].
+        """Return the longest step that subtracts little of any joint's inertia [s].
 
         It is at most the usual step [s], and at least half of it.
         """
@@ -153,11 +153,11 @@ class CommandedRobot:
 
     @property
     def trees(self) -> np.ndarray:
-        """Which tree behind the base each joint is of, (n,) int: none moves another's."""
+        """Kinematic tree of each joint, (n,) int. No tree moves the joints of another tree."""
         return self.model.dof_treeid[self.dofs]
 
     def trees_of(self, bodies: Sequence[str]) -> np.ndarray:
-        """Return which tree each body is of, (m,) int."""
+        """Return the kinematic tree of each body, (m,) int."""
         return np.array([self.model.body_treeid[self.model.body(b).id] for b in bodies], int)
 
     def numbers(self) -> dict[str, Array]:
@@ -223,8 +223,8 @@ class CommandedRobot:
         h = model.opt.timestep
         speed = starting_speed(log)
         steps = int(np.ceil((log.t[-1] - log.t[0]) / h)) + 2
-        # Held commands change between two steps, so that no step holds a share of a change, of
-        # which a servo at its limit would make another share of torque.
+        # Held commands change between two steps. A step with a share of a change would have a wrong
+        # torque of a servo at its limit.
         since = log.commands_since
         ahead = next(iter((since - log.t)[since < log.t]), 0.0)
         begin = (float((delay + ahead) / h) % 1.0 - 0.5) * h
@@ -253,7 +253,7 @@ class CommandedRobot:
         return out
 
     def _acceleration(self, model: Any, data: Any, q: Array, v: Array, control: Array) -> Array:
-        """Return the acceleration at a state, (nv,), by which speeds half a step old are others."""
+        """Return the acceleration at a state, (nv,), that corrects speeds half a step old."""
         mujoco.mj_resetData(model, data)
         data.qpos[:], data.qvel[:], data.ctrl[:] = q, v, control
         mujoco.mj_forward(model, data)
@@ -275,10 +275,10 @@ class CommandedRobot:
         servo = self.servo.having(numbers)
         whole = self.bare + numbers["Ia"]
         taken = -servo.lead + 0.5 * h * (damping + servo.damping)
-        # A file without rotors may state less inertia than a servo of this rate could hold.
+        # A file without rotors may state less inertia than a servo of this rate can control.
         model.dof_armature[dofs] = numbers["Ia"] - np.minimum(taken, LITTLE * whole)
-        # Inertia that late speeds of a servo seem to take off is there where its torque stands at
-        # an end and follows nothing: that torque pushes the lighter joint by as much less.
+        # Delayed speeds of a servo seem to reduce the inertia. A saturated servo does not have this
+        # effect, so its torque limit is reduced in proportion.
         seeming = np.clip(-servo.lead, 0.0, LITTLE * whole)
         less = 1 - seeming / whole
         offset = numbers["off"]
@@ -297,7 +297,7 @@ class CommandedRobot:
 def starting_speeds(log: Log) -> Array:
     """Return speeds from which runs may start, (N, n): slopes of parabolas through few samples.
 
-    Exact differences would make noise of positions a start that takes long to be forgotten.
+    Exact differences would turn noise of positions into an error of the start that lasts long.
     """
     dt = signals.sampling_step(log.t)
     rows = _seen_rows(dt, len(log))
@@ -320,8 +320,8 @@ def _first_slope(rows: int) -> Array:
 
 
 def _seen_rows(dt: float, count: int) -> int:
-    """Return the odd number of rows, of a log of some rows, in which a speed is seen."""
-    # The speed of a start is seen in .05 s.
+    """Return the odd number of rows from which a speed is estimated, for a log of some rows."""
+    # The speed of a start is estimated from .05 s.
     return min(2 * max(2, round(0.5 * 0.05 / dt)) + 1, (count - 1) // 2 * 2 + 1)
 
 
