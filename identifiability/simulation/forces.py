@@ -105,7 +105,7 @@ class JointTerms:
         return moving + self.stiffness * stretch + self.offset
 
     def springs(self, position: Array) -> Array:
-        """Return springs of which no file states a rest, at positions (N,) as the file counts."""
+        """Return the force of springs without a stated rest, at positions (N,) of the file."""
         k, pull, sine, cosine, constant = self.loose.values()
         swing = sine * np.sin(position) + cosine * np.cos(position)
         return k * position - pull + swing + constant

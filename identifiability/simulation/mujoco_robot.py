@@ -287,7 +287,7 @@ class MujocoRobot:
         return out
 
     def meet(self, place: Array) -> tuple[Array, Array]:
-        """Return the pairs of shapes (k, 2) that see each other at a place, and their gaps (k,)."""
+        """Return the pairs of shapes (k, 2) within detection distance at a place, and gaps (k,)."""
         data = self.data
         data.qpos[:] = place
         mujoco.mj_kinematics(self.model, data)

@@ -76,17 +76,17 @@ from identifiability.robot import Robot, RobotLike
 from .case_file import CaseFile
 from .roles import assign_roles
 
-#: Why no verdict stands on columns that are misread, for after "because".
+#: Reason, after "because", why misread columns give no verdict.
 MISREAD = (
     "a column seems to have the wrong sign, unit or joint, or to be aliased, as the first remark "
     "says: mend that, and run again"
 )
 
-#: Families that a model has where rows surely name them.
+#: Families that a model gets if the rows surely show them.
 COMPLETED = {n for n, f in FAMILIES.items() if f.loaded and not (f.needs or f.shapes)}
 COMPLETED |= {PassiveJointFriction.name}
 
-#: Settings of a case file that say how derivatives are made.
+#: Settings of a case file for derivatives.
 DERIVED = ("derivatives", "cutoff", "decimate")
 
 #: What follows the statement of a reading that is used.
@@ -100,7 +100,7 @@ class Use:
     Attributes
     ----------
     divides : bool
-        Whether a part is set aside if no held-out log is given.
+        Whether a part of the logs is held out if no held-out log is given.
     commands : bool
         Whether logs may hold commands and no torque.
     motion_alone : bool
@@ -112,13 +112,13 @@ class Use:
     motion_alone: bool = False
 
 
-#: Of logs with torque, of which none is set aside.
+#: For logs with torque, of which none is held out.
 MEASURED = Use(divides=False, commands=False)
 
 
 @frozen
 class Motions:
-    """Logs with the motion that is fitted with, and how they are prepared.
+    """Logs with the motion used for the fit, and their preparation.
 
     Attributes
     ----------
@@ -167,7 +167,7 @@ class Data(OfStructure):
     explained : bool
         Whether a reading or a check explains all contradictions of physics.
     misread : str
-        Why no verdict stands, for after "because"; empty where verdicts do.
+        Reason, after "because", why there are no verdicts; empty if there are.
     """
 
     structure: Structure
@@ -215,7 +215,7 @@ class Data(OfStructure):
 
     @cached_property
     def silence(self) -> str:
-        """Why the fitted logs have nothing to explain, for after "because"; empty if they do."""
+        """Reason, after "because", why the fitted logs have nothing to explain; else empty."""
         return explain_silence([s.survey for s in self.samples])
 
 
@@ -271,7 +271,7 @@ class Case:
     preparation : Preparation, optional
         How derivatives are made.
     reading : CarriedReading, optional
-        How all logs are read: the reading of a result. Then no other reading is looked for.
+        How all logs are read: the reading of a result. No other reading is then searched.
 
     Example
     -------
@@ -343,13 +343,13 @@ class Case:
         return replace(self, **settings)
 
     def release(self) -> None:
-        """Forget the results of all stages; they are computed anew when they are asked for."""
+        """Delete the results of all stages; they are computed again when they are needed."""
         self.stages.release()
 
     # Stages before any model.
 
     def known_robot(self, run: Run) -> Robot:
-        """Return the robot; gains of its servos that nobody states are found from the logs."""
+        """Return the robot; unstated gains of its servos are estimated from the logs."""
         if not self.use.commands:
             return self.robot
         run.say("reading logs", 0.0)
@@ -415,7 +415,7 @@ class Case:
         return self.structure(self.known_robot(run), ladder_model(source.entry))
 
     def structure(self, robot: Robot, model: Model) -> Structure:
-        """Return a robot under a model; its groupings count torque offsets that nothing tells."""
+        """Return a robot under a model; its groupings include unidentifiable torque offsets."""
         structure = self.stages.once(Structure.of, robot, model)
         return self.stages.once(count_offsets, structure)
 
@@ -448,8 +448,8 @@ class Case:
             As `torque` returned it.
         run : Run
         done : str
-            What cannot be done, as a participle, with logs that have nothing to explain; empty
-            where that is an answer too.
+            The action, as a participle, to refuse for logs that have nothing to explain; empty if
+            the verb accepts them.
         recordings : Recordings, optional
             By default those of the case, with torque of their servos.
         seek, apply : bool
@@ -528,8 +528,8 @@ class Case:
         ----------
         robot, run
         done : str
-            What cannot be done, as a participle, with logs that have nothing to explain; empty
-            where they will do.
+            The action, as a participle, to refuse for logs that have nothing to explain; empty if
+            the verb accepts them.
         """
         recordings = self.recordings(run)
         how = self.common_preparation(robot, recordings)
@@ -541,7 +541,7 @@ class Case:
     def unfitted(
         self, robot: Robot, recordings: Recordings, how: Preparation, run: Run
     ) -> tuple[Dataset, ...]:
-        """Return prepared logs that have no say in the cut-off of a fitted model.
+        """Return prepared logs that do not influence the cut-off of a fitted model.
 
         A log that cannot have this cut-off gets its own band.
         """
@@ -604,8 +604,8 @@ class Case:
     def completed(self, data: Data, run: Run) -> Data:
         """Return data whose model has the errors of measurement that it surely lacks.
 
-        Which law friction has is for `diagnose` to say. But the direction of gravity, or a log's
-        scale, clock or zero, moves every other value; so does friction of passive joints.
+        `diagnose` finds the law of friction. But the direction of gravity, a log's scale, clock or
+        zero, and friction of passive joints change every other value.
         """
         if data.recordings.commanded:
             return data
@@ -621,7 +621,7 @@ NONE = "none"
 
 
 def _is_none(validate: Sequence[LogLike]) -> bool:
-    """Return whether somebody asked that nothing is held out."""
+    """Return whether the user asked to hold out nothing."""
     return len(validate) == 1 and isinstance(validate[0], str) and validate[0] == NONE
 
 
@@ -653,7 +653,7 @@ def take_case(
 
 
 def look_up_ladder(robot: Robot, ladder: LadderLike | None, beside: bool) -> LadderSource:
-    """Return the ladder that is meant, and where it came from."""
+    """Return the requested ladder, and its source."""
     return find_ladder(robot, ladder, beside=beside)
 
 
@@ -663,7 +663,7 @@ def comparable_entry(source: LadderSource, commanded: bool) -> LadderEntry:
 
 
 def find_gains(robot: Robot, logs: Sequence[LogLike], divides: bool, *, say: Progress) -> Robot:
-    """Return a robot whose servos have gains; logs of commands tell those that nobody states.
+    """Return a robot whose servos have gains; logs of commands determine unstated ones.
 
     Raises
     ------
@@ -712,7 +712,7 @@ def follow(
 def use_series(
     recordings: Recordings, asked: Preparation | None, choice: MotionChoice, robot: Robot
 ) -> Motions:
-    """Return logs whose motion is a series, as was chosen, and how they are prepared."""
+    """Return logs whose motion is the chosen series, and their preparation."""
     how = CommonPreparation(**vars(asked or Preparation()))
     lacking = [log for log in recordings.fitted if log.ddq is None]
     reason = choice.tell("butterworth" if lacking else "given")
@@ -739,7 +739,7 @@ def prepare_logs(
     how : Preparation
         With one cut-off for all logs.
     asked : Preparation or None
-        What the user asked for: an excerpt of measured derivatives needs no cut-off.
+        The user's request: an excerpt of measured derivatives needs no cut-off.
     most : int or None
         Rows of the excerpt of each log; None for whole logs.
     run : Run
@@ -760,7 +760,7 @@ def prepare_logs(
 def prepare_held_out(
     log: Log, prepare: Callable[..., Dataset], robot: Robot, how: Preparation
 ) -> Dataset:
-    """Return a prepared log that had no say in the cut-off; its own band if it cannot have that.
+    """Return a prepared log that did not influence the cut-off, with its own band if it must.
 
     Parameters
     ----------
@@ -775,7 +775,7 @@ def prepare_held_out(
 
 
 def drop_silent_part(recordings: Recordings, prepared: Prepared) -> Prepared:
-    """Return prepared logs without a part that was set aside and has nothing to explain.
+    """Return prepared logs without a held-out part that has nothing to explain.
 
     Raises
     ------
@@ -813,7 +813,7 @@ def gather_data(
 
 
 def _tell_motion(how: Preparation) -> tuple[str, ...]:
-    """Return why the motion is a series, where that was chosen."""
+    """Return the reason why the motion is a series, if that was chosen."""
     return (how.reason,) if isinstance(how, CommonPreparation) and how.reason else ()
 
 

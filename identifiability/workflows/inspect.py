@@ -145,9 +145,9 @@ def required_columns(names: Sequence[str], torque: str = "tau") -> tuple[str, ..
 
 
 def robot_columns(robot: Robot) -> tuple[str, ...]:
-    """Return the columns that a log of a robot must have: of servos commands, they make torque.
+    """Return the columns that a log of a robot must have; servos need commands instead of torque.
 
-    Of a base that floats those of a sensor, too.
+    A floating base also needs the columns of its sensor.
     """
     columns, base = (
         required_columns(robot.motor_joints, "cmd" if robot.servo else "tau"),
@@ -161,7 +161,7 @@ def robot_columns(robot: Robot) -> tuple[str, ...]:
 
 
 def template_frame(robot: Robot) -> pd.DataFrame:
-    """Return the table that a log of a robot is: one row, at its home position."""
+    """Return an example log of a robot as a table with one row, at its home position."""
     home = dict(zip(robot.joints, robot.actuated_positions(robot.home[None])[0], strict=True))
     frame = pd.DataFrame(0.0, [0], list(robot_columns(robot)))
     frame.loc[0, [f"{j}.q" for j in robot.motor_joints]] = [home[j] for j in robot.motor_joints]
@@ -212,7 +212,7 @@ class Record:
         changes from sample to sample and is no motion), ``bandwidth`` [Hz] (below it lie 99 % of
         the energy of its velocity).
     notes : tuple of str
-        How it is prepared.
+        Remarks on its preparation.
     t, q, tau : (N,) [s], (N, n), (N, n)
         As they are read.
     """
@@ -323,7 +323,7 @@ class Inspection(OfStructure, Result):
     provenance : mapping
         Versions, options, and hashes of the inputs.
     preparation : Preparation
-        How logs were asked to be turned into motion.
+        Requested preparation of the logs.
     """
 
     schema: ClassVar[str] = "identifiability/inspection/1"
@@ -409,7 +409,7 @@ def inspect(
     progress : callable(str, float), optional
         Called with the current stage and the finished share.
     engine : Engine, optional
-        Where stretches of logs that are too long for memory are worked on.
+        Where stretches of logs that are too long for memory are processed.
 
     Raises
     ------

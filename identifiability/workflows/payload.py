@@ -55,7 +55,7 @@ from .case import MEASURED, Case, take_case
 from .compare import Sides, find_differences, read_sides
 from .predict import Fit, FitLike, find_fit, is_result, state_missing, state_reading
 
-# `LoadEstimate`: the ten parameters of a load, with everything that is not known of them.
+# `LoadEstimate`: the ten parameters of a load, with their full uncertainty.
 
 
 #: Where each of `GROUPED_KINDS` stands among `INERTIAL_KINDS`.
@@ -79,11 +79,11 @@ class LoadEstimate:
     root : (10 − d, 10)
         ``|root (θ − theta)|²`` is the distance of another load from this one, in σ².
     unknown : (10, d)
-        Directions that the logs do not tell, orthonormal.
+        Directions that the logs do not determine, orthonormal.
     lacks : tuple of str
         Effects that the model seems to lack in these logs.
     changes : tuple of Change
-        What else differs.
+        Other changes.
     torque : DifferentTorque
         Of the first log with the load: its torque, measured and by these parameters.
     """
@@ -98,9 +98,9 @@ class LoadEstimate:
 
 
 def widened(found: Differences, terms: Terms, at: slice) -> tuple[Array, Array]:
-    """Return some of the fixed values (k,) and their covariance, with the doubt of one more.
+    """Return some of the fixed values (k,) and their covariance, widened for one more group.
 
-    Every further group counts by its probability, with the shift that it would cause.
+    Each further group widens it by the shift that it would cause, weighted by its probability.
     """
     value, covariance = (x[at] for x in found.solve(terms))
     out = covariance[:, at]
@@ -147,20 +147,20 @@ def _load(found: Differences) -> Array:
 # and the moments about it follow from the ten parameters to first order.
 
 
-#: Names and units of what is said of a load.
+#: Names and units of the quantities of a load.
 QUANTITIES = {
     "mass": "kg",
     **dict.fromkeys(("centre x", "centre y", "centre z"), "m"),
     **dict.fromkeys(("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"), "kg·m²"),
 }
 
-#: Which of them no body has below zero: its mass and moments about axes.
+#: Quantities that are never negative: mass and moments about axes.
 POSITIVE = np.isin(np.arange(len(QUANTITIES)), (0, 4, 5, 6))
 
 #: Rows and columns of these moments in a tensor.
 _ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
-#: Least mass beside which moments are small or large [kg].
+#: Least mass relative to which moments are small or large [kg].
 LIGHTEST: Tolerance = 1e-3
 
 
@@ -173,9 +173,9 @@ class Quantity:
     name, unit : str
     value : float
     low, high : float
-        95 % interval, of which nothing that no body can have is part.
+        95 % interval, limited to physically possible values.
     why : str
-        Why the logs do not tell it; empty where they do.
+        Reason why the logs do not determine it; empty if they do.
     """
 
     name: str
@@ -187,7 +187,7 @@ class Quantity:
 
     @property
     def told(self) -> bool:
-        """Whether the logs tell it."""
+        """Whether the logs determine it."""
         return not self.why
 
     @property
@@ -197,8 +197,8 @@ class Quantity:
 
 
 def nearest_body(found: LoadEstimate) -> Array:
-    """Return the parameters (10,) of the real body nearest to an estimate."""
-    # Radius of gyration of a load of which nothing is known [m].
+    """Return the parameters (10,) of the physically consistent body nearest to an estimate."""
+    # Assumed radius of gyration of an unknown load [m].
     region = PhysicalSet(
         bodies=np.arange(10)[None],
         nonnegative=np.zeros(10, bool),
@@ -226,14 +226,14 @@ def state_quantities(found: LoadEstimate, body: Array, length: float) -> tuple[Q
     ----------
     found : LoadEstimate
     body : (10,)
-        The real one nearest to it.
+        The physically consistent body nearest to it.
     length : float [m]
         Size of the robot's bodies: a centre with a wider interval is not identifiable.
     """
     values = describe_body(body)
     half = _half_widths(found, body)
     low, high = values - half, values + half
-    # What follows from its inertia is stated with any interval.
+    # Quantities that follow from its inertia are stated with any interval.
     unsure = np.where(POSITIVE, low <= 0, half > length) & (np.arange(len(values)) < 7)
     low = np.where(POSITIVE, np.maximum(low, 0.0), low)
     out = []
@@ -251,9 +251,9 @@ def state_quantities(found: LoadEstimate, body: Array, length: float) -> tuple[Q
 
 
 def _half_widths(found: LoadEstimate, body: Array) -> Array:
-    """Return half the 95 % interval of each quantity, (10,); infinite where motion tells nothing.
+    """Return half the 95 % interval of each quantity, (10,); infinite if not identifiable.
 
-    Quantities are taken to first order about a body.
+    Quantities are linearised about a body.
     """
     # Steps by which derivatives are taken, as a share of a body's own numbers.
     steps = 1e-6 * TYPICAL * max(body[9], LIGHTEST)
@@ -294,7 +294,7 @@ def _invert_gain(found: Differences, sums: Array, j: int) -> tuple[float, float]
     """
     seen, known = found.missing.seen, found.known
     size, at = known.directions.shape[1], len(known.precision)
-    # As much friction as this joint's rows say, in its own unit.
+    # Friction of this joint is fitted to its rows, in its unit.
     X, y = seen.X[:, [j]], seen.y[:, [j]]
     values = pooled_values(X, y, np.eye(size), np.zeros(size))
     fitted = replace(known, base=known.base + known.directions @ values)
@@ -334,7 +334,7 @@ class Load(Result):
     ----------
     robot : Robot
     body : str
-        Which carries it; positions and moments are along the axes of its joint's frame.
+        Body that carries it; positions and moments are along the axes of its joint's frame.
     model : str
         Name of the fitted model.
     logs, without : tuple of str
@@ -381,7 +381,7 @@ class Load(Result):
     @property
     @presented
     def answer(self) -> str:
-        """Mass and where, or gains by a mass that is known, in one sentence."""
+        """Mass and centre, or gains from a known mass, in one sentence."""
         raise NotImplementedError
 
     @property
@@ -460,12 +460,12 @@ def payload(
     mass : float, optional
         Of the load, where it is known [kg]: then the torque gain of each joint follows.
     centre : (3,), optional
-        Its centre of mass in the frame of the body's joint [m]; by default where the logs say,
-        which takes the gains of all joints for one.
+        Its centre of mass in the frame of the body's joint [m]; by default estimated from the logs,
+        under the assumption that all joints have one gain.
     inertia : (3,), optional
         Its moments about its centre, along the axes of that frame [kg·m²].
     engine : Engine, optional
-        Where logs that are too long for memory are worked on.
+        Where logs that are too long for memory are processed.
 
     Raises
     ------
@@ -534,7 +534,7 @@ class KnownLoad:
     inertia: Point | None
 
     def check(self, empty: Sequence[LogLike]) -> None:
-        """Refuse a load that is known in part, and more so where logs stand for a result.
+        """Refuse a load that is known in part; logs instead of a result need more of it.
 
         Raises
         ------
@@ -583,7 +583,7 @@ def _prepare_sides(
 ) -> tuple[Sides, list[str]]:
     """Return logs with a load, then those without, with one cut-off, and remarks on all.
 
-    The load contradicts the robot's file, so no check is asked.
+    The load contradicts the robot's file, so no checks run.
     """
     robot, how = structure.robot, fit.preparation if fit else None
     reading = fit.reading if fit else None

@@ -85,7 +85,7 @@ def list_missing(found: MissingEffects) -> list[dict[str, Any]]:
 
 @frozen(kw_only=True)
 class TorquePrediction(Result):
-    """Predicted torque along logs. `to_frame` and `write` give it away, sample by sample.
+    """Predicted torque along logs. `to_frame` and `write` export it, sample by sample.
 
     Torque is *low-passed* like the columns of the model where derivatives were computed from
     filtered positions, and *raw* as it was measured; without a filter they are the same. The
@@ -99,7 +99,7 @@ class TorquePrediction(Result):
     log : (N,) int
         Which log a sample comes from.
     measured : tuple of bool
-        Which logs have torque; of the others only the prediction is known.
+        Which logs have torque. Other logs only have predictions.
     t : (N,) [s]
     tau, raw : (N, n) [N·m or N]
         Measured torque, low-passed and as it was measured; NaN where it was not.
@@ -145,7 +145,7 @@ class TorquePrediction(Result):
 
     @property
     def as_logged(self) -> TorquePrediction:
-        """The same in the columns, signs and units of the logs, where these are read otherwise."""
+        """The same in the columns, signs and units of the logs, if their reading changes these."""
         carried = self.fit.reading
         if carried is None:
             return self
@@ -249,7 +249,7 @@ class TorquePrediction(Result):
 
 
 class Entry(BaseModel):
-    """Part of a result's JSON, of which other keys are left alone."""
+    """Part of a result's JSON; other keys are ignored."""
 
     model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
 
@@ -275,7 +275,7 @@ class Predicts(ABC):
     @property
     @abstractmethod
     def fit(self) -> Fit:
-        """The model to use: values, covariance, and how torque scatters about it."""
+        """The model to use: values, covariance, and residual scatter of the torque."""
 
     def covariance_frame(self) -> pd.DataFrame:
         """Return the covariance of the values, with autocorrelated noise, (k, k).
@@ -350,14 +350,14 @@ class Fit(Keyed, Predicts):
     origin : str
         Name of the file that it was read from (reports tell no paths of a machine).
     missing : tuple of str
-        Functions of a joint's motion or load that the result says are missing.
+        Functions of a joint's motion or load that the model lacks, by the result.
     alternatives : (2, b)
         Change of the base parameters by missing functions, and its standard deviation.
     servo : mapping of str to (float, float)
         ``delay`` [s] and gains, ``<joint>.kp`` and ``<joint>.kv``, that logs determine, with
         standard errors.
     reading : CarriedReading or None
-        The reading of the fitted logs, and of those that are given to it; None for the literal one.
+        The reading of the fitted logs and of new logs; None for the literal one.
     hints : tuple of str
         Differences from the inputs with which the result was made.
     """
@@ -512,7 +512,7 @@ def _lacking_torque(
 def state_reading(
     fit: Fit, case: Case, samples: Sequence[Dataset], run: Run, part: str = "read"
 ) -> Iterator[Finding]:
-    """Yield under which reading of a result new logs stand, and which logs contradict it.
+    """Yield sentences on the reading of a result for new logs, and on logs that contradict it.
 
     Parameters
     ----------
@@ -577,7 +577,7 @@ class FitEntry(Entry):
 
 
 class GravityEntry(Entry):
-    """Where gravity points, if not as the robot file says."""
+    """Direction of gravity, if it differs from the robot file's."""
 
     direction: tuple[float, float, float]
 
@@ -646,7 +646,7 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
     ----------
     path : path
     robot : Robot, path or shipped name
-        The robot that the result is about; the file may have other values than it had then.
+        The robot that the result is about; its file may have changed values since.
 
     Raises
     ------
@@ -686,7 +686,7 @@ def _rebuild_model(entry: FitEntry, structure: Structure) -> Submodel:
     joints = structure.robot.joints
     if sorted(submodel.columns) != sorted(entry.names) or len(entry.low) != len(joints):
         raise ModelError(phrase("result.other", "parameters"))
-    # What is tied stands where its first member stood.
+    # Tied columns take the place of their first member.
     return submodel.ordered(entry.names)
 
 
@@ -709,7 +709,7 @@ def _rebuild_fit(entry: FitEntry, structure: Structure, submodel: Submodel) -> F
 
 
 def _tall(rows: Sequence[Sequence[float]], count: int) -> Array:
-    """Return so many rows of any width as an array."""
+    """Return a given number of rows of any width as an array."""
     return np.array(rows, float).reshape(count, -1 if count else 0)
 
 
@@ -758,7 +758,7 @@ def read_real(
 def refuse_robot(
     where: object, made: RobotEntry | Robot, robot: Robot, why: str
 ) -> IdentifiabilityError:
-    """Return the refusal of a robot that a result was not made with.
+    """Return the error for a robot with which a result was not made.
 
     Parameters
     ----------
@@ -818,13 +818,13 @@ def find_fit(result: FitLike, robot: Robot) -> Fit:
 
 # `PositionPrediction`: how robots move as logged commands, or torques, make them.
 #
-# What is judged is the error of positions: by commands over whole logs; by torque over windows
-# that begin with what was measured, as all that is wrong with it adds up.
+# The error of positions is judged. By commands it is judged over whole logs. Errors of torque add
+# up, so by torque it is judged over windows that start from measured states.
 
 
 #: A robot, its name, and standard parameters that replace its own.
 Machine: TypeAlias = tuple[Robot, str, Mapping[str, float]]
-#: After how long a motion begins anew with what was measured, in windows [s].
+#: Length of the windows after which a motion restarts from the measured state [s].
 WINDOW: Tolerance = 1.0
 
 
@@ -837,12 +837,12 @@ class Simulated:
     name : str
         Of its file, or of the result.
     delays : tuple of float [s]
-        With which the commands of each log acted; zero where torque moved it.
+        Delay of the commands of each log; zero where torque moved it.
     q : tuple of (N, n) [rad or m]
-        Positions along each log, by torque begun anew at every window; NaN where they diverged.
+        Positions along each log, by torque restarted at every window; NaN where they diverged.
     errors : (n,) [rad or m]
-        Of positions (rms), without the beginning of logs, in which the speed of the start is
-        forgotten; NaN where they diverged.
+        Of positions (rms), without the beginning of logs, which depends on the starting speed; NaN
+        where they diverged.
     """
 
     name: str
@@ -853,7 +853,7 @@ class Simulated:
 
 @frozen(kw_only=True)
 class PositionPrediction(Result):
-    """How robots move where logged commands or torques drive them; `write` gives positions away.
+    """Motion of robots driven by logged commands or torques; `write` exports positions.
 
     `to_frame` has one row a joint: the error of each robot [rad or m].
 
@@ -884,7 +884,7 @@ class PositionPrediction(Result):
 
     @property
     def unit(self) -> str:
-        """Of a thousandth of `totals`: mrad, or mm where every joint slides."""
+        """Unit of `totals` times 1000: mrad, or mm if every joint slides."""
         return "mm" if self.robot.slides.all() else "mrad"
 
     @property
@@ -936,11 +936,11 @@ class PositionPrediction(Result):
     @property
     @presented
     def told(self) -> str:
-        """The errors of the file's and of the fitted robot, as their result says them."""
+        """A sentence on the errors of the file's and of the fitted robot."""
         raise NotImplementedError
 
     def to_rollout(self) -> dict[str, Any]:
-        """Return it as the JSON of the fitted robot's result has it."""
+        """Return the prediction for the JSON of the fitted robot's result."""
         servo, (file, own, *_) = self.robot.servo, self.totals.tolist()
         gains = servo.by_joint(self.robot.joints) if servo and servo.source == FOUND else {}
         return {
@@ -1095,7 +1095,7 @@ def _file_name(robot: Robot) -> str:
 def _move(
     robot: Robot, name: str, values: Mapping[str, float], logs: Sequence[Log], known: Any = None
 ) -> Simulated:
-    """Return a robot with some values as logs move it, commands as late as is known of each."""
+    """Return the motion of a robot with some values along logs, with the delay of each."""
     from identifiability.servos import forgotten, roll_delayed  # noqa: PLC0415 - MuJoCo
     from identifiability.simulation.rollout import CommandedRobot, drive  # noqa: PLC0415
 

@@ -36,16 +36,15 @@ from identifiability.posterior.rules import RULES as POSTERIOR_RULES
 from identifiability.posterior.target import Prior, Target
 from identifiability.regression.structure import Structure
 
-# What is believed of the parameters after the data: a normal prior per standard parameter,
-# restricted to bodies that can exist and friction that brakes. Residuals are correlated, so the
-# likelihood counts as many samples as are independent.
+# Posterior of the parameters: a normal prior of each standard parameter, restricted to the physical
+# set. Residuals are correlated, so the likelihood counts only independent samples.
 
 
 #: Margin of the point inside the cone that the samplers start from.
 START_MARGIN: Tolerance = 1e-3
 
 
-#: How much is sampled at most: walkers of each of four ensembles, draws of each walker.
+#: Upper limits of sampling: walkers of each of four ensembles, draws of each walker.
 #:
 #: Sampling ends as soon as the draws suffice, or when paths have had so many straight `pieces`: a
 #: step has ten to seventy, and 64 walkers take half a millisecond for each.
@@ -112,7 +111,7 @@ def believed_interval(draws: Array, nonnegative: np.ndarray, moved: Array | floa
     interval never contains such a value. Intervals of nonnegative parameters may begin at zero.
     Intervals are widened by `moved`, the prior sensitivity of the means.
     """
-    # So many ways to leave the rest of the draws at the two ends.
+    # Splits of the remaining draws between the two ends.
     below = np.linspace(0, 0.05, 11)
     low, high = (np.quantile(draws, share, axis=0) for share in (below, below + 0.95))
     low[0, nonnegative] = 0.0
@@ -173,7 +172,7 @@ def _physical_dict(names: Sequence[str], summary: Summary) -> dict[str, Any]:
     return told
 
 
-# Sample what is believed, and where each parameter comes from.
+# Sample the posterior, and find the source of each parameter.
 
 
 def form_belief(
@@ -192,7 +191,7 @@ def form_belief(
     effort : mapping, optional
         As of `sample_posterior`.
     progress : callable, optional
-        Called with the number of steps done and to do.
+        Called with the number of finished steps and of all steps.
     share : float
         Within which bodies are the file's, 0 for the sidecar's.
     """
@@ -207,7 +206,7 @@ def form_belief(
 
 
 def widest(data: LeastSquares) -> Array:
-    """Return the sd of parameters of which nothing is known: by each ten times the torque."""
+    """Return the sd of unknown parameters: one sd makes ten times the measured torque."""
     reach, size = np.linalg.norm(data.R, axis=0), 10.0 * float(np.linalg.norm(data.z))
     return np.where(reach > 0, size / np.where(reach > 0, reach, 1.0), 1.0)
 
@@ -226,9 +225,9 @@ def state_prior(structure: Structure, data: LeastSquares, share: float = 0.0) ->
     Raises
     ------
     RobotError
-        If the sidecar states a prior for a parameter that is not there, or one that is impossible.
+        If the sidecar states an impossible prior, or one for a missing parameter.
     IdentifiabilityError
-        If the robot file states a body that cannot exist, with its name.
+        If a body of the robot file is not physically consistent.
     """
     robot, names = structure.robot, structure.columns
     if check_bodies(robot):

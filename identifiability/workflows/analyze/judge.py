@@ -38,7 +38,7 @@ def decide_model(
     late: SharedErrors | None = None,
     real: PhysicalResult | None = None,
 ) -> tuple[Fit, tuple[Verdict, ...], tuple[str, ...]]:
-    """Return a fit with all that its model leaves open, its verdicts, and impossible signs.
+    """Return a fit with its full uncertainty, its verdicts, and forbidden signs.
 
     Parameters
     ----------

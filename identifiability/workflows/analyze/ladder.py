@@ -31,7 +31,7 @@ from identifiability.workflows.case import WeightedRows
 
 from .shared_errors import SharedErrors, measure_shared_errors
 
-#: Values of which each fitted model is judged (`LadderFit.values`).
+#: Number of value sets for which each fitted model is judged (`LadderFit.values`).
 ACCOUNTS = 6
 
 
@@ -75,7 +75,7 @@ class LadderFit:
     def turned(self) -> Array:
         """The same found from each fold's rest, (F, b, `ACCOUNTS`).
 
-        Files lack as much as of the whole, and the given robot is fitted to nothing.
+        Robot files lack the same part as for the whole, and the given robot is not fitted.
         """
         values = self.values
         written, given = np.split(values[:, 2:], 2, axis=1)
@@ -87,7 +87,7 @@ class LadderFit:
 def fit_ladder(
     rows: WeightedRows, submodels: Sequence[Submodel], cad_weight: float | None
 ) -> tuple[list[LadderFit], Folds, str]:
-    """Fit models with their real robots; return also the folds, and why they choose nothing.
+    """Fit models and their physical robots; return also the folds, and why they choose nothing.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def fit_ladder(
 
 
 def hold_folds(information: Information, estimator: Estimator) -> tuple[HeldOut, str]:
-    """Return folds of the fitted logs; those of logs too short for a choice, and why they are."""
+    """Return folds of the fitted logs, and the reason if the logs are too short for a choice."""
     fit = estimator.fit(information)
     try:
         return HeldOut.of(information, fit.noise), ""
@@ -139,7 +139,7 @@ def fit_with_robot(
     cad_weight : float or None
         As in `fit_ladder`.
     heaviest : float
-        Weight that is tried.
+        Largest weight to try.
     choose : bool
         Whether folds may choose; else the prior is weak, unless it is given.
     certified : (Certificate or None, str), optional
@@ -176,7 +176,7 @@ class FittedLadder:
     short : str
         Why folds choose nothing; empty where they do.
     near : (m,) bool
-        Models that may stand for the best.
+        Models that predict as well as the best.
     fitted, unseen : Prediction
         By the accounts of each model (`LadderFit.values`), on fitted and on unseen motion.
     shared : SharedErrors

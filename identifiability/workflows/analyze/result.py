@@ -48,7 +48,7 @@ from identifiability.workflows.provenance import state_provenance
 
 from .belief import Belief, belief_dict
 
-#: Why no verdict is believed where a model would be used that is no better than no model.
+#: Reason why no verdict is given if the model to use is no better than no model.
 WORSE = "no model predicts motion that it has not seen better than a constant torque would"
 
 
@@ -72,8 +72,8 @@ class ModelResult:
     infeasible : tuple of str
         Parameters with a sign that physics forbids, the paper's test.
     physical : PhysicalResult or None
-        Whether a real robot has these parameters, and the nearest that has; None of a model of a
-        path that is not to be used.
+        Whether the parameters are physically consistent, and the nearest robot that is. None for
+        models of a path that are not used.
     fitted, unseen : Prediction
         Of torque along the fitted logs and along unseen motion: by the estimate, and, where it was
         asked for, by the other accounts of a model (`LadderFit.values`).
@@ -148,7 +148,7 @@ class ModelResult:
 
     @property
     def feasible(self) -> bool:
-        """Whether a real robot has these parameters: bodies with mass, friction that brakes."""
+        """Whether the parameters are physical: bodies have mass, friction brakes."""
         return not self.infeasible and (self.physical is None or self.physical.feasible)
 
     @property
@@ -160,7 +160,7 @@ class ModelResult:
 
     @property
     def unjudged(self) -> str:
-        """Why none of its parameters is judged; nothing if some are."""
+        """Reason why none of its parameters is judged; empty if some are."""
         reasons = [v.reason for v in self.verdicts if Flag.NOT_JUDGED in v.flags]
         every = len(reasons) >= self.estimate.determined.sum()
         return reasons[0] if reasons and every else ""
@@ -170,7 +170,7 @@ class ModelResult:
         return sum(kind in (v.verdict, *v.flags) for v in self.verdicts)
 
     def withdraw(self, why: str) -> Self:
-        """Return the model with no parameter believed, for one reason."""
+        """Return the model with all verdicts withdrawn, for one reason."""
         return replace(self, verdicts=withdraw(self.verdicts, why))
 
     def row(self) -> dict[str, Any]:
@@ -242,11 +242,11 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
     settings : mapping
         Options that decided the numbers.
     nothing : str
-        Why no verdict is believed, for after "because"; empty where they are.
+        Reason, after "because", why no verdict is given; empty if verdicts are given.
     missing : MissingEffects
         Effects that may be missing in the unpruned model.
     late : (w, b)
-        By how much base parameters move by errors that all samples of a log share.
+        Changes of the base parameters by errors that all samples of a log share.
     """
 
     structure: Structure
@@ -316,12 +316,12 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
 
     @cached_property
     def fit(self) -> predict.Fit:
-        """The model to use: values, covariance, and how torque scatters about it.
+        """The model to use: values, covariance, and residual scatter of the torque.
 
         Raises
         ------
         IdentifiabilityError
-            If no value is believed.
+            If no value is trusted.
         """
         if self.nothing:
             raise IdentifiabilityError(phrase("nothing", "says", why=self.nothing))
@@ -483,15 +483,15 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         }
 
 
-# What logs say of each other.
+# Agreement between logs.
 
 
 def disagree(motions: Motions) -> bool:
-    """Return whether logs give other values than each other, by more than chance.
+    """Return whether values of different logs differ by more than chance.
 
     Intervals are widened sooner.
     """
-    # Of a thousand fits of one robot chance says it of one.
+    # One in a thousand fits of one robot fails this test by chance.
     return bool(motions.p.min() < 0.001)
 
 

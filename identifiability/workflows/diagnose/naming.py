@@ -58,7 +58,7 @@ from .problem import (
 
 @frozen
 class Part:
-    """A family at a place that is missing.
+    """A missing family at a place.
 
     Attributes
     ----------
@@ -71,9 +71,9 @@ class Part:
     rivals : tuple of Term
         Competing hypotheses, the likeliest first.
     weight : float
-        Its posterior probability among all that may be in its place.
+        Its posterior probability among all competing hypotheses.
     nearest : tuple of Term
-        Of a function without a name: the likeliest names in its place.
+        For a nonparametric function: the likeliest named families instead of it.
     """
 
     candidate: Candidate
@@ -98,7 +98,7 @@ class Naming:
     ----------
     problem : Problem
     fitted, unseen : ResidualRows
-        Unseen ones are those that errors are stated on: fitted ones where there are no others.
+        Errors are stated on the unseen rows. Without any, they are the fitted rows.
     refusals : tuple of Refusal
     asked : Missing
         All that may be missing,
@@ -113,7 +113,8 @@ class Naming:
     possible : tuple of (Term, float)
         Possible effects that are not named, with their gains on left-out blocks [nat].
     parts : tuple of Part
-        What is missing, families as they came, each in the order of the robot's places.
+        The missing effects: families in the order of their discovery, each in the order of the
+        robot's places.
     """
 
     problem: Problem
@@ -162,7 +163,7 @@ class Naming:
 
     @cached_property
     def completed(self) -> Structure:
-        """The robot under the model with all parts, functions as large as they were found."""
+        """The robot under the model with all parts; functions have their estimated variance."""
         robot, model = self.problem.structure.robot, self.problem.plain.model
         random, own = dict(model.random), dict[str, list[EffectPart]]()
         for p, term in zip(self.parts, self.terms, strict=True):
@@ -235,11 +236,11 @@ class Naming:
         return weigh_fit(self.problem.robot, self.problem.samples, known)
 
     def fit(self, parts: Sequence[int]) -> Array:
-        """Return base parameters (b,) of the completed model, of its parts some, as `analyze` does.
+        """Return base parameters (b,) of the completed model with some parts, as in `analyze`.
 
-        Whitened rows judge better what is missing, but of slow noise they keep no levels, and
-        predict worse. Functions are as large as they were found. Weights of rows and
-        noise are found once, with all parts, to compare many models.
+        Whitened rows judge missing effects better. But with slow noise they do not determine levels
+        and predict worse. Functions have their estimated variance. Weights of rows and noise are
+        estimated once, with all parts, to compare many models.
         """
         fit, some = self._fit(parts)
         base: Array = self.of(self.problem.plain) @ self.known.base + some @ fit.value
@@ -260,7 +261,7 @@ class Naming:
 
     @cached_property
     def predicts(self) -> bool:
-        """Whether parts of the fitted logs are predicted better with what is missing."""
+        """Whether the missing effects improve predictions of parts of the fitted logs."""
         weighed, whole, *_ = self.weighed
         held, scores = hold_folds(weighed, whole.estimator)[0], []
         for fit, some in map(self._fit, [(), range(len(self.parts))]):
@@ -270,7 +271,7 @@ class Naming:
 
     @cached_property
     def real(self) -> PhysicalResult | None:
-        """The real robot nearest to the completed model, where values are those of the logs."""
+        """The physical robot nearest to the completed model, if the logs determine the values."""
         if not len(self.problem.recommended):
             return None
         return nearest_robot(self.completed, *self.weighed[:2])
@@ -295,7 +296,7 @@ class Naming:
         return predict(self.unseen_regression, np.stack(fits, axis=1))
 
     def predict_excerpt(self, fit: Array) -> Prediction:
-        """Return torque along the rows on which names are looked for."""
+        """Return torque along the rows that are searched for effects."""
         if not self.problem.excerpt:
             return self.predict_fitted([fit])
         return predict(self.completed.regression(self.fitted.samples), fit[:, None])
@@ -376,8 +377,8 @@ def name_missing(looked: Naming) -> Naming:
 def _search(looked: Naming) -> tuple[Naming, Terms]:
     """Return what is missing on fitted rows, and the naming whose noise and rows it is found with.
 
-    Friction that rises with speed may be friction that turns when no record can tell. Then it is
-    looked for between reversals alone.
+    Friction that rises with speed may be friction that changes sign at an unrecorded time. It is
+    then searched between reversals only.
     """
     kept = looked.whole.search()
     if any(t.group.family == RisingFriction.name for t in kept):
@@ -402,10 +403,10 @@ Gains = tuple[tuple[Term, float], ...]
 
 
 def _ask_left_out(looked: Naming, found: Terms) -> tuple[Places, Gains]:
-    """Return where terms surely gain on left-out blocks of fitted rows, and those that may gain.
+    """Return places where terms surely gain on left-out blocks, and terms that may gain.
 
-    A family everywhere is one term a place, and each needs its own log odds as well, which know the
-    signs that physics allows. In each round the worst term of each place and family leaves.
+    A family everywhere is one term for each place. Each term also needs its own log odds, which use
+    the signs that physics allows. Each round removes the worst term of each place and family.
     """
     rows = looked.asked.seen
     blocks = looked.asked.products(rows, _block_edges(rows), among=found)
@@ -428,9 +429,9 @@ def _ask_left_out(looked: Naming, found: Terms) -> tuple[Places, Gains]:
 
 
 def _choose_leaving(lacking: Array, owners: Sequence[tuple[str, str]], terms: Terms) -> list[int]:
-    """Return the terms that leave in a round: of a place and of a family at most one, the worst.
+    """Return the terms removed in a round: at most one of a place and of a family, the worst.
 
-    Any one scale of the torque says no more than the others together, and all of them say much.
+    One scale of the torque is redundant given all others, but all scales together are not.
     """
     gone = list[int]()
     for k in np.argsort(lacking).tolist():
@@ -526,7 +527,7 @@ def _write_term(
 
 
 def _may_rival(one: Group, other: Group) -> bool:
-    """Whether groups are two names: a family in a place is a part of itself everywhere."""
+    """Whether groups compete; a family at a place does not compete with itself everywhere."""
     places = {one.place, other.place}
     return one.family != other.family or (len(places) > 1 and EVERYWHERE not in places)
 
@@ -605,16 +606,16 @@ def _odds_of_each(
     return np.array([found[id(g)] for g in each])
 
 
-# What changed while a log was recorded: a mass that was gripped, a brake that dragged for seconds.
+# Changes during a log: a mass that was gripped, a brake that dragged for seconds.
 #
-# No effect of the robot says it, and no unseen motion can judge it: the fitted motion alone has the
-# instant. So a group acts between two instants of a grid, all of which are its prior. Rows of the
-# change are those of another robot. All later stages leave them out.
+# No permanent effect describes them, and unseen motion cannot judge them, because only the fitted
+# motion has the instant. So a group acts between two instants of a grid, all of which are its
+# prior. Rows of the change are those of another robot. All later stages leave them out.
 
 
-#: What may begin and end while a robot is logged: a load, a brake or dirt, a counterweight.
+#: Effects that may begin and end during a log: a load, a brake or dirt, a counterweight.
 CHANGING = ("payload", "coulomb_friction", "viscous_friction", "torque_offset")
-#: Instants of a log at most at which something may change.
+#: Largest number of instants of a log at which something may change.
 INSTANTS = 40
 #: Sizes that a change may have, relative to the torque of its joint.
 CHANGES = np.geomspace(0.01, 1.0, 20)
@@ -663,7 +664,7 @@ def _session(rows: ResidualRows, begins: np.ndarray, log: np.ndarray) -> Array:
 
 @frozen
 class _Grid:
-    """Between which instants of the fitted logs something may have changed.
+    """Pairs of instants of the fitted logs between which something may have changed.
 
     Attributes
     ----------
@@ -690,7 +691,7 @@ class _Grid:
 
     @property
     def weights(self) -> Array:
-        """How much each change, and each course of a session, acts in each part, (w + c, P)."""
+        """Weight of each change, and of each time course of a session, in each part, (w + c, P)."""
         parts = np.arange(len(self.log))
         on = (parts >= self.stays[:, :1]) & (parts < self.stays[:, 1:])
         return np.concatenate([on, self.courses])
@@ -725,7 +726,7 @@ def find_change_in_log(naming: Naming, effects: Collection[str] | None = None) -
 
 
 def _noise_outside(missing: Missing, grid: _Grid, stay: _Stay) -> Missing:
-    """Return the same with noise that is measured while a change did not last."""
+    """Return the same with noise estimated outside of a change."""
     seen, noise = missing.seen, list(missing.noise)
     first, last = grid.begins[grid.stays[stay.at]].tolist()
     outside = np.ones((len(seen.y), 1), bool)
@@ -737,7 +738,7 @@ def _noise_outside(missing: Missing, grid: _Grid, stay: _Stay) -> Missing:
 
 
 def _write_change(naming: Naming, grid: _Grid, every: Sequence[_Stay]) -> Change | None:
-    """Return the likeliest change; None where it is of all of one of two logs."""
+    """Return the likeliest change; None if it covers all of one of two logs."""
     best, c = every[0], every[0].candidate
     when = _find_instants(grid, best, naming.fitted.seen.t)
     if when is None:
@@ -765,7 +766,7 @@ def _write_change(naming: Naming, grid: _Grid, every: Sequence[_Stay]) -> Change
 
 
 def _find_instants(grid: _Grid, stay: _Stay, t: Array) -> dict[str, Any] | None:
-    """Return when a change began and ended; None where it is all of one of two logs.
+    """Return when a change began and ended; None if it covers all of one of two logs.
 
     Parameters
     ----------
@@ -796,7 +797,7 @@ class _Stay:
     Attributes
     ----------
     total, drifts : float
-        Averaged over the instants, or of what goes with the session instead, less the price.
+        Averaged over the instants, or for a time course of the session instead, less the price.
     """
 
     candidate: Candidate
@@ -808,7 +809,7 @@ class _Stay:
 
     @property
     def at(self) -> int:
-        """Which two instants are the likeliest."""
+        """The likeliest two instants."""
         return int(self.odds.argmax())
 
     @property
@@ -906,7 +907,7 @@ def _ends(at: np.ndarray, likely: Array, time: Array) -> tuple[float, float]:
 
 
 def without_outliers(problem: Problem, outliers: Outliers) -> Problem:
-    """Return a problem in which outlying stretches are no data, as where a joint stands."""
+    """Return a problem without outlier segments, which are treated like rows of a joint at rest."""
     samples = leave_out_rows(problem.samples, outliers)
     excerpt = leave_out_rows(problem.excerpt, outliers, problem.samples)
     return replace(problem, samples=samples, excerpt=excerpt)

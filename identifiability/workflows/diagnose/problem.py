@@ -48,7 +48,7 @@ class Problem(OfStructure):
     structure : Structure
         The robot under the model that is diagnosed.
     samples, validation : tuple of Dataset
-        Fitted and unseen motion, of which errors are stated.
+        Fitted and unseen motion, on which errors are stated.
     known : KnownValues
         Prior knowledge of the model's values.
     fixed : bool
@@ -57,14 +57,14 @@ class Problem(OfStructure):
     verified_on : str
         The unseen motion in words, to follow "on".
     preparation : Preparation
-        How logs were turned into motion, with one cut-off.
+        Preparation of the logs, with one cut-off.
     changes : tuple of Change
-        What changed in the middle of fitted logs. The time of each change was left out.
+        Changes in the middle of fitted logs. The time of each change was left out.
     commanded : bool
         Whether servos made the torque of commands.
     excerpt, unseen_excerpt : tuple of Dataset
-        Fewer rows of fitted and unseen motion, on which names are looked for; empty where all rows
-        are looked at.
+        Fewer rows of fitted and unseen motion for the search of effects; empty if all rows are
+        used.
     under : Structure or None
         The robot under the model that predicts without the missing effects, if that is another.
     recommended : (b,)
@@ -116,9 +116,10 @@ class KnownValues(Known):
     Attributes
     ----------
     words : str
-        What they are, as the beginning of a sentence: "the values of fit.json, with their errors,".
+        Description of the values, as the beginning of a sentence: "the values of fit.json, with
+        their errors,".
     share : float
-        Within which bodies are the file's; 0 where nothing says so.
+        Share within which bodies equal the file's; 0 without such knowledge.
     """
 
     words: str
@@ -141,7 +142,7 @@ class KnownValues(Known):
 
 
 def know_nothing(structure: Structure) -> KnownValues:
-    """Return that values are those of the logs, random ones of the model as large as it says."""
+    """Return no prior knowledge, except of random parameters with the variance of the model."""
     b, random = len(structure.base.names), structure.model.random
     own = Known.nothing(np.eye(b), np.zeros(b))
     if random:
@@ -162,17 +163,17 @@ def know_file(structure: Structure) -> KnownValues:
 
 
 def know_share(share: float, structure: Structure, *, refitted: bool = False) -> KnownValues:
-    """Return that values are the robot file's within a share, or as its sidecar states.
+    """Return the robot file's values as known within a share, or as its sidecar states.
 
     Parameters
     ----------
     share : float
-        As a standard deviation: of a body in mass, centre and inertia alike (`state_rows`), of any
-        other parameter of its value.
+        A relative standard deviation. It holds for mass, centre and inertia of a body together
+        (`state_rows`), and for the value of any other parameter.
     structure : Structure
     refitted : bool
-        Whether nothing is known of what joints alone decide, of which files of commanded robots say
-        nothing.
+        Whether parameters that only joints determine have no prior. Files of commanded robots do
+        not state them.
 
     Raises
     ------
@@ -302,11 +303,12 @@ class ResidualRows:
         return out
 
 
-#: Bins in which the residual is averaged.
+#: Bins over which the residual is averaged.
 BINS = 12
 
 
-#: Stretches that are drawn again and again for an interval: more, as each weighs by itself.
+#: Stretches that are resampled for an interval: more than for folds, because each counts
+#: separately.
 DRAWN_STRETCHES = 24
 
 
@@ -315,7 +317,7 @@ def change_interval(
 ) -> tuple[float, float]:
     """Return the 95 % interval of the change of ε_RA from one model to another.
 
-    Whole stretches of time are drawn again and again [Künsch 1989].
+    Whole stretches of time are resampled [Künsch 1989].
 
     Parameters
     ----------
@@ -342,19 +344,19 @@ def change_of(
     return change_interval(np.abs(gap.residual[:, :, [first, second]]), gap.apart(), rng)
 
 
-#: ResidualRows weighed by their noise, the fit of their columns, a sentence on outliers, and these.
+#: Weighted residual rows, the fit of their columns, a sentence on outliers, and the outliers.
 WeighedFit = tuple[Information, Estimate, str, Outliers | None]
 
 
 def weigh_fit(robot: Robot, samples: Sequence[Dataset], information: Information) -> WeighedFit:
-    """Return rows weighed by their noise, and the fit of their columns, as `analyze` has them."""
+    """Return rows weighted by their noise, and the fit of their columns, as in `analyze`."""
     estimator = replace(find_estimator("wls"), instruments=information.instrumented)
     weighed, said, outliers = weigh_rows(robot.joints, samples, information, estimator)
     return weighed, estimate_noise(estimator, weighed).fit(weighed), said, outliers
 
 
 def fit_structure(structure: Structure, regression: Regression) -> WeighedFit:
-    """Return the same of the base parameters of a model, random ones as large as it says."""
+    """Return the same for the base parameters of a model, random ones with its variance."""
     information = with_known(gather_information(regression), structure.known)
     return weigh_fit(structure.robot, regression.samples, information)
 
@@ -374,7 +376,7 @@ def nearest_robot(
         That was fitted.
     fit : Estimate
     cad_weight : float, optional
-        How strongly it is drawn to the robot file; by default parts of the logs choose.
+        Weight of the robot file; by default parts of the logs choose it.
     """
     model = FittedModel(structure, full_model(structure.base), information, information, fit)
     held_out, short = hold_folds(information, fit.estimator)
@@ -383,7 +385,7 @@ def nearest_robot(
 
 @frozen
 class Discrepancy:
-    """Where the residual of a joint sits.
+    """Size and dependence of the residual of a joint.
 
     Attributes
     ----------
@@ -405,7 +407,7 @@ class Discrepancy:
 def find_discrepancies(
     rows: ResidualRows, residual: Array, joints: Sequence[str]
 ) -> tuple[Discrepancy, ...]:
-    """Return where the residual (N, n) of each joint sits."""
+    """Return size and dependence of the residual (N, n) of each joint."""
     out = []
     for j, joint in enumerate(joints):
         data = rows.seen.data[:, j]

@@ -1,4 +1,4 @@
-"""`Diagnosis`: where model and data disagree, what is missing, with the evidence."""
+"""`Diagnosis`: disagreement of model and data, and missing effects with their evidence."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ if TYPE_CHECKING:
 
 
 class Rival(NamedTuple):
-    """Another name for the same rows: "A or B"."""
+    """A competing hypothesis for the same rows: "A or B"."""
 
     family: str
     place: str
@@ -83,7 +83,7 @@ class Placement:
         Of the torque that it adds at the joint where it is largest.
     rivals : tuple of Rival
     weight : float
-        Its posterior probability among all that may be in its place.
+        Its posterior probability among all competing hypotheses.
     odds, unseen : float [nat]
         Log odds for the effect on the fitted motion, and its gain on unseen motion.
     """
@@ -118,8 +118,8 @@ class Curve:
         Actuated joint where it is largest, and joint whose motion it is drawn over.
     against : {"velocity", "position", "load", "time", "session"}
     x, learned, spread, data : (N,)
-        Motion; torque of the effect, low-passed only where it remembers or is no function of one
-        joint's motion, and its standard error; and the low-passed residual without the effect.
+        Motion; torque of the effect with its standard error; and the low-passed residual without
+        the effect. Only torque with hysteresis, or of several joints' motion, is low-passed.
     """
 
     title: str
@@ -145,9 +145,9 @@ class NamedEffect:
     interval : (float, float)
         95 % of the change.
     everywhere : bool
-        Whether it is at all places where it can be.
+        Whether it acts at all possible places.
     nearest : tuple of str
-        Of such a function: the likeliest names in its stead.
+        For a nonparametric function: the likeliest named families instead of it.
     """
 
     name: str
@@ -165,17 +165,17 @@ class NamedEffect:
 
     @property
     def unnamed(self) -> bool:
-        """Whether it is a function without a name."""
+        """Whether it is a nonparametric function."""
         return find_family(self.name).unnamed
 
     @property
     def confirmed(self) -> bool:
-        """Whether unseen motion says so by itself."""
+        """Whether unseen motion alone confirms it."""
         return self.unseen >= ESTIMATION_RULES.keep
 
     @property
     def weight(self) -> float:
-        """How sure the name is: the least posterior probability over its places."""
+        """Posterior probability of the name: the least over its places."""
         return min(p.weight for p in self.placements)
 
     @property
@@ -195,7 +195,7 @@ class NamedEffect:
 
     @property
     def alternatives(self) -> tuple[str, ...]:
-        """Families that the data do not tell from this one: the name is "A or B"."""
+        """Families that the data do not distinguish from this one: the name is "A or B"."""
         rivals = [r for p in self.placements for r in p.rivals]
         return tuple(dict.fromkeys(r.family for r in rivals))
 
@@ -222,7 +222,7 @@ class Odds:
 
 @frozen(kw_only=True)
 class Diagnosis(Result, Predicts):
-    """What is missing, with the evidence. `to_frame`, `to_json`, `write_report` give it away.
+    """Missing effects with their evidence. `to_frame`, `to_json` and `write_report` export it.
 
     Attributes
     ----------
@@ -249,7 +249,7 @@ class Diagnosis(Result, Predicts):
         Residuals of the fitted motion by joint.
     refusals : tuple of Refusal
     evidence : tuple of Odds
-        Of all that was asked, the likeliest first.
+        Of all groups in the search, the likeliest first.
     values : (b,)
         Base parameters of that model.
     completed : Structure
@@ -258,11 +258,11 @@ class Diagnosis(Result, Predicts):
     information : Information
         About its base parameters, with equal rows.
     weighed : WeighedFit or None
-        Its fit to weighted rows, where no value was known before the logs.
+        Its fit to weighted rows, if the values have no prior.
     nearest : PhysicalResult or None
-        The robot nearest to that fit, where it was looked for.
+        The physical robot nearest to that fit, if it was computed.
     included : int
-        How many of the effects are in the model, the first ones.
+        Number of effects in the model; these are the first ones.
     moved : PositionPrediction or None
         Position errors of rollouts of the nearest physical robot, for logs of commands.
     forward : ForwardGap or None
@@ -270,11 +270,11 @@ class Diagnosis(Result, Predicts):
     hints : tuple of str
         Possible problems of robot file and logs, for the user to check.
     nothing : str
-        Why nothing was looked for, for after "because"; empty where it was.
+        Reason, after "because", why there was no search; empty if there was.
     alternative : str
-        Under which other reading of the logs it was diagnosed, in a sentence; empty for none.
+        A sentence on the other reading of the logs under which it was diagnosed; else empty.
     reading : CarriedReading or None
-        That reading, where the columns or gravity are read in another way.
+        That reading, if columns or gravity have another one.
     """
 
     schema: ClassVar[str] = "identifiability/diagnosis/1"
@@ -349,12 +349,12 @@ class Diagnosis(Result, Predicts):
 
     @property
     def preparation(self) -> Preparation:
-        """How logs were turned into motion, with one cut-off."""
+        """Preparation of the logs, with one cut-off."""
         return self.problem.preparation
 
     @property
     def changes(self) -> tuple[Change, ...]:
-        """What changed in the middle of fitted logs."""
+        """Changes in the middle of fitted logs."""
         return self.problem.changes
 
     @property
@@ -388,7 +388,7 @@ class Diagnosis(Result, Predicts):
 
     @cached_property
     def physical(self) -> dict[str, Any]:
-        """The real robot nearest to the data with the named effects, as `export` reads it."""
+        """The physical robot nearest to the data with the named effects, as `export` reads it."""
         with one_thread("blas"):  # the same bits however many threads there are
             return nearest_dict(self)
 
@@ -400,12 +400,12 @@ class Diagnosis(Result, Predicts):
 
     @cached_property
     def fit(self) -> Fit:
-        """The model with the named effects: values, covariance, and how torque scatters."""
+        """The model with the named effects: values, covariance, and residual scatter."""
         with one_thread("blas"):
             return keep_completed(self)
 
     def moved_by(self, logs: Recordings) -> Diagnosis:
-        """Return the diagnosis with how far rollouts are off, where logs are of commands."""
+        """Return the diagnosis with position errors of rollouts, for logs of commands."""
         if not logs.commanded:
             return self
         moved = move_fitted(self.robot, self.physical["parameters"], logs, bool(self.included))
@@ -508,7 +508,7 @@ class Diagnosis(Result, Predicts):
 
 
 def pick(value: Any, *names: str, **renamed: str) -> dict[str, Any]:
-    """Return some attributes as JSON has them, by their names or by others."""
+    """Return some attributes for JSON, by their names or by other names."""
     every = dict(zip(names, names, strict=True)) | renamed
     fields = {new: getattr(value, name) for new, name in every.items()}
     return {name: list(x) if isinstance(x, tuple) else x for name, x in fields.items()}
@@ -525,7 +525,7 @@ def _odds_row(x: Odds) -> dict[str, Any]:
 
 
 def _change_row(c: Change) -> dict[str, Any]:
-    """Return a change as JSON has it; no instant where it was not logged."""
+    """Return a change for JSON, without an instant that was not logged."""
     ends = {"from": [c.start], "to": [c.stop], "from95": c.began, "to95": c.ended}
     known = {name: [x if np.isfinite(x) else None for x in at] for name, at in ends.items()}
     return {
@@ -671,7 +671,7 @@ def real_robot(d: Diagnosis, structure: Structure, weight: float | None = None) 
 
 
 def nearest_dict(d: Diagnosis) -> dict[str, Any]:
-    """Return the real robot with the named effects, with its errors on the fitted logs."""
+    """Return the physical robot with the named effects, with its errors on the fitted logs."""
     structure, known = d.completed, None if d.forward is None else d.forward.nearest
     try:
         real = real_robot(d, structure) if known is None else known
@@ -682,7 +682,7 @@ def nearest_dict(d: Diagnosis) -> dict[str, Any]:
 
 
 def _fold(values: dict[str, float]) -> dict[str, float]:
-    """Return values in which no joint has a Coulomb level for both directions and one for each."""
+    """Return values in which no joint has a common Coulomb level and separate ones."""
     out = dict(values)
     for name in [n for n in values if n.endswith(".Fc") and f"{n}+" in values]:
         level = out.pop(name)
