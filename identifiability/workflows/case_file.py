@@ -73,7 +73,7 @@ class CaseEntry(Strict):
 
 @frozen
 class CaseFile:
-    """A case file with its folder, in which its paths stand.
+    """A case file with its folder, to which its paths are relative.
 
     Attributes
     ----------

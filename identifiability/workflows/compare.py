@@ -137,7 +137,7 @@ def find_differences(
         That may carry a load.
     known : Known
     later, single : int
-        How many of the first logs may have changed together, and how many each by itself.
+        How many of the first logs may have changed together, and how many separately.
     """
     robot, motions = structure.robot, [piece.motion for piece in seen.pieces]
     lacks, _ = list_candidates(robot, find_families(LACKS), structure.present, motions, fixed=False)
@@ -164,7 +164,7 @@ def find_differences(
 
 @frozen(kw_only=True)
 class Comparison(OfStructure, Result):
-    """What changed. Make it with `compare`.
+    """Changes between logs, made by `compare`.
 
     Attributes
     ----------
@@ -178,7 +178,7 @@ class Comparison(OfStructure, Result):
         The surest first.
     hints : tuple of str
     preparation : Preparation
-        How logs were asked to be turned into motion.
+        Requested preparation of the logs.
     motion, torque : Motion and DifferentTorque
         Of the first log after.
     source : LadderSource
@@ -201,7 +201,7 @@ class Comparison(OfStructure, Result):
     @property
     @presented
     def answer(self) -> str:
-        """What changed, in one sentence."""
+        """The changes, in one sentence."""
         raise NotImplementedError
 
     def rows_by_name(self) -> Iterator[Row]:
@@ -261,7 +261,7 @@ def compare(
     preparation : Preparation, optional
         How derivatives are made.
     engine : Engine, optional
-        Where logs that are too long for memory are worked on.
+        Where logs that are too long for memory are processed.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""One verb over many robots: one table, and a page each; a robot that fails is a sentence.
+"""One verb over many robots: one table, and a page each; failures are sentences in the table.
 
 Each robot is one item of an engine. Its answer does not depend on where it was computed. An engine
 that is resumed does not repeat the robots that it finished.
@@ -36,7 +36,7 @@ from .prune import prune
 
 Verb = Literal["analyze", "prune", "diagnose"]
 
-#: What stands in the folder of the answers.
+#: Files in the folder of the answers.
 PAGE, TABLE, JSON, ROBOTS = "index.html", "table.csv", "table.json", "robots"
 
 
@@ -87,7 +87,7 @@ def _check_options(verb: str, given: Mapping[str, Any]) -> None:
         check_option(name, value, kinds[name])
 
 
-#: What the table says of a robot that has no answer yet.
+#: Table entries of a robot that has no answer yet.
 EMPTY: dict[str, Any] = {
     **{"robot": "", "logs": [], "held": [], "model": "", "parameters": None, "verdicts": {}},
     **{"error": None, "error_unseen": None, "missing": [], "warnings": []},
@@ -105,7 +105,7 @@ def run_task(
     verb : str
     options : mapping
     task : (Path, str)
-        Its folder, with the digest of all that leads to an answer.
+        Its folder, with the digest of all inputs of an answer.
     """
     name, own = task[0].name, dict(options)
     row = {**EMPTY, "robot": name}
@@ -180,7 +180,7 @@ class Fleet(Result):
 
     @property
     def failed(self) -> dict[str, str]:
-        """Robots without an answer, and why."""
+        """Robots without an answer, with the reason."""
         return {row["robot"]: row["failed"] for row in self.rows if row["failed"]}
 
     def to_frame(self) -> pd.DataFrame:
@@ -203,7 +203,7 @@ def analyze_many(
     progress: Progress | None = None,
     **options: Any,
 ) -> Fleet:
-    """Ask the same of many robots: one table, and a page each.
+    """Run one verb on many robots: one table, and a page each.
 
     Parameters
     ----------
@@ -214,7 +214,7 @@ def analyze_many(
         Folder of the answers: new, empty, or that of an earlier time.
     verb : {"analyze", "prune", "diagnose"}
     engine : Engine, optional
-        Where robots are asked; by default in several processes.
+        Where the verb runs; by default in several processes.
     progress : callable(str, float), optional
     **options
         Of the verb.
@@ -256,7 +256,7 @@ def _open(folder: Path) -> None:
     Raises
     ------
     OutputError
-        If it is none, or has other things in it.
+        If it is no folder, or holds other files.
     """
     try:
         there = list(folder.iterdir()) if folder.exists() else []

@@ -35,10 +35,11 @@ class SharedErrors:
     Attributes
     ----------
     information : Information
-        About all columns, before rows were weighed.
+        About all columns, with equal rows.
     others : mapping of str to tuple of Information
-        The same, had commands of one log acted one standard deviation of its delay later, or had
-        gains that were found been others by one; and with the noise of the motion once more.
+        The same with commands of one log later by one standard deviation of its delay, with
+        estimated gains changed by one standard deviation, and with the noise of the motion added
+        again.
     estimator : Estimator
     """
 
@@ -47,7 +48,7 @@ class SharedErrors:
     estimator: Estimator
 
     def move(self, submodel: Submodel) -> dict[str, Array]:
-        """Return by how much each of them moves the values of a model, (w, k)."""
+        """Return the changes of the values of a model by each error, (w, k)."""
         if not self.others:
             return {}
 
@@ -107,7 +108,7 @@ def _motion_is_noisy(rows: WeightedRows) -> bool:
 def nearly_exact(rows: WeightedRows) -> bool:
     """Return whether the torque has so little noise that the preparation's error may matter.
 
-    It is of logs whose derivatives are computed, and that are not too long for memory.
+    This applies to logs with computed derivatives that fit in memory.
     """
     data, information = rows.data, rows.unweighted
     if _has_loud_motion(data) or data.recordings.commanded:
@@ -171,7 +172,7 @@ def _gather_again(data: Data, logs: Mapping[int, Log]) -> Information:
 
 
 def measure_again(robot: Robot, log: Log, prepared: Dataset, how: Preparation) -> Dataset:
-    """Return motion and torque as another version of a log has them, if the same rows are kept."""
+    """Return motion and torque of another version of a log, if the same rows are kept."""
     again = prepare_log(robot, log, how)
     same = np.array_equal(again.motion.kept, prepared.motion.kept)
     return replace(prepared, motion=again.motion, tau=again.tau) if same else prepared

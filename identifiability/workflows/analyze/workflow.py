@@ -1,4 +1,4 @@
-"""The main job: robot and logs in, one verdict per parameter and a model to use out.
+"""The main workflow: from robot and logs to one verdict per parameter and a model to use.
 
 Models are fitted, each with its nearest robot (`ladder`). Every parameter is judged by the noise,
 other motion and omitted effects (`judge`), and one model is selected.
@@ -91,7 +91,7 @@ def say_of_fit(data: Data, result: ModelResult, missing: Sequence[str]) -> list[
 def predict_everywhere(
     data: Data, fit: LadderFit, account: int, folds: Folds | None
 ) -> Prediction | None:
-    """Return torque along unseen motion where joints stand, too; None where none does.
+    """Return torque along unseen motion, including joints at rest; None without joints at rest.
 
     Parameters
     ----------
@@ -152,13 +152,14 @@ def analyze(
         come from blocked cross-validation.
     ladder : path, LadderEntry or result of `prune`, optional
         Models to compare, each also with the unpruned one. By default those of the case, or the
-        ladder beside the robot file, else the default one, with torque offsets and without (with
-        them, if logs hold commands and no torque).
+        ladder in the folder of the robot file, else the default one. The default has a model with
+        torque offsets and one without. For logs of commands without torque, the default has
+        offsets.
     preparation : Preparation, optional
         How derivatives are made.
     method : str or Estimator
-        Weight actuators by 1 / (variance × memory) of their noise (``wls``), or all alike
-        (``ols``).
+        Weight actuators by 1 / (variance × autocorrelation time) of their noise (``wls``), or
+        equally (``ols``).
     estimator : {"auto", "ls", "iv"}
         Least squares, or instrumental variables, which noise in the motion does not bias; ``auto``
         takes the latter if any log has a second record of its motion.
@@ -166,9 +167,9 @@ def analyze(
         Refits of the block bootstrap, 0 for none; by default `DEFAULTS.refits`, or
         `DEFAULTS.refits_quick` if `quick`.
     posterior : bool
-        Also sample the posteriors of the selected model; costs two to three times the rest. Off
-        everywhere unless asked for: it narrows parameters that the data do not determine, and never
-        changes a verdict on the others.
+        Also sample the posteriors of the selected model; costs two to three times the rest. It is
+        off by default. It narrows parameters that the data do not determine, and never changes a
+        verdict on the others.
     cad_prior : float, optional
         Weight of a log-det prior around the bodies of the robot file in the search for the nearest
         physical robot [σ²]; 0 for none. By default the heaviest that predicts stretches of the
@@ -182,10 +183,10 @@ def analyze(
     progress : callable(str, float), optional
         Called with the current stage and the finished share.
     engine : Engine, optional
-        Where stretches of logs that are too long for memory are worked on; by default in several
+        Where stretches of logs that are too long for memory are processed; by default in several
         processes.
     quick : bool
-        Fewer replicates, where nobody says how many.
+        Fewer replicates, unless their number is given.
 
     Raises
     ------
@@ -220,7 +221,7 @@ def _fit_case(
 def choose_settings(
     case: Case, run: Run, prior: float | None, cad_prior: float | None, **options: Any
 ) -> dict[str, Any]:
-    """Return the options that decide the numbers of a ladder, as its result keeps them.
+    """Return the options that determine the numbers of a ladder, in the form of its result.
 
     Parameters
     ----------

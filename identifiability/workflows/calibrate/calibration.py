@@ -134,7 +134,7 @@ def calibrate(
     engine : Engine, optional
         Where repetitions are simulated; by default here. The result does not depend on it.
     quick : bool
-        Fewer of all of these, where nobody says how many.
+        Fewer of all of these, unless their number is given.
 
     Raises
     ------

@@ -60,7 +60,7 @@ from identifiability.workflows.analyze.shared_errors import measure_again
 class Outcome:
     """One simulated experiment, fitted and judged as `analyze` would: arrays over k parameters.
 
-    Small on purpose: thousands of them come back from other processes.
+    It is small because other processes return thousands of them.
     """
 
     value: Array
@@ -73,7 +73,7 @@ class Outcome:
 
 @frozen(kw_only=True)
 class Experiment:
-    """A motion, held in memory, and how its outcomes are judged under one model.
+    """A motion in memory, and the method by which its outcomes are judged under one model.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ class Experiment:
     def of(
         structure: Structure, samples: Sequence[Dataset], submodel: Submodel, **how: Any
     ) -> Experiment:
-        """Return the experiment of samples under a model; the rest says how it is judged."""
+        """Return the experiment of samples under a model, with its method of judgement."""
         regression = structure.regression(samples)
         parts = regression.parts(whole=True)
         chunks = [c for part in parts for c in part.chunks()]
@@ -195,7 +195,7 @@ class Cell:
     wrong : Share
         Of these, off by more than half.
     not_judged : float
-        Share of trials whose parameters are not judged, for want of outputs or blocks.
+        Share of trials whose parameters are not judged, because outputs or blocks are too few.
     """
 
     names: tuple[str, ...]
@@ -289,7 +289,7 @@ _TO_THETA = np.linalg.pinv(BASIS.reshape(10, 16))
 
 @frozen
 class TrueRobots:
-    """Robots around a likely one.
+    """Distribution of robots around a likely one.
 
     Attributes
     ----------
@@ -297,7 +297,7 @@ class TrueRobots:
     centre : (p,)
         Its standard parameters.
     scatter : (p,)
-        Standard deviations around them; zero for what is no body's.
+        Standard deviations around them; zero for parameters of no body.
     """
 
     structure: Structure
@@ -311,7 +311,7 @@ class TrueRobots:
         Raises
         ------
         LogError
-            If no real robot was found near the model.
+            If no physically consistent robot was found near the model.
         """
         if result.physical is None or result.physical.nearest is None:
             raise LogError(f"No real robot is near {result.name}, which repetitions are made from.")
@@ -333,13 +333,13 @@ class TrueRobots:
 
 
 def make_possible(theta: Array, like: Array) -> Array:
-    """Return the nearest bodies that can exist, (nb, 10).
+    """Return the nearest physically consistent bodies, (nb, 10).
 
     Parameters
     ----------
     theta : (nb, 10) [kg m², kg m, kg]
     like : (nb, 10)
-        Bodies that give the scale in which distances count.
+        Bodies that define the scale of distances.
     """
     s = scale_matrix(*natural_scale(like))
     scale = s[:, :, None] * s[:, None, :]
@@ -356,7 +356,7 @@ def make_possible(theta: Array, like: Array) -> Array:
 # noise like the residual's; the motion that is fitted has errors like the log's.
 
 
-#: Drawings of the errors of the motion by which the torque that they make is measured.
+#: Draws of the errors of the motion for the estimate of the torque that they cause.
 DRAWS = 8
 
 
@@ -370,11 +370,11 @@ class World:
         The true motion, and how its outcomes are judged.
     robots : TrueRobots
     logs : tuple of (Log, Dataset, Preparation)
-        Each as it was measured and prepared, and how.
+        Each log as measured, as prepared, and its preparation.
     noise : ARNoise
         Of the torque; together with the errors of the motion it resembles the residual.
     runs : Runs
-        Stretches of time without gaps, between which noise remembers nothing.
+        Stretches of time without gaps. Noise is independent between them.
     """
 
     experiment: Experiment
@@ -385,9 +385,9 @@ class World:
 
     @staticmethod
     def of(analysis: Analysis, result: ModelResult, refits: int, rng: np.random.Generator) -> World:
-        """Return the world that is like the logs of an analysis.
+        """Return the world that resembles the logs of an analysis.
 
-        Errors of the motion make part of the residual: the noise of the torque is the rest.
+        Errors of the motion cause part of the residual. The noise of the torque is the rest.
 
         Parameters
         ----------
@@ -427,7 +427,7 @@ class World:
         return world.without_motion_errors(analysis.full.estimate.variance, rng)
 
     def without_motion_errors(self, variance: Array, rng: np.random.Generator) -> World:
-        """Return the world whose noise lacks the torque that errors of the motion make.
+        """Return the world whose noise excludes the torque that errors of the motion cause.
 
         Parameters
         ----------
@@ -465,7 +465,7 @@ class World:
             self.runs,
             of_noise,
         )
-        # Sticking joints say nothing.
+        # Sticking joints give no information.
         tau = e.W @ beta + noise * e.moves
         W, V = self.measure_anew(of_motion)
         whole = e.gather(
@@ -502,8 +502,8 @@ def find_runs(samples: Sequence[Dataset]) -> list[tuple[int, int]]:
 def fit_residual_noise(tau: Array, W: Array, runs: JointRuns) -> ARNoise:
     """Return the noise of torque, corrected for the columns that are fitted to it.
 
-    A residual looks whiter and smaller than the noise was, because slow noise is swallowed by the
-    columns that are fitted: on the motion of one log a correlation of 0.97 looks like 0.75.
+    A residual is whiter and smaller than the noise, because fitted columns absorb slow noise: on
+    the motion of one log a correlation of 0.97 looks like 0.75.
 
     Parameters
     ----------
@@ -525,12 +525,12 @@ def fit_residual_noise(tau: Array, W: Array, runs: JointRuns) -> ARNoise:
     return tuple(noise)
 
 
-#: Samples before those of a simulated series, after which it does not know how it began.
+#: Samples before those of a simulated series, after which its start no longer matters.
 FORGOTTEN = 10_000
 
 
 def simulate_noise(noise: ARNoise, runs: Runs, rng: np.random.Generator) -> Array:
-    """Return noise of each joint, each stretch by itself, (N, n).
+    """Return noise of each joint, independent in each stretch, (N, n).
 
     Parameters
     ----------
@@ -554,7 +554,7 @@ def simulate_noise(noise: ARNoise, runs: Runs, rng: np.random.Generator) -> Arra
 def sample_anew(
     robot: Robot, logs: Sequence[tuple[Log, Dataset, Preparation]], rng: np.random.Generator
 ) -> list[Dataset]:
-    """Return the samples of logs with as much noise once more, and instruments as they have."""
+    """Return the samples of logs with the same amount of noise added, and the same instruments."""
     again = [noise_again(log, rng) for log, *_ in logs]
     pairs = zip(
         again,

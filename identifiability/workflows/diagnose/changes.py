@@ -32,7 +32,7 @@ DIFFERING = (
     "torque_scale",
     "passive_joint_friction",
 )
-#: Parameters of a load that its weight tells.
+#: Parameters of a load that its weight determines.
 WEIGHT = INERTIAL_KINDS[:4]
 
 
@@ -89,39 +89,39 @@ class DifferentTorque:
         return DifferentTorque(seen.t[first], seen.raw[first], measured[first], explained[first])
 
 
-# `Change`: what differs, of which size, where and when.
+# `Change`: a difference with size, place and time.
 
 
 @frozen(kw_only=True)
 class Change:
-    """What changed between logs, or while one was recorded.
+    """A change between logs or during a log.
 
     Attributes
     ----------
     kind : {"load", "friction", "offset", "gain"}
     family, what, place : str
-        Its name; it in words; and the body or joint, ``all joints`` where it is everywhere.
+        Its name; its description; and the body or joint, ``all joints`` where it is everywhere.
     log : str
-        In which alone it is; empty where it is in all of those that are asked about.
+        The only log with the change; empty if all compared logs have it.
     names, units : tuple of str
         Of its q numbers.
     sizes, sd : (q,)
         Of these, given all other changes.
     share, share_sd : float
-        Of its torque before; NaN where that is not known.
+        Change relative to its torque before; NaN where that is not known.
     odds : float
         Log odds, averaged over sizes and ways, less what families and places cost; those of its
         surest part.
     others : tuple of str
         Competing hypotheses,
     rivals : tuple of (family, place)
-        and that by name.
+        and their names.
     start, stop : float [s]
         When it began and ended; infinite where that was not logged.
     began, ended : (float, float) [s]
         95 % intervals of these instants.
     weight : float
-        Its posterior probability among all that may have changed in part of a log.
+        Its posterior probability among all possible changes in part of a log.
     """
 
     kind: str
@@ -177,7 +177,7 @@ def _describe(found: Differences, term: Term, names: Sequence[str]) -> str:
 
 
 def rows_of(model: MixedModel, terms: Terms, k: int) -> np.ndarray:
-    """Return where the values of a term stand among those of a solution, (m,)."""
+    """Return the indices of the values of a term in a solution, (m,)."""
     first = model.fixed + sum(t.size for t in terms[:k])
     return first + np.arange(terms[k].size)
 
@@ -212,9 +212,9 @@ def list_log_changes(found: Differences, terms: Terms, names: Sequence[str]) -> 
 
 
 def _share_of(level: Array, rms: Array, sizes: Array, spread: Array) -> tuple[float, float]:
-    """Return by which share of its torque something changed, and its standard error.
+    """Return the change as a share of the torque before, and its standard error.
 
-    NaN where nothing is known of the torque before.
+    NaN where the torque before is not known.
 
     Parameters
     ----------
@@ -232,7 +232,7 @@ def _share_of(level: Array, rms: Array, sizes: Array, spread: Array) -> tuple[fl
 def _join_terms(
     found: Differences, terms: Terms, which: Sequence[int], names: Sequence[str]
 ) -> Change:
-    """Return the change that some terms at one place are, without its size."""
+    """Return the change of some terms at one place, without its size."""
     place, parts = place_of(terms[which[0]]), [found.whose(terms[k]) for k in which]
     columns = [found.columns[n] for k in which for n in found.at(terms[k]).tolist()]
     _, called, units = zip(*columns, strict=True)

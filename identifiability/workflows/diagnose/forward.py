@@ -42,13 +42,13 @@ class ForwardGap:
         Time since the start of a stretch.
     before, after : (K, S, n)
         Simulated less measured position, as a share of the distance that the joint moved in a
-        stretch on average; a stretch that has diverged is wrong by all of it.
+        stretch on average; a diverged stretch counts as an error of the whole distance.
     interval : (float, float)
-        95 % of the change of the error, stretches drawn again and again.
+        95 % interval of the change of the error, from resampled stretches.
     note : str
-        Why there is nothing, where there is nothing.
+        Reason why there is no gap; else empty.
     nearest : Physical or None
-        The real robot with the named effects, where it was found.
+        The physically consistent robot with the named effects, if it was found.
     """
 
     horizon: float
@@ -61,7 +61,7 @@ class ForwardGap:
 
     @staticmethod
     def none(note: str) -> ForwardGap:
-        """Return the gap that was not measured, and why."""
+        """Return an empty gap with the reason why it was not measured."""
         empty = np.empty((0, 0, 0))
         return ForwardGap(HORIZON, np.empty(0), empty, empty, note=note)
 
@@ -89,7 +89,7 @@ class ForwardGap:
 
 @frozen
 class Physical:
-    """A robot under a model with the values of a real robot.
+    """A robot under a model with physically consistent values.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ class Physical:
     values : mapping
         Standard parameters by name.
     cad_weight : float
-        Of the prior around the robot file that it was found with.
+        Weight of the prior around the robot file.
     """
 
     structure: Structure
@@ -149,7 +149,7 @@ def compare_forward(
         errors = [_simulate(fit, unseen, at, dt) / moved for fit in (before, after)]
     except IdentifiabilityError as error:
         return ForwardGap.none(str(error))
-    # A stretch that has diverged is wrong by all of the distance.
+    # A diverged stretch counts as an error of the whole distance.
     errors = [np.nan_to_num(np.minimum(share, 1.0), nan=1.0) for share in errors]
     ends = np.stack([share[:, -1:].mean(2) for share in errors], axis=2)
     interval = change_interval(ends, np.ones((len(at), 1)), rng)

@@ -367,7 +367,7 @@ def nearest_robot(
     fit: Estimate,
     cad_weight: float | None = None,
 ) -> PhysicalResult:
-    """Return the real robot nearest to a fit, and whether it predicts parts of the logs as well.
+    """Return the physical robot nearest to a fit, and whether it predicts the logs equally well.
 
     Parameters
     ----------

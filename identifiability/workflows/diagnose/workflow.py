@@ -113,7 +113,7 @@ def diagnose(
     progress: Progress | None = None,
     engine: Engine | None = None,
 ) -> Diagnosis:
-    """Find where model and data disagree, name what is missing, add it, verify.
+    """Find disagreements of model and data, name missing effects, add and verify them.
 
     Parameters
     ----------
@@ -122,8 +122,8 @@ def diagnose(
     logs : log, path, DataFrame, or several
         Logs from which the model is fitted and effects are named.
     validate : the same, optional
-        Logs that are not fitted: they may refute a name, and measure the gap. Without any, the last
-        log (or the last quarter of the only one) is set aside.
+        Held-out logs: they may refute a name, and measure the gap. Without any, the last log (or
+        the last quarter of the only one) is held out.
     effects : iterable of str, optional
         Families that may be named, such as stribeck_friction; by default all that are registered.
     model : Model, sequence of str, path of a model file or result of `prune`, optional
@@ -165,13 +165,13 @@ def diagnose(
         if not quick and forward and found.included and found.robot.base is None:
             run.say("simulating forward", 0.95)
             found = replace(found, forward=simulate_forward(found, of_motion))
-        # Columns are large, and nothing needs them any more.
+        # Columns are large and no longer needed.
         return replace(found, problem=replace(found.problem, columns=()))
 
 
 @frozen
 class Request:
-    """How effects are looked for.
+    """Options of the search for effects.
 
     Attributes
     ----------
@@ -192,7 +192,7 @@ class Request:
 
     @property
     def keeps(self) -> bool:
-        """Whether values are kept: those of the file, or of a result."""
+        """Whether the values of the file or of a result are kept."""
         return self.fixed is not False
 
 
@@ -215,7 +215,7 @@ def _diagnose_logs(
     rng: np.random.Generator,
     recordings: Recordings | None = None,
 ) -> tuple[Diagnosis, Data]:
-    """Return what is missing in the logs of a case, and these logs.
+    """Return the diagnosis of the logs of a case, and the data.
 
     If a delay common to joints is found, they are diagnosed again with commands that act later.
 
@@ -397,7 +397,7 @@ def _unless_all(samples: tuple[Dataset, ...], excerpt: tuple[Dataset, ...]) -> t
 
 
 def _refuse_silent_part(case: Case, data: Data, run: Run) -> None:
-    """Refuse held-out motion that has nothing to explain.
+    """Raise an error if held-out motion has nothing to explain.
 
     Raises
     ------
@@ -410,16 +410,16 @@ def _refuse_silent_part(case: Case, data: Data, run: Run) -> None:
 
 
 def _most_rows(recordings: Recordings) -> int:
-    """Return how many rows of each log are looked at."""
+    """Return the number of rows of each log that are used."""
     return min(MOST_SAMPLES, MOST_IN_ALL // len(recordings.fitted))
 
 
-#: Excerpts of fitted and of held-out logs; empty where all rows are looked at.
+#: Excerpts of fitted and of held-out logs; empty where all rows are used.
 Excerpts = tuple[tuple[Dataset, ...], tuple[Dataset, ...]]
 
 
 def _look_at(case: Case, data: Data, run: Run) -> tuple[Data, Excerpts]:
-    """Return data with second records of the motion, and excerpts on which names are looked for.
+    """Return data with second records of the motion, and excerpts for the search of effects.
 
     Samples of commanded robots are taken along the motion of their rollouts.
     """
@@ -518,9 +518,9 @@ def _under_ladder(case: Case, data: Data, entry: LadderEntry, run: Run) -> Data:
 def name_effects(
     problem: Problem, effects: Effects | None, run: Run, rng: np.random.Generator
 ) -> Diagnosis:
-    """Name what is missing, add it, verify.
+    """Name missing effects, add and verify them.
 
-    Rows that hardly count with the named effects are no data for names.
+    Rows of low weight, given the named effects, are not used to name effects.
 
     Parameters
     ----------
@@ -561,7 +561,7 @@ def take_loads(naming: Naming, engine: Engine) -> Naming:
 
 
 def _find_outliers(problem: Problem, found: Naming) -> tuple[str, Outliers | None]:
-    """Return a sentence on outlying rows, and which are left out before names are looked for."""
+    """Return a sentence on outlying rows, and the rows left out before the search for effects."""
     samples, changes, weighed = problem.samples, found.problem.changes, found.weighed
     if changes:  # a burst may look like one
         rows = gather_information(found.completed.regression(samples))
@@ -574,10 +574,10 @@ def _find_outliers(problem: Problem, found: Naming) -> tuple[str, Outliers | Non
 
 
 def _name_between_changes(problem: Problem, effects: Effects | None, run: Run) -> Naming:
-    """Return what is missing in logs without what changed in their midst.
+    """Return the naming of logs without the rows of a change in the middle of a log.
 
-    A change that explains more than any effect is left out before names are looked for. Else it
-    would be named piece by piece.
+    The rows of a change that explains more than any effect are left out before the search. The
+    search would otherwise name the change as several effects.
     """
     looked = look(problem, effects)
     run.say("naming effects", 0.3)
@@ -587,7 +587,7 @@ def _name_between_changes(problem: Problem, effects: Effects | None, run: Run) -
 
 
 def _last(changes: Sequence[Change], samples: Sequence[Dataset]) -> bool:
-    """Whether a change lasts longer than a burst that was low-passed."""
+    """Whether a change lasts longer than a low-passed outlier segment."""
     for c in changes:
         own = next(s for s in samples if s.name == c.log)
         t, d = own.output_times(), own.decimation
@@ -620,8 +620,8 @@ def _choose_values(
 def usual_effects(robot: Robot, *, commanded: bool = False) -> tuple[str, ...]:
     """Return the effects of the model that is diagnosed when none is given.
 
-    Zeros of commands and encoders differ, of which servos make torque: logs of commands have
-    offsets, as they have in every verb.
+    Zeros of commands and encoders differ, and servos turn the difference into torque. Logs of
+    commands therefore have torque offsets, as in every verb.
     """
     offsets = ("torque_offset",) if commanded else ()
     return default_effects(robot, (*USUAL_EFFECTS, *offsets))
@@ -629,7 +629,7 @@ def usual_effects(robot: Robot, *, commanded: bool = False) -> tuple[str, ...]:
 
 @frozen(kw_only=True)
 class Verified:
-    """The named effects that are in the model, after unseen motion had its say.
+    """The named effects that unseen motion leaves in the model.
 
     Attributes
     ----------
@@ -664,9 +664,9 @@ def verify_effects(
     ----------
     naming : Naming
     ends : sequence of int
-        Where the parts of each family end, the first being 0.
+        End of the parts of each family, after a first 0.
     fits : sequence of (b,)
-        Base parameters without any family, and with each one more.
+        Base parameters without any family, then with one more family each.
     plain : (b,)
         Base parameters of the plain model.
     """

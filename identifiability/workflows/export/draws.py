@@ -40,7 +40,7 @@ WARMUP, APART, WALKERS = 12, 3, 16
 
 @frozen(kw_only=True)
 class Draws:
-    """Robots that the logs leave possible. Make them with `draw_robots`.
+    """Robots consistent with the logs, made by `draw_robots`.
 
     Attributes
     ----------

@@ -1,8 +1,8 @@
 """`write_snippet`: torque of joints that a robot file cannot hold, as a function for MuJoCo.
 
 The tables hold torque that depends only on the speed and position of its joint. One table has
-levels of dry friction for the simulator's friction. The other has the remaining torque. Its tables
-are those of Isaac, too.
+levels of dry friction for the simulator's friction. The other has the remaining torque. Isaac uses
+the same tables.
 """
 
 from __future__ import annotations
@@ -71,9 +71,9 @@ def write_snippet(whole: Robot, alone: Robot, path: Path) -> tuple[Path | None, 
     Parameters
     ----------
     whole, alone : Robot
-        As file and sidecar say, and as the file alone does.
+        The robot of file and sidecar, and that of the file alone.
     path : Path
-        Where it is written if anything is.
+        Path of the function, if one is written.
     """
     tables, titles = {}, dict[str, None]()
     for axis in (a for a in whole.axes if a.name in whole.joints):

@@ -7,7 +7,7 @@
 3. Then the group is removed that raises the sum of squares least, until none is left. The two
    Coulomb levels of a joint are merged or removed together.
 
-Of the path the smallest model as good as the best is used.
+The smallest model of the path that is as good as the best is used.
 
 Autocorrelated noise hides parameters, so whitened rows choose where there are any
 (`find_path`). Rows as measured may refute their choice (`is_contradicted`).
@@ -43,7 +43,7 @@ from identifiability.regression.information import Information
 
 from .moves import Kind, Move, Partition
 
-# What nested models of one regression predict of folds, from `Information` alone.
+# Predictions of folds by nested models of one regression, from `Information` alone.
 #
 # Every model is the full one under linear constraints (a column zero, two columns equal); its fits
 # to everything and to each fold's rest are the estimator's own (`Refits`). The
@@ -65,7 +65,7 @@ class Step:
     values : (F + 1, c)
         All columns, fitted to everything, then to the rest of each fold.
     move : Move or None
-        What led here; None for the start.
+        Move to this model; None for the start.
     """
 
     partition: Partition
@@ -90,7 +90,7 @@ def nested_halves(fit: Normal, h: Array, free: np.ndarray) -> Array:
     fit : Normal
     h : (k, M)
     free : (M,) int
-        How many of the first values each leaves free; the others are zero.
+        Number of first values that are free; the others are zero.
     """
     inside = np.arange(len(fit.factor))[:, None] < free
     half = solve_triangular(
@@ -131,11 +131,11 @@ class Refits:
         R : (k + 1, k + 1)
             Its loss.
         train : (F, B) bool
-            Blocks that each fit rests on.
+            Blocks that each fit uses.
         """
         k, member = len(R) - 1, np.vstack([np.ones(train.shape[1]), train])
         _, to_x, both = full.estimator.equations(information, full)
-        # What was known beforehand counts in each.
+        # Prior knowledge counts in each.
         member = np.pad(
             member,
             ((0, 0), (0, len(both) - member.shape[1])),
@@ -199,7 +199,8 @@ class WhitenedRegression:
     tests : Information
         About y and the residual of the full fit: what each fold predicts.
     gram : (F, k + 1, k + 1)
-        What densities are of: products of all of it, whitened, or of what instruments see of it.
+        Products for densities: of whitened columns and errors, or of their projections on
+        instruments.
     variation : (n,) [torque²]
         Of the torque of each joint about its mean: the scale of its errors.
     folds : Folds
@@ -353,9 +354,9 @@ def _see(information: Information, full: Estimate, R: Array, tests: Information)
 #: A constraint already holds if earlier constraints leave less than this share of it free.
 SATISFIED: Tolerance = 1e-5
 
-# Only the fit to everything says what is cheapest. So the order is found with that fit alone, and
-# those without each fold follow for all models at once (`WhitenedRegression.along`), as they are
-# nested.
+# Only the fit to all rows decides which move is cheapest. So this fit alone gives the order. The
+# fits without each fold follow for all models at once (`WhitenedRegression.along`), because models
+# are nested.
 
 
 @frozen
@@ -411,7 +412,7 @@ class Remaining:
         ), float(off @ off)
 
     def cost(self, move: Move) -> float:
-        """Return the rise of the estimator's loss per parameter that a move takes away."""
+        """Return the rise of the estimator's loss per parameter that a move removes."""
         after, rise = self.after(move)
         return rise / max(len(self.partition) - len(after.partition), 1)
 
@@ -486,7 +487,7 @@ def walk(fit: WhitenedRegression, plan: Plan) -> tuple[list[Step], list[Refusal]
             move = asked.pop(int(np.argmin([left.cost(m) for m in asked])))
             after, rise = left.after(move)
             step = move, after.partition
-            # What costs no more of the fit than models near the best may is not asked of folds.
+            # Moves that cost less fit than models near the best may lose are not tested on folds.
             gain = _ask_folds(fit, made, step) if rise > 2.0 * LEVELS.nats * fit.unit else None
             if gain is not None and gain.value < -max(LEVELS.nats, gain.se):
                 refused.append(Refusal(move, gain))
@@ -643,14 +644,14 @@ def first_allowed(steps: Sequence[Step]) -> int:
 
 
 def best_step(steps: Sequence[Step]) -> int:
-    """Return the step with the best predictive log density of those that may be used."""
+    """Return the allowed step with the best predictive log density."""
     first = first_allowed(steps)
     densities = [s.density for s in steps[first:]]
     return first + int(np.argmax(densities))
 
 
 def good_steps(steps: Sequence[Step]) -> list[int]:
-    """Return the steps that may stand for the best, the smallest first."""
+    """Return the steps that predict as well as the best, the smallest first."""
     best = steps[best_step(steps)].score
     down = range(len(steps) - 1, first_allowed(steps) - 1, -1)
     return [k for k in down if may_stand(steps[k].score, best)]

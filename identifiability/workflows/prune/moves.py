@@ -49,7 +49,7 @@ class Kind(StrEnum):
 
 @frozen
 class Move:
-    """One step down the ladder.
+    """One step of the path.
 
     Attributes
     ----------
@@ -308,11 +308,11 @@ def _kind(robot: Robot, link: Link) -> Literal["point", "hinge", "slide", "free"
 def find_mirrors(parts: list[Attachment]) -> list[Mirror]:
     """Return the mirrors that map a body's attachments onto themselves.
 
-    Only those along the axes of its frame make single parameters of it vanish.
+    Only mirrors along the axes of its frame make single parameters zero.
     """
     mirrors: list[Mirror] = []
     for normal in np.eye(3):
-        # A hinge along the normal says nothing of where along it the plane is.
+        # A hinge along the normal does not determine the plane's position along it.
         fixed = [a for a in parts if a.kind == "point" or abs(a.axis @ normal) < 1 - CLOSE]
         if not fixed:
             continue
@@ -340,7 +340,7 @@ def find_equal_bodies(robot: Robot) -> list[tuple[int, ...]]:
 def _are_alike(robot: Robot, parts: Sequence[list[Attachment]], a: int, b: int) -> bool:
     """Whether two bodies, and the chains to them from the bodies before, are equal.
 
-    Of chains on the base, where they stand does not count.
+    The positions of chains on the base do not count.
     """
     joints, links = robot.tree.joints, (robot.links[a], robot.links[b])
     one, other = (joints[link.first : link.last + 1] for link in links)
@@ -386,7 +386,7 @@ def propose_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
 def offset_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
     """Return the zeros of torque offsets.
 
-    An offset looks like gravity; asked late, it would stand for a mass that was dropped.
+    An offset looks like gravity. If it is tested last, it can replace a dropped mass.
     """
     names = (f"{joint}.off" for joint in structure.robot.joints)
     return [Move(Kind.OFFSET, (n,), why="Torque without offset") for n in names if n in columns]
@@ -462,7 +462,7 @@ def _columns(structure: Structure, body: int) -> np.ndarray | None:
 def _confine(
     structure: Structure, confined: Sequence[tuple[Sequence[int], Array]]
 ) -> tuple[Array, Array]:
-    """Return base parameters where some bodies have one shape, and their sizes without.
+    """Return base parameters if some bodies have one shape, and their sizes without this condition.
 
     Parameters
     ----------

@@ -101,7 +101,7 @@ class PrunedModel(ModelResult):
 
 @frozen(kw_only=True)
 class Ladder(Laddered[PrunedModel]):
-    """The answer of `prune`. `to_frame`, `to_json`, `write_report`, `write_model` give it away.
+    """The answer of `prune`. `to_frame`, `to_json`, `write_report` and `write_model` export it.
 
     Attributes
     ----------

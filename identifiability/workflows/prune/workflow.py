@@ -76,7 +76,7 @@ from .elimination import (
 from .moves import propose_moves
 from .result import Ladder, PrunedModel
 
-#: Models as good as the best, and smaller ones, whose physical certificate is asked for.
+#: Models as good as the best, and smaller ones, for which a physical certificate is computed.
 CERTIFIED = 4
 
 
@@ -109,8 +109,8 @@ def prune(
     logs : log, path, DataFrame, or several
         The size of the model is chosen on these only.
     validate : the same, optional
-        Held-out logs, which are only reported on. Without any, the last log (or the last quarter
-        of the only one) is set aside; with "none" all logs are fitted.
+        Held-out logs, which serve only for reported errors. Without any, the last log (or the last
+        quarter of the only one) is held out; with "none" all logs are fitted.
     ladder : path, LadderEntry or result of `prune`, optional
         Its first model is where pruning starts; by default every base parameter, with
         torque offsets.
@@ -136,10 +136,10 @@ def prune(
     progress : callable(str, float), optional
         Called with the current stage and the finished share.
     engine : Engine, optional
-        Where stretches of logs that are too long for memory are worked on; by default in several
+        Where stretches of logs that are too long for memory are processed; by default in several
         processes. The result does not depend on it.
     quick : bool
-        Fewer replicates, where nobody says how many.
+        Fewer replicates, unless their number is given.
 
     Raises
     ------
@@ -165,7 +165,7 @@ def prune(
 def _reduce(
     question: Question, source: LadderSource, settings: Mapping[str, Any], run: Run
 ) -> Ladder:
-    """Walk down from a model, choose a step and measure the models on the way.
+    """Walk the path from a model, choose a step and measure the models of the path.
 
     Parameters
     ----------
@@ -286,7 +286,7 @@ def _hint(rows: WeightedRows, models: Sequence[PrunedModel], selected: int) -> t
 
 
 def _state_foreign(full: PrunedModel) -> str:
-    """Return that logs held out look like those of another robot, in one sentence."""
+    """Return a sentence if held-out logs look like those of another robot; else empty."""
     error, own = full.error_ra_validation, full.error_ra_unseen
     constant = full.unseen.constant_error()
     if not error > max(constant, 2.0 * own):
@@ -377,7 +377,7 @@ class Question:
         )
 
     def recall(self, submodel: Submodel, estimate: Estimate) -> FittedModel:
-        """Return a model that was fitted before; all of them at once would fill the memory."""
+        """Return a model that was fitted before. All of them at once would fill the memory."""
         structure, whole = self.rows.data.structure, self.rows.information
         return FittedModel(structure, submodel, whole, submodel.reduce(whole), estimate)
 
@@ -436,7 +436,7 @@ def measure_models(
     replicates: int,
     rng: np.random.Generator,
 ) -> dict[str, Any]:
-    """Fit every model of a path and say how it predicts. Fields of a `Ladder` are returned.
+    """Fit every model of a path, measure its predictions, and return fields of a `Ladder`.
 
     Parameters
     ----------
@@ -457,7 +457,7 @@ def measure_models(
     models = []
     for k in range(len(steps)):
         robot = chosen.robot if k == selected else None
-        # Models on the way are judged by σ alone.
+        # Intermediate models are judged by σ alone.
         draws = replicates if k in (0, selected) else 0
         model = judge_step(question, search, found, k, robot, draws, rng)
         models.append(replace(model, weight=float(weights[k])))
