@@ -21,7 +21,7 @@ from .torque import servo_log
 
 #: A number is fitted if it explains at least this share of the weighted squares of a tree, to first
 #: order.
-PROMISED: Tolerance = 0.1
+PROMISED: Tolerance = 0.02
 
 #: Shares of the time in which the torque exceeds the limits that start a fit.
 EXCEEDED = np.geomspace(0.004, 0.4, 5)
