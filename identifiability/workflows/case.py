@@ -89,7 +89,7 @@ COMPLETED |= {PassiveJointFriction.name}
 #: Settings of a case file for derivatives.
 DERIVED = ("derivatives", "cutoff", "decimate")
 
-#: What follows the statement of a reading that is used.
+#: Text after the statement of a reading that is used.
 SO = "All that follows is said under that reading."
 
 

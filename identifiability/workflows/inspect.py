@@ -43,13 +43,13 @@ from identifiability.robot.sidecar import read_sidecar
 from .case import Case, Use, take_case
 from .provenance import state_provenance
 
-# What a robot file and logs hold, before anything is fitted.
+# Content of a robot file and of logs, before any fit.
 #
-# Of a file: joints and their part, motors, the columns that a log must have, what it leaves open.
-# Of a log: its clock, its columns joint by joint, and how it would be prepared.
+# Of a file: joints and their roles, motors, required columns of a log, missing facts. Of a log: its
+# clock, its columns joint by joint, and how it would be prepared.
 
 
-# What a robot file says: joints and their part, motors, columns of a log, what it leaves open.
+# Content of a robot file: joints and their roles, motors, columns of a log, missing facts.
 
 
 Role = Literal["actuated", "floats", "passive", "coupled", "locked", "left out"]
@@ -187,7 +187,7 @@ def find_needs(robot: Robot) -> tuple[Need, ...]:
     return tuple(needs)
 
 
-# What is in a log: its clock, its columns joint by joint, and how it would be prepared.
+# Content of a log: its clock, its columns joint by joint, and its preparation.
 
 
 @frozen

@@ -161,10 +161,10 @@ class Fleet(Result):
     folder : Path
         Where the table and the pages are.
     rows : tuple of mapping
-        One a robot: names of its logs and of those that judge (``held``), the model that is worth
-        using (of a diagnosis that with what was missing), how many parameters have which verdict,
-        relative errors on fitted and unseen motion, what is missing, what to check, its page, and
-        why there is no answer (``failed``).
+        One a robot. Its entries are the names of fitted and held-out logs (``held``), the model to
+        use (for a diagnosis with the missing effects), and the number of parameters by verdict.
+        Then follow relative errors on fitted and unseen motion, missing effects, hints, the page,
+        and the reason if there is no answer (``failed``).
     """
 
     schema: ClassVar[str] = "identifiability/fleet/1"

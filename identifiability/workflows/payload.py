@@ -140,7 +140,7 @@ def _load(found: Differences) -> Array:
     return np.eye(len(own))[:, own]
 
 
-# `Quantity`: mass, centre and inertia of a real body near what logs say, with their intervals.
+# `Quantity`: mass, centre and inertia of a physical body near the estimate, with intervals.
 #
 # The body is the possible one nearest to the estimate in the metric of its own covariance: a
 # projection on a convex set brings an estimate no farther from any body that can be. The centre
@@ -264,11 +264,11 @@ def _half_widths(found: LoadEstimate, body: Array) -> Array:
     return np.where(along > NEARLY * np.linalg.norm(sizes, axis=1), np.inf, half)
 
 
-# Gains: what one unit of a torque column is, by a load that is known.
+# Gains: size of one unit of a torque column, from a known load.
 #
-# Torque that was read by wrong gains is a load by the same factor wrong. So each joint by itself,
-# in units of its column: ``τ = W b + s W_load φ``, of which s is one over the gain and b is free,
-# as parameters of the robot take the gain up [Gautier & Briot 2014].
+# Torque with a wrong gain gives a load that is wrong by the same factor. So each joint is fitted
+# separately, in units of its column: ``τ = W b + s W_load φ``, of which s is one over the gain and
+# b is free, as parameters of the robot take the gain up [Gautier & Briot 2014].
 
 
 def find_gains(found: Differences, theta: Array) -> tuple[Quantity, ...]:

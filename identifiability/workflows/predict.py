@@ -80,7 +80,7 @@ def list_missing(found: MissingEffects) -> list[dict[str, Any]]:
     ]
 
 
-# `TorquePrediction`: the torque of a fitted model along logs, beside the measured one.
+# `TorquePrediction`: the torque of a fitted model along logs, and the measured torque.
 
 
 @frozen(kw_only=True)
@@ -1014,7 +1014,7 @@ def predict(
         They need no torque; with `forward` commands, ``<joint>.cmd``, or else torque.
     forward : bool
         Whether positions are predicted: commands move the servos of the robot in a simulator, or
-        measured torque moves its joints, beside the robot of the file.
+        measured torque moves its joints. The robot of the file moves, too.
     engine : Engine, optional
         Where logs that are too long for memory are surveyed.
 

@@ -1,7 +1,6 @@
 """`World`: simulated repetitions of an experiment, as like the real one as the log can tell.
 
-True robots are those that file and logs make likely; their motion has new errors of the size that
-the log shows.
+True robots are likely by file and logs. Their motion has new errors of the size in the log.
 """
 
 from __future__ import annotations
@@ -49,7 +48,7 @@ from identifiability.workflows.analyze.judge import decide_model
 from identifiability.workflows.analyze.result import ModelResult
 from identifiability.workflows.analyze.shared_errors import measure_again
 
-# Simulated experiments with known truth, fitted and judged; and what many of them come to.
+# Simulated experiments with known truth, fitted and judged; and their statistics.
 #
 # Operating characteristics (coverage, false verdicts) are properties of a motion; they are
 # measured on the motion itself, the user's own regressor, with planted parameters and noise that
@@ -89,7 +88,7 @@ class Experiment:
     moves : (N, n) bool
         Where torque is data: joints do not dwell; elsewhere columns and torque are zero.
     structure : Structure
-        What is behind the columns: intervals include the effect of omitted parameters.
+        Structure of the columns: intervals include the effect of omitted parameters.
     method, replicates
         As in `analyze`.
     """
@@ -277,10 +276,10 @@ def count_outcomes(trials: Sequence[Outcome], truth: Array, names: Sequence[str]
     )
 
 
-# True robots that file and logs make likely: what simulated repetitions are made from.
+# True robots that are likely by file and logs. Simulated repetitions use them.
 #
-# The centre is the nearest real robot of the model, which file and logs make likely together; every
-# repetition draws its bodies anew around it, each to ± `SHARE` of the file's moments, made
+# The centre is the nearest physically consistent robot of the model, which is likely by file and
+# logs. Every repetition draws new bodies around it, each to ± `SHARE` of the file's moments, made
 # physically possible.
 
 
@@ -306,7 +305,7 @@ class TrueRobots:
 
     @staticmethod
     def of(structure: Structure, result: ModelResult) -> TrueRobots:
-        """Return the robots that file and logs make likely.
+        """Return the robots that are likely by file and logs.
 
         Raises
         ------
@@ -352,8 +351,8 @@ def make_possible(theta: Array, like: Array) -> Array:
 
 # `World`: simulated repetitions of an experiment, as like the real one as the log can tell.
 #
-# Torque is that of a true robot, with what the model leaves out, along the measured motion, and
-# noise like the residual's; the motion that is fitted has errors like the log's.
+# The torque is that of a true robot, including parameters that the model omits, along the measured
+# motion. Its noise resembles the residual. The fitted motion has errors like the log's.
 
 
 #: Draws of the errors of the motion for the estimate of the torque that they cause.

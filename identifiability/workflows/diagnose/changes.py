@@ -110,7 +110,7 @@ class Change:
     share, share_sd : float
         Change relative to its torque before; NaN where that is not known.
     odds : float
-        Log odds, averaged over sizes and ways, less what families and places cost; those of its
+        Log odds, averaged over sizes and ways, less the price of families and places; those of its
         surest part.
     others : tuple of str
         Competing hypotheses,

@@ -26,13 +26,12 @@ from identifiability.regression.structure import BaseParameters, Structure
 from identifiability.robot import Robot
 from identifiability.workflows.provenance import given_paths
 
-# What an exciting motion is good for: the criteria, on Gram matrices ``WᵀW``.
+# Criteria of an exciting motion, on Gram matrices ``WᵀW``.
 #
-# What to use when: `LogDet` for a first log or the next one, about some parameters beside all
-# others [Swevers 1997] (D_s-optimality, [Atkinson 2007, sec. 10.3]), two effects among them that
-# are to be told apart; `Discrimination` for effects of known size, from rivals or from the model.
-# Each gives a cost that is to be made small, batched over candidates, and the figure that a reader
-# knows it by.
+# What to use when: `LogDet` for a first log or the next one, about some parameters with all others
+# unknown [Swevers 1997] (D_s-optimality, [Atkinson 2007, sec. 10.3]), or to separate two effects.
+# `Discrimination` separates effects of known size from rivals or from the model. Each gives a cost
+# to minimise, batched over candidates, and its figure for readers.
 
 
 @frozen
@@ -130,8 +129,8 @@ class Discrimination:
         return squares
 
 
-#: A figure of merit of Gram matrices (m, k, k): its `cost` (m,) is made small, its `figure` is what
-#: a reader knows a cost by.
+#: A figure of merit of Gram matrices (m, k, k): its `cost` (m,) is minimised, its `figure` states a
+#: cost for readers.
 Criterion: TypeAlias = LogDet | Discrimination
 
 
@@ -153,7 +152,7 @@ def _log_det(G: Array) -> Array:
     return total
 
 
-# `Question`: which columns a motion should tell apart, and what logs say of them already.
+# `Question`: columns that a motion should separate, and earlier information on them.
 
 
 @frozen
@@ -197,12 +196,12 @@ class Known:
     G : (k, k)
         Gram matrix of all logs, actuators weighted; zero without logs.
     weights : (n,)
-        One over the variance of each actuator's noise times its autocorrelation time; ones without
-        logs.
+        Inverse of the variance of each actuator's noise times its autocorrelation time; ones
+        without logs.
     samples : float
-        Of one log, on average; the next one counts as many.
+        Mean number of one log; the next log is assumed to have as many.
     values : (k,)
-        By all logs; without logs those of the robot file, zero where it states none.
+        Estimates from all logs. Without logs they are those of the robot file, or zero.
     logs : tuple of str
     """
 

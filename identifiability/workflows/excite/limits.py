@@ -1,8 +1,7 @@
 """Constraints of a motion: `Limits`, loops, jumps, drives and collisions.
 
-`Limits` say how far, how fast and how hard joints may move. Beyond those of single joints,
-candidates may lose loops or ask too much of drives by the nominal model, and bodies may come near
-each other.
+`Limits` say how far, how fast and how hard joints may move. Candidates may also open loops or
+overload drives, by the nominal model. Bodies may come near each other.
 """
 
 from __future__ import annotations
@@ -55,11 +54,11 @@ class Limits:
     low, high : (n,) [rad or m]
     speed, acceleration : (n,) [rad/s or m/s; rad/s² or m/s²]
     torque, power : (n,) [N·m or N; W]
-        Of the drives; infinite where nobody stated them.
+        Of the drives; infinite where not stated.
     closure_bound : float
         Largest condition number of the closure of a closed chain.
     assumed : tuple of str
-        Limits that nobody stated, such as ``joint1.v``.
+        Limits that are assumed because they are not stated, such as ``joint1.v``.
     """
 
     joints: tuple[str, ...]
@@ -91,7 +90,7 @@ LimitsLike: TypeAlias = Mapping[str, Any] | str | Path
 
 
 def find_limits(robot: Robot, given: LimitsLike | None = None) -> Limits:
-    """Return the limits of a robot, or those given where they replace them.
+    """Return the limits of a robot, replaced by given ones.
 
     Parameters
     ----------
@@ -136,7 +135,7 @@ def _filed_limits(robot: Robot) -> dict[str, Array]:
 
 
 def _choose_limit(stated: Any, filed: Array, likely: Array) -> tuple[Any, bool]:
-    """Return a limit: as stated, else as the file has it, and whether a likely one is assumed."""
+    """Return a limit: given, else of the file, else a default; and whether it is the default."""
     if stated is not None:
         return stated, False
     unknown = ~np.isfinite(filed)
@@ -163,13 +162,13 @@ def _read(given: LimitsLike | None, known: Sequence[str]) -> LimitsFile:
     return entry
 
 
-# How near bodies of a robot that are not joined come to each other along a motion.
+# Distance of unconnected bodies of a robot along a motion.
 
 
-#: Distance that bodies keep which are not joined [m].
+#: Least distance of unconnected bodies [m].
 CLEARANCE: Tolerance = 0.005
 
-#: How far shapes see each other: larger distances are not measured [m].
+#: Detection distance of shapes: larger distances are not measured [m].
 REACH = 6 * CLEARANCE
 
 
@@ -208,7 +207,7 @@ class Clearance:
         return watched, said if len(near) else ""
 
     def near(self, place: Array) -> tuple[Array, Array]:
-        """Return the pairs of shapes (k, 2) that see each other at a place, and their gaps (k,)."""
+        """Return the pairs of shapes (k, 2) within detection distance, and their gaps (k,)."""
         pairs, gaps = self.shapes.meet(place)
         watched = self.pairs[pairs[:, 0], pairs[:, 1]]
         return pairs[watched], gaps[watched]
@@ -239,7 +238,7 @@ def nearness(gaps: Array) -> Array:
     return near
 
 
-# What a motion asks of the drives: torque and power by the nominal model of the robot file.
+# Load of the drives by a motion: torque and power by the nominal model of the robot file.
 
 
 @frozen
@@ -267,7 +266,7 @@ class Drive:
         return Drive(structure, limits.torque, limits.power)
 
     def load(self, motion: Motion) -> Array:
-        """Return the largest share of a limit that each sample asks for, (N,)."""
+        """Return the largest share of a limit that each sample uses, (N,)."""
         of = self.structure
         torque = np.abs(of.model.regressor(of.robot, motion) @ of.nominal)
         power = np.abs(torque * motion.actuated_v)
@@ -275,10 +274,10 @@ class Drive:
         return share
 
 
-# What candidate motions do beyond the limits of single joints: loops, leaps, drives.
+# Constraints of candidate motions beyond the limits of single joints: loops, jumps, drives.
 
 
-#: Share of a bound from which on the search keeps away from it.
+#: Share of a bound above which the search adds a penalty.
 INNER: Tolerance = 0.9
 
 
@@ -295,7 +294,7 @@ class Workspace:
     leaps : (m,) int
         Samples before which the dependent joints jump or pass a singular configuration.
     load : (m,)
-        Largest share of a drive's torque or power that is asked for; zero where none is stated.
+        Largest used share of a drive's torque or power; zero where none is stated.
     """
 
     open: np.ndarray
@@ -359,7 +358,7 @@ def survey(
 def _closure(robot: Robot, motion: Motion, enough: float) -> tuple[Array, np.ndarray]:
     """Return the condition number (N,), and whether a singular pose is before each next sample.
 
-    Where the whole batch is far from singular its largest condition number will do.
+    If the whole batch is far from singular, its largest condition number is used.
     """
     if motion.condition <= enough and not motion.singular:
         return np.full(len(motion), motion.condition), np.zeros(len(motion) - 1, bool)

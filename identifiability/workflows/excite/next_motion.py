@@ -53,7 +53,7 @@ PERIODS = 32
 LIKELY: Tolerance = 0.95
 #: Motions that the search looks at, and samples of the one that it finds.
 EVALUATIONS, FINAL = 4000, 750
-#: Periods of a motion that are prepared to know what one of many says.
+#: Periods of a motion that are prepared to find the information of one of many.
 PREPARED = 3
 
 
@@ -70,10 +70,10 @@ class NextMotion:
     periods : int
         How often it is gone through.
     chance, before : float
-        That the diagnosis of these logs and the new one gives one name, the true one, where the
-        effect is as large as it was found; and of these logs anew.
+        Chance that the diagnosis of these logs and the new one gives only the true name, if the
+        effect has its estimated size; and the same for these logs measured again.
     same : bool
-        Whether it is all one torque, however the robot moves.
+        Whether all hypotheses give the same torque for every motion.
     """
 
     names: tuple[str, ...]
@@ -116,7 +116,7 @@ def find_next(
     Parameters
     ----------
     d : Diagnosis
-        Of several names that are "A or B" the one with the largest torque is asked about.
+        Of several names that are "A or B", the motion decides the one with the largest torque.
     duration : float [s]
         The period. It is logged up to 32 times.
     limits : mapping, path or None
@@ -206,10 +206,9 @@ class Bench:
         return Bench(replace(question, criterion=aim, chosen=names), aim, known)
 
     def told(self, G: Array) -> np.ndarray:
-        """Return of which asks a rival leaves anything, (rivals, 2) bool.
+        """Return the asks of which a rival leaves a residual, (rivals, 2) bool.
 
-        Of an effect that its rival contains no motion says more than the rival does: there the
-        rival has to be the true one.
+        If a rival contains the effect, no motion separates them unless the rival is true.
         """
         asks = self.aim.asks
         whole = np.array([a.values @ G[np.ix_(a.own, a.own)] @ a.values for a in asks])
@@ -235,7 +234,7 @@ class Bench:
         samples, k = prepare_excerpt(d.robot, log, how), len(self.question.columns)
         regression = self.question.along((samples,))
         R = gather_information(regression).factor(self.known.weights)[:, :k]
-        # What a sample says is known of those of the logs.
+        # The information of a sample is known from those of the logs.
         own, theirs = (sampling_step(s.output_times()) for s in (samples, d.samples[0]))
         said: Array = R.T @ R / PREPARED * own / theirs
         return said

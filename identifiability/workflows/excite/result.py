@@ -31,7 +31,7 @@ from identifiability.simulation.motion import PrescribedMotion, Trajectory, writ
 from .criteria import Criterion
 from .limits import CLEARANCE, Clearance, Drive, Limits, survey
 
-# From a periodic motion to what a controller plays: from rest, into the periods, back to rest.
+# From a periodic motion to a motion for a controller: from rest, into the periods, back to rest.
 #
 # The motion stands still in the middle of its range, grows to the full periods, and shrinks back:
 # ``q = c + w(t) (q_F(t) - c)`` with a window w that rises from 0 to 1 with two continuous
@@ -98,8 +98,7 @@ class Merit:
     sigma : (k,)
         Standard deviations under white noise, up to a factor shared by all motions compared.
     told : (c,) bool
-        Of which of the columns that the criterion is about standard deviations of 20 % and less
-        are to be expected.
+        Columns of the criterion with an expected standard deviation of 20 % or less.
     """
 
     figure: float
@@ -108,13 +107,13 @@ class Merit:
 
     @property
     def identifiable(self) -> int:
-        """How many of them."""
+        """Number of these columns."""
         return int(self.told.sum())
 
 
 @frozen(kw_only=True)
 class Excitation(Result):
-    """A motion within limits that makes a criterion as good as was found.
+    """A motion within limits with the best criterion that the search found.
 
     `to_frame` has one row a joint: its motion, and the limits that it keeps.
 
@@ -141,7 +140,7 @@ class Excitation(Result):
         Motions looked at.
     seed : int
     gap : float [m]
-        Least distance at any sample of bodies that are not joined; infinite where none is watched.
+        Least distance of unconnected bodies at any sample; infinite where none is watched.
     hints : tuple of str
         Unused inputs, assumptions, and pairs that are not watched.
     provenance : mapping

@@ -22,20 +22,20 @@ from identifiability.simulation.motion import Trajectory
 from .criteria import Known, Question
 from .limits import CLEARANCE, Clearance, Drive, Limits, Workspace, nearness, survey
 
-# Candidate motions: what a series keeps by construction, what it does, and what it costs.
+# Candidate motions: limits that a series keeps by construction, its motion and its cost.
 #
-# A candidate is a vector x of 2H + 1 numbers a joint: amplitudes of velocity in shares of the
-# speed limit, and where in the room that is left the motion is centred. Whatever x is, its series
-# is scaled down into the limits of position, speed and acceleration, so an optimiser needs no
-# constraints [Swevers 1997]. What depends on the whole robot (loops, singular configurations,
-# drives) is punished while searching and refused at the end.
+# A candidate is a vector x of 2H + 1 numbers a joint: amplitudes of velocity in shares of the speed
+# limit, and where in the room that is left the motion is centred. The series of any x is scaled
+# down into the limits of position, speed and acceleration, so an optimiser needs no constraints
+# [Swevers 1997]. Violations that depend on the whole robot (loops, singular configurations, drives)
+# are penalised during the search and refused at the end.
 #
 # A closure or a regressor costs about as much for one sample as for a hundred, so gradients by
 # finite differences are one batch: candidate and all its neighbours.
 
 
-#: Times a harmonic at which peaks are looked for. A trigonometric polynomial of degree H exceeds
-#: its values at M even points by at most 1/cos(πH/M) [Ehlich 1964]: 0.3 % here.
+#: Times a harmonic at which peaks are searched. A trigonometric polynomial of degree H exceeds its
+#: values at M even points by at most 1/cos(πH/M) [Ehlich 1964]: 0.3 % here.
 FINENESS = 40
 
 
@@ -68,13 +68,13 @@ class Series:
 
     @property
     def looks(self) -> int:
-        """Samples at which a search looks at a candidate."""
+        """Samples at which a search evaluates a candidate."""
         # The regressor has harmonics of its own.
         return 12 * self.harmonics
 
     @property
     def size(self) -> int:
-        """Numbers a candidate has, ``n (2H + 1)``."""
+        """Number of values of a candidate, ``n (2H + 1)``."""
         return len(self.limits.joints) * (2 * self.harmonics + 1)
 
     def draw(self, count: int, rng: np.random.Generator) -> Array:
@@ -256,8 +256,8 @@ class Objective:
 
 # `search`: many random candidates, the best of them improved one after the other.
 #
-# BFGS copes with the kinks that peaks and singular values make [Lewis 2013]; its curvature is
-# thrown away when it gets stuck at one, and found again from there.
+# BFGS copes with the kinks of peaks and singular values [Lewis 2013]. If it gets stuck at a kink,
+# its curvature is discarded and estimated again.
 
 
 #: Random candidates that are tried.
@@ -268,7 +268,7 @@ STUCK: Tolerance = 2e-3
 
 @frozen
 class Search:
-    """What was found.
+    """Result of a search.
 
     Attributes
     ----------

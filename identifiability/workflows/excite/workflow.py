@@ -91,7 +91,7 @@ def excite(
     preparation : Preparation, optional
         How derivatives of the logs are made.
     evaluations : int
-        Motions that are looked at, at most, after the first random ones. The same number gives the
+        Largest number of evaluated motions, after the first random ones. The same number gives the
         same motion on every machine of a kind.
     seed : int
     progress : callable(str, float), optional
@@ -254,7 +254,7 @@ def _judge(objective: Objective, noisy: Objective, x: Array | None, samples: int
 def _best(objective: Objective, found: Search, samples: int) -> tuple[Array, Workspace, float]:
     """Return the best candidate that keeps the workspace at all samples.
 
-    Last is how near bodies come that are not joined [m].
+    The last value is the least distance of unconnected bodies [m].
     """
     order = [k for k in np.argsort(found.costs)[:10] if found.costs[k] < OPEN]
     for x in [*(x for _, x in found.found), *found.draws[order]]:

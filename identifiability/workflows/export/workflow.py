@@ -238,7 +238,7 @@ def _rests(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
 # Write the feasible standard parameters of a result into the robot file.
 
 
-#: What is written, and the ending of its file.
+#: Kinds of written files, and their endings.
 Format = ExportFormat
 ENDINGS: dict[Format, str] = {
     "mjcf": ".xml",
@@ -566,7 +566,8 @@ def judge_files(
     robot : Robot
     written : Written
     logs : log, path, DataFrame, or several
-        With torque; of commands where the fitted ones were, which move what the files alone hold.
+        With torque. If the fitted logs had commands, these need commands, too; they move the robots
+        of the files alone.
     content : ResultEntry
         States the kind of logs and their preparation.
     """

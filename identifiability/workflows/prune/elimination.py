@@ -197,7 +197,7 @@ class WhitenedRegression:
     unit : float
         Variance of noise of weight 1: the errors of y of the full fit.
     tests : Information
-        About y and the residual of the full fit: what each fold predicts.
+        About y and the residual of the full fit, for predictions of each fold.
     gram : (F, k + 1, k + 1)
         Products for densities: of whitened columns and errors, or of their projections on
         instruments.

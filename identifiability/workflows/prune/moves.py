@@ -28,7 +28,7 @@ from identifiability.robot import Robot
 from identifiability.robot.description import Link
 from identifiability.robot.kinematics import WORLD, Joint
 
-# What a pruning step does to the columns of a model: zero some, or make some equal.
+# Moves: a pruning step sets columns of a model to zero, or makes some equal.
 
 
 #: Stands for "held at zero" where a column's group is named.
@@ -198,12 +198,12 @@ def _beginning(texts: Sequence[str]) -> str:
     return "".join(each[0] for each in letters)
 
 
-# What the kinematics of a robot suggest about the shape of its bodies.
+# Shapes of bodies that the kinematics of a robot suggest.
 #
-# A body is built around its joints. If a mirror maps the joints of a body onto themselves, the
-# body is probably its own mirror image too, and if two legs have equal joints they are probably
-# equal. Nothing of this is certain, so it is only ever *proposed*; the data may contradict it.
-# Masses and inertias that the robot file states are not looked at.
+# A body is built around its joints. If a mirror maps the joints of a body onto themselves, the body
+# is probably its own mirror image. Legs with equal joints are probably equal. None of this is
+# certain, so it is only *proposed*; the data may contradict it. Masses and inertias that the robot
+# file states are not looked at.
 
 
 #: Lengths [m] and directions that agree to this are equal; robot files have six digits or more.

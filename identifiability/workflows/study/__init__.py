@@ -90,8 +90,8 @@ def new_study(
     folder : str or Path
         Folder to make: new, or empty.
     robot : str or Path
-        MJCF or URDF file, which is copied with its sidecar, a table of Denavit and Hartenberg
-        (TOML), of which URDF and sidecar are written, or a shipped robot's name, such as 3-rps.
+        MJCF or URDF file, copied with its sidecar; a table of Denavit and Hartenberg (TOML),
+        converted to URDF and sidecar; or the name of a shipped robot, such as 3-rps.
     logs : sequence of path, optional
         Your own logs, which stay where they are: the case file names them. The last of several
         is held out.
