@@ -57,7 +57,7 @@ def descend(
 ) -> SearchEnd:
     """Return where damped Gauss–Newton steps lead.
 
-    The derivative is taken anew where the last step gained too little, and often enough that steps
+    The derivative is computed again if the last step gained too little, and often enough that steps
     do not creep [Shamanskii 1967].
 
     Parameters

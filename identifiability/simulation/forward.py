@@ -165,7 +165,7 @@ def _add_servo(spec: Any, joint: str, servo: Servo, k: int) -> None:
         like = spec.joint(joint)
         ends = 0.5 * servo.play[k] * np.array([-1.0, 1.0])
         loose = {word: getattr(like, word) for word in ("type", "axis", "pos")}
-        free = ("armature", "damping", "frictionloss", "stiffness")  # whatever the file's defaults
+        free = ("armature", "damping", "frictionloss", "stiffness")  # not the file's defaults
         loose |= {word: 0 * getattr(like, word) for word in free}
         like.parent.add_joint(**loose, limited=True, range=ends)
 
@@ -217,7 +217,7 @@ class ForwardRobot:
         self.bias = self._constant(terms)
         options = self.model.opt
         disabled = mujoco.mjtDisableBit
-        # What the file switches off is in no value that is given.
+        # The given values do not include effects that the file switches off.
         on = disabled.mjDSBL_SPRING | disabled.mjDSBL_DAMPER | disabled.mjDSBL_FRICTIONLOSS
         options.disableflags &= ~int(disabled.mjDSBL_CONSTRAINT | disabled.mjDSBL_ACTUATION | on)
         options.disableflags |= int(disabled.mjDSBL_CONTACT)

@@ -242,7 +242,7 @@ def find_motion(
     samples: Period | None = None,
     rng: np.random.Generator | None = None,
 ) -> PrescribedMotion:
-    """Return the motion that a word stands for.
+    """Return the motion that a word names.
 
     Parameters
     ----------

@@ -210,7 +210,7 @@ class MujocoRobot:
         #: welded.
         self.locked = np.array([self.places[j][0] for j in robot.locked], int)
         self.passive = np.setdiff1d(np.arange(self.size), [*self.actuated, *self.locked])
-        #: What ties the coordinates together: closures and lengths, as MuJoCo's constraints.
+        #: Constraints of the coordinates: closures and lengths, as MuJoCo's constraints.
         self.tied = copy(m)
         self.tied.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         self.tied.opt.disableflags = int(_OFF.mjDSBL_CONTACT | _OFF.mjDSBL_LIMIT)

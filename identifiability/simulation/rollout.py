@@ -87,12 +87,12 @@ class CommandedRobot:
         self.servo = servo
         self._forward = ForwardRobot(robot, parameters, servo)
         self.model = self._forward.model
-        # What diverges is not begun anew.
+        # Diverging rollouts are not restarted.
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         joints = [self.model.joint(j) for j in robot.joints]
         self.dofs = np.array([j.dofadr[0] for j in joints], int)
         self.at = np.array([j.qposadr[0] for j in joints], int)
-        #: Actuators of the joints; what an offset takes off is taken off there.
+        #: Actuators of the joints, which also subtract offsets.
         self.actuators = np.array([self.model.actuator(j).id for j in robot.joints], int)
         self.offset = self._forward.bias[0][self.dofs]
 
@@ -342,7 +342,7 @@ def drive(robot: Robot, parameters: Mapping[str, float], log: Log, window: float
     return out
 
 
-#: What a robot lacks that has no servo, after its path.
+#: Error for a robot without servos, after its path.
 NO_SERVO = (
     "states no gains of servos, so commands say nothing of torque; give them in the sidecar: "
     "[servo] kp = …, kv = … (or as <position> actuators of an MJCF), or let logs tell them: kp = "

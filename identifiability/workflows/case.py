@@ -453,7 +453,7 @@ class Case:
         recordings : Recordings, optional
             By default those of the case, with torque of their servos.
         seek, apply : bool
-            Whether other readings are looked for, and used.
+            Whether other readings are searched, and used.
         most : int, optional
             Prepare an excerpt of so many rows of each log.
         """
@@ -836,7 +836,7 @@ def check_logs(data: Data, reading: Reading | None) -> Data:
         return replace(data, hints=hints)
     holds = reading is not None and reading.holds
     odd = find_oddities(data.measured, explained=holds)
-    reading = None if odd.misread else reading  # positions that are misread explain the torque
+    reading = None if odd.misread else reading  # misread positions explain the torque
     key = "alternative" if holds else "question"
     said = () if reading is None else (Finding(key, text=reading.statement),)
     return replace(

@@ -1,4 +1,4 @@
-"""What changed between logs of one robot.
+"""Changes between logs of one robot.
 
 The mixed model compares logs (`Differences`). Each possible change is a group that acts in some
 logs only. Effects that all logs may lack are groups, too.
@@ -231,7 +231,7 @@ class Comparison(OfStructure, Result):
         }
 
 
-# `compare`: what changed between logs of one robot.
+# `compare`: changes between logs of one robot.
 
 
 @checked

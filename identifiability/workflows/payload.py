@@ -648,7 +648,7 @@ def _without_gains(robot: Robot) -> Structure:
     ------
     OptionError
     """
-    if robot.known_torque:  # in N·m, and what the columns are in is what is asked
+    if robot.known_torque:  # in N·m, but the unit of the columns is to be found
         raise OptionError(Finding("load.torque"))
     free = replace(robot, torque=robot.torque.with_gains())
     return Structure.of(free, Model.of(*DEFAULT_EFFECTS))

@@ -240,7 +240,7 @@ class TorquePrediction(Result):
         return self.note_written("table", write_table(path, self.to_frame()))
 
 
-# `Fit`: what a result keeps of its model: values, their covariance, how torque scatters.
+# `Fit`: the model in a result: values, their covariance, residual scatter of the torque.
 #
 # It comes from a result (`Predicts`) or from its JSON (`read_fit`), whichever `find_fit` is given.
 
@@ -262,9 +262,9 @@ class RobotEntry(Entry):
     locked: dict[str, float] = {}
 
 
-# `Fit`: what a result keeps of its model: values, their covariance, how torque scatters.
+# `Fit`: the model in a result: values, their covariance, residual scatter of the torque.
 #
-# It predicts torque, and it is what is read back from the JSON of a result. Not read back:
+# It predicts torque and can be read from the JSON of a result. Not read:
 # verdicts, sentences, other models of the ladder, posteriors, samples and resampled values. Who
 # wants these analyses the logs again.
 
@@ -739,7 +739,7 @@ def read_real(
     Raises
     ------
     IdentifiabilityError
-        If the file is no such result, or has no real robot.
+        If the file is no such result, or has no physical robot.
     """
     content, robot = _read_result(path, robot, done)
     physical, found = content.physical, content.rollout
@@ -762,7 +762,7 @@ def refuse_robot(
 
     Parameters
     ----------
-    where : path, or what the result is called
+    where : path, or name of the result
     made : RobotEntry or Robot
         The robot that the result was made with.
     robot : Robot

@@ -143,7 +143,7 @@ def fit_with_robot(
     choose : bool
         Whether folds may choose; else the prior is weak, unless it is given.
     certified : (Certificate or None, str), optional
-        What `certify_model` says of it, where that is known.
+        Result of `certify_model`, where it is known.
     """
     submodel, fit = model.submodel, model.estimate
     free = held_out.refit(fit, submodel.M, submodel.fixed)

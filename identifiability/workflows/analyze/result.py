@@ -388,7 +388,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         kinds = file_kinds(self.robot)
         files = dict(zip(kinds, map(used.unseen_by, (2, 3)), strict=True))
         given = dict(zip(kinds, map(used.unseen_by, (4, 5)), strict=True))
-        if "gravity" in told:  # what its files err by is measured along the fitted logs alone
+        if "gravity" in told:  # errors of its files are measured along the fitted logs only
             files = given = dict.fromkeys(files, float("nan"))
         return told | {
             "error_ra_validation_files": files,
@@ -589,7 +589,7 @@ def doubt(
     Parameters
     ----------
     why : str
-        What speaks against all of them: the fitted logs are misread; empty if nothing does.
+        Reason against all of them: the fitted logs are misread; empty if they are not.
     results : tuple of ModelResult
     at : int
         The selected model.

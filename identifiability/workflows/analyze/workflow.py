@@ -176,8 +176,8 @@ def analyze(
         fitted logs as well as the best.
     prior : float, optional
         Share within which the bodies are those of the robot file, such as 0.2: it is a `cad_prior`
-        of 1 / (2 share²), and verdicts say what it narrows. By default 0.2 where logs hold commands
-        and no torque, and none where they hold torque; 0 for none.
+        of 1 / (2 share²), and verdicts state parameters that it narrows. By default 0.2 where logs
+        hold commands and no torque, and none where they hold torque; 0 for none.
     seed : int
         Of every random choice.
     progress : callable(str, float), optional

@@ -92,7 +92,7 @@ class Part:
 
 @frozen
 class Naming:
-    """What is missing in some logs.
+    """Effects that a model lacks in some logs.
 
     Attributes
     ----------
@@ -254,7 +254,7 @@ class Naming:
         at = [d + k - first for p in parts for k in self.parts[p].candidate.columns]
         C, sd = (x[..., [*range(d), *at]] for x in self.coordinates)
         length = np.linalg.norm(C, axis=0)
-        free = np.argsort(np.isfinite(sd), kind="stable").tolist()  # before what is random
+        free = np.argsort(np.isfinite(sd), kind="stable").tolist()  # before random columns
         some = C[:, scan_columns(C / np.where(length > 0, length, 1.0), free)]
         own = weighed.reduce(some, weighed.columns[: some.shape[1]])
         return by.fit(with_known(own, known_rows(C, sd) @ some, by.noise)), some
@@ -375,7 +375,7 @@ def name_missing(looked: Naming) -> Naming:
 
 
 def _search(looked: Naming) -> tuple[Naming, Terms]:
-    """Return what is missing on fitted rows, and the naming whose noise and rows it is found with.
+    """Return the missing effects on fitted rows, and the naming with their noise and rows.
 
     Friction that rises with speed may be friction that changes sign at an unrecorded time. It is
     then searched between reversals only.
@@ -718,7 +718,7 @@ def find_change_in_log(naming: Naming, effects: Collection[str] | None = None) -
     held = [c for c in naming.missing.candidates if c.family is REVERSALS]
     missing = replace(naming.missing, candidates=tuple(number([*held, *listed])), families=None)
     every = _odds_of_stays(missing, grid)
-    for _ in range(2):  # what it adds is no noise: once it is roughly known, that is without
+    for _ in range(2):  # its torque is no noise, so noise is estimated without it
         every = _odds_of_stays(_noise_outside(missing, grid, every[0]), grid)
     always = [*(x.drifts for x in every), *(t.odds for t in naming.before[:1])]
     needed = max(RULES.name + RULES.keep, *always) + RULES.rival

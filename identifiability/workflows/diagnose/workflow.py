@@ -563,7 +563,7 @@ def take_loads(naming: Naming, engine: Engine) -> Naming:
 def _find_outliers(problem: Problem, found: Naming) -> tuple[str, Outliers | None]:
     """Return a sentence on outlying rows, and the rows left out before the search for effects."""
     samples, changes, weighed = problem.samples, found.problem.changes, found.weighed
-    if changes:  # a burst may look like one
+    if changes:  # an outlier segment may look like one
         rows = gather_information(found.completed.regression(samples))
         weighed = weigh_fit(problem.robot, samples, rows)
     *_, hint, outliers = weighed
@@ -709,7 +709,7 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     Parameters
     ----------
     naming : Naming
-        What is missing.
+        The missing effects.
     rng : numpy.random.Generator
         For intervals.
     """
@@ -784,7 +784,7 @@ def _place(naming: Naming, k: int) -> Placement:
     parameters = part.parameters(naming.problem.robot)
     added = [naming.columns([k], j) @ value for j in naming.acts(k)]
     sizes = [float(np.sqrt(np.mean(x**2))) for x in added]
-    every = [r.group for r in part.rivals]  # what is everywhere is here, too
+    every = [r.group for r in part.rivals]  # a family everywhere is here, too
     rivals = [Rival(g.family, g.place.replace(EVERYWHERE, c.place)) for g in every]
     return Placement(
         place=c.place,

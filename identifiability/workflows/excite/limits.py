@@ -34,7 +34,7 @@ from identifiability.simulation.mujoco_robot import MujocoRobot, compile_shapes
 
 # `Limits`: how far, how fast and how hard the joints may move.
 #
-# A limits file is TOML; every key is optional and replaces what the robot says::
+# A limits file is TOML; every key is optional and replaces the value of the robot::
 #
 # slider1 = {q = [0.62, 0.78], v = 0.16, a = 0.5} # actuated joint [rad or m, per s, per s²]
 # slider2 = {tau = 400, power = 150} # of its drive [N·m or N; W]
@@ -85,7 +85,7 @@ class Limits:
         return half
 
 
-#: What says limits.
+#: Forms in which limits are given.
 LimitsLike: TypeAlias = Mapping[str, Any] | str | Path
 
 
@@ -250,7 +250,7 @@ class Drive:
     structure : Structure
         The robot under its nominal model; values that the robot file does not state are zero.
     torque, power : (n,) [N·m or N; W]
-        Largest of each drive; infinite where nobody stated it.
+        Largest of each drive; infinite where not stated.
     """
 
     structure: Structure

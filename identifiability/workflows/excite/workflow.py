@@ -147,7 +147,7 @@ def _pose(
     else:
         usual = default_effects(case.robot, USUAL_EFFECTS)
         structure = Structure.of(case.robot, choose_model(model, usual))
-    question = ask(structure)  # what is asked amiss is refused before logs are read
+    question = ask(structure)  # wrong arguments are refused before logs are read
     if planned is not None:
         return question, know_nothing(question, planned), None
     data = case.data(structure, run)

@@ -31,7 +31,7 @@ OWN = {
     family.title: family.effect
     for family in FAMILIES.values()
     if isinstance(family.effect, AlongAxes)
-    and family.name != "coulomb_friction"  # one level stands for both directions, too
+    and family.name != "coulomb_friction"  # one level may be that of both directions
     and (family.told_by in (SPEEDS, RESTS, POSTURES) or family.name == "position_friction")
     and not family.loaded
 }

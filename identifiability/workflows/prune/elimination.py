@@ -172,7 +172,7 @@ class Refits:
             A, b = turn.T @ gram @ turn, turn.T @ right
             fit = Normal.ridged(A, b)
             moved = np.where(inside, 0.0, -c[:, None])
-            for _ in range(2):  # the second time takes away what the ridge did to the first
+            for _ in range(2):  # the second solution removes the effect of the ridge on the first
                 half = nested_halves(fit, b[:, None] - A @ moved, free)
                 moved += solve_triangular(
                     fit.factor,
@@ -590,7 +590,7 @@ def find_path(
             walked, refused = _measure_errors(steps, measured), others
     first, *steps = walked
     idle = tuple(measured.start.zeroed())
-    if idle:  # what the motion does not excite is the first move
+    if idle:  # the first move drops unexcited columns
         move = Move(Kind.UNEXCITED, idle, why=phrase("pruned", "idle"))
         steps = [replace(first, move=move), *steps]
         first = replace(first, partition=Partition.of(full.columns))

@@ -25,10 +25,10 @@ from identifiability.robot.table import write_table
 from identifiability.workflows.case_file import FILE
 from identifiability.workflows.inspect import template_frame
 
-# `new_study`: copy or write what a study begins with.
+# `new_study`: copy or write the files of a new study.
 
 
-#: What a study begins with where nothing is said: the arm whose logs are shipped.
+#: Default robot of a study: the arm whose logs are shipped.
 SHIPPED = "six-dof-arm"
 
 #: Logs that a study has in its script.
