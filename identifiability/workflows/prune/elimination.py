@@ -172,7 +172,7 @@ class Refits:
             A, b = turn.T @ gram @ turn, turn.T @ right
             fit = Normal.ridged(A, b)
             moved = np.where(inside, 0.0, -c[:, None])
-            for _ in range(2):  # the second solution removes the effect of the ridge on the first
+            for _ in range(2):  # the second time takes away what the ridge did to the first
                 half = nested_halves(fit, b[:, None] - A @ moved, free)
                 moved += solve_triangular(
                     fit.factor,
