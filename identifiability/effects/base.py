@@ -71,13 +71,13 @@ def _needs_gravity(robot: Robot, place: str) -> str:
     told_by=POSTURES,
 )
 class GravityTilt(Effect):
-    """``τ = ∂τ_g/∂θ θ``: the base stands at a small angle to what is known of it.
+    """``τ = ∂τ_g/∂θ θ``: the base stands at a small angle to its nominal attitude.
 
     Two rotations about horizontal axes; the masses are the file's. It looks like offsets where the
-    arm keeps its attitude, and like wrong first moments. What is known is what the file says, or
-    the direction of gravity in the file's world that a model states as its shape: about it the
-    angles of a large tilt are small as well, and whatever masses the columns take, they are zero
-    where the direction is right.
+    arm keeps its attitude, and like wrong first moments. The nominal attitude is that of the file,
+    or the direction of gravity that a model states as the shape, in the file's world. The angles of
+    a large tilt are small about it as well. The angles are zero where the direction is right, for
+    any masses in the columns.
 
     Parameters
     ----------
@@ -183,10 +183,10 @@ def _refuse(robot: Robot, _place: str) -> str:
 class ImuMounting(Effect):
     """``τ = ∂τ/∂(a, ω, ω̇) · ∂(a, ω, ω̇)/∂θ θ`` with ``a_imu = R(a − g + ω̇×r + ω×(ω×r)) + b``.
 
-    Corrections θ of what the sidecar states: the sensor is turned by small angles about the axes
-    of the base, sits so much farther, and reads so much more, along its own axes. They are linear
-    in small corrections, and the masses are the file's: a large one goes into the sidecar, and
-    what is left of it is found again.
+    Corrections θ of the sensor mounting in the sidecar: the sensor is turned by small angles about
+    the axes of the base, sits so much farther, and reads so much more, along its own axes. They are
+    linear in small corrections, and the masses are the file's: write a large one into the sidecar,
+    and fit the remaining correction again.
     """
 
     name = "imu_mounting"

@@ -1,6 +1,6 @@
 """`Effect`: a block of named columns of the regressor along a motion, and its `Family`.
 
-A family is what a diagnosis, an export and a report must know of an effect.
+Diagnoses, exports and reports read the `Family` of an effect.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from identifiability.robot.closure import load_by
 class Effect(ABC):
     """A part of a model: torque that is linear in its parameters.
 
-    Every effect answers three questions: what it is called, which parameters it has for a robot,
-    and what their columns are along a motion. Models are sums of effects.
+    Every effect answers three questions: its name, its parameters for a robot, and their columns
+    along a motion. Models are sums of effects.
     """
 
     #: Public name, used in reports, JSON, TOML and on the command line.
@@ -98,7 +98,7 @@ class Along:
 
     @property
     def sign(self) -> Array:
-        """Sign of its speed, (N,): where velocity is noisy, what it is in the mean."""
+        """Sign of its speed, (N,): the expected sign where velocity is noisy."""
         return self.motion.expected_sign(self.speed, self.load)
 
     @property
@@ -136,9 +136,10 @@ class Along:
 
     @property
     def load(self) -> Array:
-        """What a force f along the axis loads the actuated joints by, ``load · f``, (N, n) or (n,).
+        """Load of the actuated joints by a unit force along the axis, (N, n) or (n,).
 
-        It is the row of their speeds in that of the axis (virtual work).
+        A force f adds ``load · f``. It is the row of their speeds in that of the axis (virtual
+        work).
         """
         return load_by(self.robot, self.axis, self.motion)
 
@@ -152,7 +153,7 @@ def split_runs(motion: Motion) -> list[np.ndarray]:
 class AlongAxes(Effect):
     """Forces along joints and coupled motors, each in proportion to one parameter.
 
-    A subclass states its `units` and its `curves`, and what else differs from the words here.
+    A subclass states its `units` and its `curves`, and overrides any default that differs.
     """
 
     #: Each kind of parameter, with its SI unit at an axis that turns and at one that slides.
@@ -339,7 +340,7 @@ def actuated_joints(robot: Robot) -> tuple[str, ...]:
 
 
 def in_motor(robot: Robot, place: str) -> str:
-    """Return why a passive joint cannot have what motors have."""
+    """Return why a passive joint cannot have effects of motors; empty for actuated joints."""
     return "a passive joint has no motor" if place in robot.passive else ""
 
 
@@ -504,7 +505,7 @@ class Part:
         return here and (not self.kinds or parameter.kind in self.kinds)
 
     def find(self, robot: Robot) -> tuple[Effect, dict[int, Parameter]]:
-        """Return the effect where it is, and what is taken of it by column.
+        """Return the effect at its place, and the parameters that match the pattern, by column.
 
         Raises
         ------
@@ -560,7 +561,7 @@ class Placed(Effect):
 
     @property
     def stage_key(self) -> tuple[object, ...]:
-        """What two equal effects have in common: their text, or nothing without one."""
+        """Key that is the same for equal effects: their text, or nothing without one."""
         return (type(self.parts[0].effect), self._texts) if self._texts else (id(self),)
 
     def turn(self, robot: Robot) -> Robot:
@@ -589,7 +590,8 @@ class Placed(Effect):
     def _taken(self, robot: Robot) -> list[tuple[Effect, dict[int, Parameter]]]:
         """Return the effect of each part with the parameters that are the part's, by column.
 
-        What parts name, and the patterns before, go before what fits a pattern.
+        Parts with an exact name take their parameters before parts with a pattern, and earlier
+        patterns before later ones.
         """
         parts = [part.find(robot) for part in self.parts]
         wide = [is_pattern(part.owner) for part in self.parts]

@@ -1,4 +1,4 @@
-"""Torque of which nothing is known but what it depends on: the nonparametric effects.
+"""Torque as an unknown function of known coordinates: the nonparametric effects.
 
 Smooth functions of position, speed, load, time, another joint's speed, and of two of them
 together.
@@ -94,7 +94,7 @@ Value = Callable[[Along], Array]
 
 @frozen
 class Coordinate:
-    """What a torque may be a function of.
+    """A coordinate on which a torque may depend.
 
     Attributes
     ----------
@@ -155,8 +155,8 @@ def session_of(at: Along) -> Array:
 def has_session(motions: Sequence[Motion]) -> bool:
     """Whether motions share a clock that says more than the time within each.
 
-    That is where logs say when they began, and so many that one may be left out: two must be left
-    to say how it goes on.
+    They do if logs state their start times, and if there are enough logs to leave one out: two must
+    be left to say how it goes on.
     """
     starts = {m.start for m in motions}
     return len(starts) >= FEWEST and None not in starts
@@ -188,8 +188,8 @@ class SmoothFunction(Shaped):
     f₀(u) + f₁(u) sign q̇ + f₂(u) q̇``, splines for each by itself.
 
     The time of a session is another thing than that of a log: logs are pieces of a session with
-    pauses between, of which the last is seldom fitted, so that its function is held to a straight
-    line as closely as the motion says, and goes straight on beyond its end.
+    pauses between, and the last log is seldom fitted. So the function is held to a straight line as
+    closely as the motion says, and it continues straight beyond its end.
 
     Attributes
     ----------

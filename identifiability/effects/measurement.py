@@ -1,4 +1,4 @@
-"""Errors of what is measured: torque that is offset, late, scaled or leaks, and positions."""
+"""Errors of measurement: torque that is offset, late, scaled or leaks, and positions."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from .springs import FreeSpring, GravitySpring, JointStiffness
 
 
 class AtMotors(AlongAxes):
-    """What is of every actuated joint: one axis each, without the motors that mix them."""
+    """An effect of every actuated joint: one axis each, without the motors that mix them."""
 
     def axes(self, robot: Robot) -> Sequence[Axis]:
         """Return those of joints."""
@@ -137,10 +137,10 @@ def _stated_torque(robot: Robot, motion: Motion, effect: Effect) -> Array:
 class TimeDelay(AtMotors):
     """``τ_measured(t) = τ(t − δ) ≈ τ − δ dτ/dt``: torque and motion are not sampled together.
 
-    Linearised in the delay, which must be small beside the fastest motion. The torque that is
-    differentiated is a model's, never the measured one, whose noise would enter the column.
-    It looks like actuator inertia and viscous friction at one frequency of motion. A delay is never
-    negative: torque that comes before its motion is a `clock_error`.
+    Linearised in the delay, which must be small relative to the period of the fastest motion. The
+    torque that is differentiated is a model's, never the measured one, whose noise would enter the
+    column. It looks like actuator inertia and viscous friction at one frequency of motion. A delay
+    is never negative: torque that comes before its motion is a `clock_error`.
     """
 
     name = "time_delay"
@@ -171,7 +171,7 @@ class TimeDelay(AtMotors):
 class ClockError(TimeDelay):
     """``τ_measured(t) = τ(t + ε)``: no torque follows a motion before it happens.
 
-    What `time_delay` would need a negative delay for: the motion is stamped late, or filtered.
+    It acts as a negative `time_delay` would: the motion is stamped late, or filtered.
     """
 
     name = "clock_error"
@@ -203,8 +203,8 @@ def _needs_servos(robot: Robot, place: str) -> str:
 class CommandDelay(TimeDelay):
     """``τ(q_cmd(t)) = τ + δ (dτ/dt + kp q̇ + kv q̈)``: the servo of a joint acts δ later.
 
-    Later than is taken of all joints of a log, or earlier where δ is negative. A command is what
-    its servo makes torque of, kp q_cmd = τ + kp q + kv q̇, so that most of a delay is viscous
+    Later than is taken of all joints of a log, or earlier where δ is negative. A servo makes the
+    torque of a command by kp q_cmd = τ + kp q + kv q̇. So most of a delay looks like viscous
     friction and inertia; these are no longer wrong with it.
     """
 
@@ -218,7 +218,7 @@ class CommandDelay(TimeDelay):
         return () if robot.servo is None else super().axes(robot)
 
     def curves(self, at: Along) -> list[Array]:
-        """Return what a later command makes of the torque of its servo."""
+        """Return the change of the servo's torque by a later command."""
         servo = at.robot.servo
         j = at.joint
         assert servo is not None
@@ -242,8 +242,8 @@ class CommandDelay(TimeDelay):
 class TorqueScale(AtMotors):
     """``τ = s τ``: the torque of one joint is s too large, as by a wrong constant of its motor.
 
-    The torque is that of the fitted values. One scale of all joints is a scale of all
-    masses; what is told is how the joints differ.
+    The torque is that of the fitted values. One scale of all joints is a scale of all masses; only
+    differences between joints are identifiable.
     """
 
     name = "torque_scale"
@@ -278,7 +278,10 @@ def _refuse(robot: Robot, place: str) -> str:
 
 
 class FromJoint(Shaped):
-    """What comes from another joint, whose number is the shape, counted from one."""
+    """An effect of another joint on this one.
+
+    The shape is the number of that joint, counted from one.
+    """
 
     #: Units at an axis that turns from one that slides, and the other way round.
     crossed: ClassVar[tuple[str, str]] = ("m", "1/m")
@@ -407,11 +410,11 @@ def _stands_in_a_tree(robot: Robot, place: str) -> str:
     told_by=POSTURES,
 )
 class EncoderBias(AtMotors):
-    """``τ = −b ∂τ/∂q``: a joint's position is measured b too large, and so is its command.
+    """``τ = −b ∂τ/∂q``: both the position of a joint and its command are measured b too large.
 
-    The servo holds what it measures, so its torque is right and every other joint's is told at a
-    configuration that is not there. Linear in b; where one is known, of any size, the column is
-    taken along the whole way, by the fitted masses. Where the joint's axis is along gravity and
+    The servo holds the measured position, so its torque is right. The torque of every other joint
+    is assigned to a wrong configuration. Linear in b; where one is known, of any size, the column
+    is taken along the whole way, by the fitted masses. Where the joint's axis is along gravity and
     the first of its tree nothing depends on it; of any other first joint it is a tilt of the base
     about its axis; at the last body it looks like first moments that are turned about its axis. The
     sidecar states it as an offset of ``[columns]``.

@@ -1,4 +1,4 @@
-"""What gears, belts and screws do: play, presliding, friction that grows with load, and ripple."""
+"""Effects of gears, belts and screws: play, presliding, friction that grows with load, ripple."""
 
 from __future__ import annotations
 
@@ -102,14 +102,14 @@ class Hysteresis(Shaped):
 
 
 def carried_load(load: Array, at: Along) -> Array:
-    """Return what an axis alone would carry of the torque of the joints (N, n), (N,)."""
+    """Return the load (N,) of an axis that alone carries joint torques (N, n)."""
     row = at.load
     carried: Array = (load * row).sum(1) / np.maximum((row * row).sum(-1), TINY**2)
     return without_rounding(carried[:, None], load)[:, 0]
 
 
 def rigid_load(at: Along) -> Array:
-    """Return what an axis alone would carry by the known masses, (N,)."""
+    """Return the load (N,) of an axis that alone carries the torque of the nominal masses."""
     return carried_load(rigid_torque(at.robot, at.motion), at)
 
 
@@ -254,8 +254,8 @@ def _unknown(robot: Robot, place: str) -> str:
 class GearRipple(PositionRipple):
     """``τ = Rs sin(2π q/λ) + Rc cos(2π q/λ)`` with λ a turn of the motor, or a part of it.
 
-    Its shape is λ [rad or m] at the joint; the gear ratio says it. It is far below what a
-    diagnosis of `position_ripple` tries.
+    Its shape is λ [rad or m] at the joint; the gear ratio says it. It is far shorter than the
+    wavelengths that a diagnosis of `position_ripple` tries.
     """
 
     name = "gear_ripple"
