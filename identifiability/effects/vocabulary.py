@@ -1,4 +1,4 @@
-"""Every parameter that a model of a robot can have, by name, and the values that its file can store."""
+"""Every parameter that a model of a robot can have, by name, and the values that its file holds."""
 
 from __future__ import annotations
 

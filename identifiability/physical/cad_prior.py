@@ -1,7 +1,7 @@
 """A nominal robot as a prior on the cone: the log-det divergence of each body.
 
-Bodies are those of the robot file, and others where it states none; whether bodies weigh what such
-bodies can.
+Bodies are those of the robot file, and others where it states none; `state_mass` checks whether the
+total mass of the bodies is plausible.
 """
 
 from __future__ import annotations
@@ -151,7 +151,7 @@ def resolve_prior(
 
 @frozen
 class WithFile:
-    """What log and file together say of the m parameters of a model.
+    """Joint estimate of the m parameters of a model from log and file.
 
     Attributes
     ----------
@@ -170,7 +170,7 @@ class WithFile:
 
     @property
     def words(self) -> str:
-        """What is believed of the file."""
+        """The prior belief about the file, in words."""
         if not self.share:
             return "what the sidecar states of bodies and parameters"
         return f"that bodies are within {100 * self.share:g} % of the robot file's"
@@ -188,10 +188,10 @@ class WithFile:
 
 
 def state_rows(structure: Structure, share: float, weight: float = 0.0) -> tuple[Array, Array]:
-    """Return what is believed beside a log as rows about standard parameters, each of variance 1.
+    """Return the priors that hold besides a log, as rows about standard parameters of variance 1.
 
-    Bodies are the file's within a share, or within that which the sidecar states of one, and
-    parameters are what its ``[prior]`` says.
+    Bodies lie within a share of the file's, or within the share that the sidecar states of one.
+    Parameters follow the sidecar's ``[prior]``.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ def state_rows(structure: Structure, share: float, weight: float = 0.0) -> tuple
 def combine_with_file(
     structure: Structure, A: Array, aim: Array, to_x: Array, share: float
 ) -> WithFile:
-    """Return what a log says of a model's parameters together with the file's bodies.
+    """Return the estimate of a model's parameters from a log together with the file's bodies.
 
     Parameters
     ----------
@@ -270,8 +270,8 @@ def load_by_fit(
 ) -> Structure:
     """Return the structure with loads as a fit has them: the file may be wrong of its robot.
 
-    What logs do not say of bodies is the file's. Where no effect depends on loads nothing changes,
-    unless one may be `named`.
+    Combinations of the bodies that the logs do not determine keep the file's values. Where no
+    effect depends on loads nothing changes, unless one may be `named`.
     """
     loaded = is_loaded(structure.parameters)
     before = np.empty(0)
@@ -310,7 +310,7 @@ def with_loads(structure: Structure, loads: Mapping[str, float]) -> Structure:
 
 @lru_cache(maxsize=4)
 def draw_bodies(structure: Structure) -> tuple[Array, str]:
-    """Return the bodies to which a structure's prior draws, and what stands in for some, in words.
+    """Return the bodies at the centre of a structure's prior, and a sentence on replaced bodies.
 
     They are standard parameters (p,), of bodies that all can exist and have extent. A body that
     the file does not state is a ball about the origin of its frame, as light as the lightest stated
@@ -361,10 +361,10 @@ def _ball(theta: Array, mass: float, length: float) -> Array:
 
 
 def state_mass(robot: Robot, parameters: Mapping[str, float], cad_weight: float = 0.0) -> str:
-    """Return what is wrong with the total mass of a robot, and the remedy; nothing if it is right.
+    """Return a warning about the total mass of a robot, with its remedy; nothing if it is right.
 
-    It is the first thing that is said of a robot: one that is many times too heavy or too light
-    may predict torque well along the motion that was fitted, and moves wrongly in a simulator.
+    Reports state this warning first. A robot that is many times too heavy or too light may predict
+    torque well along the fitted motion, and still move wrongly in a simulator.
 
     Parameters
     ----------
@@ -457,11 +457,11 @@ def real_robot_dict(
 def _measure_errors(
     structure: Structure, samples: Sequence[Dataset], values: Mapping[str, float]
 ) -> Sequence[float]:
-    """Return ε_RA of a robot, its base be it tilted, and of what a file of either format holds.
+    """Return ε_RA of a robot, of its values in each file format, and of the nominal ones, (5,).
 
-    Then of files that hold what is stated of the robot, (5,); unknown of a tilted base, which they
-    do not state. Gravity pulls at the bodies that were found, along where it points; the columns of
-    a tilt are those of the file's bodies, and to first order.
+    Nominal values are also those in each file format. Their errors are NaN for a tilted base, which
+    files do not state. Gravity pulls at the bodies that were found, along where it points; the
+    columns of a tilt are those of the file's bodies, and to first order.
 
     Parameters
     ----------

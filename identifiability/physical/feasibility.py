@@ -41,7 +41,7 @@ from .rules import RULES
 
 @frozen
 class PhysicalResult:
-    """What physics says of a fitted model.
+    """Physical consistency of a fitted model.
 
     Attributes
     ----------
@@ -88,14 +88,14 @@ class PhysicalResult:
         return float("nan") if self.certificate is None else self.certificate.margin
 
     def parameters(self) -> dict[str, float]:
-        """Return the standard parameters of the nearest real robot by name."""
+        """Return the standard parameters of the nearest physically consistent robot by name."""
         if self.nearest is None:
             return {}
         return {n: float(v) for n, v in zip(self.region.columns, self.nearest.phi, strict=True)}
 
 
 def leave_undecided(structure: Structure, submodel: Submodel) -> PhysicalResult:
-    """Return what physics says before anything is found."""
+    """Return the result before the solvers have run, with NaN for all values."""
     value = np.full(len(submodel), np.nan)
     found = np.full((3, len(submodel.M)), np.nan)
     return PhysicalResult(physical_set(structure), value, found[0], found[1:], "")
@@ -142,7 +142,7 @@ def certify_model(model: FittedModel) -> tuple[Certificate | None, str]:
 
 @frozen
 class PriorChoice:
-    """How strongly the nearest real robot is drawn to the robot file, by what it predicts.
+    """Weight of the prior around the robot file, chosen by predictive likelihood.
 
     Attributes
     ----------
@@ -153,8 +153,8 @@ class PriorChoice:
     score : Score
         What they predict.
     as_good : bool
-        Whether the free fit is not surely better. Of two that are not told apart the one is right
-        that can exist.
+        Whether the free fit is not surely better. If the data cannot decide between the two, the
+        physically consistent one is used.
     """
 
     weight: float
@@ -246,7 +246,7 @@ def scale_bodies(structure: Structure, whole: Information) -> Array:
 
 
 def _projection(model: FittedModel, cad_weight: float) -> Projection:
-    """Return the program of the nearest real robot of a model.
+    """Return the program that finds the physically consistent values nearest to a model's estimate.
 
     Raises
     ------
@@ -265,7 +265,7 @@ def _projection(model: FittedModel, cad_weight: float) -> Projection:
 
 
 def find_nearest(model: FittedModel, cad_weight: float = WEAK) -> PhysicalResult:
-    """Find the nearest real robot, without asking whether it is the estimate itself."""
+    """Find the nearest physically consistent values, without a certificate of the estimate."""
     structure = model.structure
     data = _believe(model, cad_weight)
     found = replace(leave_undecided(structure, model.submodel), cad_weight=cad_weight)
@@ -291,7 +291,7 @@ def find_nearest(model: FittedModel, cad_weight: float = WEAK) -> PhysicalResult
 
 
 def _believe(model: FittedModel, cad_weight: float) -> LeastSquares:
-    """Return what a fit says, with what is left out and what the sidecar states beside it.
+    """Return the least squares of a fit with rows for left-out parameters and the sidecar's priors.
 
     Bodies that are better known than by the divergence of that weight are held tighter.
     """
@@ -403,7 +403,7 @@ def certify(base_map: Array, beta: Array, region: PhysicalSet) -> Certificate:
 def _most_room(
     rows: Array, slack: Array, maps: Array, at: Array
 ) -> tuple[Array, float, Array, Array]:
-    """Return the u of most room t, t, and what rows and matrices press with.
+    """Return the u of the largest margin t, t, and the multipliers of rows and matrices.
 
     maximise t ≤ 1 over ``rows @ u + slack ≥ t`` and ``maps @ u + at ⪰ t 1``
 

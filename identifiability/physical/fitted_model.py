@@ -1,7 +1,7 @@
-"""What bodies can be, and the problem that a fitted model poses in their standard parameters.
+"""The set of possible bodies, and the problem of a fitted model in their standard parameters.
 
-What the data say is a compressed least-squares problem; what a model leaves out, holds or ties is
-known to it.
+The data enter as a compressed least-squares problem; parameters that a model omits, fixes or ties
+enter as constraints.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ class PhysicalSet:
 
     @cached_property
     def signed(self) -> np.ndarray:
-        """Columns (m,) int that may not be negative, whatever the bodies; J ⪰ 0 says the rest."""
+        """Columns (m,) int that may not be negative, without those that J ⪰ 0 implies."""
         others = self.nonnegative.copy()
         others[self.bodies] = False  # J ⪰ 0 implies m ≥ 0 and Ixx ≥ 0
         return np.flatnonzero(others)
@@ -133,17 +133,20 @@ class PhysicalSet:
 
     @cached_property
     def scaled_rows(self) -> Array:
-        """(m, p), the same of scaled parameters: what has a sign alone is of scale 1."""
+        """(m, p), the same of scaled parameters.
+
+        Parameters that have only a sign are of scale 1.
+        """
         return self.rows * self.scale
 
     @cached_property
     def least(self) -> Array:
-        """What the m rows may not fall below."""
+        """Lower limits of the m rows."""
         return np.array([0.0] * len(self.signed) + [least for _, least in self.bounds])
 
     @cached_property
     def constraints(self) -> tuple[str, ...]:
-        """What holds each body, and each of the m rows, (nb + m,) str."""
+        """Names of the constraints of each body and of each of the m rows, (nb + m,) str."""
         own = [*zip(self.names, self.bodies, strict=True)]
         within = [" + ".join(name for name, at in own if row[at].any()) for row, _ in self.bounds]
         signs = [f"{self.columns[k]} ≥ 0" for k in self.signed]
@@ -206,7 +209,7 @@ def physical_set(structure: Structure) -> PhysicalSet:
 
 
 def _stated_bounds(structure: Structure, mass: Array) -> Iterator[Bound]:
-    """Yield what the sidecar of a robot says of masses and centres, over a model's parameters.
+    """Yield the bounds of a sidecar on masses and centres, over a model's parameters.
 
     The mass ``m`` and the first moment ``h = m c`` are parameters, so that a bound of the mass and
     a box around the centre are linear. A payload is no part of its body here. Bodies that the
@@ -302,7 +305,7 @@ class LeastSquares:
 
     @staticmethod
     def of_normal(mean: Array, covariance: Array, unknown: Array) -> LeastSquares:
-        """Return what a normal distribution says, in units of its standard deviations.
+        """Return the least squares of a normal distribution, in units of its standard deviations.
 
         Parameters
         ----------
@@ -340,7 +343,10 @@ class LeastSquares:
 
     @property
     def unit(self) -> float:
-        """Residual that counts as one: the noise sd [torque], or what rounding leaves."""
+        """Residual that counts as one.
+
+        The noise sd [torque], or the rounding error if that is larger.
+        """
         rounding = ROUNDOFF * np.linalg.norm(self.z)
         return float(max(np.sqrt(self.variance), rounding, np.finfo(float).tiny))
 
@@ -392,7 +398,7 @@ class Fixed:
         return out
 
     def span(self, scale: Array) -> tuple[Array, Array]:
-        """Return what is left to scaled parameters ``phi = scale * x``.
+        """Return the remaining freedom of scaled parameters ``phi = scale * x``.
 
         Returns
         -------
@@ -406,7 +412,7 @@ class Fixed:
 
 
 def find_fixed(region: PhysicalSet, G: Array, M: Array, value: Array) -> Fixed:
-    """Return what a model leaves out, holds or ties outside the bodies.
+    """Return the combinations that a model omits, fixes or ties outside the bodies.
 
     Parameters
     ----------
@@ -457,10 +463,10 @@ def find_fixed(region: PhysicalSet, G: Array, M: Array, value: Array) -> Fixed:
 
 @frozen
 class FittedModel:
-    """A model of a robot that was fitted, and what the fit says of the standard parameters.
+    """A model that was fitted to a robot, and its loss in the standard parameters.
 
     The model says that base parameters are ``fixed + M x``; the part of ``G phi`` outside the span
-    of M is what the model leaves out, and does not enter its prediction.
+    of M is omitted, and does not enter its prediction.
 
     Attributes
     ----------
@@ -499,12 +505,12 @@ class FittedModel:
 
     @cached_property
     def data(self) -> LeastSquares:
-        """The estimate's loss in the standard parameters, of what the model does not leave out."""
+        """The estimate's loss in the standard parameters, without the omitted parts."""
         return LeastSquares.of_fit(self.information, self.estimate).through(self.to_x)
 
     @cached_property
     def fixed(self) -> Fixed:
-        """What the model leaves out, holds or ties outside the bodies.
+        """Combinations that the model omits, fixes or ties outside the bodies.
 
         Raises
         ------
@@ -516,13 +522,16 @@ class FittedModel:
 
     @cached_property
     def region(self) -> PhysicalSet:
-        """What a real robot can have; what is held by itself needs no sign."""
+        """The set of physically consistent values.
+
+        Parameters that are fixed on their own need no sign.
+        """
         region = physical_set(self.structure)
         return replace(region, nonnegative=region.nonnegative & ~self.fixed.parameters)
 
     @cached_property
     def left_out(self) -> tuple[Array, Array]:
-        """Torque of what the model leaves out, ``rows phi − aim``: (b, p) and (b,)."""
+        """Torque of the omitted parts of the model, ``rows phi − aim``: (b, p) and (b,)."""
         R = self.whole.factor(self.estimate.weights)[:-1, :-1]
         M = self.submodel.M
         rest = R @ (np.eye(len(M)) - M @ np.linalg.pinv(M)) if M.size else R

@@ -251,7 +251,7 @@ class Projection:
         return self.held.impose(x * program.scale)
 
     def _state(self, data: LeastSquares) -> Program:
-        """Return a data set in scaled parameters, with what pulls where it says nothing.
+        """Return a data set in scaled parameters, with weak rows where the data say nothing.
 
         A function's values are of one size, that at which its best-seen one makes the whole torque:
         where few data are a value of more than that is their noise.

@@ -1,4 +1,4 @@
-"""Inertial parameters of a body as a 4×4 pseudo-inertia matrix, and what is wrong with it.
+"""Inertial parameters of a body as a 4×4 pseudo-inertia matrix, and checks of it.
 
 The ten parameters ``[Ixx Ixy Ixz Iyy Iyz Izz mx my mz m]`` (tensor entries, ``Ixy = -∫xy dm``,
 about the origin of the body frame) belong to a real mass distribution exactly when the matrix

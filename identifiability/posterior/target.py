@@ -1,6 +1,6 @@
 """The posterior of the parameters, in the coordinates where its Gaussian is diagonal.
 
-A `Prior` is what the user knew before the data: a normal distribution per parameter.
+A `Prior` states the user's knowledge before the data: a normal distribution per parameter.
 """
 
 from __future__ import annotations
@@ -50,10 +50,10 @@ class Prior:
         """Around a nominal robot, each sd a share of the body's own scale.
 
         Moments of inertia and the mass have their own size. Products of inertia and first moments
-        have the most that a body may have: ``√(Σxx Σyy)`` and ``√(m Σxx)`` with the second moment
-        Σ of the material along each axis. A scale alike along all axes would give a rod's prior
-        the width of a ball's: bodies that can exist, around a thin one, are then almost all
-        thicker, and that pulls what the data measure too (1.3 standard deviations on an arm).
+        have the most that a body may have: ``√(Σxx Σyy)`` and ``√(m Σxx)`` with the second moment Σ
+        of the material along each axis. A scale alike along all axes would give a rod's prior the
+        width of a ball's: around a thin body almost all possible bodies are then thicker. That
+        pulls the measured combinations too (1.3 standard deviations on an arm).
 
         Parameters
         ----------
@@ -172,7 +172,7 @@ class Diagonal:
 
 @frozen
 class Target:
-    """The posterior: what the data say, what was known, what is possible.
+    """The posterior: the likelihood of the data, the prior, and the set of possible robots.
 
     Attributes
     ----------
@@ -208,7 +208,10 @@ class Target:
 
     @cached_property
     def plane(self) -> tuple[Array, Array]:
-        """What is held: a point (p,) from the prior's mean [prior sd], and what is free (p, q)."""
+        """Plane of the fixed combinations, in scaled coordinates.
+
+        A point (p,) from the prior's mean [prior sd], and the free directions (p, q).
+        """
         prior = self.proper_prior
         fixed = self.fixed or Fixed.none(self.size)
         return Fixed(fixed.rows, fixed.value - fixed.rows @ prior.mean).span(prior.sd)

@@ -158,7 +158,7 @@ def _at_place(robot: Robot, family: Family, span: Span, column: int, free: bool)
 
 
 def _apart(kinds: Sequence[str]) -> list[tuple[str, ...]]:
-    """Return kinds by what stands before their number."""
+    """Group consecutive kinds that differ only in their number."""
     names = groupby(kinds, key=lambda kind: kind.rstrip("0123456789"))
     return [tuple(own) for _, own in names]
 
@@ -175,7 +175,7 @@ def number(candidates: Sequence[Candidate]) -> list[Candidate]:
 def compute_entries(
     robot: Robot, parts: Sequence[tuple[Part, Sequence[int]]], pieces: Sequence[Piece]
 ) -> Entries:
-    """Return the torque of parts of effects along logs, after decimation, without what is zero.
+    """Return the nonzero torque of parts of effects along logs, after decimation.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """`Information`: all that a regression says about its parameters, independent of its length.
 
-`ActuatorBlocks` hold what the rows of one actuator say, over the columns that it can see.
+`ActuatorBlocks` hold the rows of one actuator, compressed, over the columns that act in it.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ def factor_each(grams: Array) -> Array:
 
 
 class _Blocks:
-    """What is gathered of consecutive blocks.
+    """Accumulate the sums of consecutive blocks.
 
     Rows, or a triangular factor of them where the longest block has more than there are columns.
     """
@@ -313,7 +313,10 @@ class Information:
 
     @cached_property
     def made(self) -> dict[Any, Any]:
-        """Some of what was made of the sums over all blocks: a fit asks for the same often."""
+        """Cache of quantities computed from the sums over all blocks.
+
+        Fits ask for the same quantities repeatedly.
+        """
         return {}
 
     @property
@@ -434,7 +437,10 @@ class Information:
 
     @cached_property
     def _totals(self) -> list[tuple[Array, np.ndarray]]:
-        """Each actuator's products and where columns stand in them, last of all what it lacks."""
+        """Return the products of each actuator and where columns stand in them.
+
+        Absent columns come last.
+        """
         found = []
         for part in self.parts:
             columns = np.append(part.columns + self.size - self._width, self.size)
@@ -571,7 +577,7 @@ def gather_information(
 def _acting(regression: Regression) -> np.ndarray:
     """Return which columns act in which actuator at random states of the robot, (n, k) bool.
 
-    What acts along a measured motion only is met there.
+    Columns that act along a measured motion only are added there.
     """
     motion = random_motion(regression.robot, np.random.default_rng(0), 50)
     acts = np.asarray(regression.model.regressor(regression.robot, motion).any(0))

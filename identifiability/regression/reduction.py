@@ -42,7 +42,7 @@ DEFAULT_EFFECTS = (*USUAL_EFFECTS, "torque_offset")
 
 
 def _held(value: Any) -> Any:
-    """Refuse what is neither a number nor the word, in one sentence instead of one for each."""
+    """Refuse any value that is neither a number nor "nominal", with one message."""
     number = isinstance(value, (int, float)) and abs(value) < LOG_RULES.largest
     if not number and value != "nominal":
         raise ValueError("give a finite number in SI units, or 'nominal'")
@@ -235,7 +235,7 @@ def default_ladder(robot: Robot) -> LadderEntry:
 
 
 def ladder_path(robot: Robot) -> Path | None:
-    """Return the ladder that stands beside the robot file, if there is one."""
+    """Return the path of the ladder in the folder of the robot file, if there is one."""
     beside = robot.path.with_name("ladder.toml")
     return beside if beside.is_file() else None
 

@@ -66,7 +66,7 @@ class Model:
         return Model(()).with_effects(_read_effects(names))
 
     def with_effects(self, effects: Iterable[Effect]) -> Model:
-        """Return the model with more effects; what they supersede is left out."""
+        """Return the model with more effects; superseded effects are left out."""
         chosen = list(self.effects)
         for effect in effects:
             if any(e.name == effect.name for e in chosen):
@@ -98,7 +98,7 @@ class Model:
 
     @property
     def stage_key(self) -> tuple[Any, ...]:
-        """What two equal models have in common."""
+        """Key that is the same for equal models."""
         effects = (getattr(e, "stage_key", id(e)) for e in self.effects)
         return (*effects, *sorted(self.random.items()))
 

@@ -233,9 +233,9 @@ def find_base_parameters(
 
 
 def known_rows(C: Array, sd: Array) -> Array:
-    """Return rows R (d, b) about ``β = C x`` that say what is known of x, each of variance 1.
+    """Return rows R (d, b) about ``β = C x`` that state the prior of x, each of variance 1.
 
-    ``|R β|²`` is the least ``Σ (x/sd)²`` of all x that make β; what of x is random is ``sd R β``.
+    ``|R β|²`` is the least ``Σ (x/sd)²`` of all x that make β; the random part of x is ``sd R β``.
 
     Parameters
     ----------
@@ -254,7 +254,7 @@ def known_rows(C: Array, sd: Array) -> Array:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Structure:
-    """A robot under a model; equal only to itself, so that what follows from it can be kept.
+    """A robot under a model; equal only to itself, so that computed properties can be cached.
 
     Attributes
     ----------
@@ -270,9 +270,9 @@ class Structure:
 
     @staticmethod
     def of(robot: Robot, model: Model) -> Structure:
-        """Return the structure with what `find_base_parameters` finds.
+        """Return the structure with the base parameters of `find_base_parameters`.
 
-        Of a model that says where gravity points the robot is one under that gravity.
+        If the model states where gravity points, the robot is turned accordingly.
         """
         robot = model.turn(robot)
         return Structure(robot, model, find_base_parameters(robot, model))
@@ -294,7 +294,10 @@ class Structure:
 
     @cached_property
     def present(self) -> frozenset[tuple[str, str]]:
-        """The model's effects by family and place; where one is, what it supersedes is too."""
+        """The model's effects by family and place.
+
+        An effect also counts as those that it supersedes.
+        """
         own = {(p.group, p.owner) for p in self.parameters}
         return frozenset(own).union(
             (name, place)
@@ -359,11 +362,11 @@ class Structure:
 
 
 def count_offsets(structure: Structure) -> Structure:
-    """Return a structure whose groupings count the torque offsets that no motion tells apart.
+    """Return a structure whose groupings count the torque offsets that no motion separates.
 
     Along an upright slide, weight and the force of a counterweight are both constant. A model
-    without the offset would call the mass alone identifiable. A structure whose offsets motion
-    tells apart is returned as it is.
+    without the offset would call the mass alone identifiable. A structure whose offsets are
+    separable is returned as it is.
     """
     robot = structure.robot
     model = structure.model
@@ -392,7 +395,7 @@ class OfStructure:
 
     @property
     def base(self) -> BaseParameters:
-        """What the robot's structure allows to determine."""
+        """Base parameters of the robot's structure."""
         return self.structure.base
 
     @property

@@ -1,4 +1,4 @@
-"""What a page is made of: sections of prose, notes, terms, tables, pictures and folds.
+"""Parts of a page: sections of prose, notes, terms, tables, pictures and folds.
 
 Titles, captions and leads come from `words.toml` (`section`, `picture`, `gallery`).
 """
@@ -43,7 +43,7 @@ class Notes:
 
 @frozen
 class Term:
-    """A word and what is said of it; `badge` gives it the mark of a verdict."""
+    """A word and its explanation; `badge` gives it the mark of a verdict."""
 
     word: str
     text: str
@@ -161,7 +161,7 @@ class Moving:
 
     @property
     def data(self) -> str:
-        """What the script draws, as JSON: places to a tenth of a pixel."""
+        """Data for the script of the page, as JSON: places to a tenth of a pixel."""
         robots = [
             [None if np.isnan(frame).any() else frame.ravel().round(1).tolist() for frame in points]
             for points in self.points
@@ -227,7 +227,7 @@ PLOT_TONES = ("grey", "blue", "vermilion")
 
 @frozen
 class Trace:
-    """What is drawn of one joint.
+    """The curves of one joint.
 
     Attributes
     ----------
@@ -272,7 +272,7 @@ class Trace:
 
 @frozen
 class Answers:
-    """The questions of a page, the drawing of what they are about beside them."""
+    """The questions of a page, with a drawing of the robot or of its values."""
 
     answers: tuple[Answer, ...]
     below: tuple[Block, ...] = ()
@@ -291,7 +291,7 @@ class Fold:
 
 
 def check_cell(text: str, passed: bool | None, reason: str = "") -> Cell:
-    """Return a number beside what it should be, for a cell of a DataFrame given to `frame_table`.
+    """Return a number with its check, for a cell of a DataFrame given to `frame_table`.
 
     `passed` is None where nothing was checked; the reason is the tolerance, or why it differs.
     """
@@ -400,7 +400,7 @@ def section(
 
 
 def picture(name: str, figure: Figure, /, **holes: Any) -> Picture:
-    """Return a figure with its caption and what it is for those who cannot see it."""
+    """Return a figure with its caption and its description for screen readers."""
     return Picture(figure, **words(f"picture.{name}", **holes), name=name)
 
 
@@ -424,7 +424,10 @@ def traces(
     quantity: str = "torque",
     caption: str = "",
 ) -> Traces:
-    """Return what joints do over time, to zoom: lines (N, n) by their names, NaN where none is."""
+    """Return curves of joints over time, to zoom.
+
+    Lines (N, n) by their names, NaN where none is.
+    """
     groups = []
     most = max(300, LINE_POINTS // (3 * len(joints)))
     for k, (joint, unit) in enumerate(zip(joints, units, strict=True)):
@@ -451,7 +454,7 @@ def motion_traces(
     units: Sequence[str],
     limits: Array | None = None,
 ) -> Traces:
-    """Return what joints do over time, with their limits as a band.
+    """Return curves of joints over time, with their limits as a band.
 
     Parameters
     ----------
@@ -479,7 +482,7 @@ def torque_traces(
     units: Sequence[str],
     log: str,
 ) -> Traces:
-    """Return measured and predicted torque (N, n) along a log, and what is left, to zoom."""
+    """Return measured torque, predicted torque and the residual (N, n) along a log, to zoom."""
     lines = {"measured": measured, "predicted": predicted, "residual": measured - predicted}
     return traces(t, joints, units, lines, caption=sentence("analysis.traces", log=log))
 

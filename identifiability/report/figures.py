@@ -1,8 +1,8 @@
 """Figures as functions of arrays and labels, in the page's style, and their way to inline SVG.
 
-What to use when: `identifiability.plot` draws those of a result. Here are what a model predicts
-and leaves of torque, how well parameters are known, models beside each other, and what figures
-share: rows with names, scales, legends, labels and whiskers.
+What to use when: `identifiability.plot` draws those of a result. This module draws predicted torque
+and residuals, the uncertainty of parameters, comparisons of models, and their common parts: rows
+with names, scales, legends, labels and whiskers.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ class Shown(Figure):
 
 
 def drawn(draw: Callable[P, Figure]) -> Callable[P, Figure]:
-    """Draw in the page's style, whatever the user's Matplotlib settings are."""
+    """Draw in the page's style, independent of the user's Matplotlib settings."""
 
     @wraps(draw)
     def styled(*args: P.args, **kwargs: P.kwargs) -> Figure:
@@ -138,7 +138,7 @@ def label_width(names: Sequence[str]) -> float:
 
 
 def strokes(axes: Axes, starts: Array, ends: Array, colour: str, **style: Any) -> None:
-    """Draw straight strokes between points (N, 2) as one path, whatever their number."""
+    """Draw straight strokes between points (N, 2) as one path, so that many are fast."""
     path = Outline(
         np.stack([starts, ends], 1).reshape(-1, 2),
         np.tile([Outline.MOVETO, Outline.LINETO], len(starts)),
@@ -328,7 +328,7 @@ def row_lines(axes: Axes, count: int) -> None:
 def label_axes(
     axes: Axes, x: str, y: str, title: str = "", most: int = 44, pad: float | None = None
 ) -> None:
-    """Write what the axes are, and a bold title of at most so many letters, `pad` above them."""
+    """Write the labels of the axes, and a bold title of at most `most` letters, `pad` above."""
     axes.set_xlabel(x)
     axes.set_ylabel(y)
     if title:
@@ -425,7 +425,7 @@ def draw_torque(
     most: int = 1500,
     width: int = 400,
 ) -> Figure:
-    """Draw measured and predicted torque of one joint, and what is left below.
+    """Draw measured and predicted torque of one joint, and the residual below.
 
     Parameters
     ----------
@@ -494,7 +494,7 @@ def spread_rows(count: int, most: int) -> np.ndarray:
 def draw_curve(
     x: Array, learned: Array, spread: Array, data: Array, title: str, labels: tuple[str, str]
 ) -> Figure:
-    """Draw what an effect was learned to be, with its 95 % interval, against the data.
+    """Draw the learned curve of an effect, with its 95 % interval, against the data.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What is shown of a result: its page, found by its schema, its piece of a notebook, its draws."""
+"""Views of a result: its page, found by its schema, its piece of a notebook, its draws."""
 
 from __future__ import annotations
 
@@ -168,7 +168,7 @@ def set_symbols(text: str) -> Markup:
 
 
 def _of_page(result: Result, name: str, usual: Any = None) -> Any:
-    """Return what the page of a result has of its own, as `identifiability.report.pages` says."""
+    """Return the part `name` of a result's page, or `usual` if the page has no such function."""
     kind = result.schema.split("/")[1]
     home = ".analysis" if kind in ("analysis", "pruning") else ".pages"
     module = import_module(home, __package__)
@@ -177,7 +177,7 @@ def _of_page(result: Result, name: str, usual: Any = None) -> Any:
 
 
 def answer_first(result: Result) -> Answers:
-    """Return what the page of a result answers first."""
+    """Return the first answers of a result's page."""
     drawn = (_of_page(result, name) for name in ("moving", "below"))
     return Answers(result.answers(), tuple(filter(None, drawn)))
 
@@ -260,7 +260,7 @@ _PIECE = """{% import "macros.html.j2" as m %}
 
 
 def notebook_result(result: Result) -> str:
-    """Return what the page of a result answers first, with its robot, and its tables."""
+    """Return the first answers of a result's page, with its robot, and its tables."""
     tables = result.tables()
     frame = None if tables else result.to_frame()
     warnings = "\n".join(f"Warning: {text}" for text in result.warnings)
@@ -325,7 +325,7 @@ KEPT = ("name", "label", "value", "lower", "upper", "unit", "verdict", "effect",
 
 
 class _Content(RootModel[dict[str, Any]]):
-    """What stands in the JSON of a result."""
+    """The content of the JSON of a result."""
 
 
 #: What a result writes beside its own schema.
@@ -334,7 +334,9 @@ KEPT_APART = ("findings", "answers", "warnings")
 
 @frozen
 class KeptResult(Result):
-    """What the JSON of a result keeps of it, equal to the live one; it has neither robot nor logs.
+    """A result as its JSON keeps it, equal to the live one in all that was written.
+
+    It has neither robot nor logs.
 
     Attributes
     ----------
@@ -353,7 +355,7 @@ class KeptResult(Result):
         return str(self.content["statement"])
 
     def answers(self) -> tuple[Answer, ...]:
-        """Return what every reader asks first, answered."""
+        """Return the answers to every reader's first questions."""
         told = []
         for a in self.content["answers"]:
             lines = tuple((c["what"], c["command"]) for c in a["commands"])
@@ -362,7 +364,7 @@ class KeptResult(Result):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What was noticed and done, by key."""
+        """Findings and actions, by key."""
         known = ({k: x for k, x in f.items() if k != "level"} for f in self.content["findings"])
         return tuple(Finding(f.pop("key"), f.pop("subject"), **f) for f in known)
 
@@ -432,8 +434,8 @@ def build_datatree(result: Analysis) -> DataTree:
     Group ``posterior`` holds ``phi`` of the model's parameters, by walker (a chain each) and draw,
     and ``standard`` of the standard parameters that the model does not hold. The coordinate
     ``ensemble`` says which chains started together, for `arviz_stats.rhat_nested`. Group
-    ``constant_data`` holds the units. The attribute ``trustworthy`` is 0, with the reasons beside
-    it, where the chains have not converged.
+    ``constant_data`` holds the units. Where the chains have not converged, the attribute
+    ``trustworthy`` is 0, with the reasons in another attribute.
 
     Raises
     ------

@@ -31,8 +31,8 @@ def _trace(
 
     Where a body carries a load, its centre comes after the joints.
 
-    Of F poses (F, nq). A body goes from its joint to those that hang on it, to the points at which
-    loops close, and, where there are none, to its centre of mass and as far again.
+    Of F poses (F, nq). A body goes from its joint to the joints that it carries, and to the points
+    at which loops close. A body without any of these goes to its centre of mass, and as far again.
     """
     tree = robot.tree
     known = robot.nominal
@@ -221,7 +221,7 @@ def move_with_torque(
 
 
 def _look(points: Array, robot: Robot) -> Callable[[Array], Array]:
-    """Return what takes points (N, 3) to the paper, (N, 2) [px], so that some fill it."""
+    """Return the projection of points (N, 3) to the paper, (N, 2) [px], scaled to `points`."""
     up = np.array([0.0, 0.0, 1.0])
     gravity = robot.gravity
     vertical = -gravity / np.linalg.norm(gravity) if gravity.any() else up

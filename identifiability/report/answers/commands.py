@@ -143,7 +143,7 @@ def on_file(result: Result, kind: str, name: str, make: str, use: Callable[[str]
 def ladder_option(robot: Robot, source: LadderSource | None) -> str:
     """Return the ladder that was given, as an option; begins with a space.
 
-    A ladder with the content of the one beside the robot file is found without an option.
+    A ladder that equals the file next to the robot file is found without an option.
     """
     if source is None or not source.origin.lower().endswith(".toml"):
         return ""

@@ -372,7 +372,7 @@ class ChangePresenter(Presenter):
         return sentence(about, "log", log=change.log) if change.log else ""
 
     def called(self) -> str:
-        """Return what it is and its size, and what it may be instead."""
+        """Return the change with its size, and its competing explanations."""
         change, about = self.result, "diagnosis.change"
         text = f"{_state_change(change)} {change.when}".rstrip()
         if change.others:
@@ -382,7 +382,11 @@ class ChangePresenter(Presenter):
 
 
 def _state_change(change: Change) -> str:
-    """Return a change with its size; of one everywhere what is sure, where its sum is not."""
+    """Return a change with its size.
+
+    Where a change has several parameters and its sum is uncertain, only the significant ones are
+    listed.
+    """
     about, half = "diagnosis.change", REACH * change.sd
     size, reach, unit = 100 * change.share, 100 * REACH * change.share_sd, "%"
     words = "rose", "fell"

@@ -71,7 +71,7 @@ class ExcitationPresenter(AnsweringPresenter):
         return sentence(about, names=names, share=share, period=period, other=other)
 
     def beside(self) -> str:
-        """Return what the motion is compared with."""
+        """Return the motion that is compared with this one."""
         return sentence("excitation.worth", "again" if self.result.logs else "random")
 
     def limits_statement(self) -> str:

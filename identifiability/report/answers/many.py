@@ -67,7 +67,7 @@ class FleetPresenter(Presenter):
 
 
 def _robot_row(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what is known of a robot as one row of a table; its name leads to its page."""
+    """Return the results of a robot as one row of a table; its name leads to its page."""
     return {
         **row,
         "robot": Cell(row["robot"], row["robot"], link=for_link(row["page"])),
