@@ -129,8 +129,9 @@ class Window:
     def derive(self, cutoff: float, band: float) -> Array:
         """Return position, velocity and acceleration of the rows below a cut-off, (3, m, n).
 
-        Torque and columns are kept up to a band [Hz]. So is acceleration, which makes most of the
-        noise of columns: what lies above changes no fit and no prediction.
+        Torque and columns are kept up to a band [Hz]. Acceleration is kept up to the same band,
+        because it makes most of the noise of columns: frequencies above the band change neither
+        fits nor predictions.
         """
         plan = replace(self.plan, cutoff=cutoff)
         q, dq, ddq = plan.derive(self.log, self.origin)
@@ -142,7 +143,7 @@ class Window:
 def add_white_noise(log: Log, dt: float) -> Log:
     """Return a log with as much white noise once more on positions and velocities.
 
-    White noise is what the highest tenth of the frequencies has: a joint may shake below.
+    White noise has the density of the highest tenth of the frequencies: a joint may shake below.
     """
     rng = np.random.default_rng(0)
 
@@ -181,7 +182,7 @@ def tune_cutoff(
 ) -> Preparation:
     """Return a preparation with the cut-off that predicts unseen torque of the fitted logs best.
 
-    One that was set by hand stays, beside the advice which one is better.
+    A cut-off that was set by hand stays; the result then advises if another one is better.
 
     Parameters
     ----------

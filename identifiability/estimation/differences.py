@@ -1,10 +1,11 @@
-"""`Differences`: what differs between logs of one robot, or between parts of a log.
+"""`Differences`: hypotheses about differences between logs of one robot, or between parts of a log.
 
-It is what a model may lack (`Missing`) in some rows alone: a group of the mixed model × a pattern.
-A load on a body, friction, an offset or the gain of a torque column acts in logs of one side, in a
-single log, or between two instants of one, and competes with smooth functions that the model may
-lack in all rows alike. Friction differs a little between any two logs: that is no change but a
-nuisance of every comparison. Values that are known beforehand have their covariance as a prior.
+A difference is a `Missing` effect that acts in some rows only: a group of the mixed model × a
+pattern. A load on a body, friction, an offset or the gain of a torque column may change. It acts in
+the logs of one side, in a single log, or between two instants of a log. Smooth functions that the
+model lacks in all rows are competing hypotheses. Friction differs a little between any two logs:
+that is no change but a nuisance of every comparison. Values that are known beforehand have their
+covariance as a prior.
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ class Known:
 
 @frozen
 class Differing(Candidate):
-    """What may differ in some logs, or be missing in all of them.
+    """A candidate that acts in some logs, or that all logs may lack.
 
     Attributes
     ----------
@@ -103,7 +104,7 @@ class Differing(Candidate):
 
     @property
     def title(self) -> str:
-        """What differs, in words, without a place."""
+        """Title of the difference, without its place."""
         return WORDS.get(self.family.name) or self.family.title
 
     def odd(self, names: Sequence[str]) -> str:
@@ -113,7 +114,7 @@ class Differing(Candidate):
 
 @frozen
 class Compared(Excerpt):
-    """Rows of logs beside what is known.
+    """Rows of logs minus the torque of known parameters.
 
     Attributes
     ----------
@@ -125,14 +126,14 @@ class Compared(Excerpt):
 
     @staticmethod
     def about(seen: Excerpt, known: Known) -> Compared:
-        """Return rows beside what is known."""
+        """Return rows minus the torque of known parameters."""
         torque = seen.X @ known.base
         own = {**vars(seen), "X": seen.X @ known.directions, "y": seen.y - torque}
         return Compared(**own, torque=torque)
 
     @cached_property
     def centre(self) -> Array:
-        """Zero, (p,): the torque is less what is known as it is."""
+        """Zero, (p,): the torque of known parameters is subtracted already."""
         return np.zeros(self.X.shape[2])
 
     def entries(self, candidates: Sequence[Candidate]) -> Entries:
@@ -165,7 +166,7 @@ def weigh_logs(information: Information, data: np.ndarray) -> Information:
 
 @frozen(kw_only=True)
 class Differences:
-    """What may differ between logs, beside what they have in common.
+    """Candidate differences between logs, given all that the logs share.
 
     Attributes
     ----------
@@ -195,7 +196,7 @@ class Differences:
         patterns: Sequence[Array],
         names: tuple[str, ...] = (),
     ) -> Differences:
-        """Return what may differ between logs, or be missing in all of them.
+        """Return the candidate differences between logs, and the candidates that all logs may lack.
 
         Parameters
         ----------
@@ -244,9 +245,9 @@ class Differences:
         return [(c, name.replace(".scale", ".gain"), unit.get(name, "")) for c, name in named]
 
     def levels(self, base: Array) -> Array:
-        """Return how much there is of what each column says the change of, (C,); 0 if unknown.
+        """Return the level of the quantity that each column changes, (C,); 0 if unknown.
 
-        Friction by base parameters (b,), of both directions the mean; all of what a gain scales.
+        Friction by base parameters (b,), of both directions the mean; 1 for a gain.
         """
         known = list(zip(self.names, base.tolist(), strict=False))
         out = list[float]()
@@ -258,19 +259,19 @@ class Differences:
 
     @cached_property
     def scale(self) -> Array:
-        """What makes columns as large as the friction that there is, or as the torque, (C,)."""
+        """Scale, (C,), at which columns are as large as the friction or the torque."""
         size = np.abs(self.levels(self.known.base))
         return np.where(size > 0, 1.0 / or_one(size), self.missing.scale)
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
-        """What may differ, in which logs, or be missing: these, and places of each, share odds."""
+        """Groups of candidates and logs; groups, and the places of each, share prior odds."""
         more = self.always.shape[1]
         own = self.missing.groups
         return tuple(replace(g, members=tuple(at + more for at in g.members)) for g in own)
 
     def whose(self, term: Term) -> Differing:
-        """Return what a term is, at its first place."""
+        """Return the candidate of a term, at its first place."""
         return self.columns[int(self.at(term)[0])][0]
 
     def at(self, term: Term) -> np.ndarray:

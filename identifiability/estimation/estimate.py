@@ -52,8 +52,8 @@ def estimate_noise(estimator: Estimator, whole: Information) -> Estimator:
 
     A model that leaves something out leaves it in the residual, where it looks like noise, slow
     noise above all: a constant torque remembers for ever. Noise is a property of the logs, so it is
-    measured once, beside all columns. Where too few outputs are independent to fit all columns each
-    model measures its own.
+    measured once, with all columns in the model. Where too few outputs are independent to fit all
+    columns each model measures its own.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def fit_whole(estimator: Estimator, whole: Information) -> Estimate | None:
 
 
 def with_known(information: Information, known: Array, noise: Noise | None = None) -> Information:
-    """Return the information with what is known of the values beforehand.
+    """Return the information with the prior of the values.
 
     Random effects are no larger than they are known to be, however little the rows say of them.
 

@@ -1,7 +1,7 @@
-"""`Estimate`, and the `Estimator` that made it and is asked whatever follows from it.
+"""`Estimate`, and the `Estimator` that made it and computes its refits, loss and projections.
 
 Least squares on `Information`, ordinary or weighted by actuator, by instruments where there are
-any. How long the noise of each actuator remembers is measured in what a fit leaves of blocks.
+any. The autocorrelation time of each actuator's noise is measured in the residuals of blocks.
 """
 
 from __future__ import annotations
@@ -270,9 +270,9 @@ def correct_leverage(scores: Array, shares: Array) -> Array:
 
 
 def _inverse(root: Array) -> Array:
-    """Return the inverse of a triangular factor (k, k), of what it determines.
+    """Return the inverse of a triangular factor (k, k), on the space that it determines.
 
-    A fold of a short log need not determine what the whole does.
+    A fold of a short log may determine fewer directions than all rows together.
     """
     scale = or_one(np.linalg.norm(root, axis=0))
     return np.linalg.pinv(root / scale, rcond=RANK_TOLERANCE) / scale[:, None]
@@ -388,7 +388,7 @@ def _sum_lags(x: Array, log: np.ndarray) -> Array:
 
 @frozen
 class Estimator:
-    """A way from information to values, and what it says of blocks of time.
+    """A method of estimation, with the equations that it implies for blocks of time.
 
     Refits keep the weights of the fit.
 
@@ -415,10 +415,11 @@ class Estimator:
         return "iv" if self.instruments else "wls" if self.weighted else "ols"
 
     def fit(self, information: Information) -> Estimate:
-        """Return the estimate; one by instruments says what least squares gives.
+        """Return the estimate; one by instruments keeps the weights and noise of least squares.
 
-        What a model leaves out is no noise, but an error of its equations all the same: an actuator
-        whose torque it cannot explain must not decide what others need, however quiet that is.
+        Effects that a model omits are not noise, but errors of its equations: an actuator whose
+        torque the model cannot explain must not decide parameters that others need, however quiet
+        it is.
         """
         plain = self._fit_plain(information)
         if not (self.instruments and information.instrumented and plain.kept):
@@ -494,8 +495,8 @@ class Estimator:
     def equations(self, part: Information, fit: Estimate) -> tuple[Array, Array, Array]:
         """Return values (k,), coordinates (k, k) and equations of blocks in these, (B, k, k + 1).
 
-        Their unknowns are what comes on top of the values, so the large part of τ that these
-        explain never enters a difference of squares. What is known beforehand is a block more.
+        Their unknowns are corrections to the values. So the large part of τ that the values explain
+        never enters a difference of squares. A prior is one more block.
         """
         if self.instruments:
             found = combine(part, fit)
@@ -515,9 +516,10 @@ class Estimator:
     def loss(self, information: Information, fit: Estimate) -> Array:
         """Return upper triangular F, (k + 1, k + 1) [torque]: ``|F (x, -1)|²`` is least at the fit.
 
-        The distance in which the nearest real robot is nearest, and the likelihood of posteriors.
-        By instruments it is what these see of the residual: the estimate's distance in the unit of
-        its own covariance, on top of the residual sum of squares.
+        The physically consistent projection minimises this distance, and posteriors use it as
+        likelihood. By instruments it measures the projection of the residual on them: the
+        estimate's distance in the unit of its own covariance, on top of the residual sum of
+        squares.
         """
         if not self.instruments:
             return information.factor(fit.weights)
@@ -531,7 +533,7 @@ class Estimator:
         return triangular_factor(F)
 
     def project(self, information: Information, fit: Estimate, M: Array) -> Array:
-        """Return what the fit finds of torque without noise, for each of b parameters, (k, b).
+        """Return the fitted values (k, b) for a unit of each of b parameters, without noise.
 
         Parameters
         ----------
@@ -547,7 +549,7 @@ class Estimator:
 
 
 def measure_noise(information: Information, plain: Estimate) -> Noise:
-    """Return the noise in what a fit of equal weights leaves.
+    """Return the noise in the residual of a fit with equal weights.
 
     Large or slow noise at one actuator leaks into the residuals of the others. So the noise is
     measured twice more, each time after a fit with weights by the noise that was measured before.

@@ -1,10 +1,10 @@
 """`Evidence`: is A a better account of this robot than B? One judge, asked by everybody.
 
-Accounts are compared by what they predict of motion that did not choose them. Three steps::
+Accounts are compared by their predictions of motion that was not used to choose them. Three steps::
 
-    folds = Folds.of(information, memory)              # who tests what, whose rest is fitted
+    folds = Folds.of(information, memory)              # test rows and training rows
     held = Held.of(information, noise, folds)          # sums over each fold, whitened; once
-    a = held.score(held.refit(fit), held.roots(fit))   # `Score` of a model: what it predicts
+    a = held.score(held.refit(fit), held.roots(fit))   # `Score` of a model's predictions
     M = submodel.M                                     # of one that has fewer parameters
     b = held.score(held.refit(smaller, M, submodel.fixed), held.roots(smaller, M))
     Evidence.of(a, b).limits                           # of the gain, in which A is better
@@ -19,17 +19,17 @@ What to use when:
 - *A veto or a statement* on logs that are held out: ``HeldOut.of(validation, noise)`` and
   ``score(value)``: one model for all folds, and folds do not share data.
 
-The predictive log density of a fold is that of its torque under ``τ ~ N(W φ, S + W Σ Wᵀ)`` with
-the values φ that were fitted to its rest and their errors Σ, where these are given; noise ``S = σ²
-κ`` of each joint (its memory κ tempers the likelihood as the weights of the fit do), up to a
-constant that accounts with the same noise share: judge both with the noise of the richer. Without
-the errors one fold in which the motion is another decides how much of a file is believed. Each fold
-leaves out the noise's memory on both sides.
+The predictive log density of a fold is that of its torque under ``τ ~ N(W φ, S + W Σ Wᵀ)``. The
+values φ were fitted to the other folds, and Σ is the covariance of their errors, if given; noise
+``S = σ² κ`` of each joint is tempered by its autocorrelation time κ, as in the weights of the fit.
+Constants are the same for all accounts with the same noise: judge both with the noise of the
+richer. Without the errors one fold with another motion would decide the weight of the file. Each
+fold leaves out one autocorrelation time on both sides.
 
 A gain is ``Σ ln p_A - ln p_B`` [nats], or ``ln(e_B / e_A)`` of the error over each joint's own
-scale, so that A against B is minus B against A. Folds share the data of their fits, and standard
-errors know it: ``SE² = s² (1/K + n_test/n_train)`` of the mean over K folds [Nadeau & Bengio 2003].
-Limits are those of Student's t of K - 1; those of n joints hold together [Bonferroni].
+scale. So A against B is minus B against A. Folds share the data of their fits, and standard errors
+know it: ``SE² = s² (1/K + n_test/n_train)`` of the mean over K folds [Nadeau & Bengio 2003]. Limits
+are those of Student's t of K - 1; those of n joints hold together [Bonferroni].
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ from .noise import Noise
 
 @frozen
 class Levels:
-    """What evidence is called; `report/answers/words.toml` says it in words.
+    """Levels by which evidence gets its words; `report/answers/words.toml` says it in words.
 
     Attributes
     ----------
@@ -175,7 +175,7 @@ def _divide(lengths: np.ndarray, memory: float) -> np.ndarray:
 
 @frozen
 class Score:
-    """What an account predicts of F folds that its values have not seen.
+    """Predictions of F folds by an account that has not seen them.
 
     Attributes
     ----------
@@ -289,7 +289,7 @@ class HeldOut:
         return self.tests.products(1.0 / self.noise, one, one)
 
     def score(self, values: Array, roots: Array | None = None) -> Score:
-        """Return what an account predicts.
+        """Return the score of an account.
 
         Parameters
         ----------
@@ -339,7 +339,7 @@ class Gain:
 
 @frozen
 class Evidence:
-    """What prediction says of account A against account B.
+    """Predictive evidence for account A against account B.
 
     Attributes
     ----------
@@ -401,8 +401,8 @@ def near_best(scores: Sequence[Score]) -> np.ndarray:
 def may_stand(score: Score, best: Score) -> bool:
     """Return whether a model may stand for the best one.
 
-    Its predictive log density is within some nats; or its error surely rises by next to nothing: of
-    many samples nats tell apart what no error shows.
+    Its predictive log density is within some nats; or its error surely rises by next to nothing:
+    with many samples, nats distinguish models whose errors are equal.
     """
     near = score.density.sum() >= best.density.sum() - LEVELS.nats
     return bool(near) or Evidence.of(score, best).replaceable

@@ -1,8 +1,8 @@
-"""`Fit`: what is known of a model's parameters, and what is not, term by term.
+"""`Fit`: the values of a model's parameters, and each term of their uncertainty.
 
-Noise is seen by the scatter of scores over stretches of time, with refits on resampled blocks
-stated beside it; what scatters between logs, and what a model leaves out, are terms of their own.
-All from `Information` alone.
+Noise is measured by the scatter of scores over stretches of time. Refits on resampled blocks are
+reported as a second estimate; scatter between logs, and omitted effects, are separate terms. All
+from `Information` alone.
 """
 
 from __future__ import annotations
@@ -226,7 +226,7 @@ LEAST_MEMORIES: Tolerance = 2.0
 
 @frozen
 class Motions:
-    """What L logs say of each other about k parameters.
+    """Agreement of L logs about k parameters.
 
     Attributes
     ----------
@@ -256,7 +256,7 @@ class Motions:
 
 
 def compare_motions(information: Information, fit: Estimate, time: float) -> Motions | None:
-    """Return what logs say of each other; None where fewer than two can be fitted.
+    """Return the agreement of logs about each parameter; None where fewer than two can be fitted.
 
     Parameters
     ----------
@@ -339,7 +339,7 @@ _DIAGONAL = tuple(GROUPED_KINDS.index(k) for k in ("Ixx", "Iyy", "Izz"))
 
 @frozen
 class LeftOut:
-    """What the parameters that a model leaves out do to the k that it keeps.
+    """Effect of the omitted parameters on the k parameters of a model.
 
     Attributes
     ----------
@@ -368,7 +368,7 @@ class LeftOut:
 def body_scatter(structure: Structure) -> Array:
     """Return how far the bodies' parameters may lie from the file's, (p,) [their units].
 
-    Zero for what is no body's, and for bodies of which the file states no mass.
+    Zero for columns that belong to no body, and for bodies without a mass in the file.
     """
     scatter = np.zeros(len(structure.columns))
     rows = structure.inertial
@@ -390,7 +390,7 @@ def find_left_out(
     fit: Estimate,
     full: Estimate | None = None,
 ) -> LeftOut:
-    """Return what the left-out parameters do to those that a model keeps.
+    """Return the effect of the omitted parameters on those that a model keeps.
 
     Parameters
     ----------
@@ -445,7 +445,9 @@ def find_left_out(
 def _widen_disputed(
     meant: Array, submodel: Submodel, fit: Estimate, full: Estimate, sigma: Array
 ) -> tuple[Array, Array]:
-    """Return σ that reaches what the unpruned model finds, and that, where it had to grow, (k,).
+    """Return σ that covers the values of the unpruned model, (k,), and these values.
+
+    The values are NaN where σ was large enough.
 
     Parameters
     ----------
@@ -504,7 +506,7 @@ def _combination(name: str, members: Sequence[str], coefficients: Array, size: A
 
 @frozen(kw_only=True)
 class Fit:
-    """A model that was fitted: its k values, and what is not known of them, term by term.
+    """A model that was fitted: its k values, and each term of their uncertainty.
 
     Attributes
     ----------
@@ -549,7 +551,7 @@ class Fit:
     def of(
         information: Information, fit: Estimate, rng: np.random.Generator, replicates: int
     ) -> Fit:
-        """Return what noise and logs leave open of an estimate.
+        """Return an estimate with the uncertainty from noise and from differences between logs.
 
         Parameters
         ----------
@@ -583,7 +585,7 @@ class Fit:
 
     @property
     def noise(self) -> Array:
-        """What scores scatter by, which allows for autocorrelation, (k,).
+        """Standard deviations by the scatter of scores, which allows for autocorrelation, (k,).
 
         Infinite where scores could not be asked: a formula is believed only as far as its model of
         the noise, and few samples do not show that.
@@ -593,7 +595,7 @@ class Fit:
 
     @property
     def terms(self) -> dict[str, Array]:
-        """Standard deviations of the labels by what they come from, (k,) each."""
+        """Standard deviations of the labels by source, (k,) each."""
         none = np.zeros(len(self.estimate.columns))
         found = dict.fromkeys(TERMS, none) | {"noise": self.noise}
         if self.motions is not None:
@@ -608,19 +610,19 @@ class Fit:
 
     @property
     def together(self) -> Array:
-        """What moves all samples alike, which none of them can show, (w, k)."""
+        """Joint deviations that move all samples alike, and that no residual can show, (w, k)."""
         none = np.empty((0, len(self.estimate.columns)))
         return np.vstack([none, *self.shared.values()])
 
     @property
     def robust(self) -> Array:
-        """Standard deviations of the values, for whatever they stand for, (k,)."""
+        """Standard deviations of the values, for their effective combinations, (k,)."""
         terms = self.terms
         return np.linalg.norm([terms[name] for name in OF_VALUES], axis=0)
 
     @property
     def value(self) -> Array:
-        """Values of the labels: beside functions that are missing, without a known bias, (k,)."""
+        """Values of the labels: corrected for missing functions, and for a known bias, (k,)."""
         value = self.estimate.value
         if self.estimate.bias is None and "bias" in self.shared:
             value = value - self.shared["bias"][0]
@@ -628,7 +630,7 @@ class Fit:
 
     @property
     def sigma(self) -> Array:
-        """Standard deviations from what the labels say, (k,)."""
+        """Standard deviations of the labelled parameters, (k,)."""
         return np.linalg.norm(list(self.terms.values()), axis=0)
 
     def why_unjudged(self, rules: Thresholds) -> tuple[str, ...]:

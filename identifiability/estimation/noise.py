@@ -1,6 +1,6 @@
 """What noise remembers: autocorrelation times, autoregression, restricted likelihood.
 
-`ARNoise` is fitted to each joint beside whatever columns explain.
+`ARNoise` is fitted to the residual of each joint, given all columns that explain it.
 """
 
 from __future__ import annotations
@@ -148,11 +148,11 @@ BOUND: Tolerance = 3.5
 
 @frozen
 class LaggedProducts:
-    """Products of rows with those a few samples later: what whitening by a short memory needs.
+    """Products of rows with rows a few samples later, for whitening by a short memory.
 
-    Rows are met once, however many noises are tried. A series of n ≥ p samples that is whitened
-    by the filter a = (1, -φ) has the products ``Σ a_i a_j Σ_t z_(i+t) z_(j+t), t < n - i - j``
-    [Box & Jenkins 1976, A7.5].
+    Rows are met once, however many noises are tried. Let a = (1, -φ) be a filter that whitens a
+    series of n ≥ p samples. The whitened series has the products
+    ``Σ a_i a_j Σ_t z_(i+t) z_(j+t), t < n - i - j`` [Box & Jenkins 1976, A7.5].
 
     Attributes
     ----------
@@ -203,8 +203,8 @@ def whitening_filter(pacf: Array) -> Array:
 class RestrictedLikelihood:
     """Restricted likelihood of autoregressive noise.
 
-    What is random has a precision, in that of the innovations, infinite of what is not there; what
-    is fixed has none.
+    Random columns have a precision in units of that of the innovations; it is infinite for absent
+    ones; fixed columns have none.
 
     Parameters
     ----------
@@ -249,7 +249,7 @@ class RestrictedLikelihood:
         return G
 
     def profile(self, values: Array) -> Callable[[Array], tuple[float, Array, float]]:
-        """Return what takes transformed partial autocorrelations (p,), sigma profiled out.
+        """Return a function of transformed partial autocorrelations (p,), with sigma profiled out.
 
         It gives minus twice the log-likelihood, its slope (p,) and sigma.
 
@@ -400,10 +400,10 @@ def span_columns(X: Array, most: int) -> Array:
 
 
 def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs, least: float = 0.0) -> JointNoise:
-    """Return the noise of a joint by restricted likelihood beside all that may be missing.
+    """Return the noise of a joint by restricted likelihood, with all candidates in the model.
 
-    Beside the model alone what is missing would count as noise, and hide itself; without the
-    restriction slow noise would be taken for what is missing.
+    With the plain model alone, missing effects would count as noise, and hide themselves; without
+    the restriction, slow noise would count as a missing effect.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ from .fit import Fit, remembering_covariance
 
 @frozen(kw_only=True)
 class TorqueUncertainty:
-    """What is not known of predicted torque.
+    """Uncertainty of predicted torque.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class TorqueUncertainty:
     def reach(self, W: Array) -> tuple[Array, Array, Array]:
         """Return half widths of 95 % intervals of the mean, a low-passed and a raw sample, (N, n).
 
-        Infinite where the motion acts on what the fitted motion never showed.
+        Infinite where the motion excites directions that the fitted motion never showed.
 
         Parameters
         ----------
@@ -75,7 +75,7 @@ class TorqueUncertainty:
 def measure_spread(
     information: Information, known: Fit, rms: tuple[Array, Array], unseen: tuple[Array, Array]
 ) -> TorqueUncertainty:
-    """Return what is not known of the torque that a fit predicts.
+    """Return the uncertainty of the torque that a fit predicts.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def measure_spread(
 def measure_errors(
     information: Information, fit: Estimate, wider: float = 1.0
 ) -> tuple[Array, Array]:
-    """Return the covariance (k, k) of the values of a fit, and what it never saw, (k, d).
+    """Return the covariance (k, k) of the values of a fit, and its unseen directions, (k, d).
 
     Parameters
     ----------
@@ -122,9 +122,9 @@ def measure_errors(
 def widening(information: Information, known: Fit) -> float:
     """Return by how much variances differ from those by formula, as resampling and scores say.
 
-    One factor for all of them keeps how they depend on each other: what few parameters do not know
-    of each other, torque may know well. It is below 1 where noise swings back from sample to
-    sample, as steps of encoders do behind a derivative.
+    One factor for all of them keeps how they depend on each other: few parameters may leave their
+    mutual differences open, while the torque determines them well. It is below 1 where noise swings
+    back from sample to sample, as steps of encoders do behind a derivative.
     """
     fit = known.estimate
     kept = list(fit.kept)
@@ -158,7 +158,7 @@ def _never_shown(information: Information, fit: Estimate) -> Array:
 def loaded_joints(rms: Array) -> list[int]:
     """Return the joints whose torque there is something to say of; all where there is none.
 
-    What nothing drives, as a base, has none along most motions.
+    Joints without a drive, such as a base, have none along most motions.
     """
     loaded = np.flatnonzero(rms > 0)
     return (loaded if len(loaded) else np.arange(len(rms))).tolist()
@@ -290,7 +290,7 @@ class Prediction:
         return _ratio(errors, self.apart(at, raw=raw).sum())
 
     def constant_error(self) -> float:
-        """Return ε_RA of predicting each joint's mean torque: what any model must beat."""
+        """Return ε_RA of predicting each joint's mean torque: the baseline of every model."""
         own, every = (self.apart(axis=axis).sum() for axis in (0, None))
         return float(_ratio(own, every))
 
@@ -384,7 +384,7 @@ def predict(regression: Regression, values: Array) -> Prediction:
 def predict_all(regression: Regression, tasks: Sequence[Task]) -> list[Prediction]:
     """Return several predictions of the same logs, going through their windows once.
 
-    What was kept when their information was gathered is not computed again.
+    Chunks that were kept when their information was gathered are not computed again.
     """
     surveys = [s.survey for s in regression.samples]
     starts = np.cumsum([0, *(s.outputs for s in surveys)])

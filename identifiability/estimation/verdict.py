@@ -1,4 +1,4 @@
-"""`Verdict`: what may be said of each parameter of a fitted model, and why (`judge`)."""
+"""`Verdict`: the verdict on each parameter of a fitted model, with its reason (`judge`)."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Class(StrEnum):
 
 
 class Flag(StrEnum):
-    """What is said beside a verdict; the value is the public word."""
+    """Qualification of a verdict; the value is the public word."""
 
     NEGLIGIBLE = "negligible"
     IN_DOUBT = "model in doubt"
@@ -104,12 +104,12 @@ class Verdict:
 
     @property
     def open(self) -> bool:
-        """Whether the data leave open what bodies that can exist, or a prior, may narrow."""
+        """Whether physical consistency or a prior may still narrow the value."""
         return self.verdict is not Class.IDENTIFIABLE and set(self.flags) <= {Flag.STRUCTURAL}
 
     @property
     def interval95(self) -> tuple[float, float]:
-        """The 95 % interval that the verdict rests on, for what the label says."""
+        """The 95 % interval behind the verdict, for the labelled parameter."""
         if self.believed is not None:
             return self.believed
         half = REACH * self.sigma_label
@@ -117,18 +117,18 @@ class Verdict:
 
     @property
     def data_interval95(self) -> tuple[float, float]:
-        """The 95 % interval that the data alone leave, for what the value stands for."""
+        """The 95 % interval from the data alone, for the effective combination."""
         half = REACH * self.sigma_robust
         return self.value - half, self.value + half
 
     @property
     def sigma_robust(self) -> float:
-        """Standard deviation of the value, for whatever it stands for."""
+        """Standard deviation of the value as an effective combination."""
         return float(np.linalg.norm([self.terms.get(name, 0.0) for name in OF_VALUES]))
 
     @property
     def sigma_label(self) -> float:
-        """Standard deviation from what the label says: of noise and of what is missing."""
+        """Standard deviation of the labelled parameter, by noise and by missing effects."""
         return float(np.linalg.norm(list(self.terms.values())))
 
     @property
@@ -153,7 +153,7 @@ class Verdict:
 
 
 def narrow(v: Verdict, flag: Flag, text: str, ends: tuple[float, float] | None) -> Verdict:
-    """Return a verdict with what else narrows the value, and the interval that is believed then."""
+    """Return a verdict with a further qualification, and the interval that then holds."""
     return replace(v, flags=(flag, *v.flags), reason=f"{v.reason} {text}", believed=ends)
 
 
@@ -165,7 +165,7 @@ def withdraw(verdicts: Sequence[Verdict], why: str) -> tuple[Verdict, ...]:
 
 
 def to_row(written: Mapping[str, Any]) -> Row:
-    """Return what `Verdict.to_row` wrote (live, or read from JSON) as a row."""
+    """Return the record of `Verdict.to_row` (live, or read from JSON) as a row."""
     own = ("name", "value", "interval95", "unit", "verdict", "reason")
     terms = [np.inf if term is None else term for term in written["terms"].values()]
     low, high = (np.nan if end is None else end for end in written["interval95"] or (None, None))
@@ -353,7 +353,7 @@ def _decide(certain: bool, percent: float, effect: float, rules: Thresholds) -> 
 
 
 def _condition(fit: Fit, k: int, robust: float) -> str:
-    """Return what a verdict owes to the model that it is made in, if anything."""
+    """Return how a verdict depends on the reduced model, if it does."""
     left = fit.left_out
     if left is None:
         return ""
