@@ -65,7 +65,7 @@ LEAST_ROBUST, MOST_WHITE, MOST_WRONG = 0.90, 0.50, 0.02
 
 @dataclass(frozen=True)
 class Cell:
-    """What was counted at one noise: its multiple and correlation from sample to sample.
+    """Counts at one noise: its multiple and correlation from sample to sample.
 
     Coverage of white-noise and of robust intervals with Monte-Carlo errors by trials; parameters
     that are called identifiable, and that pass the 10× rule, and the shares of them off by half.
@@ -88,7 +88,7 @@ class Cell:
 def count(
     trials: Sequence[Outcome], truth: Array, names: Sequence[str], noise: float, rho: float
 ) -> Cell:
-    """Return what was counted of some trials, of truth (k,) or (T, k)."""
+    """Return the counts of some trials, of truth (k,) or (T, k)."""
     robust = count_outcomes(trials, truth, names)
     white = count_outcomes(
         [replace(t, robust=t.white, identifiable=t.paper) for t in trials], truth, names
@@ -273,7 +273,7 @@ SIZES, LEVEL = (1.0, 3.0), 0.01
 def measure_hidden(trials: int, seed: int) -> pd.DataFrame:
     """Return coverage of labels that are called identifiable with an effect hidden, by noise.
 
-    Beside them those that would be called if nothing could be missing (`plain`). An effect is a
+    Columns with `plain` count labels of an analysis that assumes no missing effect. An effect is a
     family in a drawn joint, its torque as large as the noise there times a factor of `SIZES`.
     """
     rows = []
@@ -320,7 +320,7 @@ def count_labels(found: Analysis) -> tuple[int, int, int, int]:
 
 
 def label(cell: Cell) -> str:
-    """Return what a cell simulates, ``noise × 0.3, ρ = 0.9``."""
+    """Return the simulated noise of a cell, ``noise × 0.3, ρ = 0.9``."""
     return f"noise × {cell.noise:g}, ρ = {cell.rho:g}"
 
 
@@ -367,7 +367,7 @@ def coverage_section(method: str, cells: Sequence[Cell]) -> Section:
 
 
 def coverage_frame(cells: Sequence[Cell]) -> pd.DataFrame:
-    """Return coverage ± its Monte-Carlo error, and verdicts; what is asked of a cell is checked."""
+    """Return coverage ± its Monte-Carlo error, and verdicts; required limits are checked."""
     rows = []
     for c in cells:
         asked = c.rho == 0.9 and c.noise == 1.0

@@ -7,8 +7,8 @@ and the logs, nothing else. Also nulls, pairs, effects outside the dictionary, t
     python studies/hidden_effect.py --quick
     python studies/hidden_effect.py --seeds 10 --nulls 67 --out reports/hidden_effect.json
 
-Every trial is written as soon as it is there, to a file `.jsonl` beside `--out`; the same command
-goes on where it was stopped.
+Every finished trial is written at once, to a file `.jsonl` in the folder of `--out`; the same
+command goes on where it was stopped.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ def summarise(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def check(frame: pd.DataFrame) -> list[dict[str, Any]]:
-    """Return what must hold: counts, shares with 95 % intervals, bounds."""
+    """Return the required limits: counts, shares with 95 % intervals, bounds."""
     seen = frame[~frame.outcome.isin(["no place", "aliased"])]
     out = []
 

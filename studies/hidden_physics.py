@@ -2,10 +2,10 @@
 
 MuJoCo gives inertia, gravity and Coriolis forces and the Jacobians of the loops. Friction is
 Coulomb's law on the velocities behind each step [Moreau 1988; Stewart & Trinkle 1996],
-v⁺ = v + h A(τ + f), with f within its level, and opposite to v⁺ where that is not zero: a joint
-that stops stands, and what its motor then supplies is anything within the level. (MuJoCo's own
-`frictionloss` is a soft constraint, in which joints creep; stiff bristles are hysteresis.) What is
-hidden is a `Law`: a force and a level of dry friction at one axis, with a memory if it likes.
+``v⁺ = v + h A(τ + f)``, with f within its level, and opposite to v⁺ where that is not zero: a joint
+that stops stands, and its motor may then supply any torque within the level. (MuJoCo's own
+`frictionloss` is a soft constraint, in which joints creep; stiff bristles are hysteresis.) A hidden
+effect is a `Law`: a force and a level of dry friction at one axis, with a memory if it likes.
 Several runs of one machine are simulated side by side.
 """
 
@@ -35,7 +35,7 @@ ROUNDS = 12
 
 @dataclass
 class State:
-    """Where L runs are: what a law may depend on.
+    """Where L runs are: the arguments of a law.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ Rule = Callable[[State], tuple[Array | float, Array | float, Array | float]]
 
 @dataclass(frozen=True)
 class Law:
-    """What is hidden at one axis.
+    """The hidden effect at one axis.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Law:
 
 @dataclass(frozen=True)
 class Runs:
-    """What happened, each (L, N, …), at the samples of the log.
+    """Simulated quantities, each (L, N, …), at the samples of the log.
 
     Attributes
     ----------
@@ -160,7 +160,7 @@ class Machine:
         return np.array([state.qpos for state in states])
 
     def project(self, runs: Runs, axis: int, force: Array) -> Array:
-        """Return what the motors take for forces (L, N) at an axis, (L, N, n)."""
+        """Return the motor torques (L, N, n) that balance forces (L, N) at an axis."""
         n, out = len(self.robot.joints), np.zeros_like(runs.tau)
         if axis < n:
             out[:, :, axis] = force
@@ -182,7 +182,7 @@ class Machine:
         session: Array | None = None,
         change: Array | None = None,
     ) -> Runs:
-        """Return what a PID controller makes of wanted positions, and the torque that it takes.
+        """Return the motion under a PID controller with wanted positions, and its torque.
 
         Parameters
         ----------
@@ -201,7 +201,7 @@ class Machine:
 
 
 class _Simulation:
-    """Runs side by side: arrays (L, …) of what MuJoCo computes one by one."""
+    """Runs side by side: arrays (L, …) of quantities that MuJoCo computes one by one."""
 
     def __init__(
         self,
@@ -245,9 +245,9 @@ class _Simulation:
                 self.open[k] = data.efc_pos
 
     def response(self) -> tuple[Array, Array]:
-        """Return how forces accelerate the coordinates, (L, nv, nv), and what closes the loops.
+        """Return the accelerations (L, nv, nv) by unit forces, and the closing of the loops.
 
-        The latter (L, nv, rows) is a velocity for how far rows are from what they should be.
+        The latter (L, nv, rows) is the velocity that corrects a unit error of each row.
         """
         inverse = np.linalg.inv(self.inertia)
         if not self.rows:
@@ -271,7 +271,10 @@ class _Simulation:
         return stiff, 2 * DAMPING / (2 * np.pi * BANDWIDTH) * stiff, hold / stiff
 
     def ask(self, force: Array, up: Array, down: Array) -> Array:
-        """Take what laws say off the force, add it to the levels; return it by law, (L, k)."""
+        """Subtract the forces of laws, and add their friction to the levels.
+
+        Return the subtracted forces by law, (L, k).
+        """
         out, v = np.zeros((len(force), len(self.laws))), self.state.v
         for i, (law, rule) in enumerate(zip(self.laws, self.rules, strict=True)):
             k = law.axis

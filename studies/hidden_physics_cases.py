@@ -4,11 +4,11 @@
 
 A case is a folder of plain files: the robot as its maker says it is (masses wrong by 10–30 %),
 `fit1`, `fit2`, `fit3`, `unseen` and `sealed` as Parquet, and `truth.json`. The same stream and
-number give the same bytes. `z` in the truth is what an oracle would get that knows family, place,
-shape and noise: the hidden torque outside the base model over the noise's standard deviation, on
-the three fitted logs, up to `BAND`, without the samples at which a joint stands; `z measured` is
-the same with motion as encoders tell it, whose errors are noise, too. Effects are as
-large as machines have them; the level of the noise is set so that z is what was drawn.
+number give the same bytes. `z` in the truth is the z of an oracle that knows family, place, shape
+and noise: the hidden torque outside the base model over the noise's standard deviation, on the
+three fitted logs, up to `BAND`, without the samples at which a joint stands; `z measured` is the
+same with motion as encoders measure it, whose errors are noise, too. Effects are as large as
+machines have them; the level of the noise is set so that z has the drawn value.
 """
 
 from __future__ import annotations
@@ -179,7 +179,7 @@ def write_robot(path: Path, name: str, rng: np.random.Generator) -> Robot:
 
 
 class Case:
-    """One draw: the machine, its motions, what is hidden in it."""
+    """One draw: the machine, its motions, and its hidden effects."""
 
     def __init__(self, robot: Robot, kind: str, rng: np.random.Generator) -> None:
         self.robot, self.kind, self.rng, self.n = robot, kind, rng, len(robot.joints)
@@ -231,7 +231,7 @@ class Case:
         return replace(m, dry=dry, viscous=viscous)
 
     def joint(self, name: str) -> Joint:
-        """Return what the motion of an axis is like."""
+        """Return the motion statistics of an axis."""
         k, rng = self.machine.axes.index(name), self.rng
         q, v = (self.q[:, k], self.v[:, k]) if k < self.n else self.passive[name]
         others = [i for i in range(self.n) if i != k]
@@ -268,7 +268,7 @@ class Case:
         return [p for p in can if not known.refuse(self.robot, p)]
 
     def draw(self) -> list[tuple[Hidden, str]]:
-        """Return what is hidden, each with its place."""
+        """Return the hidden effects, each with its place."""
         if self.kind == "several":
             return self.draw_several()
         source = list(OUTSIDE) if self.kind == "outside" else list(INSIDE)
@@ -378,7 +378,7 @@ class Case:
         return machine, runs, parts
 
     def _changed(self, machine: Machine, hidden: Hidden, place: str) -> tuple[Machine, Array]:
-        """Return a machine with what no law says, and since when it is so in each log (L,)."""
+        """Return the machine with changes that are no `Law`, and their start in each log (L,)."""
         model, numbers, since = machine.model, hidden.numbers, np.full(len(LOGS), np.inf)
         if hidden.family == "gravity_tilt":
             other, since[:] = model.__copy__(), -np.inf
@@ -479,7 +479,7 @@ class Case:
     def _write_logs(
         self, path: Path, runs: Runs, tau: Array, sd: Array, memory: float
     ) -> list[float]:
-        """Write what sensors say; return the encoders' steps."""
+        """Write the sensor data of the logs; return the encoders' steps."""
         rng, slides = self.rng, [self.robot.is_prismatic(int(k)) for k in self.robot.actuated]
         turns = 2 * np.pi / 2.0 ** rng.integers(*BITS, self.n, endpoint=True)
         step = np.where(slides, rng.uniform(*LINE, self.n), turns)

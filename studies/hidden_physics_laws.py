@@ -1,8 +1,8 @@
-"""What `hidden_physics_cases.py` hides: effects with a name, and effects as physics makes them.
+"""Hidden effects of `hidden_physics_cases.py`, with a name, or as physics makes them.
 
 Sizes are drawn as machines have them, in units of the joint's own friction, torque, speed and
-range; shapes are drawn continuously. What is recorded wrongly (delays, gains, leaks) changes the
-record, what turns gravity or adds a mass changes the model, everything else is a `Law`.
+range; shapes are drawn continuously. Errors of recording (delays, gains, leaks) change the record.
+Effects that turn gravity or add a mass change the model, and all others are a `Law`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from identifiability.foundation.names import Array
 
 @dataclass(frozen=True)
 class Joint:
-    """What the motion of an axis is like: units for what is hidden there.
+    """Motion statistics of an axis: units for its hidden effects.
 
     Attributes
     ----------

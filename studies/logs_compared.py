@@ -1,14 +1,14 @@
-"""Is what changed between logs named, and a robot that did not change left alone?
+"""Does `compare` name changes between logs, and leave an unchanged robot alone?
 
     python studies/logs_compared.py [--stream 0] [--seeds 60] [--only NAME] [--real]
 
 Arms of three to seven joints that are drawn, and closed chains, each with two logs before and one
-after, of other motions: 20 s at 100 Hz, torque by MuJoCo, friction of 15–25 % of it that differs by
-3 % between any two logs, and noise of 3 % that remembers ten samples. `right` is what was planted
-alone, `or` that it stands among "A or B", `more` with something else; the mass is within its 95 %
-interval in so many cases, by `compare` and by `payload`, and `missed` are loads that payload weighs
-at 15 σ and more and compare calls unchanged. `--real` compares logs of real arms of which nobody
-says that they changed.
+after, of other motions: 20 s at 100 Hz, torque by MuJoCo. Friction is 15–25 % of it and differs by
+3 % between any two logs. Noise is 3 % with a memory of ten samples. `right` counts cases in which
+only the planted change is named. In `or` it is one of "A or B", and in `more` there are other
+changes, too; further columns count masses within their 95 % intervals, by `compare` and by
+`payload`. `missed` counts loads that payload weighs at 15 σ and more and compare calls unchanged.
+`--real` compares logs of real arms without a known change.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Case:
 
 
 def draw_case(stream: int, seed: int, change: str, folder: Path) -> Case:
-    """Return a case; of one seed robots, motions and noise are the same whatever changes."""
+    """Return a case; for one seed, robots, motions and noise are the same for every change."""
     kind, much, _ = CHANGES[change]
     rng = np.random.default_rng([stream, seed])
     if seed % 6 == 5:
@@ -132,7 +132,7 @@ def _log(robot: Robot, move: PrescribedMotion, torque: Array, number: int) -> Lo
 
 
 def judge(case: Case, *, weigh: bool) -> dict[str, Any]:
-    """Return what was said of a case, and of a load by how many σ its mass is off."""
+    """Return the outcome of a case, and for a load the error of its mass in σ."""
     found = compare(case.robot, case.before, case.after)
     named = [(c.kind, c.place) for c in found.changes]
     right = [] if case.kind is None else [(case.kind, case.place)]

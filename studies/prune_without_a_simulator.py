@@ -3,10 +3,11 @@
 Five questions, each with its answer in numbers:
 
 1. The paper's 3-RPS with the paper's noise, three trajectories and many seeds: does pruning end at
-   the nine friction and actuator parameters and a few rigid-body ones, how often at exactly those
-   of the paper's Model 4, are they physically possible, and do they predict another trajectory no
-   worse? Beside it, what is usual: drop the smallest |φ|/σ until all exceed 2. How often is it
-   exactly Model 4 under white and under autocorrelated torque noise? These counts are required.
+   the nine friction and actuator parameters and a few rigid-body ones, and how often at exactly
+   those of the paper's Model 4? Are they physically possible, and do they predict another
+   trajectory no worse? The usual method is run for comparison: drop the smallest |φ|/σ until all
+   exceed 2. How often is it exactly Model 4 under white and under autocorrelated torque noise?
+   These counts are required.
 2. Random linear problems with a known subset of parameters, under white and under autocorrelated
    noise of each joint. How often is exactly this subset recovered? Pruning measures the noise. An
    oracle knows the noise, whitens the rows and searches in the same way. The effective z of a
@@ -269,7 +270,7 @@ class Recovery:
         )
 
     def checks(self, name: str) -> list[StudyCheck]:
-        """Return what is required of the row."""
+        """Return the checks of the row."""
         n = len(self.hits)
         exact, oracle = np.array(self.hits, float), np.array(self.oracle, float)
         difference = exact - ENOUGH * oracle

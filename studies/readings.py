@@ -7,19 +7,19 @@ fitted (`readings_faults`). A draw has one to three logs of 10 s and a sealed on
 fault: exchanged columns, signs, units, delays, encoder zeros, gravity, offsets, codes. `analyze`
 gets the logs as they are, and the same data as somebody would give them who knows the truth.
 
-A reading is *right* if it corrects what is wrong and nothing else. It is *wrong* if anything else
-is used, a *question* if nothing is used and a remark names the fault, else *none*. An effect of the
-mixed model that expresses the fault at its joint counts as the reading. The gain is what the result
-predicts. Where it states none, it is that of the true reading over the literal one on the fitted
-rows [nats], under white noise up to 8 Hz. `over` is the error on the sealed log over that of the
-same data, read right. Labels hold if their intervals have the machine's values.
+A reading is *right* if it corrects the fault and nothing else. It is *wrong* if anything else is
+used, a *question* if nothing is used and a remark names the fault, else *none*. An effect of the
+mixed model that expresses the fault at its joint counts as the reading. The gain is the predicted
+gain of the result. Where it states none, it is that of the true reading over the literal one on the
+fitted rows [nats], under white noise up to 8 Hz. `over` is the error on the sealed log over that of
+the same data, read right. Labels hold if their intervals have the machine's values.
 
-`--matrix` asks every verb about misread logs of a two-link arm (`readings_verbs`), and compares its
-answers with those on the same data, read right. Planted cases of a folder are read as well, if it
-is there.
+`--matrix` runs every verb on logs of a two-link arm with faults (`readings_verbs`), and compares
+its answers with those on the same data, read right. Planted cases of a folder are read as well, if
+it is there.
 
-A stopped run goes on with the same command. `--repeat ROW NUMBER` writes one case, and prints what
-is said of it. Stream 0 is for development; others are looked at once.
+A stopped run goes on with the same command. `--repeat ROW NUMBER` writes one case, and prints its
+remarks. Stream 0 is for development; others are looked at once.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ QUICK = ("nothing wrong", "sign of one", "uint16")
 
 
 def as_right(reading: Reading | None, robot: Robot) -> Right:
-    """Return what a reading corrects, by the same names as what is right."""
+    """Return the corrections of a reading, by the names of the right one."""
     literal = Right.literal(robot)
     if reading is None:
         return literal
@@ -105,7 +105,7 @@ def as_right(reading: Reading | None, robot: Robot) -> Right:
 
 
 def changed(right: Right, robot: Robot) -> set[str]:
-    """Return the names of what a reading changes."""
+    """Return the names of the corrections of a reading."""
     literal = Right.literal(robot)
     return {
         field.name
@@ -115,7 +115,7 @@ def changed(right: Right, robot: Robot) -> set[str]:
 
 
 def is_right(used: Right, logged: Logged, fault: Fault) -> bool:
-    """Return whether a reading corrects a fault: no more, no less, and by as much."""
+    """Return whether a reading corrects a fault: exactly it, and by as much."""
     right = logged.right
     if changed(used, logged.robot) != changed(right, logged.robot):
         return False
@@ -144,7 +144,7 @@ def completed_effects(result: Analysis) -> list[tuple[str, str]]:
 
 
 def judge(result: Analysis, logged: Logged, fault: Fault, over: float) -> tuple[str, str]:
-    """Return the outcome of a draw and what was used."""
+    """Return the outcome of a draw and the reading in use."""
     reading = result.alternative
     effects = completed_effects(result)
     if reading is not None:  # a reading of gravity is an effect, too
@@ -238,7 +238,7 @@ def residual_shares(robot: Robot, frames: Sequence[pd.DataFrame]) -> Array:
 
 
 def find_gain(logged: Logged, truth: Robot, literal: Robot) -> float:
-    """Return what the right reading gains on the fitted rows [nats]."""
+    """Return the gain of the right reading on the fitted rows [nats]."""
     fitted = logged.used_logs[:-1]
     try:
         shares = residual_shares(literal, [logged.frame(k) for k in fitted])
@@ -273,7 +273,7 @@ class Truths:
 
 
 def examine(logged: Logged, row: str, path: Path, truths: Truths) -> dict[str, Any]:
-    """Return what `analyze` makes of a draw."""
+    """Return the outcome of `analyze` for a draw."""
     fault = FAULTS[row]
     centred = bool(logged.right.offsets.any())
     file, logs = logged.write(path)
@@ -320,7 +320,7 @@ def predicted_gain(result: Analysis) -> float:
 
 
 def count_row(row: str, frame: pd.DataFrame) -> dict[str, Any]:
-    """Return what was counted in the draws of a row."""
+    """Return the counts of the draws of a row."""
     counts = {name: int((frame.outcome == name).sum()) for name in OUTCOMES}
     sure = frame[find_sure(frame)]
     held, judged = frame.held.sum(), frame.judged.sum()
@@ -348,7 +348,7 @@ def find_sure(frame: pd.DataFrame) -> pd.Series:
 
 
 def find_checks(frame: pd.DataFrame) -> list[StudyCheck]:
-    """Return what is required of the draws."""
+    """Return the checks of the draws."""
     null = frame[frame.row.isin(NULLS)]
     false = float((null.outcome == "wrong").mean()) if len(null) else 0.0
     wrong = int((frame.outcome == "wrong").sum())
@@ -436,7 +436,7 @@ def check_matrix(matrix: Sequence[dict[str, Any]]) -> StudyCheck:
 
 
 def find_cases(folder: Path) -> list[dict[str, Any]]:
-    """Return what `analyze` says of the planted cases of a folder, if it is there."""
+    """Return the outcomes of `analyze` for the planted cases of a folder, if it is there."""
     rows = []
     for name, pattern in CASES.items():
         *fitted, sealed = sorted(folder.glob(f"{name}[0-9].csv")) or [None]

@@ -1,4 +1,4 @@
-"""Cases of `readings.py`: a robot by another physics, its logs, and what is wrong with them.
+"""Cases of `readings.py`: a robot by another physics, its logs, and their fault.
 
 A draw has one machine, moved by `hidden_physics`: forward dynamics under a controller, dry friction
 that sticks, masses that differ from the file's. All faults of one draw are faults of one motion
@@ -161,7 +161,7 @@ class Drawn:
 
 @dataclass
 class Logged:
-    """Logs with a fault, and what is true of them.
+    """Logs with a fault, and the truth about them.
 
     Attributes
     ----------
@@ -318,7 +318,7 @@ def move_hidden(case: Case) -> tuple[Runs, Array]:
 
 @dataclass(frozen=True)
 class Fault:
-    """What may be wrong with logs.
+    """A fault of logs.
 
     Attributes
     ----------

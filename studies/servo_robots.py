@@ -84,7 +84,7 @@ class Recorder:
 
 @dataclass(frozen=True)
 class Fault:
-    """What is hidden in one joint of a machine.
+    """A hidden fault in one joint of a machine.
 
     Attributes
     ----------
@@ -111,7 +111,10 @@ NONE = Fault(0, "", 0.0)
 def draw_commands(
     robot: Robot, duration: float, rate: float, size: float, rng: np.random.Generator
 ) -> Array:
-    """Return commands (M, n) about the robot's home: sums of sines, then a chirp beside them."""
+    """Return commands (M, n) about the robot's home.
+
+    Sums of sines, with a chirp added in the second half.
+    """
     t, n = np.arange(0, duration + 1, 1 / rate), len(robot.joints)
     out = np.tile(robot.actuated_positions(robot.home[None])[0], (len(t), 1))
     for k in range(n):
@@ -397,7 +400,7 @@ def load(name: str, folder: Path) -> Robot:
 
 @dataclass(frozen=True)
 class Judged:
-    """What an analysis of one drawn robot says.
+    """Results of an analysis of one drawn robot.
 
     Attributes
     ----------
@@ -472,8 +475,8 @@ def judge(
 def summarise(judged: list[Judged]) -> str:
     """Return a cell of the table: coverage and power by kind, errors of rollouts.
 
-    An oracle knows how far estimates scatter about the truth over the robots that were drawn, and
-    calls identifiable what scatters by less than a fifth of its value.
+    An oracle knows the scatter of estimates about the truth over the drawn robots. It calls values
+    identifiable that scatter by less than a fifth of their size.
     """
     every = pd.concat([j.values for j in judged])
     low, high = (every["interval95"].str[k].astype(float) for k in (0, 1))
@@ -526,7 +529,7 @@ FAULTS: dict[str, tuple[tuple[str, ...], tuple[float, ...]]] = {
 def hide(
     robot: Robot, draw: Draw, how: Recorder, size: float, kind: str, big: float, seed: int
 ) -> dict[str, object]:
-    """Hide something in one joint of a drawn robot, and return what `diagnose` names."""
+    """Hide a fault in one joint of a drawn robot, and return the names of `diagnose`."""
     rng = np.random.default_rng([seed, *kind.encode()])
     truth, n = draw(robot, 0.1, rng), len(robot.joints)
     commands = [draw_commands(robot, 10.0, how.command_rate, size, rng) for _ in range(3)]
@@ -562,7 +565,7 @@ def hide(
 
 
 def examine_faults(given: argparse.Namespace) -> pd.DataFrame:
-    """Return what is named of what is hidden, by robot and rate."""
+    """Return the named effects for each hidden fault, by robot and rate."""
     found = []
     with tempfile.TemporaryDirectory() as folder:
         for name, rate in itertools.product(given.robot, given.rate):

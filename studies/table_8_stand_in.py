@@ -1,7 +1,7 @@
 """Table 8: are the rigid-body parameters of Model 4 near CAD, and those of Model 1 far from it?
 
-Three base parameters from the STAND-IN for the actual robot (its data are not published), fitted by
-the paper's procedure on each trajectory, beside CAD and the printed values.
+Three base parameters are fitted to the STAND-IN for the actual robot (its data are not published),
+by the paper's procedure on each trajectory. They are compared with CAD and the printed values.
 """
 
 from __future__ import annotations

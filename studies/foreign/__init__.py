@@ -1,4 +1,4 @@
-"""Spoilt and foreign logs: 100 and more files, and what a good engineer would say of each."""
+"""Spoilt and foreign logs: 100 and more files, with a good engineer's answer to each."""
 
 from foreign.case import Case
 from foreign.clocks import CLOCKS

@@ -1,4 +1,4 @@
-"""One spoilt or foreign log: how it is made, and what a good engineer would say of it."""
+"""One spoilt or foreign log: its writer, and the expected answer of a good engineer."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Case:
 
 
 def csv(change: Change, **options: Any) -> Writer:
-    """Return what writes a changed log as CSV."""
+    """Return a writer of a changed log as CSV."""
 
     def write(frame: pd.DataFrame, folder: Path, rng: np.random.Generator) -> Path:
         path = folder / "log.csv"
@@ -72,7 +72,7 @@ def csv(change: Change, **options: Any) -> Writer:
 
 
 def text(change: Callable[[str], str], encoding: str = "utf-8", **options: Any) -> Writer:
-    """Return what writes the text of a CSV changed."""
+    """Return a writer of a CSV with changed text."""
 
     def write(frame: pd.DataFrame, folder: Path, _: np.random.Generator) -> Path:
         path = folder / "log.csv"

@@ -1,4 +1,4 @@
-"""Good logs, and how many of them each finder of oddities speaks of."""
+"""Good logs, and how many of them each data-quality check marks."""
 
 from __future__ import annotations
 

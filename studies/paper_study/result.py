@@ -1,4 +1,4 @@
-"""`StudyResult`: what a study found, beside what the paper printed."""
+"""`StudyResult`: the results of a study, with the printed ones of the paper."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True)
 class StudyCheck:
-    """A number of ours beside what it should be.
+    """A result of ours with the expected one.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class StudyTable:
 
 @dataclass(frozen=True)
 class StudyResult:
-    """What a study found.
+    """The results of a study.
 
     Attributes
     ----------
@@ -207,7 +207,7 @@ def _span(x: np.ndarray, digits: int) -> str:
 def check_equal(
     name: str, ours: object, wanted: object, *, paper: str = "", **more: Any
 ) -> StudyCheck:
-    """Return a check that something is exactly what it should be."""
+    """Return a check of exact equality."""
     texts = [_listed(x) for x in (ours, wanted)]
     return StudyCheck(name, texts[0], paper or texts[1], "exact", ours == wanted, **more)
 

@@ -25,7 +25,7 @@ from peers.process import Array, Run
 
 
 class Robot:
-    """What FIGAROH's functions ask of a robot, and its settings of the model."""
+    """The interface of a robot that FIGAROH's functions need, and its settings of the model."""
 
     def __init__(self, path: str) -> None:
         self.model = pin.buildModelFromUrdf(path)

@@ -258,7 +258,7 @@ def joint_columns(q: Array, tau: Array, rng: np.random.Generator) -> dict[str, A
 
 
 def walking_log(seed: int, kind: str, rate: float = RATE, *, wrenches: bool = True) -> pd.DataFrame:
-    """Return a log of the walk, with flags of the feet and what they measure if they do."""
+    """Return a log of the walk, with flags of the feet and, if asked, their measured wrenches."""
     return table_of(walk(seed, kind, rate), np.random.default_rng(1000 + seed), wrenches)
 
 
@@ -267,8 +267,7 @@ def drawn_walk(
 ) -> tuple[pd.DataFrame, float]:
     """Return the log of another machine whose feet swing in turn, and its mass [kg].
 
-    Its bodies are shares (13,) of the file's, and what its inertial sensor reads too much (6,)
-    [m/s², rad/s].
+    Its bodies are shares (13,) of the file's. Its inertial sensor has biases (6,) [m/s², rad/s].
     """
     masses = []
 

@@ -1,9 +1,9 @@
 """The logs in models/*/logs: simulated, ours, with an effect that no robot file states.
 
-They are what the README and the tutorials run on. The simulated machine differs from its file as
-machines do: rotors that a URDF cannot state, other friction, and one effect more (`Machine.hide`).
-Positions are rounded to an encoder's steps, the torque has additive autocorrelated noise, and there
-are no velocities and no accelerations. ``python studies/shipped/sample_logs.py`` writes them anew.
+The README and the tutorials run on them. The simulated machine differs from its file as machines
+do: rotors that a URDF cannot state, other friction, and one effect more (`Machine.hide`). Positions
+are rounded to an encoder's steps, the torque has additive autocorrelated noise, and there are no
+velocities and no accelerations. ``python studies/shipped/sample_logs.py`` writes them anew.
 """
 
 from __future__ import annotations
