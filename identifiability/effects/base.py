@@ -184,9 +184,9 @@ class ImuMounting(Effect):
     """``τ = ∂τ/∂(a, ω, ω̇) · ∂(a, ω, ω̇)/∂θ θ`` with ``a_imu = R(a − g + ω̇×r + ω×(ω×r)) + b``.
 
     Corrections θ of the sensor mounting in the sidecar: the sensor is turned by small angles about
-    the axes of the base, sits so much farther, and reads so much more, along its own axes. They are
-    linear in small corrections, and the masses are the file's: write a large one into the sidecar,
-    and fit the remaining correction again.
+    the axes of the base, shifted along them, and biased along its own axes. They are linear in
+    small corrections, and the masses are the file's: write a large one into the sidecar, and fit
+    the remaining correction again.
     """
 
     name = "imu_mounting"
@@ -199,7 +199,7 @@ class ImuMounting(Effect):
         return [k for k in CORRECTIONS if k in (robot.base.imu.fit or CORRECTIONS)]
 
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
-        """Return those that the sidecar asks for, else all twelve, as small as they are known."""
+        """Return the corrections that the sidecar lists, or all twelve with a prior."""
         asked = robot.base is not None and robot.base.imu.fit
         return tuple(
             Parameter(BASE, kind, unit, self.name, sd=np.inf if asked else sd)
@@ -208,7 +208,7 @@ class ImuMounting(Effect):
         )
 
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
-        """Write how torque changes with each correction."""
+        """Write the derivative of torque with respect to each correction."""
         if robot.base is None or not out.shape[2]:
             return
         imu = robot.base.imu

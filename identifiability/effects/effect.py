@@ -67,7 +67,7 @@ class Effect(ABC):
         return joint
 
     def reached(self, robot: Robot, span: Span) -> Collection[str] | None:
-        """Return of which kinds of its parameters a motion says anything; None for all."""
+        """Return the kinds of its parameters on which a motion has information; None for all."""
         del robot, span
         return None
 
@@ -122,7 +122,7 @@ class Along:
         return self.robot.joints.index(self.axis.name)
 
     def slope(self, values: Array) -> Array:
-        """Return how values (N,) change in time; not across missing samples."""
+        """Return the time derivatives of values (N,); not across missing samples."""
         out = np.zeros(len(values))
         for rows in split_runs(self.motion):
             if len(rows) > 2:
@@ -138,8 +138,8 @@ class Along:
     def load(self) -> Array:
         """Load of the actuated joints by a unit force along the axis, (N, n) or (n,).
 
-        A force f adds ``load · f``. It is the row of their speeds in that of the axis (virtual
-        work).
+        A force f adds ``load · f``. It is the ratio of the joints' speeds to that of the axis
+        (virtual work).
         """
         return load_by(self.robot, self.axis, self.motion)
 
@@ -170,7 +170,7 @@ class AlongAxes(Effect):
 
     @property
     def placeable(self) -> bool:
-        """Whether it can be at other axes than its own, by its curves."""
+        """Whether its curves allow it at other axes than its default ones."""
         return self.anywhere and type(self).curves is not AlongAxes.curves
 
     def placed(self, owner: str) -> AlongAxes:
@@ -180,7 +180,7 @@ class AlongAxes(Effect):
         return other
 
     def places(self, robot: Robot) -> Sequence[Axis]:
-        """Return where it is: where a model has placed it, else its own axes."""
+        """Return where it is: the axes at which a model placed it, else its default axes."""
         if not self.elsewhere:
             return self.axes(robot)
         every = (*robot.axes, *robot.passive_axes)
@@ -249,7 +249,7 @@ class Shaped(AlongAxes):
     only: str | None = None
 
     def typical(self, robot: Robot, axis: Axis) -> float:
-        """Return the shape at an axis for which none is stated."""
+        """Return the default shape at an axis."""
         del robot
         return self.usual[axis.prismatic]
 
@@ -365,7 +365,7 @@ class Family:
     Attributes
     ----------
     effect : Effect
-        As it is everywhere, with the shapes that the robot states.
+        The effect at all its places, with the shapes that the robot states.
     title : str
         In words: ``Stribeck friction``.
     places : callable(Robot) -> names of joints, bodies or ``base``
@@ -377,7 +377,7 @@ class Family:
     separate : bool
         Whether columns are candidates by their kinds, else they come together.
     alike : bool
-        Whether all columns of a place are the same, so that one stands for them.
+        Whether all columns of a place are the same, so that one of them is enough.
     fixed_only : bool
         Whether it can differ from the model only while that is not refitted.
     needs : str
@@ -397,7 +397,7 @@ class Family:
     unnamed : bool
         Whether it is a function without an equation, for what no name explains.
     flexible : bool
-        Whether its shape is how many columns it has: motion that was not fitted chooses it.
+        Whether its shape is the number of its columns: motion that was not fitted chooses it.
     continuous : bool
         Whether what lies between two shapes is one, too: tried where data tell these apart.
     law : callable(speed, position, load) -> force, optional

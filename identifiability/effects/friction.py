@@ -96,7 +96,7 @@ class CoulombAsymmetry(AlongAxes):
 
 
 def complete_coulomb_levels(values: dict[str, float], given: Mapping[str, float]) -> None:
-    """Let every Coulomb level of some values stand as one for both directions and one for each.
+    """Make the Coulomb levels of some values consistent: one for both directions, and one for each.
 
     The given values decide: a level for both, else those of each direction.
     """
@@ -196,8 +196,8 @@ class RisingFriction(StribeckFriction):
     """``τ = −Fr exp(−|q̇/vr|) sign(q̇)``: dry friction that is smaller at low speed.
 
     It is `stribeck_friction` of the other sign: seals, grease and preloaded gears whose friction
-    rises to its level, or more slowly than viscous friction does. Its shape is the speed vr
-    [rad/s or m/s] at which all but 37 % is there.
+    rises to its level, or more slowly than viscous friction does. Its shape is the speed vr [rad/s
+    or m/s] at which friction has reached 63 % of its rise.
     """
 
     name = "rising_friction"
@@ -228,7 +228,7 @@ class SigmoidFriction(StribeckFriction):
     """``τ = Ft tanh(q̇/vt)``: dry friction that turns smoothly from one direction to the other.
 
     Published models of the Franka Panda and of the UR10 have it. Its shape is the speed vt [rad/s
-    or m/s] at which 76 % is there. With Coulomb friction in the model it resembles
+    or m/s] at which friction has 76 % of its level. With Coulomb friction in the model it resembles
     `rising_friction`.
     """
 

@@ -153,10 +153,10 @@ def session_of(at: Along) -> Array:
 
 
 def has_session(motions: Sequence[Motion]) -> bool:
-    """Whether motions share a clock that says more than the time within each.
+    """Whether motions share a session clock, in addition to the time within each.
 
-    They do if logs state their start times, and if there are enough logs to leave one out: two must
-    be left to say how it goes on.
+    They do if logs state their start times, and if there are enough logs to leave one out: the
+    function then still has two logs that fix its slope.
     """
     starts = {m.start for m in motions}
     return len(starts) >= FEWEST and None not in starts
@@ -187,8 +187,8 @@ class SmoothFunction(Shaped):
     Its shape is the largest value of the coordinate, in its unit. With the velocity it is ``τ =
     f₀(u) + f₁(u) sign q̇ + f₂(u) q̇``, splines for each by itself.
 
-    The time of a session is another thing than that of a log: logs are pieces of a session with
-    pauses between, and the last log is seldom fitted. So the function is held to a straight line as
+    The time of a session differs from the time of a log: logs are pieces of a session with pauses
+    between, and the last log is seldom fitted. So the function is held to a straight line as
     closely as the motion says, and it continues straight beyond its end.
 
     Attributes

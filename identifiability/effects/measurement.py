@@ -110,7 +110,8 @@ def nominal_torque(robot: Robot, motion: Motion) -> Array:
 def smooth_torque(robot: Robot, motion: Motion) -> Array:
     """Return the same without dry friction, (N, n).
 
-    How that turns within a sample no slope says, least of all by a file's levels.
+    A slope cannot describe how dry friction turns within a sample, least of all with a file's
+    levels.
     """
     effects = ViscousFriction(), ActuatorInertia(), JointStiffness(), FreeSpring(), GravitySpring()
     return sum((_stated_torque(robot, motion, e) for e in effects), rigid_torque(robot, motion))
@@ -152,7 +153,7 @@ class TimeDelay(AtMotors):
     anywhere = False
 
     def curves(self, at: Along) -> list[Array]:
-        """Return minus how the torque changes that is measured, a wrong scale and all."""
+        """Return minus the slope of the torque, with the scale of the measured one."""
         gain = 1.0 + reference_values(at.robot).get(f"{at.axis.name}.scale", 0.0)
         return [-gain * at.slope(smooth_torque(at.robot, at.motion)[:, at.joint])]
 
@@ -179,7 +180,7 @@ class ClockError(TimeDelay):
     units = (("lead", "s", "s"),)
 
     def curves(self, at: Along) -> list[Array]:
-        """Return that of a delay with the other sign."""
+        """Return the curve of a delay, with the other sign."""
         return [-column for column in super().curves(at)]
 
 
@@ -214,7 +215,7 @@ class CommandDelay(TimeDelay):
     nonnegative = False
 
     def axes(self, robot: Robot) -> Sequence[Axis]:
-        """Return those of the joints of a robot with servos."""
+        """Return the axes of the joints of a robot with servos."""
         return () if robot.servo is None else super().axes(robot)
 
     def curves(self, at: Along) -> list[Array]:
@@ -288,12 +289,12 @@ class FromJoint(Shaped):
     anywhere = False
 
     def axes(self, robot: Robot) -> list[Axis]:
-        """Return those of joints, without the motors that mix them."""
+        """Return the axes of joints, without the motors that mix them."""
         own = robot.motor_joints if len(robot.motor_joints) > 1 else ()
         return [a for a in super().axes(robot) if a.name in own]
 
     def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
-        """Return one kind, which says where it comes from."""
+        """Return one kind, whose name states the other joint."""
         return (f"{self.units[0][0]}_{robot.joints[self.origin(robot, axis)]}",)
 
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
@@ -350,8 +351,8 @@ class FromJoint(Shaped):
 class TorqueLeak(FromJoint):
     """``τ = c τ_other``: cross-talk of sensors and currents, cables that run through a joint.
 
-    The torque that leaks is that of the robot file's values, since a measured one would bring its
-    noise into the column. Its shape is the number of the joint that it comes from.
+    The leaking torque is computed from the robot file's values, because a measured one would bring
+    its noise into the column. Its shape is the number of the joint that it comes from.
     """
 
     name = "torque_leak"
@@ -413,11 +414,11 @@ class EncoderBias(AtMotors):
     """``τ = −b ∂τ/∂q``: both the position of a joint and its command are measured b too large.
 
     The servo holds the measured position, so its torque is right. The torque of every other joint
-    is assigned to a wrong configuration. Linear in b; where one is known, of any size, the column
-    is taken along the whole way, by the fitted masses. Where the joint's axis is along gravity and
-    the first of its tree nothing depends on it; of any other first joint it is a tilt of the base
-    about its axis; at the last body it looks like first moments that are turned about its axis. The
-    sidecar states it as an offset of ``[columns]``.
+    is assigned to a wrong configuration. Linear in b; where the bias is known, the column follows
+    it over its whole size, with the fitted masses. It has no effect where the joint's axis is along
+    gravity and the first of its tree; of any other first joint it is a tilt of the base about its
+    axis; at the last body it looks like first moments that are turned about its axis. The sidecar
+    states it as an offset of ``[columns]``.
     """
 
     name = "encoder_bias"
@@ -426,11 +427,11 @@ class EncoderBias(AtMotors):
     units = (("bias", "rad", "m"),)
 
     def axes(self, robot: Robot) -> Sequence[Axis]:
-        """Return those of the joints of a tree."""
+        """Return the axes of the joints of a tree."""
         return () if robot.closed else super().axes(robot)
 
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
-        """Write how torque changes with minus each position."""
+        """Write minus the derivative of torque with respect to each position."""
         if not out.shape[2]:
             return
         rigid = rigid_torque(robot, motion)

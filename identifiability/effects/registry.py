@@ -129,7 +129,7 @@ def title_of(name: str) -> str:
 
 
 def default_effects(robot: Robot, names: Iterable[str]) -> tuple[str, ...]:
-    """Return the effects of a default model, where the sidecar says that they are.
+    """Return the effects of a default model, at the places that the sidecar states.
 
     Effects that the sidecar places stay at those places; so does Coulomb friction with one level or
     with two. Effects without a place act everywhere, and effects that files state are added.

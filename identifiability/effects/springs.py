@@ -25,9 +25,9 @@ def _springs(robot: Robot) -> bool:
 class JointStiffness(AlongAxes):
     """``τ = K (q − q_rest)``: a spring, a cable or a hose along the joint.
 
-    It is relaxed where the robot file says, else at home; another neutral position adds a torque
-    offset. Passive joints have one where the file states it. Over small angles it looks like
-    gravity.
+    Its rest position is stated by the robot file, or is the home position; another neutral position
+    adds a torque offset. Passive joints have one where the file states it. Over small angles it
+    looks like gravity.
     """
 
     name = "joint_stiffness"
@@ -42,7 +42,7 @@ class JointStiffness(AlongAxes):
         return [*robot.axes, *(a for a in robot.passive_axes if a.name in robot.rest)]
 
     def curves(self, at: Along) -> list[Array]:
-        """Return how far the axis is from where its spring is relaxed."""
+        """Return the distance of the axis from the rest position of its spring."""
         return [at.position - rest_along(at.robot, at.axis)]
 
 
@@ -182,8 +182,8 @@ class PositionTorque(Shaped):
 
     Cables, hoses, springs over levers, cams: forces without an equation of their own in this
     package. Its shape is the distance of the knots [rad or m], by default an eighth of the joint's
-    limits (a circle or two metres about home where there are none). Beyond the limits it goes on as
-    at the end. A diagnosis chooses the distance that predicts motion best that was not fitted, and
+    limits (a circle or two metres about home where there are none). Beyond the limits it keeps the
+    value at the end. A diagnosis chooses the distance of knots that best predicts unseen motion. It
     holds neighbours to a straight line as closely as the motion says. Springs and the gravity of a
     joint are among its curves: the model keeps those that it has already.
     """

@@ -64,7 +64,7 @@ def _stated(robot: Robot, families: tuple[Family, ...], kind: Kind) -> tuple[Par
 def values_in_file(
     robot: Robot, values: Mapping[str, float], kind: Kind | None = None
 ) -> dict[str, float]:
-    """Return the values of a model's parameters of which only the robot file's part is left.
+    """Return the values that a robot file of a format keeps.
 
     Parameters
     ----------
@@ -172,8 +172,8 @@ def complete_values(
 ) -> dict[str, float]:
     """Return all nominal values of a robot that has some other ones.
 
-    Payloads become part of their bodies, and every Coulomb level stands there as one for both
-    directions and as one for each.
+    Payloads become part of their bodies. Every Coulomb level is given for both directions together
+    and for each.
 
     Parameters
     ----------
@@ -227,7 +227,7 @@ def every_parameter(
     ----------
     robot : Robot
     shapes : mapping, optional
-        Shapes of effects by ``<joint>.<effect>``, beside those that the robot has.
+        Shapes of effects by ``<joint>.<effect>``, in addition to those of the robot.
     """
     robot = replace(robot, shapes={**robot.shapes, **(shapes or {})})
     effects = [family.effect for family in reversed(FAMILIES.values())]

@@ -53,7 +53,7 @@ class Known:
 
     @staticmethod
     def of(base: Array, M: Array, covariance: Array, unknown: Array) -> Known:
-        """Return values base = M x of which x has a covariance, and directions that are open."""
+        """Return values base = M x with the covariance of x as prior, and the open directions."""
         sd = np.sqrt(np.diag(covariance))
         unit = np.outer(sd, sd)
         size, turn = np.linalg.eigh(np.divide(covariance, unit, where=unit > 0, out=0 * unit))
@@ -66,7 +66,7 @@ class Known:
 
     @staticmethod
     def nothing(M: Array, base: Array) -> Known:
-        """Return values about which nothing is known."""
+        """Return values without a prior."""
         return Known(base=base, directions=M, precision=np.zeros(M.shape[1]))
 
 
@@ -77,7 +77,7 @@ class Differing(Candidate):
     Attributes
     ----------
     logs : tuple of float, (L,)
-        How much of it each log has.
+        Amount of the change in each log.
     pattern : str
         "0" for logs that are asked about together, further numbers for one log each, "drift" for a
         nuisance; empty where all logs have it.
@@ -108,7 +108,7 @@ class Differing(Candidate):
         return WORDS.get(self.family.name) or self.family.title
 
     def odd(self, names: Sequence[str]) -> str:
-        """Return in which log alone it is; nothing where it is in those that are asked about."""
+        """Return the only log in which it is; nothing for the logs that are asked about."""
         return names[int(np.argmax(self.logs))] if self.pattern > "0" else ""
 
 
@@ -119,7 +119,7 @@ class Compared(Excerpt):
     Attributes
     ----------
     torque : (N, n) [N·m or N]
-        Of which a gain is a share.
+        Torque that a gain scales.
     """
 
     torque: Array
@@ -171,14 +171,15 @@ class Differences:
     Attributes
     ----------
     missing : Missing
-        What differs, or is missing in all rows alike, of C columns together; drifts come first.
+        Effects that differ between logs, or are missing in all rows, with C columns together;
+        drifts come first.
     information : Information
         About p columns of the model, then a sums of columns that every hypothesis has, then C.
     known : Known
     names : tuple of (b,) str
         Of the base parameters, where columns are these.
     always : (C, a)
-        These sums: next to nothing is known of their values beforehand.
+        These sums: their values have almost no prior.
     """
 
     missing: Missing

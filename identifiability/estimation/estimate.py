@@ -51,9 +51,9 @@ def estimate_noise(estimator: Estimator, whole: Information) -> Estimator:
     """Return the estimator with the noise of the logs, for all models of them.
 
     A model that leaves something out leaves it in the residual, where it looks like noise, slow
-    noise above all: a constant torque remembers for ever. Noise is a property of the logs, so it is
-    measured once, with all columns in the model. Where too few outputs are independent to fit all
-    columns each model measures its own.
+    noise above all: a constant torque has an infinite memory. Noise is a property of the logs, so
+    it is measured once, with all columns in the model. Where too few outputs are independent to fit
+    all columns each model measures its own.
 
     Parameters
     ----------
@@ -80,7 +80,8 @@ def fit_whole(estimator: Estimator, whole: Information) -> Estimate | None:
 def with_known(information: Information, known: Array, noise: Noise | None = None) -> Information:
     """Return the information with the prior of the values.
 
-    Random effects are no larger than they are known to be, however little the rows say of them.
+    The prior limits the size of random effects, even where the rows have little information on
+    them.
 
     Parameters
     ----------
@@ -131,7 +132,7 @@ def estimate(information: Information, method: Method = "wls") -> Estimate:
 
 @frozen
 class Outliers:
-    """Blocks of which an actuator's torque is weighed down.
+    """Blocks with a reduced weight of an actuator's torque.
 
     Attributes
     ----------
@@ -140,12 +141,12 @@ class Outliers:
     first, last : (m,) int
         Its outputs [first, last) in that log.
     beyond : (m, n)
-        Mean square of each actuator's residual there, in those of the usual block.
+        Mean square of each actuator's residual there, relative to that of a usual block.
     weight : (m,)
         The least of its actuators' weights.
     moved : (k,)
-        By how much each value moves with their whole weight, in the standard deviations that the
-        scatter of all blocks gives.
+        Change of each value if the blocks had their full weight, in standard deviations by the
+        scatter of all blocks.
     share : float
         Largest residual of these blocks, root mean square, over that of the actuator's torque.
     """
@@ -159,7 +160,7 @@ class Outliers:
     share: float = 1.0
 
     def below(self, weight: float = 0.1) -> Outliers | None:
-        """Return those that have less weight; None if there are none.
+        """Return the blocks with a reduced weight; None if there are none.
 
         Bursts of 7 to 30 rows weigh at most .05, the worst rows of twelve sound logs .16.
         """
@@ -171,7 +172,7 @@ class Outliers:
 def weigh_outliers(
     information: Information, estimator: Estimator
 ) -> tuple[Information, Outliers | None]:
-    """Return the information with Huber weights of its blocks, and those that lie out, if any.
+    """Return the information with Huber weights of its blocks, and the outlying blocks, if any.
 
     Parameters
     ----------

@@ -133,7 +133,7 @@ class Estimate:
 
 
 def clip_signs(information: Information, fit: Estimate, nonnegative: np.ndarray) -> Array:
-    """Return the values (k,) with those at zero that only rounding took below it.
+    """Return the values (k,), with negative ones at zero if the difference is rounding.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ WEAK: Tolerance = 0.5
 
 @frozen
 class Combined:
-    """Instruments combined so that each stands for one direction of W.
+    """Instruments, combined so that each belongs to one direction of W.
 
     Attributes
     ----------
@@ -183,7 +183,7 @@ class Combined:
         Variance of noise of weight 1.
     bias : (weak, k)
         Root mean square of the bias that least squares may have in each direction that stays with
-        it: what instruments would change, as far as noise of that variance lets it be known.
+        it: the change by instruments, as far as noise of that variance makes it certain.
     root : (k, k)
         D, ``scale (DᵀD)⁻¹`` being the covariance of the values with their bias.
     """
@@ -398,8 +398,8 @@ class Estimator:
         Whether each actuator weighs ``1/(σ² κ)`` of its noise, σ² being its variance and κ its
         autocorrelation time: what the noise weighs in an average.
     instruments : bool
-        Whether instruments take the bias of noise in the motion away, in the directions in which
-        they are strong; information without any is fitted by least squares.
+        Whether instruments remove the bias of noise in the motion, in the directions in which they
+        are strong; information without any is fitted by least squares.
     noise : Noise or None
         That of the logs, where it is known (`estimate.estimate_noise`); else it is measured in what
         each fit leaves.
@@ -411,7 +411,7 @@ class Estimator:
 
     @property
     def name(self) -> str:
-        """Word by which `analyze`, `prune` and the command line know it."""
+        """Name for `analyze`, `prune` and the command line."""
         return "iv" if self.instruments else "wls" if self.weighted else "ols"
 
     def fit(self, information: Information) -> Estimate:
@@ -479,7 +479,7 @@ class Estimator:
         return values
 
     def influence(self, information: Information, fit: Estimate) -> Array:
-        """Return by how much each block moves the values, (B, k) [unit of each parameter].
+        """Return the change of the values by each block, (B, k) [unit of each parameter].
 
         The squares, summed over independent blocks, are the variance of the values: leverage is
         allowed for [Bell & McCaffrey 2002]. Columns that `fit` dropped are zero.

@@ -1,4 +1,4 @@
-"""`Evidence`: is A a better account of this robot than B? One judge, asked by everybody.
+"""`Evidence`: is A a better account of this robot than B? All choices and statements use it.
 
 Accounts are compared by their predictions of motion that was not used to choose them. Three steps::
 
@@ -12,10 +12,10 @@ Accounts are compared by their predictions of motion that was not used to choose
 What to use when:
 
 - *A choice* (a model, a weight of a prior, an estimator) is made on blocked folds of the fitted
-  logs. `HeldOut.refit` asks the estimator for its fits to each fold's rest; `score` takes
-  values ``(F, k)`` that somebody else has fitted to these (`Folds.train`), over the k columns of
-  the regression, so a reduced model's are ``fixed + M x``. The smallest of those that may stand for
-  the best (`near_best`) is used.
+  logs. `HeldOut.refit` asks the estimator for its fits to each fold's rest; `score` takes values
+  ``(F, k)`` that somebody else has fitted to these (`Folds.train`), over the k columns of the
+  regression, so a reduced model's are ``fixed + M x``. The smallest model that is as good as the
+  best (`near_best`) is used.
 - *A veto or a statement* on logs that are held out: ``HeldOut.of(validation, noise)`` and
   ``score(value)``: one model for all folds, and folds do not share data.
 
@@ -63,8 +63,8 @@ class Levels:
     rise : float
         *As good* if neither, and the error surely rises by less than this share.
     nats : float
-        Of models the smallest within so many nats of the best predictive log density is used, or
-        one that is as good as the best.
+        The smallest model within so many nats of the best predictive log density is used, or one
+        that is as good as the best.
     folds, fewest : int
         Folds of a choice, and the fewest with which one is made.
     draws : int
@@ -91,7 +91,7 @@ class Folds:
     test : (B,) int
         Fold in which a block is predicted.
     train : (F, B) bool
-        Blocks that the fit of each fold rests on: all others but those within the memory of it.
+        Blocks that the fit of each fold rests on: all blocks but those within its memory.
     ends : (B,) int
         Sample, over all logs, at which each block ends.
     ratio : float
@@ -165,7 +165,7 @@ class Folds:
 
 
 def _divide(lengths: np.ndarray, memory: float) -> np.ndarray:
-    """Return how many folds each log makes, (L,)."""
+    """Return the number of folds of each log, (L,)."""
     if len(lengths) >= LEVELS.fewest:
         return np.ones(len(lengths), int)
     most = np.maximum(lengths // max(memory, 1.0), 1).astype(int)
@@ -185,9 +185,9 @@ class Score:
         Sums of squared errors.
     variation : (n,) [(N·m)² or N²]
         Sum of squares of each joint's torque about its mean, over all folds: its own scale. A joint
-        without any has no say.
+        without any does not count.
     ratio : float
-        Samples predicted over samples fitted; 0 where nothing was fitted anew.
+        Samples predicted over samples fitted; 0 where nothing was refitted.
     """
 
     density: Array
@@ -329,7 +329,7 @@ class Gain:
     se: float
 
     def limits(self, folds: int) -> tuple[float, float]:
-        """Return the limits of Student's t at the confidence of `LEVELS`, by so many folds."""
+        """Return the limits of Student's t at the confidence of `LEVELS`, for a number of folds."""
         if folds < 2:
             return -np.inf, np.inf
         tail = 0.5 * (1.0 - LEVELS.confidence)
@@ -368,7 +368,7 @@ class Evidence:
 
     @property
     def replaceable(self) -> bool:
-        """Whether A may stand for B: its error surely rises by next to nothing."""
+        """Whether A can replace B: its error surely rises by next to nothing."""
         return bool(self.limits[0] > -np.log1p(LEVELS.rise))
 
 
@@ -393,13 +393,13 @@ def _error_gain(a: Array, b: Array, ratio: float) -> Gain:
 
 
 def near_best(scores: Sequence[Score]) -> np.ndarray:
-    """Return which of M models may stand for the best of them, (M,) bool."""
+    """Return which of M models are as good as the best of them, (M,) bool."""
     best = scores[int(np.argmax([s.density.sum() for s in scores]))]
     return np.array([may_stand(score, best) for score in scores])
 
 
 def may_stand(score: Score, best: Score) -> bool:
-    """Return whether a model may stand for the best one.
+    """Return whether a model is as good as the best one.
 
     Its predictive log density is within some nats; or its error surely rises by next to nothing:
     with many samples, nats distinguish models whose errors are equal.

@@ -65,7 +65,7 @@ def merge_blocks(information: Information, length: float) -> Information:
 
 
 def merge_stretches(information: Information, time: float) -> Information:
-    """Return the information in stretches of several memories, or as many as tell a scatter.
+    """Return the information in stretches of several memories, with enough stretches for a scatter.
 
     Parameters
     ----------
@@ -352,7 +352,7 @@ class LeftOut:
         Each value as the combination that it is, such as ``slider1.Jr + 0.02·platform.m``; empty
         where it is its label.
     unknown : bool
-        Whether something is left out of which the robot file knows nothing.
+        Whether the model omits a parameter without a value in the robot file.
     disputed : (k,)
         What the unpruned model finds for the label, where that contradicts what file and logs make
         likely; NaN elsewhere.
@@ -366,7 +366,7 @@ class LeftOut:
 
 
 def body_scatter(structure: Structure) -> Array:
-    """Return how far the bodies' parameters may lie from the file's, (p,) [their units].
+    """Return the possible distance of the bodies' parameters from the file's, (p,) [their units].
 
     Zero for columns that belong to no body, and for bodies without a mass in the file.
     """
@@ -401,7 +401,7 @@ def find_left_out(
     fit : Estimate
         Of the model.
     full : Estimate, optional
-        Of all base parameters, which says what the logs know of those that are left out; by default
+        Of all base parameters, with the information of the logs on the omitted ones; by default
         only the file does.
     """
     kept = list(fit.kept)
@@ -490,7 +490,7 @@ def _learn(left: Array) -> tuple[Array, Array]:
 
 
 def _combination(name: str, members: Sequence[str], coefficients: Array, size: Array) -> str:
-    """Return a parameter with the left-out ones that it stands for, the largest first."""
+    """Return a parameter with the omitted ones in its effective combination, the largest first."""
     share = np.abs(coefficients) * size
     least = Thresholds.negligible_share * np.linalg.norm(share)
     # Members of what a number stands for that a sentence names.
@@ -523,15 +523,16 @@ class Fit:
     note : str
         Why blocks are too few, if they are.
     motions : Motions or None
-        What logs say of each other; None of one log, or of too short ones.
+        Agreement of the logs; None of one log, or of too short ones.
     shared : mapping of str to (w, k)
-        What moves all samples alike, which none of them can show. ``noise``: the error that the
-        preparation of positions leaves, which is like noise but not white. ``delay``: one standard
-        deviation of the delay of each log's commands. ``bias``: of the bias that noise in the
-        motion leaves. ``prior``: how far the nearest real robot lies, where the estimate does not
-        surely predict better (of two that are not told apart, labels hold over both).
+        Errors that move all samples alike, so that no residual can show them. ``noise``: the error
+        that the preparation of positions leaves, which is like noise but not white. ``delay``: one
+        standard deviation of the delay of each log's commands. ``bias``: of the bias that noise in
+        the motion leaves. ``prior``: distance of the nearest physically consistent values, where
+        the estimate does not surely predict better. If the data cannot decide between the two,
+        labels hold for both.
     left_out : LeftOut or None
-        What the parameters that the model leaves out do to its own.
+        Effect of the omitted parameters on those of the model.
     alternatives : LabelAlternatives or None
         What groups that may be missing do to them.
     """
@@ -587,7 +588,7 @@ class Fit:
     def noise(self) -> Array:
         """Standard deviations by the scatter of scores, which allows for autocorrelation, (k,).
 
-        Infinite where scores could not be asked: a formula is believed only as far as its model of
+        Infinite where there are too few scores: a formula is believed only as far as its model of
         the noise, and few samples do not show that.
         """
         wide = np.inf if self.scores is None else self.scores.widened
@@ -634,7 +635,7 @@ class Fit:
         return np.linalg.norm(list(self.terms.values()), axis=0)
 
     def why_unjudged(self, rules: Thresholds) -> tuple[str, ...]:
-        """Return why nothing can be said of each parameter, or nothing where it can, (k,).
+        """Return why a parameter cannot be judged, or "" where it can, (k,).
 
         Parameters
         ----------
@@ -655,7 +656,7 @@ OF_VALUES = ("noise", "logs", "delay", "bias", "prior")
 
 
 def remembering_covariance(information: Information, fit: Estimate) -> Array:
-    """Return the covariance of the kept columns under noise that remembers, (kept, kept).
+    """Return the covariance of the kept columns under autocorrelated noise, (kept, kept).
 
     Parameters
     ----------

@@ -1,8 +1,9 @@
 """The Gaussian algebra: values, likelihood and predictions of a linear model by its products.
 
-Of whitened rows normal equations ``P x = h`` say all: P are products of columns, with the precision
-that is known beforehand, h those with the torque. This module answers all questions about a linear
-model: values, their covariance, the marginal likelihood of the torque, and predictions.
+The normal equations ``P x = h`` of whitened rows contain all information: P are products of
+columns, with the precision of the prior, and h those with the torque. This module answers all
+questions about a linear model: values, their covariance, the marginal likelihood of the torque, and
+predictions.
 """
 
 from __future__ import annotations

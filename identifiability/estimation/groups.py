@@ -103,7 +103,7 @@ class Excerpt:
 
     @staticmethod
     def of(regression: Regression, most: tuple[int, int, int] | None = None) -> Excerpt:
-        """Return the rows of a regression by least squares, an excerpt of more than so many."""
+        """Return the rows of a regression, without instruments; an excerpt if there are many."""
         plain = regression
         if regression.instruments is not None:
             plain = replace(regression, instruments=None)
@@ -160,7 +160,7 @@ class Excerpt:
         return np.linalg.norm(self.raw * self.data, axis=0)
 
     def residual(self, values: Array) -> Array:
-        """Return the torque less that of some values of the model, (N, n) [N·m or N]."""
+        """Return the torque minus that of some values of the model, (N, n) [N·m or N]."""
         return self.y - self.X @ values
 
     def entries(self, candidates: Sequence[Candidate]) -> Entries:
@@ -221,8 +221,8 @@ class Missing:
     def scale(self) -> Array:
         """Scale at which columns of candidates are as large as the torque of their joint, (c,).
 
-        Pieces of one curve are alike, reached or not: beyond the data it returns to zero. Those of
-        a body are as a compact one has them.
+        Pieces of one curve are alike, reached or not: beyond the data it returns to zero. Columns
+        of a body are scaled as those of a compact one.
         """
         square = self._squares.sum(0)
         for c in self.candidates:
@@ -276,14 +276,15 @@ class Missing:
 
     @cached_property
     def torque(self) -> Array:
-        """Torque of the fitted rows less that of the centre, (N, n) [N·m or N]."""
+        """Torque of the fitted rows minus that of the centre, (N, n) [N·m or N]."""
         return self.seen.residual(self.seen.centre)
 
     @cached_property
     def _beside_noise(self) -> list[tuple[bool, list[int]]]:
         """Columns of the smooth functions for the measurement of noise, nonparametric ones first.
 
-        How logs of a session differ says nothing of the memory within them, and is of the model.
+        Differences between logs of a session have no information on the memory within them, so they
+        belong to the model.
         """
         found: dict[tuple[str, str], list[Candidate]] = defaultdict(list)
         for c in self.candidates:
@@ -348,7 +349,7 @@ class Missing:
         noise : ARNoise, optional
             Other than theirs.
         among : tuple of Term, optional
-            Of which other rows have columns, beside what every hypothesis has.
+            Terms whose columns are computed for other rows, with those of every hypothesis.
         together : bool
             Whether products of all joints are added up.
         """
@@ -441,7 +442,7 @@ class Missing:
         )
 
     def values(self) -> Array:
-        """Return the values of the model's columns where nothing is missing, (p,)."""
+        """Return the values of the model's columns if nothing is missing, (p,)."""
         model = self.model()
         centre = self.seen.centre
         return (model.solve().value / model.scale[: model.fixed])[: len(centre)] + centre
@@ -551,7 +552,7 @@ class MissingEffects:
     def statement(self) -> str:
         """Effects that the model seems to lack, with their odds, as the start of a sentence.
 
-        It is said from 20 to 1 on, by fitted and unseen rows together.
+        It is reported from odds of 20 to 1 on, by fitted and unseen rows together.
         """
         odds = {describe_term(t): t.odds + t.unseen for t in self.named}
         sure = {name: x for name, x in odds.items() if x >= RULES.name + RULES.keep}
@@ -638,8 +639,8 @@ def find_missing(
 ) -> MissingEffects:
     """Return the effects that a model with all columns of a regression may lack.
 
-    Rows that were held out may only take a name away: those of the last log or of the last part of
-    the only one, where there are no others.
+    Rows that were held out may only take a name away: these are the last log, or the last part of
+    the only one, if no other rows were held out.
     """
     if regression.instruments is not None:
         regression = replace(regression, instruments=None)

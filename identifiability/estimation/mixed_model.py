@@ -57,8 +57,8 @@ def whitened_information(
     edges : sequence of int
         Rows at which blocks begin and end.
     together : bool
-        Whether products of all joints may be added up, as they are where that takes less memory:
-        where most columns act in most joints.
+        Whether products of all joints may be summed; they are where that takes less memory: where
+        most columns act in most joints.
     """
     parts = []
     size = columns[0][-1] + 1
@@ -135,7 +135,7 @@ class Term:
     odds : float
         Log odds of the group beside the others, averaged over members and sizes, less its price.
     unseen : float [nat]
-        What it gains on rows that were held out. It warns and refutes, and chooses nothing.
+        What it gains on rows that were held out. It warns and refutes, and is not used for choices.
     """
 
     group: Group
@@ -156,7 +156,7 @@ class Term:
 
     @property
     def size(self) -> int:
-        """How many columns it has."""
+        """Number of its columns."""
         return len(self.columns)
 
 
@@ -197,8 +197,8 @@ class MixedModel:
         What is known of the fixed columns' values without the rows: the inverse of their
         covariance; none where it is empty.
     mean : (p,)
-        What these values are known to be, less the values that the torque was taken about; of no
-        account where nothing is known.
+        What these values are known to be, less the values that the torque was taken about; without
+        effect where nothing is known.
     sizes : (s,)
         That a group may have, each as likely.
     """
@@ -265,8 +265,9 @@ class MixedModel:
     def gains(self, terms: Terms = (), among: Sequence[Group] | None = None) -> list[Term]:
         """Return further groups with their log odds, given some terms, the likeliest first.
 
-        Each is averaged over its members and sizes, and stands with the likeliest of both. Levels
-        that physics requires to be positive also gain by their sign: ``ln 2 P(sign | data)``.
+        Each is averaged over its members and sizes, and is returned with the likeliest of both.
+        Levels that physics requires to be positive also gain by their sign:
+        ``ln 2 P(sign | data)``.
 
         Parameters
         ----------
@@ -375,7 +376,7 @@ class MixedModel:
         return [full - self.evidence(other, unseen) for other in rest]
 
     def confirm(self, terms: Terms, unseen: Information) -> Terms:
-        """Return the terms that unseen rows let stand, with their gains; the worst goes first.
+        """Return the terms that unseen rows confirm, with their gains; the worst goes first.
 
         Together with the fitted rows, terms must gain the limits for naming and keeping an effect.
         On their own, unseen rows count as odds against a term where its gain is negative. They
@@ -414,7 +415,7 @@ class MixedModel:
         return [t for t in self.gains(rest, among) if t.odds > own.odds - RULES.rival]
 
     def alternatives(self, terms: Terms = ()) -> list[tuple[Term, float]]:
-        """Return groups of which one more may be there, each with its probability."""
+        """Return groups of which one more may be present, each with its probability."""
         found = [t for t in self.gains(terms) if t.odds > RULES.unlikely]
         weights = softmax([0.0, *(t.odds for t in found)])[1:].tolist()
         return list(zip(found, weights, strict=True))

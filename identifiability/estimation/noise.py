@@ -150,7 +150,7 @@ BOUND: Tolerance = 3.5
 class LaggedProducts:
     """Products of rows with rows a few samples later, for whitening by a short memory.
 
-    Rows are met once, however many noises are tried. Let a = (1, -φ) be a filter that whitens a
+    Rows are read once for any number of noise models. Let a = (1, -φ) be a filter that whitens a
     series of n ≥ p samples. The whitened series has the products
     ``Σ a_i a_j Σ_t z_(i+t) z_(j+t), t < n - i - j`` [Box & Jenkins 1976, A7.5].
 
@@ -168,7 +168,7 @@ class LaggedProducts:
 
     @staticmethod
     def of(Z: Array, runs: Runs) -> LaggedProducts:
-        """Return those of rows (N, m) in stretches."""
+        """Return the lagged products of rows (N, m) in stretches."""
         P, m = HIGHEST_ORDER, Z.shape[1]
         runs = [(a, b) for a, b in runs if b - a >= P]
         first, stop = np.array(runs, int).reshape(-1, 2).T
@@ -183,7 +183,7 @@ class LaggedProducts:
         return LaggedProducts(out, int((stop - first).sum()), len(runs))
 
     def among(self, columns: np.ndarray) -> LaggedProducts:
-        """Return those of some columns."""
+        """Return the lagged products of a subset of columns."""
         own = self.products[:, :, columns][..., columns]
         return replace(self, products=np.ascontiguousarray(own))
 
@@ -367,7 +367,7 @@ ARNoise = tuple[JointNoise, ...]
 
 @frozen
 class Noise:
-    """How much noise n joints have, and how long it remembers.
+    """Size and memory of the noise of n joints.
 
     Attributes
     ----------
@@ -393,7 +393,7 @@ def principal_columns(X: Array) -> tuple[Array, Array]:
 
 
 def span_columns(X: Array, most: int) -> Array:
-    """Return an orthonormal basis (N, k) of columns: so many directions that stand out at most."""
+    """Return an orthonormal basis (N, k) of the largest directions of columns, at most `most`."""
     columns, squares = principal_columns(X)
     basis: Array = (columns / np.sqrt(squares))[:, :most]
     return basis
@@ -408,8 +408,8 @@ def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs, least: float = 0.0
     Parameters
     ----------
     blocks : sequence of (N, k)
-        Columns of the model, then of what may be missing, what must not be left out first; zero
-        between the stretches.
+        Columns of the model, then of candidates, the most important first; zero between the
+        stretches.
     y : (N,)
     runs : Runs
     least : float, optional [N·m or N]
@@ -436,7 +436,7 @@ def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs, least: float = 0.0
 
 
 def _choose_parts(parts: Sequence[Array], room: int) -> list[Array]:
-    """Return those of some parts (N, k) that together have no more columns than there is room."""
+    """Return the first parts (N, k) whose columns fit into `room` together."""
     chosen = list[Array]()
     for part in parts:
         if 0 < part.shape[1] <= room:

@@ -1,6 +1,6 @@
-"""`Prediction`: torque predicted along logs in one pass, and how far it is from the measured.
+"""`Prediction`: torque predicted along logs in one pass, and its error.
 
-`TorqueUncertainty` says how far it may lie from the truth and from a sample.
+`TorqueUncertainty` bounds its distance from the truth and from a sample.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class TorqueUncertainty:
     covariance : (k, k)
         Of the values, with what the noise remembers; zero for columns that were not fitted.
     unknown : (k, d)
-        Directions of which the fitted motion says nothing, as long as their columns were large.
+        Directions that the fitted motion does not determine, scaled by the size of their columns.
     low, raw : (n,) [N·m or N]
         Standard deviation of low-passed and of measured torque about the prediction.
     dof : (n,)
@@ -120,11 +120,11 @@ def measure_errors(
 
 
 def widening(information: Information, known: Fit) -> float:
-    """Return by how much variances differ from those by formula, as resampling and scores say.
+    """Return the ratio of the variances by resampling and scores to those by formula.
 
-    One factor for all of them keeps how they depend on each other: few parameters may leave their
-    mutual differences open, while the torque determines them well. It is below 1 where noise swings
-    back from sample to sample, as steps of encoders do behind a derivative.
+    One factor for all of them keeps their correlations: few parameters may leave their mutual
+    differences open, while the torque determines them well. It is below 1 where noise swings back
+    from sample to sample, as steps of encoders do behind a derivative.
     """
     fit = known.estimate
     kept = list(fit.kept)
@@ -156,7 +156,7 @@ def _never_shown(information: Information, fit: Estimate) -> Array:
 
 
 def loaded_joints(rms: Array) -> list[int]:
-    """Return the joints whose torque there is something to say of; all where there is none.
+    """Return the joints with torque; all where there is none.
 
     Joints without a drive, such as a base, have none along most motions.
     """
@@ -252,13 +252,13 @@ class Prediction:
 
     @property
     def _rows(self) -> np.ndarray:
-        """How many samples are data of each joint, (n,), one at least."""
+        """Number of valid samples of each joint, (n,), one at least."""
         return np.maximum(self.data.sum(0), 1)
 
     def apart(
         self, at: np.ndarray | slice = slice(None), axis: int | None = None, *, raw: bool = False
     ) -> Array:
-        """Return how far torque of some samples is from its mean, over all joints or over each.
+        """Return the distance of torque from its mean, summed over all joints or over each.
 
         Zero where torque is no data, or there is nothing to explain; (N, n).
         """
@@ -279,7 +279,7 @@ class Prediction:
         Parameters
         ----------
         log : int, optional
-            Of one log by itself, relative to how much its own torque varies.
+            Of one log alone, relative to the variation of its torque.
         raw : bool
             Of the torque as it was measured, not as it was low-passed.
         """
@@ -330,8 +330,8 @@ class Prediction:
     def error_over_joints(self) -> Array:
         """Return the error over each joint's own scale, root mean square over the joints, (m,).
 
-        Zero is perfect, one as good as each joint's mean. Joints whose torque never varies have no
-        say; NaN where there is nothing to explain.
+        Zero is perfect, one as good as each joint's mean. Joints whose torque never varies do not
+        count; NaN where there is nothing to explain.
         """
         each = self.joint_error() ** 2
         known = each[np.isfinite(each).all(1)]

@@ -47,11 +47,11 @@ class Verdict:
     ----------
     name, label, unit : str
     value, sigma : float
-        Estimate of what the label says, and its standard deviation under white noise.
+        Estimate of the labelled parameter, and its standard deviation under white noise.
     terms : mapping of str to float
         Standard deviations by what they come from (`fit.TERMS`): the interval is of their sum.
     sigma_bootstrap : float
-        Standard deviation over resampled logs, beside those; NaN without.
+        Standard deviation over resampled logs, for comparison; NaN without.
     share : float
         Torque that the parameter makes, rms, relative to the measured torque's.
     paper_rule : bool
@@ -99,7 +99,7 @@ class Verdict:
 
     @property
     def sure(self) -> bool:
-        """Whether its sign is certain, and nothing casts doubt on it."""
+        """Whether its sign is certain, and no flag applies."""
         return self.verdict is not Class.NOT_IDENTIFIABLE and not self.flags
 
     @property
@@ -184,7 +184,7 @@ def to_row(written: Mapping[str, Any]) -> Row:
 def name_rows(
     chosen: Sequence[Mapping[str, Any]], full: Sequence[Mapping[str, Any]]
 ) -> Iterator[Row]:
-    """Yield the rows of the model to use, then those that the unpruned model alone has."""
+    """Yield the rows of the model to use, then those of the unpruned model alone."""
     yield from map(to_row, chosen)
     names = {written["name"] for written in chosen}
     for written in full:
@@ -220,7 +220,7 @@ def judge(
     torque : float [N·m or N]
         Root mean square of the measured torque.
     aliases : sequence of str
-        What each parameter cannot be told from, where the motion leaves it open.
+        Parameters that the motion does not separate from each parameter.
     forbidden : (k,) bool
         Whether physics forbids the sign of the value.
     nominal : (k,), optional
@@ -286,7 +286,7 @@ def _rule_alone(
     unjudged: Sequence[str],
     rules: Thresholds,
 ) -> Iterator[Ruling]:
-    """Yield the ruling on each value by its own error."""
+    """Yield the ruling on each value by its error alone."""
     sigma = fit.sigma
     determined = fit.estimate.determined
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -327,7 +327,7 @@ def _remark(fit: Fit, k: int, ruling: Ruling, robust: float) -> str:
 
 
 def _say_missing(fit: Fit, k: int, without: Verdict, percent: float) -> str:
-    """Return why a parameter loses the verdict that it would have if nothing were missing."""
+    """Return why a parameter loses the verdict that it would have without missing effects."""
     assert fit.alternatives is not None
     told = {"what": fit.alternatives.names[k], "value": without.value, "share": percent / 100}
     told |= {"known": without.sigma_label_percent / 100, "word": without.word}
@@ -336,7 +336,7 @@ def _say_missing(fit: Fit, k: int, without: Verdict, percent: float) -> str:
 
 
 def _decide(certain: bool, percent: float, effect: float, rules: Thresholds) -> Ruling:
-    """Return the ruling on a value of which enough is known to judge."""
+    """Return the ruling on a value with a known standard error."""
     kind = Class.NOT_IDENTIFIABLE
     flags = tuple[Flag, ...]()
     said = "unsure"

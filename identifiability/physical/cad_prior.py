@@ -1,7 +1,7 @@
 """A nominal robot as a prior on the cone: the log-det divergence of each body.
 
-Bodies are those of the robot file, and others where it states none; `state_mass` checks whether the
-total mass of the bodies is plausible.
+Bodies are those of the robot file; a body without values in the file is replaced by a ball;
+`state_mass` checks whether the total mass of the bodies is plausible.
 """
 
 from __future__ import annotations
@@ -135,7 +135,7 @@ def resolve_prior(
     share, cad_weight : float or None
         As asked for.
     commanded : bool
-        Whether torque comes from commands: then there is a share where nobody says otherwise.
+        Whether torque comes from commands: a default share then applies if none is given.
 
     Raises
     ------
@@ -158,7 +158,7 @@ class WithFile:
     share : float
         Within which the bodies are the file's.
     mean, sd : (m,)
-        Infinite sd where neither says anything.
+        Infinite sd where neither log nor file determines a value.
     p_value : float
         Of the log, if the bodies are.
     """
@@ -188,7 +188,7 @@ class WithFile:
 
 
 def state_rows(structure: Structure, share: float, weight: float = 0.0) -> tuple[Array, Array]:
-    """Return the priors that hold besides a log, as rows about standard parameters of variance 1.
+    """Return the priors in addition to a log, as rows about standard parameters of variance 1.
 
     Bodies lie within a share of the file's, or within the share that the sidecar states of one.
     Parameters follow the sidecar's ``[prior]``.
@@ -197,9 +197,10 @@ def state_rows(structure: Structure, share: float, weight: float = 0.0) -> tuple
     ----------
     structure : Structure
     share : float
-        0 for none of bodies of which nothing is stated.
+        0 for no prior on bodies without a stated share.
     weight : float
-        Of a divergence from the file's bodies that counts besides: what it says is left out.
+        Of a divergence from the file's bodies that is already in use: its share of the prior is
+        subtracted.
 
     Returns
     -------
@@ -271,7 +272,7 @@ def load_by_fit(
     """Return the structure with loads as a fit has them: the file may be wrong of its robot.
 
     Combinations of the bodies that the logs do not determine keep the file's values. Where no
-    effect depends on loads nothing changes, unless one may be `named`.
+    effect depends on loads nothing changes, unless an effect may be `named`.
     """
     loaded = is_loaded(structure.parameters)
     before = np.empty(0)
@@ -297,7 +298,7 @@ def load_by_fit(
 
 
 def with_loads(structure: Structure, loads: Mapping[str, float]) -> Structure:
-    """Return a structure whose loads are those of standard parameters."""
+    """Return a structure whose loads follow standard parameters."""
     robot = replace(structure.robot, reference=loads)
     # Columns that do not depend on loads have the same groupings.
     if is_loaded(structure.parameters):
@@ -312,10 +313,10 @@ def with_loads(structure: Structure, loads: Mapping[str, float]) -> Structure:
 def draw_bodies(structure: Structure) -> tuple[Array, str]:
     """Return the bodies at the centre of a structure's prior, and a sentence on replaced bodies.
 
-    They are standard parameters (p,), of bodies that all can exist and have extent. A body that
-    the file does not state is a ball about the origin of its frame, as light as the lightest stated
-    body; if its mass alone is stated, it has that mass and is where the file says. A load is as the
-    body that carries it.
+    They are standard parameters (p,), of bodies that are all physically consistent and have extent.
+    A body that the file does not state is a ball about the origin of its frame, as light as the
+    lightest stated body; if its mass alone is stated, it has that mass and is where the file says.
+    A load is as the body that carries it.
     """
     phi = structure.nominal.copy()
     bodies = structure.bodies
@@ -361,7 +362,7 @@ def _ball(theta: Array, mass: float, length: float) -> Array:
 
 
 def state_mass(robot: Robot, parameters: Mapping[str, float], cad_weight: float = 0.0) -> str:
-    """Return a warning about the total mass of a robot, with its remedy; nothing if it is right.
+    """Return a warning about the total mass of a robot, with its remedy; empty if it is plausible.
 
     Reports state this warning first. A robot that is many times too heavy or too light may predict
     torque well along the fitted motion, and still move wrongly in a simulator.
@@ -394,7 +395,7 @@ def mass_rows(robot: Robot, parameters: Mapping[str, float]) -> list[dict[str, A
     ----------
     robot : Robot
     parameters : mapping
-        Standard parameters by name; empty where no real robot was found.
+        Standard parameters by name; empty where no physically consistent values were found.
     """
     return [
         {"body": b, "mass": sum(own), "mass_file": float(robot.nominal.get(f"{b}.m", 0.0))}
@@ -415,14 +416,14 @@ def real_robot_dict(
     samples: Sequence[Dataset] = (),
     cad_weight: float = 0.0,
 ) -> dict[str, Any]:
-    """Return a real robot as plain values, as `export` reads them.
+    """Return a physically consistent robot as plain values, as `export` reads them.
 
     Parameters
     ----------
     structure : Structure
         Of the robot whose file it is written to.
     parameters : mapping
-        Standard parameters by name; empty where no real robot was found.
+        Standard parameters by name; empty where no physically consistent values were found.
     errors : (5,)
         ε_RA on the fitted logs, of all parameters and of what a robot file holds of them: one of
         the robot's own format, and one of the other. Then of such files as the robot is stated.

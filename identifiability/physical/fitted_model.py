@@ -39,7 +39,7 @@ Bound = tuple[Array, float]
 
 @frozen
 class PhysicalSet:
-    """Parameter vectors of a real robot.
+    """The set of physically consistent parameter vectors.
 
     Scaled parameters are ``phi / scale``: programs are solved in them.
 
@@ -54,7 +54,7 @@ class PhysicalSet:
     columns : (p,) str
         Parameter names, for sentences.
     mass, length : (nb,) [kg], [m]
-        Scale in which margins are measured; take them from CAD or leave 1 kg and 0.1 m.
+        Scale of the margins; take them from CAD or leave 1 kg and 0.1 m.
     bounds : tuple of Bound
         What is known of masses and centres of mass.
     functions : tuple of (k,) int
@@ -172,7 +172,7 @@ class PhysicalSet:
         return pseudo_inertia.margin(theta, self.mass, self.length)
 
     def contains(self, phi: ArrayLike, tolerance: float = 1e-9) -> np.ndarray:
-        """Whether parameter vectors belong to a real robot, up to rounding.
+        """Whether parameter vectors are physically consistent, up to rounding.
 
         Parameters
         ----------
@@ -191,7 +191,7 @@ class PhysicalSet:
 
 @lru_cache(maxsize=4)
 def physical_set(structure: Structure) -> PhysicalSet:
-    """Return the parameter vectors that a real robot of this structure can have."""
+    """Return the set of physically consistent parameter vectors of this structure."""
     theta = structure.nominal[structure.inertial]
     stated = (theta[:, 9] > 0) & (theta[:, [0, 3, 5]].sum(1) > 0)  # a file may state no mass at all
     mass, length = natural_scale(theta)
@@ -279,7 +279,7 @@ class LeastSquares:
 
     @staticmethod
     def of_fit(information: Information, estimate: Estimate) -> LeastSquares:
-        """Return the loss that an estimate made least, in its own k parameters.
+        """Return the loss that an estimate minimises, in its k parameters.
 
         Parameters
         ----------
@@ -312,7 +312,7 @@ class LeastSquares:
         mean : (p,)
         covariance : (p, p)
         unknown : (p, d)
-            Directions of which it says nothing.
+            Directions that it does not determine.
         """
         C = np.where(np.isfinite(covariance), covariance, 0.0)
         scale = or_one(np.sqrt(np.diag(C)))
@@ -325,7 +325,7 @@ class LeastSquares:
         return LeastSquares(rows, rows @ mean, 1e-12, 1.0)
 
     def through(self, to_x: Array) -> LeastSquares:
-        """Return the problem in other parameters phi, of which these are ``to_x (p, q) phi``."""
+        """Return the problem in phi, where the present parameters are ``to_x (p, q) phi``."""
         return replace(self, R=self.R @ to_x)
 
     def beside(self, rows: Array, aim: Array) -> LeastSquares:
@@ -376,7 +376,7 @@ class Fixed:
 
     @staticmethod
     def none(size: int) -> Fixed:
-        """Return the absence of held combinations of so many parameters."""
+        """Return the absence of fixed combinations, for a number of parameters."""
         return Fixed(np.zeros((0, size)), np.zeros(0))
 
     @cached_property

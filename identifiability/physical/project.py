@@ -1,4 +1,4 @@
-"""The parameters of a real robot nearest to the data.
+"""The physically consistent parameters nearest to the data.
 
 minimise ‖R phi − z‖² + w Σ_k [tr J_k(phi) − log det J_k(phi) − 4] over J_k(phi) ⪰ margin (every
 body k), signs and bounds, H phi = h
@@ -46,7 +46,7 @@ ADVICE = (
 
 @frozen
 class FeasibleEstimate:
-    """The nearest parameters of a real robot.
+    """The nearest physically consistent parameters.
 
     Attributes
     ----------
@@ -173,7 +173,10 @@ class Projection:
             return self._read(data, program, found)
 
     def _solve_simply(self, program: Program) -> Optimum | None:
-        """Return the optimum where nothing holds it back, or a prior alone; None if it is not."""
+        """Return the optimum without active constraints, or with a prior alone.
+
+        None if it is not.
+        """
         none = np.zeros(len(self.region.constraints))
         found: Optimum | None = Optimum(0 * program.stiff, none)
         if self.prior is not None:
@@ -222,9 +225,9 @@ class Projection:
     def follow(self, data: LeastSquares, weights: Sequence[float]) -> Iterator[tuple[Array, Array]]:
         """Yield the optimum (p,) under each weight, and a root (p, q) of its errors.
 
-        As far as they are reached, and accurate enough for predictions. Errors are those of a
-        posterior at its mode [Laplace], of noise with the data's variance, and bounds on centres
-        of mass are not asked for.
+        The path ends where the solver fails; its optima are accurate enough for predictions. Errors
+        are those of a posterior at its mode [Laplace], of noise with the data's variance, and
+        bounds on centres of mass are not asked for.
 
         Parameters
         ----------
@@ -253,8 +256,8 @@ class Projection:
     def _state(self, data: LeastSquares) -> Program:
         """Return a data set in scaled parameters, with weak rows where the data say nothing.
 
-        A function's values are of one size, that at which its best-seen one makes the whole torque:
-        where few data are a value of more than that is their noise.
+        The values of a function have one scale, at which its best-determined value makes the whole
+        torque: where few data are a value of more than that is their noise.
         """
         norms = np.linalg.norm(data.R, axis=0)
         whole = np.linalg.norm(data.z)
@@ -328,12 +331,12 @@ def _solve_stated(problem: Any) -> bool:
 
 
 def project(data: LeastSquares, region: PhysicalSet, **options: Any) -> FeasibleEstimate:
-    """Parameters of a real robot nearest to the data, once.
+    """Return the physically consistent parameters nearest to the data, once.
 
     Parameters
     ----------
     data : LeastSquares
-        What the data say.
+        The loss of the data.
     region : PhysicalSet
         What is possible.
     **options
@@ -372,7 +375,7 @@ LOWER = 4 * ROW + COLUMN
 def follow(
     program: Program, region: PhysicalSet, maps: Array, weights: Sequence[float], near: float = 0.0
 ) -> Iterator[Optimum]:
-    """Yield the optimum under each weight of the prior, as far as they are reached.
+    """Yield the optimum under each weight of the prior, as long as the solver reaches it.
 
     Parameters
     ----------
@@ -383,7 +386,7 @@ def follow(
     weights : sequence of float
         Of the prior [σ²], the heaviest first.
     near : float
-        How near optima are in cost [σ²]; the solver's own where that is less.
+        Tolerance of the cost [σ²]; the solver's tolerance if that is smaller.
     """
     cone = maps @ program.along
     start = maps @ program.free
@@ -449,7 +452,7 @@ def _divergence(cone: Array, J: Array, weight: float) -> tuple[Array, Array]:
     Parameters
     ----------
     cone : (nb, 16, q)
-        How z changes the bodies.
+        Derivative of the bodies by z.
     J : (nb, 4, 4)
         Bodies.
     weight : float [σ²]

@@ -58,7 +58,7 @@ def log_distances(region: PhysicalSet, phi: Array) -> Array:
 
 
 def measure_prior_sensitivity(draws: Array, logs: Array) -> Array:
-    """Return how far means may move under other priors, in standard deviations of the draws.
+    """Return the shift of means under other priors, in standard deviations of the draws.
 
     The worst of all priors that differ by `prior_power`. Ensembles are independent, so that
     products of two of them carry no square of their Monte-Carlo error.
@@ -67,7 +67,7 @@ def measure_prior_sensitivity(draws: Array, logs: Array) -> Array:
     ----------
     draws : (E, K, N, m)
     logs : (E, K, N, e)
-        What `log_distances` says of the same draws.
+        Result of `log_distances` for the same draws.
 
     Returns
     -------
@@ -173,7 +173,7 @@ def diagnose_convergence(
 def may_suffice(draws: Array, thresholds: Thresholds | None = None) -> bool:
     """Whether draws (E, K, N, p) are worth the full diagnosis: by their autocorrelation time.
 
-    Parameters that never move are not asked.
+    Parameters that never move are left out.
     """
     limits = thresholds or Thresholds()
     chains = draws.reshape(-1, *draws.shape[2:])

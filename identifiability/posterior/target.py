@@ -47,11 +47,11 @@ class Prior:
 
     @classmethod
     def around(cls, phi: Array, bodies: np.ndarray, relative: float, floor: Array) -> Self:
-        """Around a nominal robot, each sd a share of the body's own scale.
+        """Prior around a nominal robot, with each sd a share of the body's scale.
 
-        Moments of inertia and the mass have their own size. Products of inertia and first moments
+        Moments of inertia and the mass are their own scales. Products of inertia and first moments
         have the most that a body may have: ``√(Σxx Σyy)`` and ``√(m Σxx)`` with the second moment Σ
-        of the material along each axis. A scale alike along all axes would give a rod's prior the
+        of the material along each axis. An equal scale along all axes would give a rod's prior the
         width of a ball's: around a thin body almost all possible bodies are then thicker. That
         pulls the measured combinations too (1.3 standard deviations on an arm).
 
@@ -186,7 +186,7 @@ class Target:
         Known noise variance of a sample; without it, it is marginalised.
     fixed : Fixed, optional
         Combinations of the p parameters that keep their k values, so that q = p − k coordinates are
-        left; `region` must not bound what is held by itself.
+        left; `region` must not bound parameters that are fixed individually.
     """
 
     data: LeastSquares

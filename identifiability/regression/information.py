@@ -1,4 +1,4 @@
-"""`Information`: all that a regression says about its parameters, independent of its length.
+"""`Information`: the compressed content of a regression, independent of its length.
 
 `ActuatorBlocks` hold the rows of one actuator, compressed, over the columns that act in it.
 """
@@ -32,7 +32,7 @@ from .structure import random_motion
 
 @frozen
 class ActuatorBlocks:
-    """Blocks of one actuator's ``[W τ]`` in a basis of its own.
+    """Blocks of one actuator's ``[W τ]`` in a separate basis.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class ActuatorBlocks:
     basis : (r, v + 1) or None
         ``[W τ] = Z basis`` over these columns and the torque; None where Z are these themselves.
     blocks : (B, m, r)
-        Rows Z of each block, filled up with zeros, or a factor of as many columns.
+        Rows Z of each block, padded with zeros, or a factor of as many columns.
     sums : (B, r)
         Sum of the rows Z of each block, which tells what slow noise does.
     """
@@ -64,7 +64,7 @@ class ActuatorBlocks:
 
     @cached_property
     def sums_made(self) -> dict[Any, Any]:
-        """Sums of these blocks that were asked for, of all that is reduced from them."""
+        """Sums of these blocks that were computed, shared by all reductions of them."""
         return {}
 
     @property
@@ -193,7 +193,7 @@ def _merge(held: Array, first: int, blocks: Iterable[Array]) -> None:
 
 
 def _condition(columns: np.ndarray, blocks: Array, sums: Array) -> ActuatorBlocks:
-    """Return blocks in a basis in which columns have about unit length and right angles."""
+    """Return blocks in a basis whose columns have about unit length and right angles."""
     R = triangular_factor(blocks.reshape(-1, blocks.shape[2]))
     acts = np.asarray(R[:, :-1].any(0))
     R = R[:, np.append(acts, True)]
@@ -232,11 +232,11 @@ class Information:
     counts : (B,) int
         Samples in each block.
     data : (B, n) int
-        Those of them at which torque of an actuator is data: its joint does not dwell.
+        Number of rows with valid torque of each actuator: its joint does not dwell.
     log : (B,) int
         Which log a block comes from.
     instrumented : bool
-        Whether the parts hold ``[V W τ]``, with instruments V that stand for the k columns of W.
+        Whether the parts hold ``[V W τ]``, with an instrument V for each of the k columns of W.
     prior : (d, k + 1) or None
         Rows ``[W τ]`` of no log: what is known of the values beforehand, weighed like noise.
     """
@@ -325,7 +325,7 @@ class Information:
 
     @cached_property
     def joint(self) -> Information:
-        """The information of ``[V W τ]``, of 2k columns: instruments, then those they stand for.
+        """The information of ``[V W τ]``, of 2k columns: instruments, then their columns.
 
         With its factor ``R``, ``(Vᵀ W)⁻¹ Vᵀ τ`` is ``R[:k, k:2k]⁻¹ R[:k, 2k]`` [Janot 2014].
         """

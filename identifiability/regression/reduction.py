@@ -1,8 +1,8 @@
 """Ladders of models: files in, models (`Submodel`) over base parameters out.
 
 Each model zeroes, ties or keeps base parameters of the one it starts from. Names are those of base
-parameters (the parameter that represents a group); in every list and in ``hold`` a pattern stands
-for all that fit it (``leg*_lower.Ixx``; ``*`` is any letters, ``?`` one). A model file
+parameters (the parameter that represents a group); in every list and in ``hold`` a pattern means
+all names that fit it (``leg*_lower.Ixx``; ``*`` is any letters, ``?`` one). A model file
 (``model.toml``) is a ladder of one model. ``docs/reference/ladders.md`` is written from the keys.
 """
 
@@ -93,7 +93,7 @@ class LadderEntry(BaseModel):
 
 @runtime_checkable
 class HasLadder(Protocol):
-    """A result that is a model, such as that of `prune`."""
+    """A result that contains a model, such as that of `prune`."""
 
     def to_ladder(self) -> LadderEntry:
         """Return the model as a ladder of one model."""
@@ -376,7 +376,9 @@ def build_ladder(entry: LadderEntry, structure: Structure) -> tuple[Submodel, ..
 
 
 def build_comparison(entry: LadderEntry, structure: Structure) -> tuple[Submodel, ...]:
-    """Return the models of a ladder below the unpruned model, which goes first if it is not there.
+    """Return the models of a ladder below the unpruned model.
+
+    The unpruned model is added if it is absent.
 
     Raises
     ------
@@ -426,9 +428,10 @@ def _build_submodel(item: ModelEntry, start: Submodel, structure: Structure) -> 
 def _find_columns(
     submodel: Submodel, texts: Sequence[str], where: str, grouped: Sequence[str] = ()
 ) -> list[str]:
-    """Return the parameters that names and patterns stand for, each once.
+    """Return the parameters that names and patterns match, each once.
 
-    A pattern may fit none but those that are `grouped` into others: at zero they leave these alone.
+    A pattern may fit only parameters that are `grouped` into others: at zero they leave these
+    alone.
     """
     found: dict[str, None] = {}
     for name in texts:
@@ -443,7 +446,7 @@ def _find_columns(
 
 
 def model_entry(submodel: Submodel, structure: Structure) -> ModelEntry:
-    """Return how a model stands in a ladder file, reduced from the base parameters in one step."""
+    """Return a model's entry in a ladder file, reduced from the base parameters in one step."""
     base = structure.base
     model = structure.model
     names = base.names
@@ -482,7 +485,7 @@ def list_functions(structure: Structure) -> list[np.ndarray]:
 
 
 def leave_to_terms(structure: Structure, R: Array, phi: Array) -> Array:
-    """Return standard parameters (p,) of the same torque, in which functions do the least.
+    """Return standard parameters (p,) of the same torque, with functions as small as possible.
 
     Parameters
     ----------

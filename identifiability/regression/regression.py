@@ -115,7 +115,7 @@ class Model:
         return {name: at for e in self.effects for name, at in e.shapes(robot).items()}
 
     def widths(self, robot: Robot) -> list[int]:
-        """Return how many columns each effect has."""
+        """Return the number of columns of each effect."""
         return [len(e.parameters(robot)) for e in self.effects]
 
     def regressor(self, robot: Robot, motion: Motion, widths: Sequence[int] | None = None) -> Array:
@@ -253,12 +253,12 @@ class Chunk:
         Output of that log at which they begin.
     W : (m, n, p)
     tau, raw : (m, n) [N·m or N]
-        Torque, low-passed like W where that was, and as it was measured.
+        Torque, low-passed if W is, and as measured.
     t : (m,) [s]
     velocity : (m, n) [rad/s or m/s]
         Of the actuated joints.
     instruments : (m, n, p) or None
-        What stands for W where W itself is noisy.
+        Instruments for W where W itself is noisy.
     data : (m, n) bool
         Where torque of each joint is data; elsewhere rows of W, instruments and torque are zero.
     """
@@ -298,7 +298,7 @@ class LogPart:
     regression : Regression
         Of this log or stretch alone.
     log : int
-        Which log of the whole regression.
+        Index of the log in the whole regression.
     start : int
         Output of that log at which the part begins.
     windows : (w, 2) int
@@ -368,7 +368,7 @@ class LogPart:
             yield Chunk(self.log, first, *what)
 
     def _pieces(self, samples: Dataset, widths: Sequence[int]) -> Iterable[Piece]:
-        """Return pieces of so many samples, or of as many as its columns allow."""
+        """Return pieces of a number of samples, or of as many as its columns allow."""
         most = PIECE_BYTES // (8 * len(self.regression.robot.actuated) * sum(widths))
         # Beside few samples a strong filter would draw on many more, for each piece anew.
         reach = 1 if samples.decimation is None else samples.decimation.reach

@@ -59,7 +59,7 @@ class BaseParameters:
     ambiguous : bool
         Whether the number of kept columns and the numerical rank disagree.
     order : tuple of int
-        In which labels list the members of a group.
+        Order in which labels list the members of a group.
     """
 
     parameters: tuple[Parameter, ...]
@@ -172,7 +172,7 @@ def group_columns(
     parameters : sequence of Parameter
         Of the p columns.
     preference : sequence of int, optional
-        Columns in the order in which they should be kept; by default as they come.
+        Columns in the order of preference; by default as they come.
     """
     preference = list(range(W.shape[1])) if preference is None else list(preference)
     if W.shape[0] > W.shape[1]:
@@ -241,7 +241,7 @@ def known_rows(C: Array, sd: Array) -> Array:
     ----------
     C : (b, p)
     sd : (p,)
-        Standard deviations of x about zero, infinite where nothing is known.
+        Standard deviations of x about zero, infinite without a prior.
     """
     random = np.isfinite(sd)
     if not random.any():
@@ -323,7 +323,7 @@ class Structure:
 
     @cached_property
     def known(self) -> Array:
-        """Rows about the base parameters that say how large the model's random ones are, (d, b)."""
+        """Rows of the prior on the model's random parameters, for the base parameters, (d, b)."""
         random = self.model.random
         return known_rows(self.G, np.array([random.get(p.name, p.sd) for p in self.parameters]))
 
@@ -334,7 +334,10 @@ class Structure:
 
     @cached_property
     def bodies(self) -> dict[str, str]:
-        """Bodies of the model, loads among them: how their parameters' names start, and a title."""
+        """Bodies of the model, loads among them.
+
+        The start of their parameters' names, and a title.
+        """
         known = {f"{b}.": b for b in self.robot.bodies}
         known |= {f"{b}.payload_": f"the payload of {b}" for b in self.robot.bodies}
         return {stem: title for stem, title in known.items() if f"{stem}m" in self.columns}

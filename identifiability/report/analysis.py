@@ -55,7 +55,7 @@ def analysis_heading(analysis: Analysis) -> tuple[str, str]:
 
 
 def fitted_logs(samples: Sequence[Dataset]) -> str:
-    """Return how many logs were fitted, and how many rows of them were prepared."""
+    """Return the number of fitted logs, and of their prepared rows."""
     rows = sum(log.survey.kept for log in samples)
     return f"{format_count(len(samples), 'log')} with {format_count(rows, 'row')}"
 
@@ -101,7 +101,7 @@ INERTIAL_KEY = (
 
 
 def section_parameters(analysis: Analysis) -> Section:
-    """Return the parameters of the selected model, those that are known first."""
+    """Return the parameters of the selected model, the identifiable ones first."""
     chosen = analysis.chosen
     figure = picture("precision", plot.precision(analysis), model=chosen.name)
     tables = fold_verdicts(parameter_table(chosen), chosen.verdicts)
@@ -197,7 +197,7 @@ def section_prediction(analysis: Analysis) -> Section:
 
 
 def _tell_windows(analysis: Analysis) -> str:
-    """Return how many samples errors are of, where they are not of all."""
+    """Return the number of samples behind errors, if it is not all of them."""
     for found in (analysis.held_out, analysis.fitted):
         if len(found.log) < found.total:
             shown = f"{len(found.log):,}"

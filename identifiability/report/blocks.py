@@ -71,7 +71,7 @@ class Picture:
     alt : str
         For readers who cannot see it; by default the caption.
     name : str
-        By which `Result.figures` has it.
+        Its name in `Result.figures`.
     """
 
     figure: Figure
@@ -105,7 +105,7 @@ class Gallery:
 
 @frozen
 class Traces:
-    """Lines over time that can be zoomed and read off where they are.
+    """Curves over time, with zoom and values at the pointer.
 
     Attributes
     ----------
@@ -132,15 +132,15 @@ class Moving:
     lines : tuple of (int, int)
         Points between which bodies are.
     joints : int
-        How many of the points, the first ones, are joints.
+        Number of points that are joints; they come first.
     told : tuple of F texts
-        What is said of each time, for each robot but the first, or for the torque.
+        Text for each time, for each robot but the first, or for the torque.
     size : (int, int) [px]
     caption : str
     torque : Trace or None
         Of one joint, drawn below with a line at the time that is shown.
     misses : (F, J) or None
-        How much of its torque the model misses in each joint, beside the most that it misses.
+        Torque that the model misses in each joint, relative to the largest missed.
     """
 
     names: tuple[tuple[str, str], ...]
@@ -156,7 +156,7 @@ class Moving:
 
     @property
     def frames(self) -> int:
-        """How many times there are."""
+        """Number of times."""
         return len(self.t)
 
     @property
@@ -255,7 +255,7 @@ class Trace:
         most: int,
         quantity: str = "torque",
     ) -> Trace:
-        """Return the peaks of lines (N,), at most so many of each, broken at gaps."""
+        """Return the peaks of lines (N,), at most a given number of each, broken at gaps."""
         rows = peak_rows(tuple(lines.values()), most)
         times, values = break_gaps(t[rows], [y[rows] for y in lines.values()])
         broken = {n: tuple(y.tolist()) for n, y in zip(lines, values, strict=True)}
@@ -282,7 +282,7 @@ class Answers:
 class Fold:
     """Blocks that open on demand; in print they are open.
 
-    With `detail` they are there only where the reader asked for statistics in detail.
+    With `detail` they appear only if the reader asked for statistics in detail.
     """
 
     summary: str
@@ -293,7 +293,7 @@ class Fold:
 def check_cell(text: str, passed: bool | None, reason: str = "") -> Cell:
     """Return a number with its check, for a cell of a DataFrame given to `frame_table`.
 
-    `passed` is None where nothing was checked; the reason is the tolerance, or why it differs.
+    `passed` is None if there was no check; the reason is the tolerance, or why it differs.
     """
     word = {True: "pass", False: "differs", None: "not checked"}[passed]
     return Cell(text or word, word, reason, word)
@@ -319,13 +319,13 @@ SHOWN_FIRST = 12
 def fold_rows(table: Table, first: Sequence[bool], those: str) -> tuple[Table | Fold, ...]:
     """Return a table of some rows, and below it one of the others that opens on demand.
 
-    Where there are only some, or only others, the table stays whole.
+    If all rows are of one kind, the table stays whole.
 
     Parameters
     ----------
     table : Table
     first : sequence of bool
-        Which of its rows stand first.
+        Whether each row is among the first.
     those : str
         What these are, for the caption; what the others are say the words to filter by.
     """
@@ -348,7 +348,7 @@ def fold_rows(table: Table, first: Sequence[bool], those: str) -> tuple[Table | 
 
 
 def kind_of(block: object) -> str:
-    """Return the kind of a block, by which templates show it."""
+    """Return the kind of a block, for the choice of its template."""
     return type(block).__name__.lower()
 
 
@@ -488,7 +488,7 @@ def torque_traces(
 
 
 def count_joints(robot: Robot) -> str:
-    """Return how many joints have motors, and whether the base floats."""
+    """Return the number of joints with motors, and whether the base floats."""
     motors = len(robot.motor_joints)
     said = [format_count(motors, "actuated joint")] if motors or robot.base is None else []
     return " · ".join([*said, *(["floating base"] if robot.base is not None else [])])

@@ -1,8 +1,8 @@
 """Figures as functions of arrays and labels, in the page's style, and their way to inline SVG.
 
-What to use when: `identifiability.plot` draws those of a result. This module draws predicted torque
-and residuals, the uncertainty of parameters, comparisons of models, and their common parts: rows
-with names, scales, legends, labels and whiskers.
+What to use when: `identifiability.plot` draws the figures of a result. This module draws predicted
+torque and residuals, the uncertainty of parameters, comparisons of models, and their common parts:
+rows with names, scales, legends, labels and whiskers.
 """
 
 from __future__ import annotations
@@ -208,7 +208,7 @@ def break_gaps(t: Array, lines: Sequence[Array]) -> tuple[Array, list[Array]]:
 
 
 def plot_line(axes: Axes, t: Array, y: Array, most: int, **style: Any) -> None:
-    """Draw a line of at most so many points, with its peaks, broken where samples are missing."""
+    """Draw a line of at most `most` points, with its peaks, broken where samples are missing."""
     rows = peak_rows((y,), most)
     times, (values,) = break_gaps(t[rows], [y[rows]])
     axes.plot(times, values, **style)
@@ -249,7 +249,7 @@ def svg(figure: Figure, alt: str = "") -> Markup:
 
 
 def _clean_tag(tag: str, key: str, classes: dict[str, str]) -> str:
-    """Return an SVG tag in the page's terms: short numbers, own identifiers, its colours.
+    """Return an SVG tag in the page's terms: short numbers, separate identifiers, its colours.
 
     Styles that repeat become `classes`, which halves the size of a figure.
     """
@@ -384,7 +384,7 @@ class Mark:
     tone : str
         Colour of the colour-blind-safe palette [Okabe & Ito 2008].
     symbol : str
-        Stands before the word.
+        Text in front of the word.
     marker, fill : str
         The same in Matplotlib's terms.
     """
@@ -486,7 +486,7 @@ def draw_torque(
 
 
 def spread_rows(count: int, most: int) -> np.ndarray:
-    """Return at most so many of the rows 0 … count - 1, evenly spread."""
+    """Return at most a given number of the rows 0 … count - 1, evenly spread."""
     return np.unique(np.linspace(0, max(count - 1, 0), min(most, count)).astype(int))
 
 
@@ -673,7 +673,7 @@ def draw_precision(
     ----------
     names : sequence of str
     white, label : (k,) [%]
-        σ under white noise, and σ from what the label says, relative to the value; infinite where
+        σ under white noise, and σ of the labelled parameter, relative to the value; infinite where
         not determined.
     verdicts : sequence of str
     limit, paper_limit : float [%]

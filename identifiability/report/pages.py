@@ -2,9 +2,9 @@
 
 Functions of a result make the parts of its page. ``<kind>_heading`` returns kind and subject,
 ``<kind>_moving`` and ``<kind>_below`` the drawings at the answers, then come ``<kind>_notes`` and
-``<kind>_sections``. All are optional: without, a page shows answers and tables alone. Those of an
-`Analysis` and a `Ladder` are in `identifiability.report.analysis`. Verbs are imported where they
-are asked for: a page needs its own alone.
+``<kind>_sections``. All are optional: without, a page shows answers and tables alone. The functions
+of an `Analysis` and a `Ladder` are in `identifiability.report.analysis`. Verbs are imported inside
+the functions: a page needs only its verb.
 """
 
 from __future__ import annotations
@@ -329,7 +329,7 @@ def excitation_moving(result: Excitation) -> Moving | None:
 
 
 def excitation_below(result: Excitation) -> Table:
-    """Return how many parameters motions tell, as bars."""
+    """Return the number of identifiable parameters of motions, as bars."""
     size = len(result.after.told)
     rows = []
     for name, merit in ((result.beside, result.before), ("this motion", result.after)):
@@ -449,7 +449,7 @@ def _recorded(result: Inspection, record: Record) -> tuple[Traces, ...]:
 
 
 def _preparation(record: Record) -> Fold | None:
-    """Return how a log is read and prepared, if there is anything to say."""
+    """Return the reading and preparation of a log, if they differ from the default."""
     told = [f"{text[0].upper()}{text[1:]}." for text in record.notes]
     if record.clock["parts"] > 1:
         told.append(sentence("inspection.windows", parts=record.clock["parts"]))

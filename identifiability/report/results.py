@@ -87,7 +87,7 @@ def _within(blocks: Iterable[Any]) -> Iterator[Any]:
 
 
 def render_page(page: Page) -> str:
-    """Return a page as HTML that loads nothing and runs no script but its own."""
+    """Return a page as HTML that loads no other file and runs only its own script."""
     environment = page_environment()
     kinds = set(map(kind_of, _within((*page.summary, *page.sections))))
     zoomed = "traces" in kinds
@@ -107,7 +107,7 @@ def render_page(page: Page) -> str:
 def write_page(
     title: str, statement: str, sections: Sequence[Section], path: str | Path, **more: Any
 ) -> Path:
-    """Write a page of any content, whole or not at all.
+    """Write a page of any content, completely or not at all.
 
     Parameters
     ----------
@@ -152,8 +152,7 @@ def _powered(found: re.Match[str]) -> str:
 def set_symbols(text: str) -> Markup:
     """Escape a text, set indices of Greek symbols low (``ε_RA``), keep ``5 %`` on one line.
 
-    Numbers of sentences that a terminal prints as well become those of the page, ``−2·10⁻⁵`` of
-    ``-2e-05``.
+    Numbers in sentences of the terminal are typeset for the page: ``-2e-05`` becomes ``−2·10⁻⁵``.
 
     Examples
     --------
@@ -232,7 +231,7 @@ def draw_figures(result: Any) -> dict[str, Figure]:
 
 
 def write_result(result: Any, path: str | Path) -> Path:
-    """Write the page of a result, whole or not at all; only its own figures are loaded.
+    """Write the page of a result, completely or not at all; only its own figures are loaded.
 
     Raises
     ------
@@ -274,7 +273,7 @@ def notebook_piece(
     answers: Answers | None = None,
     tables: Sequence[Table] = (),
 ) -> str:
-    """Return sentences and a table as HTML that needs nothing and leaves other cells alone.
+    """Return sentences and a table as HTML that loads no other file and leaves other cells alone.
 
     Parameters
     ----------
@@ -283,11 +282,11 @@ def notebook_piece(
     frame : DataFrame, optional
         Of its rows the first `SHOWN`; words of verdicts bear their marks.
     more : str
-        What gives the table as a whole, for the sentence that counts other rows.
+        Expression for the whole table, for the sentence that counts the hidden rows.
     answers : Answers, optional
-        What stands before the sentences.
+        Shown above the sentences.
     tables : sequence of Table
-        Of which what is detail is left out.
+        Tables; those with `detail` are left out.
     """
     rest = 0 if frame is None else max(len(frame) - SHOWN, 0)
     own = [] if frame is None or frame.empty else [frame_table(frame[:SHOWN])]
@@ -433,7 +432,7 @@ def build_datatree(result: Analysis) -> DataTree:
 
     Group ``posterior`` holds ``phi`` of the model's parameters, by walker (a chain each) and draw,
     and ``standard`` of the standard parameters that the model does not hold. The coordinate
-    ``ensemble`` says which chains started together, for `arviz_stats.rhat_nested`. Group
+    ``ensemble`` states which chains started together, for `arviz_stats.rhat_nested`. Group
     ``constant_data`` holds the units. Where the chains have not converged, the attribute
     ``trustworthy`` is 0, with the reasons in another attribute.
 

@@ -27,7 +27,7 @@ TURN, LIFT = -0.95, 0.42
 def _trace(
     robot: Robot, poses: Array, load: Point | None = None
 ) -> tuple[Array, list[tuple[int, int]]]:
-    """Return points (F, P, 3) [m], joints first, and those between which bodies are.
+    """Return points (F, P, 3) [m], joints first, and the pairs of points that bodies connect.
 
     Where a body carries a load, its centre comes after the joints.
 
@@ -74,7 +74,7 @@ def move_skeletons(
     caption: str,
     load: Point | None = None,
 ) -> Moving | None:
-    """Return robots along a motion, one over the other; None where nothing can be drawn.
+    """Return robots along a motion, one over the other; None if nothing can be drawn.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def move_skeletons(
     motions : mapping
         Name to tone and configurations (N, nq); NaN where there are none.
     told : callable
-        Gives what is said of rows (F,), for each motion but the first or for the torque.
+        Returns the text for rows (F,), for each motion but the first or for the torque.
     caption : str
     load : Point, optional
         Centre of mass of what hangs on a body.
@@ -138,10 +138,10 @@ def move_with_torque(
     how: str = "",
     load: Point | None = None,
 ) -> Moving | None:
-    """Return the robot as it moved, over torque of a joint; None where there is nothing to show.
+    """Return the robot along its motion, over torque of a joint; None if there is nothing to show.
 
-    With a residual it is the joint of which most is missed, and joints are marked as far as they
-    miss torque; without, the one that is loaded most. A load is marked at its centre of mass.
+    With a residual, the joint with the largest residual is shown, and marks of joints grow with
+    theirs; without, the one that is loaded most. A load is marked at its centre of mass.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def move_with_torque(
     motion : Motion
         Of a log.
     t : (N,) [s]
-        Some of its times, of which the first seconds are shown.
+        Times of the drawing, beginning with the first seconds.
     torque : (N, n)
         What was measured; NaN where it is no data.
     lines : mapping of str to (N, n)
@@ -159,7 +159,7 @@ def move_with_torque(
     residual : (N, n), optional
         What a model leaves of the torque.
     how : str, optional
-        What is said of it (`moving` of the sentences).
+        Key of its text (`moving` of the sentences).
     load : Point, optional
     """
     if len(t) < 2 or not np.isfinite(torque).any():

@@ -200,7 +200,7 @@ def _answer_missing(d: Diagnosis) -> Answer:
 
 
 def _state_search(d: Diagnosis) -> str:
-    """Return the searched model, the rows left out, and why no effect was named."""
+    """Return the searched model, the omitted rows, and why no effect was named."""
     about, model = "diagnosis.missing", d.alternative.partition(":")[0]
     parts = [f"{model}."] if model else []
     parts += [sentence(about, "changed", name=_capital(c.called)) for c in d.changes]
@@ -314,7 +314,7 @@ def _list_motion(d: Diagnosis) -> Iterator[Note]:
 
 
 def _list_doubts(d: Diagnosis) -> Iterator[Note]:
-    """Yield which names stand for others, have no name, or are not confirmed."""
+    """Yield the names that have confounders, are nonparametric, or are not confirmed."""
     about = "diagnosis.doubts"
     for e in d.effects:
         if e.alternatives:
@@ -359,7 +359,10 @@ class ChangePresenter(Presenter):
     result: Change
 
     def when(self) -> str:
-        """Return when it began and ended, and in which log; nothing where that is all logs."""
+        """Return when the change began and ended, and in which log.
+
+        Nothing where that is all logs.
+        """
         about, change = "diagnosis.change", self.result
         ends = ("from", change.start, change.began), ("until", change.stop, change.ended)
         told = [
