@@ -264,7 +264,8 @@ def measure_noises(trials: int, seed: int) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-#: What is hidden in a joint of its robots, of 1 to 3 times the noise; a closed chain is among them.
+#: Effects that are hidden in a joint of its robots, of 1 to 3 times the noise; a closed chain is
+#: among them.
 HIDDEN = ("stribeck_friction", "rising_friction", "coulomb_asymmetry", "position_ripple",
           "load_dependent_friction", "joint_stiffness", "torque_drift")  # fmt: skip
 SIZES, LEVEL = (1.0, 3.0), 0.01

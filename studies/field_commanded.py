@@ -32,9 +32,9 @@ from identifiability.workflows.case import SO
 sys.path.insert(0, str(Path(__file__).parent / "shipped"))
 import floating_bases as bases
 
-#: Keys of what is said of all logs of a kind, whatever is in them.
+#: Keys of remarks on all logs of a kind, for any content.
 ALWAYS = ("reading", "commands", "assembly", "outside")
-#: What is said of that something is wrong, and leaves open what.
+#: Remarks that something is wrong, without a cause.
 HEDGED = re.compile(
     "The logs .* disagree: |The cut-off of |Noise of what is differentiated |.* from t = .* farther"
 )

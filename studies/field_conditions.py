@@ -566,7 +566,7 @@ def draw(folder: Path, stream: str, number: int, name: str, which: Condition) ->
     return out
 
 
-#: What is hidden under a condition, in the first joint.
+#: Hidden effects of a condition, in the first joint.
 HIDDEN = {"friction warms up": "warm_up"}
 
 
@@ -783,7 +783,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         for name in names:
             of = CONDITIONS[name].of
             if (name, number) in done or EVERY[number % len(EVERY)] not in of:
-                continue  # what has a case of its own can be on any number
+                continue  # conditions with a case of their own can be on any number
             which = CONDITIONS[name]
             row = {"condition": name, "number": number}
             row |= examine_number(asked.folder, asked.stream, number, name, which)

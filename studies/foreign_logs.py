@@ -44,7 +44,7 @@ NOISE = Noise(torque=0.02, encoder=1e-5)
 #: A log is read right if no joint's predicted torque differs by more than this share.
 RIGHT = 0.05
 
-#: What is an answer, from best to worst.
+#: Outcomes, from best to worst.
 OUTCOMES = (
     "read right",
     "named",

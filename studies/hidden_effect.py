@@ -37,9 +37,9 @@ PAIRS = (
     ("stribeck_friction", "passive_joint_friction"),
 )
 PARTS = ("single", "null", "pair", "outside", "paper")
-#: Outcomes that are right; "A or B" has the truth among two names that cannot be told apart.
+#: Outcomes that are right; "A or B" has the truth among two indistinguishable names.
 RIGHT = ("exact", "A or B")
-#: Columns of what must hold.
+#: Columns of the required limits.
 CHECKED = ("what", "trials", "good", "share", "low", "high", "must", "holds", "outcomes")
 #: Trials after which the tables are written again.
 OFTEN = 50
@@ -136,7 +136,7 @@ def check(frame: pd.DataFrame) -> list[dict[str, Any]]:
 
     for size, least in (("0.5", 0.7), ("1", 0.85), ("realistic", 0.7)):
         part = seen[(seen.study == "single") & (seen["size"] == size)]
-        # What has a realistic size may still be next to invisible in a motion: counted apart.
+        # Effects of a realistic size may still be almost invisible in a motion: counted apart.
         small = part.sd < 0.5
         add(f"named at {size} ×, visible part below 0.5 ×", part[small].outcome.isin(RIGHT), 0.0)
         part = part[~small]

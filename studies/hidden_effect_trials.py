@@ -43,7 +43,7 @@ FAMILIES = tuple(REALISTIC)
 ALIASED = 0.03
 #: Effects that are hidden in the whole robot.
 WHOLE = ("gravity_tilt",)
-#: What the paper neglects, by the family that should be named.
+#: Effects that the paper neglects, by the family that should be named.
 PAPER = ("stribeck_friction", "passive_joint_friction", "actuator_inertia")
 
 

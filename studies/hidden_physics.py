@@ -27,7 +27,7 @@ STEP = 1e-3
 BANDWIDTH, DAMPING, RESET = 5.0, 0.8, 0.3
 #: Share of an open loop that is closed in a step [Baumgarte 1972].
 CLOSING = 0.2
-#: Share by which rows that depend on one another (planar loops) are told apart.
+#: Share below which rows that depend on one another (planar loops) count as equal.
 TRIFLE = 1e-9
 #: Rounds in which it is settled which joints stand.
 ROUNDS = 12
@@ -196,7 +196,7 @@ class Machine:
         change : (L,) [s], optional
             When each becomes what `changed` is.
         """
-        with np.errstate(all="ignore"):  # what diverges is found at the end
+        with np.errstate(all="ignore"):  # divergence is found at the end
             return _Simulation(self, wanted, laws, session, change).run(every, settle)
 
 

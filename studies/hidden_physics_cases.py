@@ -46,7 +46,7 @@ from identifiability.simulation.mujoco_robot import MujocoRobot
 
 LOGS = ("fit1", "fit2", "fit3", "unseen", "sealed")
 FITTED = 3
-#: What every thirteen cases are.
+#: The kinds of every thirteen cases.
 KINDS = ("inside", "outside", "null", "inside", "two", "outside", "inside", "null", "outside",
          "inside", "several", "strong", "several")  # fmt: skip
 #: Families that are hidden in several joints, and the robots that have enough joints for it.
@@ -63,7 +63,7 @@ NEAR, ROUNDS = 1.0, 6
 Z, NOISE = (3.0, 40.0), (0.002, 0.03)
 #: Sizes as shares of those that `hidden_physics_laws` draws.
 SIZES = (0.03, 0.6)
-#: z and sizes of one strong effect: what its law does not explain stands out as well.
+#: z and sizes of one strong effect: the part that its law does not explain is visible as well.
 STRONG_Z, STRONG_SIZES = (40.0, 200.0), (0.4, 1.0)
 #: Draws until something is hidden that the base model does not say as well.
 DRAWS = 5
@@ -238,7 +238,7 @@ class Case:
         other = int(rng.choice(others)) if others else k
         at = min(k, self.n - 1)
         torque, speed = float(self.torque[at]), float(np.sqrt((v**2).mean()))
-        if k >= self.n:  # what takes as much power as a motor has
+        if k >= self.n:  # forces with as much power as a motor
             torque = float((self.torque * np.sqrt((self.v**2).mean(0))).mean() / speed)
         sizes = STRONG_SIZES if self.kind == "strong" else SIZES
         part = float(np.exp(rng.uniform(*np.log(sizes))))
@@ -303,7 +303,7 @@ class Case:
             machine, runs, parts = self.simulate(found)
             size = self.oracle(runs, parts, memory)
             if not size or min(size) > Z[0] * NOISE[0]:
-                break  # what the base model says as well is drawn again
+                break  # effects that the base model explains are drawn again
         recorded = runs.tau
         for hidden, _ in found:
             recorded = recorded if hidden.record is None else hidden.record(recorded, self.rate)

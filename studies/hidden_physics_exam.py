@@ -149,7 +149,7 @@ def examine(path: Path) -> dict[str, Any]:
     return {**row, "named": named}
 
 
-#: Steps at which the evidence of what is hidden may be lost, in words.
+#: Steps that may lose the evidence of a hidden effect, in words.
 STEPS = {
     "price": "its price: an oracle's evidence would not pay it",
     "preparation": "measured motion: encoders, rows at rest and turns",
@@ -371,7 +371,7 @@ def _clear(f: pd.DataFrame) -> pd.Series:
     return f.kind.isin(["inside", "two", "several", "strong"]) & (f.z >= CLEAR)
 
 
-#: What must hold, and what is told beside it.
+#: Required limits, and further figures.
 RULES: tuple[Rule, ...] = (
     Rule(f"names are exact, z ≥ {CLEAR:g}", _clear, _right, 0.70),
     Rule("extra names a case", lambda f: f.kind != "null", lambda f: f.extra, 0.10, most=True,

@@ -299,7 +299,7 @@ def _tilt(rng: np.random.Generator, _j: Joint) -> Hidden:
     return Hidden("gravity_tilt", None, None, {"angle": angle, "direction": way})
 
 
-#: What has a name, by how it is drawn.
+#: Effects with a name, by their draw.
 INSIDE: dict[str, Draw] = {
     "stribeck_friction": _stribeck,
     "rising_friction": _rising,
@@ -452,7 +452,8 @@ _OWN = ("function_of_velocity", "function_of_position", "function_of_load")
 _TWO = ("function_of_velocity_and_load", "function_of_position_and_velocity")
 _TIME = ("function_of_time", "function_of_session_time", "function_of_velocity_and_time")
 _SPRINGS = ("position_torque", "joint_stiffness", "free_spring")
-#: What has no name: how it is drawn, and which names and functions in its joint would describe it.
+#: Effects without a name: their draw, and the names and functions in their joint that would
+#: describe them.
 OUTSIDE: dict[str, tuple[Draw, tuple[str, ...]]] = {
     "lugre": (_lugre, ("stribeck_friction", "hysteresis", _OWN[0], *_TWO)),
     "maxwell_slip": (_maxwell, ("hysteresis", _OWN[0], *_TWO)),

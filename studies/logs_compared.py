@@ -39,7 +39,7 @@ CHAINS = ("five-bar", "3-rrr", "delta")
 BEFORE, AFTER, SECONDS, RATE, HARMONICS = 2, 1, 20.0, 100, 10
 #: Noise as a share of how much torque varies, its AR(1), the drift of friction between two logs.
 NOISE, MEMORY, DRIFT = 0.03, 0.9, 0.03
-#: What changes, by how much, in how many cases of sixty.
+#: Changes, their sizes, and their number in sixty cases.
 CHANGES = {
     "nothing": (None, 0.0, 60),
     ".2 kg": ("load", 0.2, 40),

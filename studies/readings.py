@@ -76,7 +76,7 @@ FALSE = 1 / 120
 
 #: Outcomes of a draw.
 OUTCOMES = ("right", "wrong", "question", "none", "refused", "moves nothing")
-#: Planted cases of a two-link arm, and what names their fault; nothing of sound logs.
+#: Planted cases of a two-link arm, and the names of their faults; none for sound logs.
 CASES = {
     "two_good": "",
     "two_sts": "sign in bit 10",
@@ -216,7 +216,7 @@ def rows_of(robot: Robot, frame: pd.DataFrame) -> tuple[Array, Array]:
     how = Preparation(cutoff=CUTOFF)
     prepared = prepare_log(robot, Log.from_frame(frame), how)
     moves = np.abs(prepared.motion.actuated_v)
-    moves = moves > 0.05 * moves.std(0)  # what a joint that stands takes is not known
+    moves = moves > 0.05 * moves.std(0)  # the torque of a joint at rest is unknown
     W = model.regressor(robot, prepared.motion) * moves[..., None]
     return W, prepared.tau * moves
 
@@ -427,7 +427,7 @@ def find_matrix(
 def check_matrix(matrix: Sequence[dict[str, Any]]) -> StudyCheck:
     """Return whether all answers are those on sound logs."""
     answers = [row[verb] for row in matrix for verb in VERBS]
-    # What is refused, or is no number, is no answer.
+    # Refusals and values without a number are no answers.
     numbers = [x if isinstance(x, float) else float("inf") for x in answers]
     worst = max(numbers, default=1.0)
     good = sum(x <= MEDIAN for x in numbers)

@@ -51,7 +51,7 @@ Draw = Callable[[Robot, float, np.random.Generator], dict[str, float]]
 #: Draws that tell a joint set, many times the numbers of a quadruped.
 DRAWS = 4096
 
-#: What a servo's joint has beside its body.
+#: Parts of a servo's joint in addition to its body.
 KINDS = ("Ia", "Fv", "Fc", "off")
 
 
@@ -259,7 +259,7 @@ class Machine:
         A = np.linalg.inv(self.M + 0.5 * STEP * self.damping)
         level = STEP * (self.own["Fc"] + self.load * np.abs(self.carried))
         after, pushed = _stick(A, self.speed + STEP * (A @ force), level, self.motor)
-        # What the gear carries rubs at the next step.
+        # The load of the gear causes friction at the next step.
         gained = (after - self.speed)[self.motor]
         self.carried = drive + (pushed - self.own["Ia"] * gained) / STEP
         between = 0.5 * (self.speed + after)
@@ -439,7 +439,7 @@ def judge(
     table = table.assign(true=structure.G @ phi, kind=table["name"].str.rpartition(".")[2])
     rolled = found.recordings.rolled
     assert rolled is not None
-    # What a servo takes up at its next step acts later than it came; rows hold it later, too.
+    # A command acts at the servo's next step, later than it came; rows hold it later, too.
     acts = np.ceil(how.delay * how.servo_rate - 1e-9) / how.servo_rate
     late, unsure = (
         acts - frames[0]["t"][0] % (1 / how.rate),
@@ -513,9 +513,9 @@ def summarise(judged: list[Judged]) -> str:
     return f"  inside: {', '.join(lines)}\n  {means}, {worst}{rows}"
 
 
-#: What is hidden, by kind: the names that say it, and sizes from clear to half as clear; kp is off
-#: by a share; plays and zeros are angles [rad]; commands act later [s]; friction grows with what
-#: the gear carries.
+#: Hidden faults by kind: their names, and sizes from clear to half as clear; kp is off by a share;
+#: plays and zeros are angles [rad]; commands act later [s]; friction grows with the load of the
+#: gear.
 FAULTS: dict[str, tuple[tuple[str, ...], tuple[float, ...]]] = {
     "": ((), (0.0, 0.0)),
     "play": (("backlash",), (0.03, 0.015)),

@@ -24,7 +24,7 @@ from paper_study.subject import STRIBECK, TRAJECTORIES, exact_log
 
 from identifiability.report import Picture
 
-#: What the paper prints without Stribeck friction.
+#: The paper's results without Stribeck friction.
 PLAIN = [printed_models("table_3")[model] for model in MODELS]
 
 REASONS = {

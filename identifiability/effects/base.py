@@ -122,17 +122,17 @@ class GravityTilt(Effect):
             return
         axes = np.array(horizontal_axes(robot.gravity))
         turned = [robot.reference.get(f"{BASE}.{kind}", 0.0) for kind in TILTS] @ axes
-        # What a turn by these angles takes all the way, not at its beginning alone.
+        # Finite turn by these angles, not only its derivative at zero.
         between = robot.gravity + 0.5 * np.cross(turned, robot.gravity)
         for k, axis in enumerate(axes):
             out[:, :, k] = gravity_torque(robot, motion, np.cross(axis, between))
 
 
-# An inertial sensor that is mounted on its base otherwise than the sidecar says.
+# An inertial sensor whose mounting differs from the sidecar.
 
 
-#: What is corrected, by its key under ``[imu]``: kinds of parameters, their unit, and how far a
-#: sensor of which nobody asks for it is off (standard deviation).
+#: Corrections by their key under ``[imu]``: kinds of parameters, their unit, and the prior standard
+#: deviation of a sensor without a request.
 CORRECTIONS = {
     "rotation": (("imu_rx", "imu_ry", "imu_rz"), "rad", 0.02),
     "place": (("imu_x", "imu_y", "imu_z"), "m", 0.01),

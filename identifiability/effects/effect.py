@@ -21,7 +21,7 @@ from identifiability.robot.closure import load_by
 
 # `Effect`: a block of named columns of the regressor as a function of the motion.
 #
-# `AlongAxes` is what most effects are: forces along joints and motors, in proportion to levels.
+# Most effects are an `AlongAxes`: forces along joints and motors, in proportion to levels.
 
 
 class Effect(ABC):
@@ -277,7 +277,7 @@ def put(out: Array, column: int, load: Array, force: Array) -> None:
         out[:, joint, column] = load[joint] * force
 
 
-# `Family`: what a diagnosis, an export and a report must know of an effect.
+# `Family`: facts about an effect for diagnoses, exports and reports.
 #
 # A family is declared before the data are seen: where it can be, which shapes it can have. It
 # stands in the file of its effect.
@@ -318,7 +318,7 @@ class Span:
     motions: tuple[Motion, ...] = ()
 
 
-#: Motions that tell effects from what they resemble.
+#: Motions that distinguish effects from similar ones.
 SPEEDS = "run slow and fast passes through the same positions"
 RESTS = "rest the joints, or move one joint while another stands still"
 POSTURES = "move through the whole range of each joint with the others in other postures"

@@ -138,7 +138,7 @@ class QuadraticFriction(AlongAxes):
 
 
 #: Stribeck velocities that are tried, as shares of the joint's rms speed: neighbours are so close
-#: that what falls between them leaves less than 1 % of the curve.
+#: that a value between them changes less than 1 % of the curve.
 STRIBECK_SHARES = tuple(float(x) for x in np.geomspace(0.04, 1.6, 16))
 
 
@@ -329,5 +329,5 @@ class ReversalFriction(AlongAxes):
 
 #: Least acceleration at a reversal, over the median of all.
 SLOWEST: Tolerance = 0.05
-#: What every hypothesis has beside Coulomb friction.
+#: Candidates that every hypothesis has in addition to Coulomb friction.
 REVERSALS = Family(ReversalFriction(), "friction at reversals", needs="coulomb_friction")

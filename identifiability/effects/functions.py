@@ -24,16 +24,16 @@ from .nominal import needs_masses
 from .registry import declare, register
 from .transmission import rigid_load
 
-# Torque along a joint of which nothing is known but what it depends on: smooth functions.
+# Torque along a joint as an unknown function of a known coordinate: smooth functions.
 #
-# A diagnosis asks for them where no name explains what is left, and says that they have none.
+# A diagnosis tries them where no named effect explains the residual, and reports them as unnamed.
 
 
-#: Degree of the pieces, and how many there are: alone, and of what goes with the velocity.
+#: Degree of the pieces, and their number: alone, and with the velocity.
 DEGREE, PIECES, PIECES_OF_TWO = 2, 4, 3
 #: Speed that motions are taken to reach where no limit is stated [rad/s, m/s].
 TYPICAL_SPEED: tuple[Tolerance, Tolerance] = (2.0, 0.3)
-#: What every function contains: its splines add up to one.
+#: Effects that every function contains: its splines add up to one.
 CONTAINED = ("torque_offset",)
 
 
@@ -117,7 +117,7 @@ class Coordinate:
     usual: tuple[float, float]
 
 
-# What torque depends on in a way that has no name here.
+# Coordinates of torque without a named effect here.
 
 
 def largest_load(span: Span) -> tuple[float, ...]:

@@ -122,8 +122,8 @@ class ActuatorInertia(AlongAxes):
 
 # A load at the end of the robot that the robot file does not have.
 #
-# Where every mass is refitted a payload is part of the last body and cannot be told apart from it;
-# it matters for the simulation with the file's own values.
+# Where every mass is refitted a payload is part of the last body and not separable from it; it
+# matters for the simulation with the file's own values.
 
 
 @declare(

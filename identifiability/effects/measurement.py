@@ -259,7 +259,7 @@ class TorqueScale(AtMotors):
         return [nominal_torque(at.robot, at.motion)[:, at.joint]]
 
 
-# Torque of another joint that leaks into what is measured at this one.
+# Torque of another joint that leaks into the measured torque of this one.
 
 
 def other_joints(span: Span) -> tuple[float, ...]:

@@ -17,7 +17,7 @@ from identifiability.robot import Robot
 
 from .effect import Effect, Family, Law, joint_places
 
-#: Modules that workers have, or that are sent to them with what is defined there.
+#: Modules that workers have, or that are sent to them with the definitions in them.
 _WITH_WORKERS = ("identifiability", "__main__")
 
 E = TypeVar("E", bound=Effect)

@@ -12,7 +12,7 @@ from .effect import POSTURES, Along, AlongAxes, Shaped, Span, split_runs
 from .nominal import needs_masses, rigid_torque
 from .registry import declare
 
-# What a joint remembers of its way since it turned: play and stop [Brokate & Sprekels 1996].
+# Memory of a joint for its path since it turned: play and stop [Brokate & Sprekels 1996].
 #
 # Both hang on the path alone, not on time. Where samples are missing, and at the first of a
 # stretch, the joint is taken to have come a long way in the direction that it moves in.

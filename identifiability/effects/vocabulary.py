@@ -16,7 +16,7 @@ from .effect import AlongAxes, Family
 from .friction import complete_coulomb_levels
 from .registry import FAMILIES
 
-# What a robot file holds of a model's parameters, as their effects say it.
+# Values of a model's parameters that a robot file holds, as their effects state them.
 #
 # Masses (a payload is part of its body), where gravity points, and at each joint viscous and
 # Coulomb friction with one level for both directions; an MJCF also has the inertia of a rotor, a

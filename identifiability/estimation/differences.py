@@ -36,9 +36,10 @@ CHANGES = np.geomspace(0.01, 1.0, 20)
 EXCERPT = (24_000, 12, 2_000)
 #: Functions that the model may lack in all logs alike.
 LACKS = ("function_of_velocity", "function_of_load", "function_of_position")
-#: A direction whose torque may be so many times that of its joints is not told.
+#: A direction whose torque may be so many times that of its joints is not identifiable.
 UNTOLD: Tolerance = 10.0
-#: What families are that are no friction; and in words, where their titles say what is missing.
+#: Kinds of families other than friction; and words for them where their titles name a missing
+#: effect.
 KIND_OF = {"payload": "load", "torque_offset": "offset", "torque_scale": "gain"}
 WORDS = {"payload": "load", "torque_scale": "torque gain"}
 
@@ -284,7 +285,7 @@ class Differences:
         """The mixed model of the rows."""
         own = self.information
         drifts = sum(c.pattern == "drift" for c, *_ in self.columns)
-        # A load may have a hundred times the torque that is still told.
+        # A load may have a hundred times the smallest identifiable torque.
         sizes = np.linalg.norm(self.scale[:, None] * self.always, axis=0) / (100 * UNTOLD)
         levels = np.abs(self.levels(self.known.base)[:drifts])
         drift = DRIFT * np.maximum(levels, ROUNDOFF)
@@ -292,7 +293,7 @@ class Differences:
         fixed = len(precision)
         every = np.arange(fixed)
         diagonal = own.between(every, every)
-        none = np.where(diagonal > 0, 0.0, np.finfo(float).eps)  # what does not act is no value
+        none = np.where(diagonal > 0, 0.0, np.finfo(float).eps)  # an inactive one is no value
         length = np.sqrt(or_one(diagonal))
         scale = np.concatenate([length[: fixed - drifts], self.scale])
         prior = np.diag(precision + none)

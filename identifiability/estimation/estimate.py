@@ -24,7 +24,7 @@ from .rules import RULES, Thresholds
 Method = str | Estimator
 
 #: ``ols`` reproduces the literature (one variance for all actuators); ``wls`` is the better one
-#: whenever joints differ in size or in what their noise remembers.
+#: whenever joints differ in size or in the memory of their noise.
 ESTIMATORS: dict[str, Estimator] = {e.name: e for e in (Estimator(weighted=False), Estimator())}
 
 
@@ -95,7 +95,7 @@ def with_known(information: Information, known: Array, noise: Noise | None = Non
         return replace(information, prior=None)
     if noise is None:
         noise = Estimator().fit(information).noise
-    unit = np.sqrt(np.mean(noise.variance * noise.times))  # what noise of weight 1 is on average
+    unit = np.sqrt(np.mean(noise.variance * noise.times))  # average of noise of weight 1
     prior = unit * np.column_stack([known, np.zeros(len(known))])
     return replace(information, prior=prior)
 
@@ -113,21 +113,21 @@ def estimate(information: Information, method: Method = "wls") -> Estimate:
     return find_estimator(method).fit(information)
 
 
-# Outlying stretches of time: weighed down as far as they are farther from the model than chance.
+# Outlying stretches of time: their weight falls with their excess distance from the model.
 #
 # In a stretch in which the robot was touched, hit a stop, or a sensor failed for longer than a
 # sample the residual is far beyond that of all others, and least squares follows it. The mean
-# square of what a fit leaves of each block of time and actuator is compared with the usual one of
-# its log; Huber's weight of it [Huber 1964], one up to a limit and its inverse beyond, makes what
-# lies far out count by its own variance, so that it moves the less the farther out it lies. The
-# limit is what the largest of so many blocks is by chance, so logs without outliers are as they
-# were. Iterated to convergence from `Information` alone.
+# square of the residual of each block of time and actuator is compared with the usual one of its
+# log. Huber's weight of it [Huber 1964] is one up to a limit and its inverse beyond. So an outlying
+# block counts by its variance, and moves the fit less the farther out it lies. The limit is the
+# largest mean square of so many blocks by chance, so logs without outliers are unchanged. Iterated
+# to convergence from `Information` alone.
 #
-# Far from the model is also what the model leaves out: where a joint turns round, say, again and
-# again. Such blocks are no accident but the only ones that say how the robot moves there, and
-# other motion has them, too. So the weights stand only where the fit with them predicts the torque
-# of blocked folds, all of it, no worse than the fit without. An accident is in one fold, whose
-# fits have not seen it, and spoils all others.
+# Omitted effects are far from the model as well, for example at each reversal of a joint. Such
+# blocks are no accident. Only they have information on that motion, and other motion has them, too.
+# So the weights stand only where the fit with them predicts the torque of blocked folds, all of it,
+# no worse than the fit without. An accident is in one fold, whose fits have not seen it, and spoils
+# all others.
 
 
 @frozen

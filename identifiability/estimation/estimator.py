@@ -155,14 +155,14 @@ def clip_signs(information: Information, fit: Estimate, nonnegative: np.ndarray)
 # Noise in q, dq and ddq makes the columns of W noisy. Least squares takes that for motion and pulls
 # values towards zero, and more data do not help. Instruments V, the same columns along a second
 # record of the motion whose noise is another one, are correlated with the motion and not with the
-# noise: ``(Vᵀ W)⁻¹ Vᵀ τ`` converges to what noise-free columns would give [Janot, Vandanjon,
-# Gautier 2014]. They are worth as much as they are correlated with W, which canonical correlations
-# say direction by direction. The difference to least squares is the bias that would have been
-# believed [Hausman 1978].
+# noise: ``(Vᵀ W)⁻¹ Vᵀ τ`` converges to the values of noise-free columns [Janot, Vandanjon, Gautier
+# 2014]. Their value depends on their correlation with W; canonical correlations measure it
+# direction by direction. The difference to least squares is the bias that would have been believed
+# [Hausman 1978].
 
 
-#: Directions that follow noise-free columns by less than this share stay with least squares: what
-#: is known of the noise is not enough to multiply them by more.
+#: Directions that follow noise-free columns by less than this share stay with least squares: the
+#: noise is not known well enough for a larger factor.
 WEAK: Tolerance = 0.5
 
 
@@ -242,10 +242,10 @@ def combine(information: Information, plain: Estimate) -> Combined:
     return remember(information.made, key, make, 4)
 
 
-# What a block of time does to a fit, as if it had not pulled the fit towards itself.
+# Effect of a block of time on a fit, as if it had not pulled the fit towards itself.
 
 
-#: What a block leaves of a direction that it determines almost alone is raised to this.
+#: The residual of a block in a direction that it determines almost alone is raised to this.
 ALONE: Tolerance = 0.05
 
 
@@ -278,20 +278,20 @@ def _inverse(root: Array) -> Array:
     return np.linalg.pinv(root / scale, rcond=RANK_TOLERANCE) / scale[:, None]
 
 
-# How long the noise of each actuator remembers, from what a fit leaves of the blocks of time.
+# Memory of the noise of each actuator, from the residuals of blocks of time.
 #
-# Slow noise makes the sums of residuals over blocks of time scatter more than white noise does.
-# How much more, with the blocks before and after, is the integrated autocorrelation time κ: ``σ²
-# κ`` is what the noise weighs in an average over many samples, so 1/(σ² κ) is the weight of an
-# actuator [Aitken 1936, with a noise that is slow beside the columns].
+# Slow noise makes the sums of residuals over blocks of time scatter more than white noise does. How
+# much more, with the blocks before and after, is the integrated autocorrelation time κ: ``σ² κ`` is
+# the effect of the noise on an average over many samples, so 1/(σ² κ) is the weight of an actuator
+# [Aitken 1936, with a noise that is slow beside the columns].
 #
-# Slow noise is also what a fit swallows first, so that what is left looks small and forgetful: of
-# 750 samples with a correlation of .98 from each to the next, 39 columns leave a residual that
-# seems to remember 30 samples, and not 99. So the scatter is not compared with the number of
-# samples, but with what the columns leave of noise of the weights' own size: each lag less its
-# part of the projection, which sums of columns over blocks tell. On a six-axis arm with 58 columns
-# that gives 19 to 21 where 19 is true (the residual alone 9 to 13), and half of what is true where
-# 750 samples remember 99.
+# A fit absorbs slow noise first, so that the residual looks small and white: of 750 samples with a
+# correlation of .98 from each to the next, 39 columns leave a residual that seems to remember 30
+# samples, and not 99. So the scatter is not compared with the number of samples. It is compared
+# with the residual of noise of the weights' size: each lag minus its part of the projection, by
+# sums of columns over blocks. On a six-axis arm with 58 columns that gives 19 to 21 where 19 is
+# true (the residual alone 9 to 13), and half of the true value where 750 samples have a memory of
+# 99.
 #
 # The residual sample by sample says no more than that and would cost a pass over all logs, and for
 # long ones their regressor, before the fit.
@@ -323,7 +323,7 @@ def measure_memory(information: Information, fit: Estimate) -> Noise:
     known = np.full(information.actuators, np.inf)
     for a, ((own, turned), rss) in enumerate(zip(part.of_actuators(change), fit.rss, strict=True)):
         if rss <= rounding[a]:
-            continue  # what rounding left has no memory to speak of
+            continue  # rounding errors have no memory
         sums = own.sums @ turned
         scatter = _sum_lags(sums[:, k:], information.log)
         left = own_rows[a] - fit.weights[a] * _sum_lags(sums[:, :k], information.log)
@@ -332,7 +332,7 @@ def measure_memory(information: Information, fit: Estimate) -> Noise:
         apart = (np.arange(B) + 0.5) * N / B
         enough = apart >= RULES.memories * scatter / rss
         summed = int(enough.argmax()) + 1 if enough.any() else B
-        # The largest on the way: what a fit swallowed makes later lags negative.
+        # The largest along the lags: noise that a fit absorbed makes later lags negative.
         slow[a] = ratio[:summed].max()
         known[a] = B / (2 * summed - 1)
     variance = (fit.rss + slow * taken) / own_rows
@@ -382,8 +382,8 @@ def _sum_lags(x: Array, log: np.ndarray) -> Array:
 # Least squares on `Information`: ordinary, or weighted per actuator.
 #
 # What to use when: ``ols`` reproduces the literature (one variance for all actuators); ``wls``
-# weights each actuator by the variance of its noise times how long that remembers, and is the
-# better estimate whenever joints differ in size or in what their noise remembers.
+# weights each actuator by the variance of its noise times its memory. It is the better estimate
+# whenever joints differ in size or in the memory of their noise.
 
 
 @frozen
@@ -427,7 +427,7 @@ class Estimator:
         kept = list(plain.kept)
         part = information.select(kept)
         found = combine(part, plain)
-        # Under independent residuals, whatever the weights know.
+        # Under independent residuals, for any weights.
         Z = part.joint.factor(plain.weights / plain.times)[:, : 2 * part.size] @ found.left
         value = plain.value.copy()
         spread = plain.covariance.copy()
@@ -470,7 +470,7 @@ class Estimator:
         if not k:
             return values
         start, to_x, both = self.equations(information.select(kept), fit)
-        # What was known beforehand counts once in each.
+        # The prior counts once in each.
         counts = np.pad(counts, ((0, 0), (0, len(both) - counts.shape[1])), constant_values=1.0)
         flat = both.reshape(len(both), -1)
         for at in few_at_once(len(counts), flat[:1].nbytes):

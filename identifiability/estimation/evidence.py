@@ -388,7 +388,7 @@ def _error_gain(a: Array, b: Array, ratio: float) -> Gain:
     sums = np.maximum([a.sum(), b.sum()], ROUNDOFF**2)
     if (sums == ROUNDOFF**2).all():
         return Gain(0.0, 0.0)
-    each = 0.5 * (b / sums[1] - a / sums[0])  # what each fold does to the logarithm
+    each = 0.5 * (b / sums[1] - a / sums[0])  # effect of each fold on the logarithm
     return Gain(0.5 * float(np.log(sums[1] / sums[0])), _sum_gain(each, ratio).se)
 
 

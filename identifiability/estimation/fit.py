@@ -105,15 +105,15 @@ def bootstrap(
 
 # Standard deviations from the scatter of scores over stretches of time, column by column.
 #
-# Residuals remember, but not every parameter suffers alike: what counts is how long the *score* of
-# a column (column times residual) remembers. Sums of scores over stretches longer than that are
-# independent, and the scatter of what they do to the values is the variance of the estimate [Liang
-# & Zeger 1986]; how much that is, the estimator says.
+# Residuals remember, but not every parameter suffers alike: the memory of the *score* of a column
+# (column times residual) counts. Sums of scores over stretches longer than that are independent,
+# and the scatter of their effects on the values is the variance of the estimate [Liang & Zeger
+# 1986]. The estimator computes these effects.
 #
 # How many independent outputs such a standard deviation rests on differs from parameter to
-# parameter: a few stretches may determine one almost alone, and what a fit takes of noise there is
-# gone from the residual. These are the degrees of freedom of its Student's t [Bell & McCaffrey
-# 2002], so intervals grow smoothly where logs get too short for a model, direction by direction.
+# parameter: a few stretches may determine one almost alone, and the residual lacks the noise that a
+# fit absorbs there. These are the degrees of freedom of its Student's t [Bell & McCaffrey 2002], so
+# intervals grow smoothly where logs get too short for a model, direction by direction.
 
 
 @frozen
@@ -211,13 +211,13 @@ def count_freedom(information: Information, fit: Estimate) -> Array:
     return freedom
 
 
-# Do several logs give the same values? What scatters between them enters every interval.
+# Do several logs give the same values? Scatter between them enters every interval.
 #
-# What a model leaves out is no noise while one motion lasts: it moves the values by as much in
-# every stretch of a log, and by something else in the next log. So the values of each log by itself
-# are compared, a parameter at a time [Bonferroni]. Two or three logs say next to nothing
-# about one parameter's excess, so it is one ratio of variance for each kind of parameter (bodies,
-# each friction, offsets …): model errors, like noise, move most what a motion shows least.
+# Omitted effects are no noise during one motion: they shift the values equally in every stretch of
+# a log, and differently in the next log. So the values of each log by itself are compared, a
+# parameter at a time [Bonferroni]. Two or three logs say next to nothing about one parameter's
+# excess, so it is one ratio of variance for each kind of parameter (bodies, each friction, offsets
+# …): model errors, like noise, affect the least excited parameters most.
 
 
 #: Blocks that are independent are no shorter than so many autocorrelation times.
@@ -274,7 +274,7 @@ def compare_motions(information: Information, fit: Estimate, time: float) -> Mot
     for log in logs:
         part = information.take(information.log == log)
         dof = float(np.sum(part.rows_each / fit.times)) - len(fit.kept)
-        if dof < RULES.stretches_fewest:  # it determines nothing, and rounding would say what
+        if dof < RULES.stretches_fewest:  # it determines nothing, and its values would be rounding
             continue
         alone = fit.estimator.fit(part)
         found.append((int(log), alone.value, alone.sigma * np.sqrt(time), dof))
@@ -316,21 +316,21 @@ def _differ(values: Array, sd: Array, dof: Array) -> tuple[Array, Array, Array]:
     return ratio, np.where(free > 0, fdtrc(np.maximum(free, 1), dof.sum(), ratio), 1.0), free
 
 
-# What a reduced model's numbers stand for, and how far that is from their labels.
+# Effective combinations of a reduced model's values, and their distance from the labels.
 #
 # A parameter that is left out although it is not zero does not vanish: the survivors take it over.
 # With base parameters β, a model ``β = held + M x`` and its fit ``x = P (β - held)`` of torque
 # without noise, P is the pseudo-inverse of M in the distance that the fit minimises, or of its
-# instruments. A label means ``M⁺ (β - held)`` instead; the difference ``D (β - held)``, ``D = P -
-# M⁺``, is no noise, so no interval of the residual holds it. How large it can be is what the robot
-# file knows of bodies, their masses and where these lie to ± `body_share`, and what the logs say of
-# the parameters that are left out: the residual of the model holds what they do and no kept
-# parameter can take over. Both together are a normal posterior. Friction, rotors and offsets are
-# taken to be as the file says.
+# instruments. A label means ``M⁺ (β - held)`` instead; the difference ``D (β - held)``,
+# ``D = P - M⁺``, is no noise, so no interval of the residual holds it. Its possible size follows
+# from two sources. The robot file states masses and places of bodies to ± `body_share`. The logs
+# have information on omitted parameters: the residual has the part of their torque that no kept
+# parameter absorbs. Both together are a normal posterior. Friction, rotors and offsets are taken to
+# be as the file says.
 #
-# A file can be further from the robot than that, and the logs can leave out what no file states.
-# The unpruned model knows: where its own interval for a label does not reach that of the model, σ
-# grows until it does, and the verdict says so.
+# A file can be further from the robot than that, and a model may omit effects that no file states.
+# The unpruned model shows it: where its own interval for a label does not reach that of the model,
+# σ grows until it does, and the verdict says so.
 
 
 _M = GROUPED_KINDS.index("m")
@@ -493,7 +493,7 @@ def _combination(name: str, members: Sequence[str], coefficients: Array, size: A
     """Return a parameter with the omitted ones in its effective combination, the largest first."""
     share = np.abs(coefficients) * size
     least = Thresholds.negligible_share * np.linalg.norm(share)
-    # Members of what a number stands for that a sentence names.
+    # Most members of an effective combination that a sentence lists.
     shown = [j for j in np.argsort(-share, kind="stable")[:3] if share[j] > least]
     signs = ["−" if coefficients[j] < 0 else "+" for j in shown]
     parts = [f"{abs(coefficients[j]):.2g}·{members[j]}" for j in shown]
@@ -501,7 +501,7 @@ def _combination(name: str, members: Sequence[str], coefficients: Array, size: A
     return "" if not shown else f"{told} + …" if np.count_nonzero(share) > len(shown) else told
 
 
-# `Fit`: the terms of what is not known.
+# `Fit`: the terms of uncertainty.
 
 
 @frozen(kw_only=True)
@@ -650,7 +650,7 @@ class Fit:
         )
 
 
-#: What the interval of a label is made of, and what of it is the value's own.
+#: Terms of the interval of a label, and those that are the value's own.
 TERMS = ("noise", "logs", "alternatives", "omitted", "delay", "bias", "prior")
 OF_VALUES = ("noise", "logs", "delay", "bias", "prior")
 

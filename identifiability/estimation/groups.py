@@ -52,7 +52,7 @@ from .mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms, whitened_in
 from .noise import ARNoise, JointNoise, JointRuns, Runs, rich_noise, split_runs
 from .rules import RULES
 
-#: What a compact load of 1 kg has of each inertial parameter, by its radius [m].
+#: Inertial parameters of a compact load of 1 kg, by its radius [m].
 RADIUS: Tolerance = 0.1
 LOAD = {kind: RADIUS ** min(k, 1 + (k > 3)) for k, kind in enumerate(INERTIAL_KINDS)}
 
@@ -60,7 +60,7 @@ LOAD = {kind: RADIUS ** min(k, 1 + (k > 3)) for k, kind in enumerate(INERTIAL_KI
 EXCERPT = (6_000, 6, 1_000)
 #: Share of the largest pulse at reversals from which rows are of one.
 TURNS: Tolerance = 0.05
-#: Numbers that columns of what may be missing may be, where all act at all joints.
+#: Largest number of values in the columns of candidates, where all act at all joints.
 NUMBERS = 2**27
 #: Families of bodies, with typical values of their kinds.
 BODIES = {"rigid_body": LOAD, "payload": {f"payload_{kind}": x for kind, x in LOAD.items()}}
@@ -118,7 +118,7 @@ class Excerpt:
             chunks += part.shown()
             start = part.start
             decimation = part.samples.decimation
-            # Pieces overlap by what the decimation filter draws on.
+            # Pieces overlap by the width of the decimation filter.
             reach = 1 if decimation is None else decimation.reach
             for piece in part.samples.pieces(max(PIECE, REACHES * reach)):
                 stop = start + len(piece.motion.t[piece.at])
@@ -475,11 +475,11 @@ def list_members(sets: Sequence[Sequence[Candidate]], first: int) -> tuple[np.nd
     return tuple(members)
 
 
-# `MissingEffects`: what may be missing beside a model, and what that does to its labels.
+# `MissingEffects`: effects that a model may lack, and their effect on its labels.
 #
 # An effect that nobody named leaves its trace in the parameters that resemble it, and no interval
-# of the residual holds that. So every group that a model may lack counts by its probability: what
-# is named is taken off the labels, and of the others one more may be there all the same.
+# of the residual holds that. So every group that a model may lack counts by its probability: the
+# shift by named groups is subtracted from the labels, and one more of the others may be present.
 
 
 #: Groups that a sentence says; a table has them all.
@@ -618,8 +618,8 @@ class LabelAlternatives:
 NO_MISSING_EFFECTS = MissingEffects((), (), np.empty((0, 0, 0)), np.empty((0, 0, 0)))
 
 
-#: Share of the only log that may refute names, and of either part that is left out where the log is
-#: divided: noise has a memory.
+#: Share of the only log that may refute names, and share of either part that is omitted at the
+#: division, because noise has a memory.
 LAST: Tolerance = 0.25
 PAUSE: Tolerance = 0.05
 

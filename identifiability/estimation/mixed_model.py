@@ -85,7 +85,7 @@ def whitened_information(
     return Information(tuple(names), tuple(parts), counts, data, np.zeros(len(counts), int))
 
 
-# Groups, and what of them is in a model.
+# Groups, and the terms of a model.
 
 
 @frozen
@@ -301,7 +301,7 @@ class MixedModel:
             member, size = np.unravel_index(int(np.argmax(each)), each.shape)
             odds = float(np.logaddexp.reduce(each.ravel()) - np.log(each.size)) - g.price
             out.append(Term(g, int(member), float(self.sizes[size] ** 2), odds))
-        # What is as likely stands as it came, whatever rounding says.
+        # Ties keep their order in spite of rounding.
         return sorted(out, key=lambda t: -round(t.odds, 6))
 
     def rise(self, S: Array, part: Array, left: Array) -> tuple[Array, Array]:

@@ -132,7 +132,7 @@ def choose_motion(structure: Structure, records: Sequence[Record]) -> MotionChoi
         return MotionChoice()
     kind = preferred_kind(records)
     # Computed derivatives are low-passed with torque and columns, which takes most of their noise.
-    # What is sharper than a series can follow is then lost in vain, unless it averages periods.
+    # A series would then lose sharper motion without a gain, unless it averages periods.
     derived = any(r.log.ddq is None for r in records)
     if derived and not (kind == "fourier" and all(r.repeats for r in records)):
         return MotionChoice()

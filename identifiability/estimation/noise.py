@@ -21,20 +21,19 @@ from identifiability.regression.regression import Chunk
 
 from .rules import RULES
 
-# What residuals say about the noise: autocorrelation and what it does to σ.
+# Noise from residuals: its autocorrelation and the effect on σ.
 
 
-#: White noise that is taken to be there beside the residual, as a share of its variance: logs
-#: that were filtered before they were stored have empty bands, which whitening would blow up.
+#: White noise that is assumed in addition to the residual, as a share of its variance: logs that
+#: were filtered before they were stored have empty bands, which whitening would amplify.
 FLOOR: Tolerance = 1e-2
-#: What is left of a direction of unit columns beside the model; below it there is none.
+#: Smallest part of a unit column that is outside the model; below it the column is absent.
 THIN: Tolerance = 1e-6
-#: Precisions of what may be missing that are tried beside the noise, in that of its innovations,
-#: the last of what is not there, and rounds in which those of all functions and the noise take
-#: turns.
+#: Trial precisions of candidates, in units of that of the innovations; the last is that of absent
+#: ones. Then the rounds in which the precisions of all functions and the noise are updated in turn.
 PRECISIONS = np.append(np.geomspace(1e-6, 1e5, 12), np.inf)
 ROUNDS = 4
-#: Most columns of what may be missing beside which the noise is measured.
+#: Most columns of candidates in the model when the noise is measured.
 DIRECTIONS = 120
 
 
@@ -137,12 +136,13 @@ def whiten_chunk(chunk: Chunk, noise: ARNoise) -> Chunk:
     )
 
 
-# Restricted likelihood of autoregressive noise beside columns that are fitted with it.
+# Restricted likelihood of autoregressive noise, with columns that are fitted together with it.
 
 
 #: Highest order that is tried.
 HIGHEST_ORDER = 4
-#: Partial autocorrelations are held below tanh(this): slower noise cannot be told from a drift.
+#: Partial autocorrelations are held below tanh(this): slower noise is not distinguishable from a
+#: drift.
 BOUND: Tolerance = 3.5
 
 
@@ -244,7 +244,7 @@ class RestrictedLikelihood:
         """Return products of columns and y that a filter leaves white."""
         G: Array = np.tensordot(np.outer(a, a), lagged.products)
         G[-1, -1] += self.floor * float(a**2 @ lagged.white)
-        # Slow noise leaves of slow columns what rounding leaves of their products.
+        # Slow noise reduces slow columns to the rounding of their products.
         G.ravel()[:: len(G) + 1][:-1] += TINY * np.diag(lagged.products[0, 0])[:-1]
         return G
 
@@ -318,7 +318,7 @@ class RestrictedLikelihood:
                 own = np.append(self.owner == k, True)
                 prior = np.append(np.append(values, 0.0)[self.owner], none)
                 beside = np.isfinite(prior) & ~own
-                # What all others leave of it and of y, then by its principal directions.
+                # Residual of it and of y after all others, then its principal directions.
                 A = G[np.ix_(beside, beside)] + np.diag(prior[beside])
                 B = G[np.ix_(beside, own)]
                 S = G[np.ix_(own, own)] - B.T @ np.linalg.solve(A, B)
@@ -336,13 +336,13 @@ class RestrictedLikelihood:
         return deviance + float(paid), JointNoise(np.tanh(best), sigma)
 
 
-# `ARNoise`: autoregressive noise of each joint, fitted beside whatever the dictionary explains.
+# `ARNoise`: autoregressive noise of each joint, fitted together with the whole dictionary.
 #
-# Residuals of a fit look whiter than the noise was, because slow noise is swallowed by the
-# columns. The likelihood of what is left after projection (REML [Harville 1977]) has no such bias:
-# it is fitted beside the base model and the whole dictionary, so that a large slow effect is not
-# taken for slow noise either. Coefficients are held as partial autocorrelations, which keeps every
-# model stationary [Monahan 1984].
+# Residuals of a fit look whiter than the noise was, because the columns absorb slow noise. The
+# likelihood of the residual after projection (REML [Harville 1977]) has no such bias. It is fitted
+# together with the base model and the whole dictionary, so that a large slow effect is not taken
+# for slow noise either. Coefficients are held as partial autocorrelations, which keeps every model
+# stationary [Monahan 1984].
 
 
 @frozen

@@ -26,9 +26,9 @@ from .fit import Fit, remembering_covariance
 
 # `TorqueUncertainty`: how far predicted torque may lie from the truth and from a sample.
 #
-# Two intervals. That of the *mean* holds the torque of the model with its true values: what the
-# parameters do not know. That of a *new sample* adds what a measured torque scatters about it,
-# which no longer log makes smaller. Residuals remember: with an autocorrelation time κ, N samples
+# Two intervals. That of the *mean* holds the torque of the model with its true values: the
+# uncertainty of the parameters. That of a *new sample* adds the scatter of measured torque about
+# it, which longer logs do not reduce. Residuals remember: with an autocorrelation time κ, N samples
 # count as N/κ for both, so that the fit swallows κ times more of the noise than of white noise.
 
 
@@ -64,8 +64,8 @@ class TorqueUncertainty:
         W : (N, n, k)
         """
         variance = np.maximum(np.einsum("anj,jk,ank->an", W, self.covariance, W), 0.0)
-        # A direction that the fitted motion never showed acts if it makes this share of what its
-        # columns made there.
+        # A direction that the fitted motion never showed acts above this share of the torque of its
+        # columns there.
         variance[(np.abs(W @ self.unknown) > 1e-5).any(2)] = np.inf
         few = stdtrit(self.dof, ENDS[1])
         low, raw = (few * np.sqrt(variance + sd**2) for sd in (self.low, self.raw))

@@ -233,7 +233,7 @@ def judge(
     if all(unjudged):  # values that no verdict stands on are those of the fit
         fit = replace(fit, alternatives=None)
     without: tuple[Verdict, ...] | None = None
-    if fit.alternatives is not None:  # what would be said if nothing were missing
+    if fit.alternatives is not None:  # the verdict without missing effects
         plain = replace(fit, alternatives=None)
         without = judge(plain, labels, units, torque, aliases, forbidden, nominal, rules)
     value = fit.value

@@ -40,8 +40,8 @@ from .rules import RULES
 
 
 #: Weights [σ²] of the path on which predictions choose, the heaviest first. At 10 a body three
-#: times as heavy as the file's costs what a 3 σ deviation does, at 0.01 what 0.1 σ does: it breaks
-#: ties and no more. Without any, bodies of which the logs say nothing weigh anything.
+#: times as heavy as the file's costs as much as a 3 σ deviation, at 0.01 as much as 0.1 σ: it
+#: breaks ties and no more. Without any, undetermined bodies may have any mass.
 WEIGHTS = tuple(10.0**k for k in range(5, -3, -1))
 
 #: The one where nothing chooses.
@@ -115,9 +115,9 @@ def thick_inertia(theta: Array, name: str) -> Array:
 #
 # With J0 = P Pᵀ, a body is P (1 + E)(1 + E)ᵀ Pᵀ, E upper triangular: entries of E of standard
 # deviation s make a body that is s heavier or lighter, and moves its mass by as much of its own
-# size. To first order S = P⁻¹ (J - J0) P⁻ᵀ = E + Eᵀ, of variance 4 s² on the diagonal and s² beside
+# size. To first order S = P⁻¹ (J - J0) P⁻ᵀ = E + Eᵀ, of variance 4 s² on the diagonal and s² off
 # it; the log-det divergence is ½ ‖S‖², so the weight 1 / (2 s²) is that prior on the diagonal and a
-# little wider beside it.
+# little wider off it.
 
 
 def share_weight(share: float) -> float:
@@ -244,7 +244,7 @@ def combine_with_file(
     """
     B, prior = state_rows(structure, share)
     size = np.linalg.norm(np.vstack([A, B]), axis=0)
-    size[size == 0] = 1.0  # of what neither says anything about
+    size[size == 0] = 1.0  # of columns that neither determines
     U, s, Vt = np.linalg.svd(np.vstack([A, B]) / size, full_matrices=False)
     known = s > ROUNDOFF * s[0]
     root = (Vt[known].T / s[known]) / size[:, None]
@@ -254,7 +254,7 @@ def combine_with_file(
     lost = np.linalg.norm(unknown, axis=1) > np.sqrt(ROUNDOFF) * np.linalg.norm(to_x * size, axis=1)
     off = B @ phi - prior
     squares = float(off @ off + np.sum((A @ phi - aim) ** 2))
-    # What both say is the only that can disagree.
+    # Only common statements of both can disagree.
     ranks = [np.linalg.matrix_rank(rows / size, tol=ROUNDOFF) for rows in (A, B)]
     dims = int(sum(ranks) - known.sum())
     return WithFile(
@@ -290,7 +290,7 @@ def load_by_fit(
         if loaded:
             regression = structure.regression(regression.samples)
         x = fit.value
-        # Settled to a tenth of an error; other loads may let more base parameters be told.
+        # Settled to a tenth of an error; other loads may make more base parameters identifiable.
         if x.shape == before.shape and np.all(np.abs(x - before) <= 0.1 * fit.sigma):
             break
         before = x
@@ -358,7 +358,8 @@ def _ball(theta: Array, mass: float, length: float) -> Array:
     return np.array([*entries, *(mass * centre), mass])
 
 
-# Whether the bodies of a real robot weigh what bodies like those of the robot file can.
+# Whether the bodies of a physically consistent robot have plausible masses, compared with the robot
+# file.
 
 
 def state_mass(robot: Robot, parameters: Mapping[str, float], cad_weight: float = 0.0) -> str:

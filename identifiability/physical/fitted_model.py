@@ -32,8 +32,8 @@ from .pseudo_inertia import BASIS, entry_scale, natural_scale, scale_matrix
 
 _MASS, _FIRST = GROUPED_KINDS.index("m"), [GROUPED_KINDS.index(kind) for kind in ("mx", "my", "mz")]
 
-#: A row (p,) of parameters and what its product may not fall below, in units of the width between
-#: two bounds.
+#: A row (p,) of parameters and the lower limit of its product, in units of the width between two
+#: bounds.
 Bound = tuple[Array, float]
 
 
@@ -251,7 +251,7 @@ def _between(
         yield row, sign * end / width if constant else 0.0
 
 
-# What the data say about the parameters: a compressed least-squares problem.
+# The loss of the data in the parameters: a compressed least-squares problem.
 
 
 @frozen
@@ -356,7 +356,7 @@ class LeastSquares:
         return np.einsum("...r,...r->...", residual, residual) + self.rss_min
 
 
-# What a model leaves out, holds or ties, as a projection knows it.
+# Parameters that a model omits, fixes or ties, as constraints of a projection.
 #
 # Base parameters are ``G phi``, and the model says that they are ``value + M x``.
 
@@ -443,7 +443,7 @@ def find_fixed(region: PhysicalSet, G: Array, M: Array, value: Array) -> Fixed:
                 f"the model holds {region.columns[members[0]]} at {at:g}, and no real robot has "
                 "it below zero."
             )
-        # A sum of what cannot be negative is zero only if every one is.
+        # A sum of nonnegative values is zero only if every one is.
         parts = np.eye(len(row))[members] if signed and at == 0 else row[None]
         found |= {part.tobytes(): (part, float(at)) for part in parts}
     rows = np.array([row for row, _ in found.values()]).reshape(-1, region.size)
@@ -452,13 +452,13 @@ def find_fixed(region: PhysicalSet, G: Array, M: Array, value: Array) -> Fixed:
 
 # A fitted model, and the problem that it poses in the standard parameters of bodies.
 #
-# The information about base parameters becomes a problem in the full standard parameters, ``W_base
-# G phi``, for the nearest real robot and for the posterior alike.
+# The information about base parameters becomes a problem in the full standard parameters,
+# ``W_base G phi``, for the nearest physically consistent values and for the posterior.
 #
-# What a model leaves out is never free. Of friction, rotors and whatever else belongs to no body
-# it is exactly zero (or what it is held at, or equal to what it is tied to). Of bodies that may be
-# impossible: a body whose mass were zero has no first moment. There its torque counts as error in
-# full, and as no help in explaining the log.
+# Omitted parameters are never free. Friction, rotors and other parameters of no body are exactly
+# zero, or at their fixed value, or equal to the parameter that they are tied to. For bodies that
+# may be impossible: a body whose mass were zero has no first moment. There its torque counts as
+# error in full, and as no help in explaining the log.
 
 
 @frozen

@@ -34,8 +34,8 @@ from .fitted_model import Fixed, LeastSquares, PhysicalSet
 #: per squared column scale, which decides where the data say nothing.
 RIDGE: Tolerance = 1e-8
 
-#: What Clarabel is asked with where it fails: by default it adds a hundred times that to each
-#: pivot, and ends in its first step where refinement does not make up for it.
+#: Options of Clarabel after a failure: by default it adds a hundred times that to each pivot, and
+#: ends in its first step where refinement does not make up for it.
 EXACTER = {"static_regularization_constant": 1e-10}
 
 ADVICE = (
@@ -200,7 +200,7 @@ class Projection:
         """
         import cvxpy as cp  # noqa: PLC0415
 
-        # The solver's accuracy is relative to what feasibility changes, not to the data.
+        # The solver's accuracy is relative to the changes by feasibility, not to the data.
         step = cp.Variable(len(program.free))
         image = cp.Variable(len(program.stiff))
 
@@ -345,13 +345,13 @@ def project(data: LeastSquares, region: PhysicalSet, **options: Any) -> Feasible
     return Projection(region, **options).solve(data)
 
 
-# The nearest real robots under a CAD prior of falling weight, by Newton's method.
+# The nearest physically consistent values under a CAD prior of falling weight, by Newton's method.
 #
 # The divergence keeps bodies inside their cones by itself, so that only rows (signs and bounds)
-# need multipliers, as in an interior-point method. That takes milliseconds, a tenth of what a
-# general solver does. The way to a light weight leads along the optima of heavier ones, as that of
-# an interior point does: a path of weights costs little more than its last one. Under a weight that
-# is next to nothing, and without one, bodies lie at the edges of their cones: the general solver is
+# need multipliers, as in an interior-point method. That takes milliseconds, a tenth of the time of
+# a general solver. The way to a light weight leads along the optima of heavier ones, as that of an
+# interior point does: a path of weights costs little more than its last one. Under a weight that is
+# next to nothing, and without one, bodies lie at the edges of their cones: the general solver is
 # asked.
 
 
@@ -362,11 +362,12 @@ STEPS = 40
 #: Share of the way to the edge that one step goes.
 EDGE: Tolerance = 0.95
 
-#: Each step asks for this share of what the products of slack and multiplier are, and of the
-#: weight, which begins at the size of the cost and ends at the prior's.
+#: Each step reduces the products of slack and multiplier to this share, and the weight as well. The
+#: weight begins at the size of the cost and ends at the prior's.
 LESS: Tolerance = 0.1
 
-#: Rows and columns of the lower triangle of a body, and what makes its squares those of the whole.
+#: Rows and columns of the lower triangle of a body, and the factors that make its squares those of
+#: the whole.
 ROW, COLUMN = np.tril_indices(4)
 TWICE = np.where(ROW == COLUMN, 1.0, np.sqrt(2.0))
 LOWER = 4 * ROW + COLUMN

@@ -22,16 +22,16 @@ from .rules import RULES, Thresholds
 
 # Does the likelihood decide, or the density that the prior happens to have at the edge?
 #
-# What may not be negative has a flat prior up to the edge, and bodies have one up to those that
-# could not exist. That density is nobody's knowledge: flat in the square root of an inertia is as
-# good a choice as flat in the inertia. Far from the edge it does not matter. Near one it does, and
-# where many meet (rotors of which the file says nothing, thin bodies) a flat prior has next to
-# nothing of its volume in the corner and takes other values, which are no edge themselves, along.
+# Nonnegative parameters have a flat prior up to the edge, and bodies up to the limit of physical
+# consistency. That density is nobody's knowledge: flat in the square root of an inertia is as good
+# a choice as flat in the inertia. Far from the edge it does not matter. Near one it does, and where
+# many meet (rotors of which the file says nothing, thin bodies) a flat prior has next to nothing of
+# its volume in the corner and takes other values, which are no edge themselves, along.
 #
-# So a posterior is asked what it would be under priors that differ by powers of the distances to
-# the edges. To first order a mean moves by its covariance with the logarithm of what the prior is
-# multiplied by [Gustafson 1996; Kallioinen 2024]: the draws at hand answer, and none is weighed
-# anew. Intervals get room for that much; where it is more than `prior_sensitivity` none is stated.
+# So the posterior is computed under priors that differ by powers of the distances to the edges. To
+# first order a mean moves by its covariance with the logarithm of the factor of the prior
+# [Gustafson 1996; Kallioinen 2024]: the draws at hand answer, and none is weighed anew. Intervals
+# get room for that much; where it is more than `prior_sensitivity` none is stated.
 
 
 def log_distances(region: PhysicalSet, phi: Array) -> Array:

@@ -16,7 +16,7 @@ from identifiability.foundation.values import frozen
 from identifiability.physical.fitted_model import Fixed, LeastSquares, PhysicalSet
 from identifiability.physical.pseudo_inertia import THIN
 
-# What the user knew before the data: a normal distribution per parameter.
+# Prior knowledge of the user: a normal distribution per parameter.
 
 
 #: A body is at least this thick, as a share of its second moment, where a scale is taken from it.
@@ -86,9 +86,9 @@ class Prior:
 
 # The posterior of the parameters, in the coordinates where its Gaussian is diagonal.
 #
-# Likelihood: normal errors whose variance is unknown and marginalised, which leaves a Student-t in
-# ``‖R phi − z‖``, tempered by the integrated autocorrelation time (IACT) κ of the residual, since
-# n correlated samples weigh as n/κ independent ones. With ``v = κ σ²``:
+# Likelihood: normal errors whose variance is unknown and marginalised. This gives a Student-t in
+# ``‖R phi − z‖``, tempered by the integrated autocorrelation time (IACT) κ of the residual, since n
+# correlated samples weigh as n/κ independent ones. With ``v = κ σ²``:
 #
 # v | phi ~ InvGamma((ν + b) / 2, (‖R phi − z‖² + rss_min) / 2), ν = dof / κ, b = rank R phi | v ~
 # Normal (least squares × prior), restricted to the physical set
@@ -309,7 +309,7 @@ def _make_proper(data: LeastSquares, prior: Prior) -> Prior:
         )
     spread = np.linalg.norm(Vt.T / s, axis=1) / norms
     best = Vt.T @ ((U.T @ np.concatenate([data.z / data.unit, known * prior.mean])) / s) / norms
-    # A flat prior is a normal this many times wider than what data and other priors leave.
+    # A flat prior is a normal this many times wider than the data and other priors.
     return Prior(np.where(flat, best, prior.mean), np.where(flat, 1e4 * spread, prior.sd))
 
 

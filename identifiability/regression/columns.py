@@ -21,7 +21,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Piece
 from identifiability.robot import Motion, Robot
 
-#: What a model has where: families with their places.
+#: Effects of a model by place: families with their places.
 Present = Collection[tuple[str, str]]
 #: Why a family is not tried where it is.
 HAS = "the model has it already"
@@ -111,7 +111,7 @@ def list_candidates(
             continue
         for place in family.places(robot):
             known = (family.name, place) in present
-            # What is added to a level that is there may be of either sign.
+            # A correction to a level of the model may be of either sign.
             free = known or bool(family.effect.supersedes)
             reason = HAS if known and not fixed else family.refuse(robot, place)
             if reason:

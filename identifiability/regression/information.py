@@ -23,7 +23,7 @@ from identifiability.logs.prepare.dataset import Dataset
 from .regression import Chunk, LogPart, Regression, map_parts
 from .structure import random_motion
 
-# `ActuatorBlocks`: what the rows of one actuator say, over the columns that it can see.
+# `ActuatorBlocks`: the compressed rows of one actuator, over the columns that act in it.
 #
 # In a tree the torque of a joint depends on the bodies that it moves alone, so most entries of a
 # Gram matrix over all columns would be zeros; and a block of few samples is smaller as rows than
@@ -84,8 +84,8 @@ class ActuatorBlocks:
         k, m = np.subtract(map_.shape, 1)
         columns = np.flatnonzero(map_[self.columns, :m].any(0))
         basis = self.coordinates @ map_[np.ix_([*self.columns, k], [*columns, m])]
-        # Blocks stay in a basis that is larger than what is asked of them by up to this
-        # factor: to turn all of them costs more than to look at them many times.
+        # Blocks stay in a basis that is larger than the requested columns by up to this factor: to
+        # turn all of them costs more than to look at them many times.
         if len(basis) > 1.25 * basis.shape[1]:
             Q, basis = np.linalg.qr(basis)
             return ActuatorBlocks(columns, basis, self.blocks @ Q, self.sums @ Q)
@@ -121,7 +121,7 @@ class ActuatorBlocks:
 def factor_each(grams: Array) -> Array:
     """Return a factor of each of some products (B, r, r) of columns about at right angles."""
     r = grams.shape[1]
-    # What is below is rounding of the products.
+    # Values below are rounding of the products.
     least = TINY**1.25 * np.trace(grams, axis1=1, axis2=2) + 1e-300
     raised = grams + least[:, None, None] * np.eye(r)
     return np.linalg.cholesky(raised).swapaxes(1, 2)
@@ -209,11 +209,11 @@ def _condition(columns: np.ndarray, blocks: Array, sums: Array) -> ActuatorBlock
 # `Information`: all that a regression says about its parameters, independent of its length.
 #
 # The sufficient statistic of the linear model per block of time and per actuator: factors of
-# ``[W τ]`` (or the rows themselves while they are fewer), over the columns that the actuator can
-# see and in a basis that makes them well conditioned. A basis is a triangular factor of all rows of
-# the actuator, so ``[W τ] basis⁻¹`` has columns of about unit length and right angles, and nothing
-# is lost by squaring sums over blocks (Gram matrices of the rows would lose half the digits).
-# Factors of blocks are merged, so chunks, files and processes make one.
+# ``[W τ]`` (or the rows themselves while they are fewer). They have the columns that act in the
+# actuator, in a basis that makes them well conditioned. A basis is a triangular factor of all rows
+# of the actuator, so ``[W τ] basis⁻¹`` has columns of about unit length and right angles. So sums
+# of squares over blocks lose no digits (Gram matrices of the rows would lose half of them). Factors
+# of blocks are merged, so chunks, files and processes make one.
 #
 # What to use when: `factor` is the loss of least squares for programs and posteriors, `products`
 # are for folds and resampling, ``+`` for logs and workers, `joint` for instruments.
@@ -403,7 +403,7 @@ class Information:
         p = left.shape[1]
         both = zip(np.sqrt(weights), self.of_actuators(np.hstack([left, right])), strict=True)
         turned = [(part, weight * turn) for weight, (part, turn) in both]
-        # Rows of all actuators beside each other: one product a block, and not one for each.
+        # Rows of all actuators side by side: one product a block, and not one for each.
         own = sum(part.blocks[:1].nbytes for part in self.parts)
         for at in few_at_once(len(out), 2 * (out[:1].nbytes + own)):
             Z = np.concatenate([part.blocks[at] @ turn for part, turn in turned], axis=1)

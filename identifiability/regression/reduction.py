@@ -37,7 +37,7 @@ from .structure import BaseParameters, Structure
 USUAL_EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
 #: The model that a log is analysed with when no ladder is given. An offset and one Coulomb level
-#: span what two levels do, and no sign is forbidden where a sensor is off by more than friction.
+#: span two levels, and no sign is forbidden where a sensor is off by more than friction.
 DEFAULT_EFFECTS = (*USUAL_EFFECTS, "torque_offset")
 
 
@@ -105,7 +105,7 @@ LadderLike = Annotated[
 ]
 
 
-#: What one model is: for verbs that do not compare several.
+#: A single model: for verbs that do not compare several.
 ModelLike = Annotated[
     Model | HasLadder | Path | str | Sequence[str],
     Expected("a Model, a list of effects, the path of a model file or the result of prune"),
@@ -466,13 +466,13 @@ def model_entry(submodel: Submodel, structure: Structure) -> ModelEntry:
     )
 
 
-# Functions that were learned, beside the terms of the model that they contain.
+# Learned functions that contain terms of the model.
 #
 # Splines over the velocity of a joint contain its viscous and Coulomb friction, splines over its
-# position a spring: data never tell how a torque is shared among both. What follows here shares it
-# so that the terms do all that they can, and the function, orthogonal to them on the data, the
-# rest: the terms mean what they mean in a model without the function, and a robot file, which
-# holds terms and no functions, holds as much as it can.
+# position a spring: data never determine the shares of both. The code below gives the terms all
+# that they can explain, and the function, orthogonal to them on the data, the rest: the terms mean
+# what they mean in a model without the function, and a robot file, which holds terms and no
+# functions, holds as much as it can.
 
 
 def list_functions(structure: Structure) -> list[np.ndarray]:

@@ -182,9 +182,8 @@ def _split_shape(text: str) -> tuple[str, float | tuple[float, ...] | None]:
 
 # Which samples of logs are looked at one by one: all of short logs, windows of long ones.
 #
-# Whatever is a sum over samples is taken from `Information`, over every sample. What is not (sizes
-# of errors, their memory, pictures) takes rows of the regressor, and 50,000 of them say it to a
-# percent or two.
+# Sums over samples come from `Information`, over every sample. Other quantities (sizes of errors,
+# their memory, pictures) take rows of the regressor, and 50,000 of them give a percent or two.
 
 
 #: Samples of all logs that are looked at one by one; of more only so many windows of so many
@@ -214,9 +213,9 @@ def choose_windows(
         k = np.arange(max(1, round(windows * count / total)))
         own = min(size, count)
         part = count / len(k)
-        # Each window lies this share of what is left of its part later than the one
-        # before, or as much earlier as it would leave the part: no period of a motion is
-        # met at the same phase each time.
+        # Each window lies this share of the rest of its part later than the one before, or as much
+        # earlier as it would leave the part: no period of a motion is met at the same phase each
+        # time.
         starts = (k * part + (((5**0.5 - 1) / 2) * k) % 1.0 * (part - own)).astype(int)
         out.append(np.stack([starts, starts + own], 1))
     return tuple(out)
@@ -236,8 +235,8 @@ def inside(windows: np.ndarray, start: int, stop: int) -> list[tuple[int, slice]
 #: Samples a chunk: the regressor of one chunk stays in the processor's cache.
 CHUNK = 1024
 
-#: Samples a piece in units of what a decimation filter draws on beside them, and what the columns
-#: of such a piece may take [bytes].
+#: Samples a piece in units of the margin of a decimation filter, and the memory for the columns of
+#: such a piece [bytes].
 REACHES, PIECE_BYTES = 12, 32_000_000
 
 
@@ -370,7 +369,7 @@ class LogPart:
     def _pieces(self, samples: Dataset, widths: Sequence[int]) -> Iterable[Piece]:
         """Return pieces of a number of samples, or of as many as its columns allow."""
         most = PIECE_BYTES // (8 * len(self.regression.robot.actuated) * sum(widths))
-        # Beside few samples a strong filter would draw on many more, for each piece anew.
+        # With few samples, a strong filter would read many more around them, for each piece anew.
         reach = 1 if samples.decimation is None else samples.decimation.reach
         return samples.pieces(min(max(CHUNK, REACHES * reach), max(most, reach)))
 

@@ -84,7 +84,7 @@ class BaseParameters:
         s = self.singular_values / self.singular_values[0] if len(self.singular_values) else [0.0]
         last = float(s[self.rank - 1]) if self.rank else 0.0
         dropped = float(s[self.rank]) if self.rank < len(s) else 0.0
-        return last, round(dropped, 12)  # what is below is rounding
+        return last, round(dropped, 12)  # values below are rounding
 
     @cached_property
     def names(self) -> tuple[str, ...]:

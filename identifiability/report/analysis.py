@@ -90,7 +90,7 @@ def analysis_sections(analysis: Analysis) -> list[Section | None]:
     ]
 
 
-# Parameters, and the models beside each other.
+# Parameters, and the models side by side.
 
 
 INERTIAL_KEY = (
@@ -167,7 +167,7 @@ def section_ladder(analysis: Analysis) -> Section:
     )
 
 
-# Torque: measured and predicted, what it is made of, and what is left.
+# Torque: measured and predicted, its contributions, and the residual.
 
 
 def section_prediction(analysis: Analysis) -> Section:
@@ -292,7 +292,7 @@ def _log_row(use: str, log: Dataset) -> tuple[str | int, ...]:
     return log.name, use, log.outputs, span, notes
 
 
-# What is believed after the data: the parameters of the model to use by every road.
+# Posterior: the parameters of the model to use by every method.
 
 
 def section_posterior(analysis: Analysis) -> Section:

@@ -65,7 +65,7 @@ _VARIABLE = {colour: f"var(--{name})" for name, colour in COLOURS.items()} | {
 #: Settings that act when a figure is saved, not when it is drawn.
 _SAVED = ("axes.unicode_minus", "path.simplify", "svg.fonttype", "svg.hashsalt")
 
-#: What the identifier of a label begins with that the page links to the row of that name.
+#: Start of the identifiers of labels that the page links to the row of that name.
 MARKED = "row:"
 
 
@@ -275,7 +275,7 @@ def _clean_tag(tag: str, key: str, classes: dict[str, str]) -> str:
 
 WIDTH = 440
 
-#: Look of limits and of what is compared with.
+#: Look of limits and of references.
 DASHED: Any = {"linewidth": 1, "linestyle": (0, (4, 3))}
 
 
@@ -408,7 +408,7 @@ def mark_of(kind: str) -> Mark:
 # Torque and motion along time.
 
 
-#: Points of a scatter, or of a line beside a moving robot.
+#: Points of a scatter, or of a line next to a moving robot.
 POINTS = 500
 
 #: Colour and name of the model as it was, and of the one with the named effects.
@@ -575,7 +575,7 @@ def draw_forward(t: Array, before: Array, after: Array) -> Figure:
     return figure
 
 
-# Models beside each other.
+# Models side by side.
 
 
 @drawn

@@ -134,7 +134,7 @@ def comparison_sections(result: Comparison) -> list[Section | None]:
     return [section("comparison.changes", changes) if changes.rows else None]
 
 
-# Diagnosis: the answer, the gap before and after, the evidence, what is left.
+# Diagnosis: the answer, the gap before and after, the evidence, the residual.
 
 
 def diagnosis_heading(d: Diagnosis) -> tuple[str, str]:
@@ -171,7 +171,7 @@ def diagnosis_sections(d: Diagnosis) -> list[Section | None]:
     ]
 
 
-# What a diagnosis named, what each effect was learned to be, and how the model moves with it.
+# Named effects, their learned curves, and the motion of the model with them.
 
 
 #: Curves and joints that are drawn.
@@ -302,7 +302,7 @@ def _sections_method(d: Diagnosis) -> tuple[Section, ...]:
     )
 
 
-# Excitation: the motion to measure, and what it is worth.
+# Excitation: the motion to measure, and its information.
 
 
 TITLES = {
@@ -377,7 +377,7 @@ def _motion(result: Excitation) -> list[Traces]:
     return shown
 
 
-# Inspection: what is in logs and odd about them, and what the robot is.
+# Inspection: content and problems of logs, and the robot.
 
 
 def inspection_heading(result: Inspection) -> tuple[str, str]:
@@ -490,7 +490,7 @@ def _robot(result: Inspection) -> list[Section]:
     return found
 
 
-# Load: mass, centre and inertia of what hangs on a body.
+# Load: mass, centre and inertia of a body in the gripper.
 
 
 def payload_heading(result: Load) -> tuple[str, str]:

@@ -27,7 +27,7 @@ from identifiability.foundation.options import OptionError
 
 from .figures import draw_ladder, draw_precision, draw_torque
 
-if TYPE_CHECKING:  # every report loads this module, and few need what prunes or diagnoses
+if TYPE_CHECKING:  # every report loads this module, and few need pruning or diagnosis
     from identifiability.workflows.analyze import Analysis
     from identifiability.workflows.predict import TorquePrediction
     from identifiability.workflows.prune import Ladder

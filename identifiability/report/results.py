@@ -241,7 +241,7 @@ def write_result(result: Any, path: str | Path) -> Path:
     return write_text(path, render_page(build_page(result)))
 
 
-# What a notebook shows of a result: what its page answers first, and its tables.
+# View of a result in a notebook: first answers and tables.
 
 
 #: Rows that are shown; the rest is counted.
@@ -327,7 +327,7 @@ class _Content(RootModel[dict[str, Any]]):
     """The content of the JSON of a result."""
 
 
-#: What a result writes beside its own schema.
+#: Files of a result in addition to its schema.
 KEPT_APART = ("findings", "answers", "warnings")
 
 

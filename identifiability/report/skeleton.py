@@ -55,7 +55,7 @@ def _trace(
         lines += [(k, joint) for joint in hanging]
         lines += [(k, len(points) + at) for at in range(len(ends))]
         points += ends
-    # Those of what stands are (3, 1).
+    # Coordinates of fixed points are (3, 1).
     return np.stack([np.broadcast_to(x.T, (len(poses), 3)) for x in points], 1), lines
 
 

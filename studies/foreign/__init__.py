@@ -10,6 +10,6 @@ from foreign.tables import CONTAINERS, NAMES, TEXT
 
 CASES: tuple[Case, ...] = (*TEXT, *CONTAINERS, *NAMES, *CLOCKS, *ANGLES, *TORQUE)
 
-#: What is read, and what is read as what.
+#: Meaning of columns that are read.
 READ: tuple[Case, ...] = (*EFFORT, *PARTIAL, *LOCKS, *DERIVATIVES, *LOCALES, *SCENES, *ENDINGS)
 CASES += READ

@@ -9,7 +9,7 @@ import pandas as pd
 
 from foreign.case import Case, Writer, joints
 
-#: Of each language: time, position, velocity and torque, and what a column is called.
+#: For each language: time, position, velocity and torque, and the name of a column.
 GERMAN = (
     "Zeit [ms]",
     "Achse {} Lage [°]",

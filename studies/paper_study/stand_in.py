@@ -47,7 +47,7 @@ LEG_FACTORS = {
     "rotor": (0.98, 1.03, 1.00),
 }
 
-#: The platform's centre of mass lies beside its middle [m].
+#: The platform's centre of mass lies off its middle [m].
 PLATFORM_SHIFT = (0.004, -0.003, 0.006)
 
 #: Seconds in which the reference leaves home.

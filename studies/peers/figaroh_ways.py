@@ -77,7 +77,7 @@ def _fit(run: Run, *, double: bool) -> None:
             value = np.array(list(found.values()))
     with run.phase("least squares and σ"):
         relative_stdev(base, value, tau)
-    # It rounds to a hundredth of a per cent; what is compared is its formula without rounding.
+    # It rounds to a hundredth of a per cent; the comparison uses its formula without rounding.
     residual = tau - base @ value
     variance = float(residual @ residual) / (len(tau) - len(value))
     covariance = variance * np.linalg.inv(base.T @ base)

@@ -25,7 +25,7 @@ FASTER, MEGABYTES, PHYSICAL_FASTER = 8.0, 300.0, 50.0
 #: Largest relative difference of answers that are called the same.
 SAME, SAME_PHYSICAL = 1e-8, 1e-6
 
-#: What is compared of an estimate, and what it is called.
+#: Compared quantities of an estimate, and their names.
 COMPARED = {"torque": "torque", "torque_sd": "σ of the torque", "variance": "noise variance"}
 
 

@@ -22,8 +22,8 @@ from identifiability.simulation.simulator import Campaign
 
 MODELS = Path(__file__).resolve().parents[2] / "models"
 
-#: A load of 2 kg at the flange of the arm, a cylinder of 60 mm across and 70 mm long, 170 mm before
-#: the flange and 10 mm beside the sixth axis, as a URDF states it.
+#: A load of 2 kg at the flange of the arm, as a URDF states it. It is a cylinder of 60 mm across
+#: and 70 mm long, 170 mm before the flange and 10 mm off the sixth axis.
 _LOAD = """
   <joint name="grasp" type="fixed">
     <parent link="tool0"/><child link="load"/><origin xyz="0.01 0.0 0.17"/>

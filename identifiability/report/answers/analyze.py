@@ -361,10 +361,10 @@ def _order_commands(
     missing = command("missing", find)
     very_good = grade_of(result.chosen.error_ra_validation) == "very-good"
     first = result.missing.functions or result.chosen.contradicted or not very_good
-    # What wrote a ladder may have been a diagnosis.
+    # A ladder may come from a diagnosis.
     if not ladder:
         lines = [missing, *lines] if first else [*lines, missing]
-    # Logs disagree under a model that misses something; what differs shows beside that.
+    # Logs disagree under a model that misses an effect; differences show in addition to that.
     if not result.missing.functions and compare_logs(result.samples, result.chosen):
         names, how = given_paths(result.samples), result.settings["preparation"]
         compare = commands.compare_line(result.robot, names, how, ladder)
@@ -448,7 +448,7 @@ def _parameter_row(v: Verdict, used: float, meaning: str, most: float) -> dict[s
         Largest share of torque of a parameter of the model.
     """
     value, sigma = measured_cells(v.value, v.sigma_robust)
-    limit = Thresholds().sigma_percent  # a whole bar is what verdicts allow, or more
+    limit = Thresholds().sigma_percent  # a full bar is the limit of the verdicts, or more
     return {
         "name": Cell(v.name, note=label_note(v.label)),
         "value": value,
@@ -463,7 +463,7 @@ def _parameter_row(v: Verdict, used: float, meaning: str, most: float) -> dict[s
     }
 
 
-#: What logs say of a number of the robot file, and its mark.
+#: Information of the logs on a number of the robot file, and its mark.
 BELIEVED = {"contradicted": "differs", "agrees": "pass", "not determined": "partly"}
 
 

@@ -136,7 +136,7 @@ def _state_reason(result: Calibration) -> str:
     if analysis.nothing:
         return sentence(about, "nothing", why=analysis.nothing)
     if word == "yes":
-        # Repetitions are made by the model: what it lacks altogether is in none of them.
+        # The model makes the repetitions: effects that it lacks are in none of them.
         missing = analysis.missing.statement
         return sentence(about, "missing" if missing else "yes", missing=missing)
     return sentence(about, word, trials=4 * len(result.cell.held))

@@ -17,7 +17,7 @@ from identifiability.robot import Robot
 from identifiability.robot.locate import find_sidecar, shipped_folder
 from identifiability.workflows.provenance import given_paths
 
-#: What of a preparation an option says; others are only said from Python.
+#: Options of a preparation on the command line; others exist in Python only.
 OPTIONS = ("derivatives", "cutoff", "decimate")
 
 

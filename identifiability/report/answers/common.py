@@ -82,7 +82,7 @@ def hint_note(hint: str) -> Note:
     return note(own.get(hint.key, "read"), hint=hint)
 
 
-#: What an error on unseen motion is called, the smallest first, and the colour of that.
+#: Words for an error on unseen motion, the smallest first, with their colour.
 TONES = {"very-good": "green", "good": "green", "fair": "amber"}
 TONES |= dict.fromkeys(("poor", "useless"), "vermilion")
 
@@ -109,7 +109,7 @@ def after_mass(answer: Answer, warning: str) -> Answer:
     return replace(answer, short=f"{total}. {answer.short}", text=why, tone="vermilion")
 
 
-#: What a line for the terminal is for, and the line.
+#: Purpose of a line for the terminal, and the line.
 Command: TypeAlias = tuple[str, str]
 
 

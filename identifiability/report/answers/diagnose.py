@@ -298,7 +298,7 @@ def _state_looks(d: Diagnosis) -> str:
     return sentence("diagnosis.residual", "depends", where=where, joint=most.joint, share=best)
 
 
-# What else should be known.
+# Other findings.
 
 
 def _write_note(name: str, text: str, level: Any = "note") -> Note:

@@ -21,7 +21,7 @@ from .tables import make_table
 if TYPE_CHECKING:
     from identifiability.workflows.inspect import Inspection, JointFact, Record
 
-#: Things of which the first screen says what they are.
+#: Things that the first screen explains.
 SHOWN = 3
 
 
@@ -114,7 +114,7 @@ def _answer_open(result: Inspection) -> Answer:
     if not needs:
         return answer(about, "nothing")
     text = " ".join(need.text for need in needs[:SHOWN])
-    faults = of_key(need.text for need in needs)  # what the file states and can hardly be
+    faults = of_key(need.text for need in needs)  # implausible statements of the file
     part = "faults" if faults else "some"
     return answer(about, part, text, count=needs)
 

@@ -58,7 +58,7 @@ class LoadPresenter(AnsweringPresenter):
     def tables(self) -> tuple[Table, ...]:
         """Return one row a quantity, or a joint whose gain a known load tells."""
         result = self.result
-        shown = result.to_frame().drop(columns="told")  # what is not says why
+        shown = result.to_frame().drop(columns="told")  # the others give their reason
         shown = shown.loc[:, (shown != "").any()]
         part = "quantities" if result.known is None else "gains"
         table = frame_table(shown, sentence("payload.tables", part))
