@@ -80,7 +80,7 @@ def lines(runs: Sequence[Measured], names: Sequence[str], what: str) -> dict[str
 
 
 def phase_picture(runs: Sequence[Measured], names: Sequence[str], samples: int) -> Picture:
-    """Return where the time goes at a number of samples."""
+    """Return the processor time of each phase at a number of samples."""
     ran = [r for r in (find(runs, n, samples) for n in names) if r is not None]
     order = list(dict.fromkeys(k for r in ran for k in r.phases))
     phases = {k: np.array([r.phases.get(k, (0.0, 0.0))[0] for r in ran]) for k in order}

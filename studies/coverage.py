@@ -216,10 +216,10 @@ def draw_noise(kind: str, tau: Array, rng: np.random.Generator) -> Array:
 
 
 def measure_noises(trials: int, seed: int) -> pd.DataFrame:
-    """Return coverage under every noise, and how many of an oracle's verdicts are given.
+    """Return coverage under every noise, and the share of an oracle's verdicts that are given.
 
-    Outlying stretches are weighed down, as `analyze` does.
-    The oracle knows how far values of its logs scatter, and judges by the same thresholds.
+    Outlying stretches are weighed down, as `analyze` does. The oracle knows the scatter of values
+    over its logs, and judges by the same thresholds.
     """
     rows = []
     for name, samples in CASES.items():
@@ -306,7 +306,7 @@ def measure_hidden(trials: int, seed: int) -> pd.DataFrame:
 
 
 def count_labels(found: Analysis) -> tuple[int, int, int, int]:
-    """Return labels of the full model that are called and hold, and the same of nothing missing."""
+    """Return counts of identifiable labels that hold, with and without missing effects."""
     model, plain = found.full, replace(found.full.fit, alternatives=None)
     own = model.submodel
     truth = np.linalg.lstsq(own.M, found.structure.nominal_base - own.fixed, rcond=None)[0]
@@ -384,7 +384,7 @@ def coverage_frame(cells: Sequence[Cell]) -> pd.DataFrame:
 
 
 def verdict_row(cell: Cell) -> dict[str, Any]:
-    """Return how many parameters both rules believe, and how many of these are wrong."""
+    """Return the number of parameters that both rules call identifiable, and the wrong ones."""
     found = f"{cell.called:.1f}"
     if cell.noise == min(LEVELS):
         found = check_cell(

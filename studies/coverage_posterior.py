@@ -58,7 +58,7 @@ ROADS = ("robust interval", "posterior", "one mean time")
 
 @dataclass(frozen=True)
 class Cell:
-    """Coverage of one road under one noise, with Monte-Carlo errors by logs.
+    """Coverage of one method under one noise, with Monte-Carlo errors by logs.
 
     Of stated intervals; the worst parameter is one of those that at least `OFTEN` of the logs
     state. `all_pooled` and `all_worst` are of all intervals, stated or not.

@@ -107,7 +107,7 @@ class Commanded:
     folder : bool
         Whether logs are a LeRobot folder.
     alone : bool
-        Whether one joint's gain alone is stated otherwise.
+        Whether the gain of only one joint is stated wrongly.
     """
 
     robot: str

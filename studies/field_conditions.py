@@ -5,7 +5,7 @@
 
 Arms and closed chains by another physics than is fitted (`hidden_physics`: forward dynamics under a
 controller, dry friction that sticks, encoders, file masses wrong by 10–30 %). Each draw is logged
-once as it should be and once under each condition: a file of placeholders, gravity compensated in
+once without a fault and once under each condition: a file of placeholders, gravity compensated in
 the effort, torque at the motor, a base on its side, noisy positions, offsets that differ between
 runs. Others are dwells, friction that warms up, a pushing hand, gains that are off, friction of
 passive joints, exchanged columns. The last are a robot at rest, another unit, and an encoder's
@@ -118,12 +118,12 @@ class Logged:
         return self.robot.joints[int(self.rng.choice(order))]
 
     def change(self, what: Callable[[int, pd.DataFrame], None]) -> None:
-        """Let a function change each log in its place."""
+        """Apply a function to each log in place."""
         for k, frame in enumerate(self.frames):
             what(k, frame)
 
     def rewrite(self, what: Callable[[str], str]) -> None:
-        """Let a function change the text of the robot file."""
+        """Apply a function to the text of the robot file."""
         file = self.robot.path
         file.write_text(what(file.read_text()))
 
@@ -144,7 +144,7 @@ class Stated:
 
 
 def _as_it_is(_: Logged, robot: Robot) -> Stated:
-    """Return the plain model as the truth, which nothing that seems missing may join."""
+    """Return the plain model as the truth, without missing effects."""
     return Stated(robot, ({"ladder": _ladder()},))
 
 
@@ -197,7 +197,7 @@ class Condition:
     item : int
         Which of the twelve it is; 0 for logs as they should be.
     says : str
-        Pattern of what names it; empty where nothing needs to be said.
+        Pattern of what names it; empty where no remark is needed.
     log : callable(Logged), optional
         Changes what is logged.
     machine : callable(Case), optional
@@ -214,10 +214,10 @@ class Condition:
     centred : bool
         Whether errors are about each joint's mean.
     judged : Preparation, optional
-        How the sealed log is prepared, whatever cut-off an analysis has; by default as its own
-        logs were.
+        Preparation of the sealed log, independent of the cut-off of an analysis; by default as its
+        own logs were.
     case : Commanded or Floating, optional
-        What draws and examines it, if it is no robot whose torque was measured on a stand.
+        Draws and examines the case, for robots other than those with measured torque on a stand.
     """
 
     item: int
@@ -314,7 +314,7 @@ def _noisy(x: Logged) -> None:
 
 
 def _shaking(x: Logged) -> None:
-    """Let the position of the joint with least torque shake at 4 to 20 Hz, which moves nothing."""
+    """Add a shake of 4 to 20 Hz to the position of the joint with the least torque."""
     joint = x.robot.joints[int(np.argmin(x.case.torque))]
     size = float(np.exp(x.rng.uniform(*np.log(SHAKES))))
 
@@ -349,7 +349,7 @@ def _stops(case: Case) -> None:
 
 
 def _point_to_point(case: Case) -> None:
-    """Let fitted motions go from posture to posture, of which the others know nothing."""
+    """Move from posture to posture in the fitted logs, unlike in the other logs."""
     each = round(2.0 / STEP)
     place = np.arange(case.wanted.shape[1]) / each
     at = place.astype(int)
@@ -572,7 +572,7 @@ HIDDEN = {"friction warms up": "warm_up"}
 
 @lru_cache(2)  # most conditions change logs alone: one simulation does for them
 def move(stream: str, number: int, name: str) -> tuple[Case, Runs, Any]:
-    """Return a machine that is like a condition, how it moved, and the seeds' state behind it."""
+    """Return a machine under a condition, its motion, and the state of the seeds after it."""
     rng, which = np.random.default_rng([stream_number(stream), number]), CONDITIONS[name]
     with TemporaryDirectory() as folder:
         robot = write_robot(Path(folder), EVERY[number % len(EVERY)], rng)
@@ -600,7 +600,7 @@ def write_logs(x: Logged) -> list[Path]:
 
 
 def values_of(case: Case, model: mujoco.MjModel) -> dict[str, float]:
-    """Return parameters of a machine by the names of the robot's own."""
+    """Return parameters of a machine by the names of the robot."""
     out: dict[str, float] = {}
     for k in range(1, model.nbody):
         name, m, c = model.body(k).name, float(model.body_mass[k]), model.body_ipos[k]
@@ -631,7 +631,7 @@ def truth_of(case: Case, a: Analysis) -> pd.Series:
 
 
 def sealed_error(a: Analysis, sealed: Any, which: Condition, scale: Array | None = None) -> float:
-    """Return the error where joints move, over each joint's own variation or a given one (n,)."""
+    """Return the error where joints move, relative to each joint's variation or `scale`."""
     fit = a.fit if which.judged is None else replace(a.fit, preparation=which.judged)
     p = fit.predict([sealed])
     data = p.known & np.isfinite(p.tau)
@@ -720,7 +720,7 @@ def find_checks(counts: pd.DataFrame) -> list[StudyCheck]:
 
 
 def show(rows: Sequence[dict[str, Any]], out: Path, stream: str) -> None:
-    """Print the table of the twelve, and write it with that of all draws."""
+    """Print the table of the twelve conditions, and write it with that of all draws."""
     frame = pd.DataFrame(rows).reset_index(drop=True)
     for column in ("over", "off", "half", "held", "judged", "truth"):
         frame[column] = frame.get(column, np.nan)

@@ -77,7 +77,7 @@ class Outcome:
 
     @property
     def good(self) -> bool:
-        """Whether a good engineer would say the same."""
+        """Whether the answer is that of a good engineer."""
         if self.case.quiet:
             return self.outcome == "read right" and not self.said
         if self.case.never:

@@ -66,7 +66,7 @@ def list_jobs(seeds: int, nulls: int, robots: Sequence[str], parts: Sequence[str
 
 
 def run_rest(jobs: Sequence[Job], path: Path, workers: int) -> pd.DataFrame:
-    """Run the jobs that a file does not have yet, and append each as soon as it is there."""
+    """Run the jobs that are missing in a file, and append the results one by one."""
     rows = read_rows(path)
     done = {r["key"] for r in rows}
     rest = [j for j in jobs if j.key not in done]

@@ -257,7 +257,7 @@ def _judge_outside(d: Diagnosis, joints: set[str]) -> tuple[str, bool]:
 
 
 def _size(size: str, family: str, visible: float) -> float:
-    """Return the rms of the visible part of a hidden torque over that of the noise."""
+    """Return the ratio of the rms of the visible hidden torque to that of the noise."""
     return REALISTIC[family] * visible / LEVEL if size == "realistic" else float(size)
 
 

@@ -86,7 +86,7 @@ class Runs:
     q, v, a : (L, N, m)
         Of the axes; v and a at the same times as q.
     tau : (L, N, n)
-        What the controller asked its motors for.
+        Torque that the controller commands.
     forces : (L, N, k)
         What each law took off.
     stuck : (L, N, m) bool
@@ -107,12 +107,12 @@ class Runs:
 
 @dataclass(frozen=True)
 class Machine:
-    """A robot as it is, which its file need not say.
+    """A robot as built, which may differ from its file.
 
     Attributes
     ----------
     robot : Robot
-        As its file says.
+        The robot of the file.
     model : mujoco.MjModel
         Bodies and rotors; no friction.
     dry, viscous : (m,) [N·m or N; N·m·s/rad or N·s/m]
@@ -120,7 +120,7 @@ class Machine:
     changed : mujoco.MjModel, optional
         What it becomes in the middle of a run.
     limits : (n,) [N·m or N]
-        Torque that motors cannot give, however much is asked for.
+        Limit of the motors' torque.
     """
 
     robot: Robot
@@ -151,7 +151,7 @@ class Machine:
         return np.array([self.model.joint(name).dofadr[0] for name in self.axes])
 
     def give(self, tau: Array) -> Array:
-        """Return the torque that motors give when (…, n) is asked for: iron saturates."""
+        """Return the torque of the motors for commanded torque (…, n): iron saturates."""
         return tau if self.limits is None else self.limits * np.tanh(tau / self.limits)
 
     def starts(self, q: Array) -> Array:
@@ -301,7 +301,7 @@ class _Simulation:
         return ahead, f, rests
 
     def run(self, every: int, settle: int) -> Runs:
-        """Simulate, and return every so many samples after some."""
+        """Simulate, and return every n-th step after the first ones."""
         machine, dofs, state, n = self.machine, self.dofs, self.state, self.n
         begin, samples = state.session.copy(), []
         rate = np.gradient(self.wanted, STEP, axis=1)
@@ -348,7 +348,7 @@ def stick(free: Array, A: Array, up: Array, down: Array, v: Array) -> tuple[Arra
     free : (L, m)
         Velocities behind the step without dry friction.
     A : (L, m, m)
-        How it changes them.
+        Change of the velocities by the friction.
     up, down : (L, m)
         Its levels while a joint moves up and down; none below zero.
     v : (L, m)
@@ -403,7 +403,7 @@ def add_mass(model: mujoco.MjModel, body: int, mass: float, at: Array) -> mujoco
 
 
 def torque_between(machine: Machine, other: mujoco.MjModel, runs: Runs) -> Array:
-    """Return by how much another model takes more torque along runs, (L, N, n)."""
+    """Return the additional torque of another model along runs, (L, N, n)."""
     n, dofs = len(machine.robot.joints), machine.dofs
     both = [(model, mujoco.MjData(model)) for model in (machine.model, other)]
     out = np.empty((*runs.full.shape[:2], n))
@@ -424,7 +424,7 @@ def torque_between(machine: Machine, other: mujoco.MjModel, runs: Runs) -> Array
 
 
 def _follow(data: mujoco.MjData, dofs: np.ndarray, n: int) -> Array:
-    """Return how speeds of the passive axes follow those of the actuated joints, (m − n, n)."""
+    """Return the Jacobian of the passive axes by the actuated joints, (m − n, n)."""
     J = data.efc_J.reshape(data.nefc, -1)
     speeds: Array = -np.linalg.lstsq(J[:, dofs[n:]], J[:, dofs[:n]], rcond=1e-9)[0]
     return speeds

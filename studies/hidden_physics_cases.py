@@ -118,7 +118,7 @@ ROBOTS = {
 
 
 def stream_number(text: str) -> int:
-    """Return the number of a stream of seeds: 0 to develop on, or that of a commit."""
+    """Return the number of a stream of seeds: 0 for development, or the stream of a commit."""
     return int(text) if text == "0" else int(hashlib.sha256(text.encode()).hexdigest()[:15], 16)
 
 
@@ -192,7 +192,7 @@ class Case:
         self.machine = self._machine()
 
     def _wanted(self) -> Array:
-        """Return positions (L, N, n) that are asked for: from rest, some with stops."""
+        """Return commanded positions (L, N, n): from rest, some with stops."""
         t = np.arange(0.0, SETTLE + SECONDS, STEP)
         x = np.clip(t / SETTLE, 0.0, 1.0)
         pace = x * x * (3 - 2 * x)
@@ -203,7 +203,7 @@ class Case:
         return np.stack([m.motion(way % SECONDS)[0] for m in self.motions])
 
     def _machine(self) -> Machine:
-        """Return the machine as it is: other masses and rotors than its file, and friction."""
+        """Return the machine as built: other masses and rotors than its file, and friction."""
         rng, m, n = self.rng, Machine.of(self.robot), self.n
         model = m.model
         factor = 1 + rng.uniform(0.1, 0.3, model.nbody) * rng.choice([-1, 1], model.nbody)
@@ -494,7 +494,7 @@ class Case:
 
 
 def coloured(rng: np.random.Generator, samples: int, joints: int, memory: float) -> Array:
-    """Return noise (N, n) of unit variance that remembers a share of the sample before."""
+    """Return noise (N, n) of unit variance whose samples keep a share of the sample before."""
     e = rng.standard_normal((samples, joints))
     e[1:] *= np.sqrt(1 - memory**2)
     noise: Array = lfilter([1.0], [1.0, -memory], e, axis=0)
@@ -502,7 +502,7 @@ def coloured(rng: np.random.Generator, samples: int, joints: int, memory: float)
 
 
 def whitened(rows: Array, sd: Array, memory: float, rate: float) -> Array:
-    """Return Fourier coefficients of rows (N, n, p) up to `BAND` over those of the noise, (k, p).
+    """Return Fourier coefficients (k, p) of rows (N, n, p) up to `BAND`, relative to the noise.
 
     Real and imaginary parts apart, where noise of standard deviation sd (n,) has unit variance.
     """

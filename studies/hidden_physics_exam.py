@@ -10,13 +10,13 @@ after another; a stopped run goes on with the same command; with `--rows` nothin
 table of such rows is printed. Shares have Wilson's 95 % intervals. An effect counts as visible
 where an oracle's z is at least 4; a second column counts effects whose second z, with motion as
 encoders measure it, is at least 4 (`hidden_physics_cases`). Where nothing is hidden, the trust card
-of `analyze` is asked, too.
+of `analyze` is checked, too.
 
 Outcomes of effects with a name: *exact* (family and place, nothing else), *A or B* (the truth is
 among names that the diagnosis cannot distinguish; friction that rises with speed and sigmoid
 friction are one curve), *truth and more*, *function* (in the right joint, without a name), *wrong*,
 *missed* and, below z = 4, *silent*. Names are exact where the outcome is one of the first two: each
-effect is said once, in its place, and nothing else is said. An extra name describes nothing, or
+effect is named once, in its place, and nothing else is named. An extra name describes nothing, or
 repeats another name. Outside the dictionary a name is wrong if neither it nor its joint describes
 the hidden effect; presliding in a joint that sticks is none where the sealed error falls.
 """
@@ -228,7 +228,7 @@ def trace(d: Any, effect: dict[str, Any], truth: dict[str, Any]) -> dict[str, An
 
 
 def sealed_error(d: Any, sealed: Sequence[Any]) -> float:
-    """Return the error of a result's model over each joint's own scale, where joints move."""
+    """Return the error of a result's model relative to each joint's scale, where joints move."""
     p = d.predict(sealed)
     data = p.known & np.isfinite(p.tau)
     left = np.where(data, p.tau - p.predicted, 0.0)
@@ -262,9 +262,9 @@ def judge(truth: dict[str, Any], named: Sequence[dict[str, Any]], *, falls: bool
     Parameters
     ----------
     truth : dict
-        With `effects` and how much each joint `stands`.
+        With `effects` and the share of time that each joint `stands`.
     named : sequence of dict
-        family, joint, unnamed, weight, and the others (`or`) that are not told apart.
+        family, joint, unnamed, weight, and the competing names (`or`).
     falls : bool
         Whether the sealed error does.
     """
@@ -430,7 +430,7 @@ def check(frame: pd.DataFrame) -> list[dict[str, Any]]:
 
 
 def count(frame: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """Return how often each outcome came, by kind, by z, by robot, and the cards of nulls."""
+    """Return the counts of outcomes by kind, by z, by robot, and the cards of nulls."""
     hides, nulls = frame[frame.kind != "null"], frame[frame.kind == "null"]
     least = pd.cut(hides.z, EDGES, right=False, labels=EDGES[:-1]).astype(float)
     return {

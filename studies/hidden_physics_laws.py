@@ -34,7 +34,7 @@ class Joint:
     other_speed, other_torque : float
         Root mean squares of it.
     seconds : float [s]
-        How long a log is.
+        Length of a log.
     """
 
     axis: int
@@ -432,7 +432,7 @@ def _grip(rng: np.random.Generator, j: Joint) -> Hidden:
 
 
 def _saturation(rng: np.random.Generator, _j: Joint) -> Hidden:
-    """Return a motor that gives less than is asked for, and recorded."""
+    """Return a motor that gives less torque than is commanded and recorded."""
     return Hidden("saturation", None, None, {"limit": _log(rng, 1.3, 5.0)})
 
 

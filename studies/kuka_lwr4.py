@@ -93,7 +93,7 @@ def load_log(
 
 
 def describe_run(data: Path, run: int) -> dict[str, float]:
-    """Return clock jitter and how far slope of positions and velocities of the file differ.
+    """Return the clock jitter, and the difference of velocities from slopes of positions.
 
     Returns
     -------

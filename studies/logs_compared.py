@@ -104,7 +104,7 @@ def draw_case(stream: int, seed: int, change: str, folder: Path) -> Case:
 
 
 def _friction(robot: Robot, torque: Array, speed: Array, rng: np.random.Generator) -> dict:
-    """Return friction of drives as large as that of geared robots."""
+    """Return friction of drives of the size of geared robots."""
     out: dict[str, float] = {}
     for j, joint in enumerate(robot.joints):
         dry = rng.uniform(0.3, 1.0) * 0.15 * torque[j]
@@ -159,7 +159,7 @@ def judge(case: Case, *, weigh: bool) -> dict[str, Any]:
 
 
 def run(stream: int, change: str, count: int, folder: Path) -> dict[str, Any]:
-    """Return how often a change is named."""
+    """Return the rate at which changes are named."""
     rows = []
     for seed in range(count):
         case = draw_case(stream, seed, change, folder)
@@ -181,7 +181,7 @@ def run(stream: int, change: str, count: int, folder: Path) -> dict[str, Any]:
 def real_pairs(
     data: Path | None, folder: Path
 ) -> Iterator[tuple[str, Robot, list[Log], list[Log]]]:
-    """Yield logs of real arms of which nobody says that they changed."""
+    """Yield logs of real arms without a known change."""
     seen: set[str] = set()
     for name, robot, fitted, other in find_cases(data, folder):
         arm = name.partition(" ")[0]

@@ -245,7 +245,7 @@ def find_subset(information: Information, whitened: Information | None = None) -
 
 @dataclass(frozen=True)
 class Recovery:
-    """How often the search finds the planted parameters in one row.
+    """Rate at which the search finds the planted parameters in one row.
 
     Attributes
     ----------
@@ -293,7 +293,7 @@ class Recovery:
 
 
 def question_2(problems: int) -> dict[str, Recovery]:
-    """Return how often planted parameters are recovered, by noise and smallest effective z."""
+    """Return recovery rates of planted parameters, by noise and smallest effective z."""
     result: dict[str, Recovery] = {}
     for noise, correlations in CORRELATIONS.items():
         for least_z in LEAST_Z:
@@ -311,7 +311,7 @@ def question_2(problems: int) -> dict[str, Recovery]:
 
 
 def state_recovery(recovered: dict[str, Recovery]) -> str:
-    """Say the worst row, and the worst from the sure z on."""
+    """State the worst row, and the worst from the sure z on."""
 
     def share(name: str) -> float:
         return float(np.mean(recovered[name].hits))
@@ -327,7 +327,7 @@ def state_recovery(recovered: dict[str, Recovery]) -> str:
 
 
 def state_model_4(counts: dict[str, list[bool]]) -> str:
-    """Say how often pruning ends at Model 4, in the worst noise."""
+    """State the rate at which pruning ends at Model 4, in the worst noise."""
     worst = min(counts, key=lambda name: np.mean(counts[name]))
     hits = counts[worst]
     return (

@@ -5,7 +5,7 @@
 Arms of 3 to 7 axes, a two-link arm and four closed chains are simulated by another physics than is
 fitted (`readings_faults`). A draw has one to three logs of 10 s and a sealed one. Each row is one
 fault: exchanged columns, signs, units, delays, encoder zeros, gravity, offsets, codes. `analyze`
-gets the logs as they are, and the same data as somebody would give them who knows the truth.
+gets the logs with the fault, and the same data with the right statements.
 
 A reading is *right* if it corrects the fault and nothing else. It is *wrong* if anything else is
 used, a *question* if nothing is used and a remark names the fault, else *none*. An effect of the
@@ -138,7 +138,7 @@ def is_right(used: Right, logged: Logged, fault: Fault) -> bool:
 
 
 def completed_effects(result: Analysis) -> list[tuple[str, str]]:
-    """Return effects by which the model reads columns in another way, each with its place."""
+    """Return effects that act as another reading of columns, each with its place."""
     texts = [text.partition("@") for text in result.structure.model.texts]
     return [(family, place) for family, _, place in texts if family in READS]
 
@@ -461,7 +461,7 @@ def check_cases(cases: Sequence[dict[str, Any]]) -> StudyCheck:
 
 
 def repeat(stream: str, row: str, number: int, folder: Path) -> None:
-    """Write one case, and print how it is judged and all that is said of it."""
+    """Write one case, and print its outcome and all remarks."""
     path = folder / folder_name(row, number)
     logged = plant(stream, number, row)
     print(plain(examine(logged, row, path, Truths())))

@@ -75,7 +75,7 @@ class Subject:
 
     @cached_property
     def logs(self) -> tuple[Robot, dict[int, Path]]:
-        """The robot and the logs of which one has the load."""
+        """The robot and the logs; one log has the load."""
         return self.files(self.loaded, "loaded")
 
     @property

@@ -36,7 +36,7 @@ Case = tuple[str, Robot, list[Log], Log]
 
 
 def cut(log: Log, parts: int) -> list[Log]:
-    """Return equal stretches of a log, each as a log of its own."""
+    """Return equal stretches of a log as separate logs."""
     edges = [k * len(log.t) // parts for k in range(parts + 1)]
     return [
         replace(log.rows(a, b, f"part {k + 1}"), sha256=f"{k}")
@@ -45,7 +45,7 @@ def cut(log: Log, parts: int) -> list[Log]:
 
 
 def find_cases(data: Path | None, folder: Path) -> Iterator[Case]:
-    """Yield name, robot, fitted logs and the log that is held out, of the data that are there."""
+    """Yield name, robot, fitted logs and the held-out log, for the data that are there."""
     kuka, tx40, unisa, kr300 = (
         data_folder(name, data) for name in ("kuka_lwr4", "staubli_tx40", "unisa", "kr300")
     )

@@ -57,7 +57,7 @@ KINDS = ("Ia", "Fv", "Fc", "off")
 
 @dataclass(frozen=True)
 class Recorder:
-    """How a log is made.
+    """Conditions under which a log is recorded.
 
     Attributes
     ----------
@@ -137,15 +137,15 @@ def record(
 ) -> pd.DataFrame:
     """Return a log: ``t``, and of each joint ``.q`` and ``.cmd``.
 
-    Where a gear has play, its motor, which has the encoder and the friction, is a body of its own
-    behind stiff teeth.
+    Where a gear has play, its motor is a separate body behind stiff teeth; it has the encoder and
+    the friction.
 
     Parameters
     ----------
     robot : Robot
         A tree whose joints have a servo each.
     truth : mapping
-        Standard parameters that are otherwise than in its file; those of joints are `KINDS`.
+        Standard parameters that differ from the file; those of joints are `KINDS`.
     commands : (M, n) [rad or m]
         At the rate of commands.
     duration : float [s]
@@ -270,7 +270,7 @@ class Machine:
 
 
 def replay(path: Path, log: Log, delay: float) -> Array:
-    """Return how MuJoCo alone moves a written file by the commands of a log, (N, n) [rad or m].
+    """Return the motion of a written file in MuJoCo, by the commands of a log, (N, n) [rad or m].
 
     Commands act late and are averaged over each step about its beginning, as positions lead by half
     of one; the root is taken to be held.
@@ -642,7 +642,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def judge_robots(given: argparse.Namespace) -> pd.DataFrame:
-    """Return how well numbers, delays and rollouts of drawn robots are found, a row a cell."""
+    """Return the errors of numbers, delays and rollouts of drawn robots, a row a cell."""
     cells = itertools.product(given.robot, given.rate, given.wrong)
     rows = []
     with tempfile.TemporaryDirectory() as folder:

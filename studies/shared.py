@@ -37,7 +37,7 @@ def study_parser(name: str, text: str | None, quick: str) -> argparse.ArgumentPa
     text : str or None
         Its docstring.
     quick : str
-        What is left of it in short.
+        What a quick run does.
     """
     parser = argparse.ArgumentParser(prog=name, description=(text or "").partition("\n")[0])
     parser.add_argument("--out", type=Path, default=ROOT / "reports" / f"{name}.json")

@@ -71,7 +71,7 @@ class Fit:
     covariance : (b, b)
         Under white noise.
     rank : int
-        Base parameters that the data told apart.
+        Base parameters that the data determine.
     relative_error : float
         ‖τ̂ - τ‖/‖τ‖ over the rows of the fit.
     """

@@ -24,7 +24,7 @@ TRAJECTORY = "601"
 
 
 def stand_in_values(subject: Subject, names: list[str]) -> Array:
-    """Return the stand-in's own base parameters, from the bodies of its simulator."""
+    """Return the stand-in's base parameters, from the bodies of its simulator."""
     model = StandIn(subject.robot).model
     phi = dict(subject.robot.nominal)
     for body in subject.robot.bodies:

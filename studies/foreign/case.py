@@ -30,7 +30,7 @@ class Case:
     robot : str
         A shipped robot.
     sidecar : str
-        What stands in its sidecar beside what it ships with.
+        Further content of its sidecar.
     columns : mapping
         As `--map` gives them.
     lock : tuple of str
@@ -38,9 +38,9 @@ class Case:
     scene : callable
         Changes the text of the robot's file.
     unmeasured : tuple of str
-        Joints of which no torque is left to compare.
+        Joints without a torque that can be compared.
     quiet : bool
-        Nothing may be called odd: the log is good.
+        Whether any remark is a false alarm: the log is good.
     never : bool
         It must be refused: what is left of it is not what was measured.
     """

@@ -120,7 +120,7 @@ class StudyResult:
 
     @property
     def required(self) -> str:
-        """Say in one sentence how many required checks pass."""
+        """State in one sentence how many required checks pass."""
         count, failed = sum(c.required for c in self.checks), len(self.failed)
         return (
             f"{failed} of {count} required checks fail."
@@ -130,7 +130,7 @@ class StudyResult:
 
     @property
     def unlike(self) -> str:
-        """Say in up to two sentences how many printed numbers differ or cannot be compared."""
+        """State in up to two sentences how many printed numbers differ or cannot be compared."""
         return say_unlike(self.differing, self.not_comparable)
 
     @property
@@ -141,7 +141,7 @@ class StudyResult:
 
 
 def say_unlike(differing: int, not_comparable: int) -> str:
-    """Say how many printed numbers differ, and how many cannot be compared."""
+    """State how many printed numbers differ, and how many cannot be compared."""
     sentences = []
     if differing:
         numbers = "number differs, with its" if differing == 1 else "numbers differ, each with its"
@@ -228,8 +228,8 @@ DECADE = 10.0
 def compare(trials: np.ndarray, paper: float, floor: float, reason: str) -> Cell:
     """Return a cell: our mean ± sd, and whether the printed number, one draw, can come from it.
 
-    Where positive trials scatter over more than a decade, the cell says that nothing can be
-    compared.
+    Where positive trials scatter over more than a decade, the cell states that no comparison is
+    possible.
 
     Parameters
     ----------

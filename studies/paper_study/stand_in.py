@@ -153,7 +153,7 @@ def reference(trajectory: Trajectory, home: Array, t: float) -> Array:
 
 
 def run_machine(robot: Robot, trajectory: Trajectory, periods: int, seed: int) -> Record:
-    """Let the stand-in follow a trajectory, a first period unrecorded."""
+    """Simulate the stand-in along a trajectory, with a first period unrecorded."""
     rng = np.random.default_rng([seed, int(trajectory.name)])
     machine = StandIn(robot)
     home = machine.encoders()

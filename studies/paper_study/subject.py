@@ -120,7 +120,7 @@ def robot_digest(robot: str) -> str:
 
 
 def check_robot(robot: str, digest: str) -> None:
-    """Refuse to work on other files than those that a study was started with.
+    """Raise an error if files differ from those at the start of a study.
 
     Parameters
     ----------

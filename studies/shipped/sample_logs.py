@@ -39,7 +39,7 @@ _LOAD = """
 
 @dataclass(frozen=True)
 class Machine:
-    """A shipped robot, and how the machine that was logged differs from it.
+    """A shipped robot, and the differences of the logged machine.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Machine:
         The effect that the file does not state, as `Campaign.hidden` reads it.
     encoder : float [rad or m]
     parameters : mapping
-        What is otherwise than nominal.
+        Values that differ from the nominal ones.
     loaded : mapping of file name to trajectory
         The same with a load at the flange.
     """
