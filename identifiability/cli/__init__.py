@@ -97,5 +97,5 @@ def main() -> None:
 
 
 def _end(number: int, _frame: object) -> NoReturn:
-    """End as after Ctrl-C: what was begun is put away."""
+    """End the program as Ctrl-C does, so that unfinished files are removed."""
     raise SystemExit(128 + number)

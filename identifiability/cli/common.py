@@ -1,4 +1,4 @@
-"""What the commands share: sentences instead of tracebacks, progress, tables, files of results."""
+"""Shared by the commands: one-sentence errors, progress, tables, paths of results."""
 
 from __future__ import annotations
 
@@ -75,9 +75,9 @@ def terminal(*, stderr: bool = False) -> Console:
 
 @contextmanager
 def progress() -> Iterator[Callable[[str, float], None]]:
-    """Show a progress bar on a terminal, on standard error; give a callback (what, share).
+    """Show a progress bar on standard error; yield a callback (step, share).
 
-    Elsewhere one line says how long it takes, if it takes long.
+    Without a terminal, one line reports the duration of a long computation.
     """
     from rich import progress as bars  # noqa: PLC0415
 
@@ -171,8 +171,8 @@ def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[st
 def print_next(result: Result) -> None:
     """Print the first line that the page proposes.
 
-    Where the command is found by its path alone, as after ``make demo``, the line begins with
-    what puts it on the search path.
+    If `identifiability` is not on the search path, the line first activates its environment. This
+    happens after ``make demo``.
     """
     script = Path(sys.argv[0])
     activate = script.with_name("activate")
@@ -188,7 +188,7 @@ def print_command(what: str, command: str) -> None:
 
 
 def print_end(texts: Iterable[str], written: Iterable[Path] = ()) -> None:
-    """Print what is said last: sentences, and the paths of what was written."""
+    """Print the last lines of a command: sentences, and the paths of the written files."""
     console = terminal()
     for text in texts:
         console.print(escaped(text), highlight=False, soft_wrap=not console.is_terminal)
@@ -221,7 +221,7 @@ def write_all(*asked: tuple[Callable[[Path], Path], Path | None]) -> list[Path]:
 
 
 def _write(write: Callable[[Path], Path], path: Path) -> Path:
-    """Write a result; where that fails, as on a full disk, write it elsewhere and say where."""
+    """Write a result; on failure, as with a full disk, write it to a reported folder."""
     try:
         return write(path)
     except OutputError as error:

@@ -1,7 +1,7 @@
 """The verbs: load, validate, call the function of the same name, print where results are.
 
-A function here that `command` decorates is a verb; what its help says stands in ``help.toml``.
-Heavy imports stand inside the functions, so that ``--help`` is quick.
+A function here that `command` decorates is a verb. Its help text stands in ``help.toml``. Heavy
+imports stand inside the functions, so that ``--help`` is quick.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ if TYPE_CHECKING:
 
 
 def run(said: dict[str, Any], verb: str, write: str = "", **options: Any) -> tuple[Any, list[Path]]:
-    """Call the function of a verb's name with what was typed, and write what it returns.
+    """Call the function of a verb with the typed options, and write its result.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ def inspect(
     logs: OptionalLogs = (),
     model: Model = None,
 ) -> None:
-    """Say what a robot file holds, what its logs must have, and what is in logs and odd."""
+    """List the content of a robot file, the columns that logs need, and the quality of logs."""
     result, written = run(locals(), "inspect")
     needs = [] if result.records else [f"{n.text} {n.line}".rstrip() for n in result.needs]
     case = CASE.get()
@@ -400,7 +400,7 @@ def payload(
     centre: Point | None = None,
     inertia: Point | None = None,
 ) -> None:
-    """Weigh what hangs on a body: its mass, centre and inertia, with intervals."""
+    """Estimate a payload on a body: its mass, centre and inertia, with intervals."""
     found, written = run(locals(), "payload")
     print_result(found, written, filter(None, [found.sidecar]))
 
@@ -558,7 +558,7 @@ def paper(
     seeds: kinds.Count | None = None,
     out: Annotated[Path, Writes()] = Path("reports"),
 ) -> None:
-    """Compute every table and figure of the paper, ours beside the printed numbers."""
+    """Compute every table and figure of the paper, and compare it with the printed numbers."""
     studies = find_studies()
     words = [*tables, "--out", str(out), *(["--quick"] if quick else [])]
     words += [] if seeds is None else ["--seeds", str(seeds)]
