@@ -46,7 +46,7 @@ Span = Annotated[tuple[float, float], AfterValidator(rising)]
 
 
 def key(said: str, default: Any = ..., example: Any = None, **limits: Any) -> Any:
-    """Return a key of a schema with what it is, in words.
+    """Return a key of a schema with its description.
 
     Parameters
     ----------

@@ -63,7 +63,7 @@ def _controller(_modules: int) -> ThreadpoolController:
 
 
 def run_limited(function: Callable[[Item], Result], item: Item) -> Result:
-    """Return what a function makes of an item, with one thread of BLAS."""
+    """Call a function on an item with one thread of BLAS, and return its result."""
     with one_thread("blas"):
         return function(item)
 
@@ -126,7 +126,7 @@ class Engine(AbstractContextManager["Engine"]):
         return (run_limited(function, item) for item in items)
 
     def close(self) -> None:
-        """End what works for the engine."""
+        """Release the workers of the engine."""
 
     def __exit__(self, *error: object) -> None:
         self.close()
@@ -139,8 +139,8 @@ class Serial(Engine):
 class Processes(Engine):
     """Runs items in worker processes of this machine.
 
-    They are joblib's (loky): fresh interpreters that import what they need. The function reaches
-    each of them once, through a file.
+    They are joblib's (loky): fresh interpreters that import the modules of the function. The
+    function is sent once to each of them, through a file.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ class Processes(Engine):
                 self.close()
 
     def _started(self) -> Callable[..., Any]:
-        """Return what sends work to the processes."""
+        """Return the function that sends items to the processes."""
         from joblib.externals.loky import ProcessPoolExecutor  # noqa: PLC0415 - heavy
 
         if self._pool is None:
@@ -199,7 +199,7 @@ class Processes(Engine):
         return submit
 
     def close(self) -> None:
-        """End the processes, whatever they are doing."""
+        """End the processes at once, also while they work."""
         pool = self._pool
         self._pool = None
         if pool is not None:
@@ -223,10 +223,10 @@ def _start_worker(parent: int) -> None:
 
 
 class Dask(Engine):
-    """Runs items on the workers of a Dask cluster; what a lost one did is done by another.
+    """Runs items on the workers of a Dask cluster; items of a lost worker are run again.
 
-    Workers need this package in the same version; modules of a study go with what is sent where
-    the study has registered them (`cloudpickle.register_pickle_by_value`).
+    Workers need this package in the same version. The modules of a study are sent to them if the
+    study has registered them (`cloudpickle.register_pickle_by_value`).
 
     Parameters
     ----------
@@ -294,11 +294,11 @@ class Dask(Engine):
 class Resumed(Engine):
     """An engine that keeps the results of finished items and does not do them again.
 
-    A result is found again only by a hash of what led to it: the function with its arguments, the
-    item, the program text and the versions of numerics. Files are written whole or not at all:
-    after an interruption at most the items that were under way are lost. They are pickles, which
-    can run any program: the folder is the user's own, as scripts are. What an item stands for must
-    be part of it: of a file, not only its name but a digest of its content.
+    A stored result is found by a hash of its inputs: the function with its arguments, the item, the
+    program text and the versions of the numerical libraries. Files are written whole or not at all.
+    An interruption loses at most the items that were running. The files are pickles, which can run
+    any program, so the folder must belong to the user. An item must contain all data that it refers
+    to. An item about a file needs a digest of its content, not only its name.
 
     Parameters
     ----------
@@ -339,7 +339,7 @@ class Resumed(Engine):
             yield (old or _read_back(path))[0]
 
     def close(self) -> None:
-        """End what does the work; what was finished stays."""
+        """End the wrapped engine; stored results stay."""
         self.engine.close()
 
 

@@ -1,4 +1,4 @@
-"""Sentences for the user: what was given, what was expected, what to do."""
+"""Sentences for the user: the given input, the expected input, and the remedy."""
 
 from __future__ import annotations
 
@@ -56,8 +56,8 @@ class EngineError(IdentifiabilityError):
 def legible(sentence: str) -> str:
     """Return a sentence whose quotations a terminal can print on one line.
 
-    What comes from files may hold line ends, other control characters, halves of letters, and
-    thousands of them.
+    Text from files may hold line ends, other control characters and halves of letters, in any
+    number.
     """
     line = for_terminal(sentence)
     line = re.sub(rf"[^' ]{{{_LONG},}}", lambda m: f"{m[0][:_HEAD]}…{m[0][-_TAIL:]}", line)

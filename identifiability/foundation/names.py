@@ -42,14 +42,14 @@ _INERTIAL_UNITS = {"m": "kg", "mx": "kg·m", "my": "kg·m", "mz": "kg·m"}
 
 @frozen
 class Parameter:
-    """One parameter of a model: what a column of the regressor multiplies.
+    """One parameter of a model: the factor of one column of the regressor.
 
     Attributes
     ----------
     owner : str
         Body or joint that the parameter belongs to.
     kind : str
-        What it is: ``m``, ``mx``, ``Ixx``, ``Fv``, ``Fc+``, ``Ia`` …
+        Its kind: ``m``, ``mx``, ``Ixx``, ``Fv``, ``Fc+``, ``Ia`` …
     unit : str
         SI unit.
     group : str
@@ -59,11 +59,11 @@ class Parameter:
     nonnegative : bool
         Whether physics forbids a value below zero.
     stated_as : str
-        By what a robot file can state it: an inertial kind of its body, or ``damping``,
+        How a robot file can state it: an inertial kind of its body, or ``damping``,
         ``frictionloss``, ``armature``, ``stiffness`` or ``offset`` of its joint; empty if by
         nothing.
     sd : float
-        About zero, of what is known of its value on any robot.
+        Standard deviation of its prior about zero, which holds for any robot.
     """
 
     owner: str
@@ -92,12 +92,12 @@ def is_pattern(text: str) -> bool:
 
 
 def specificity(text: str) -> tuple[bool, int]:
-    """Return what sorts patterns, those with more letters of their own later, before names."""
+    """Return a sort key: patterns before names, and patterns with more letters later."""
     return not is_pattern(text), len(text) - text.count("*") - text.count("?")
 
 
 def numbered(count: int) -> tuple[str, ...]:
-    """Return what joints are called of which only the order is known."""
+    """Return default names 1 … n, for joints of which only the order is known."""
     return tuple(str(k + 1) for k in range(count))
 
 
@@ -242,7 +242,7 @@ class Renames:
         return Renames((*self.rules, *others.rules))
 
     def apply(self, name: str) -> str:
-        """Return what a name becomes; itself where no rule fits."""
+        """Return the new name of a column; the name itself if no rule fits."""
         for old, new in self.rules:
             if name == old:
                 # Groups have no text here: the rule means itself.

@@ -77,7 +77,7 @@ def check_ending(path: FilePath, *endings: str) -> None:
 
 
 def check_apart(outputs: Iterable[str | Path], inputs: Iterable[str | Path]) -> None:
-    """Refuse to write over what is read, or one file twice.
+    """Refuse to overwrite an input, and to write one file twice.
 
     Raises
     ------

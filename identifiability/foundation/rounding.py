@@ -133,7 +133,7 @@ rough_percent, error_text = partial(percent, count=2), partial(percent, pad=True
 def stated_text(stated: float | None, sigma: float = math.nan) -> str:
     """Return a stated value; sums that cancel leave a rounding error, which is zero.
 
-    Beside an estimate it ends where that does, by its σ.
+    With an estimate's σ, the value has as many decimals as that estimate.
 
     Examples
     --------
@@ -236,11 +236,11 @@ def exact_share(count: float, total: float, level: float = LEVEL) -> Share:
 
 
 def clustered_share(events: Array, among: Array, related: Array) -> Share:
-    """Return the share of events among what was looked at, several in each experiment.
+    """Return the share of events in trials, of which each experiment has several.
 
-    Events of one experiment come together, so the count is worth that of fewer independent ones
-    [Korn & Graubard 1998]. Where events are rare, how much they come together is taken from
-    related events that are not.
+    Events of one experiment are correlated, so the effective number of trials is smaller [Korn &
+    Graubard 1998]. Related events that are more frequent also estimate this correlation; the larger
+    design effect counts.
 
     Parameters
     ----------

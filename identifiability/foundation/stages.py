@@ -54,7 +54,7 @@ class Stages:
 
 
 def _identity(value: Any) -> Any:
-    """Return what two equal inputs have in common."""
+    """Return a key that two equal inputs share."""
     if isinstance(value, _BY_VALUE):
         return type(value), value
     if isinstance(value, tuple):
