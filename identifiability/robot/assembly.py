@@ -1,7 +1,7 @@
 """Put a `Description` together from model, closures and sidecar: do they determine the motion?
 
-Which joints move the robot, which are locked, which follow, and whether its home position says so;
-axes that are combinations of joints; what a sidecar says of masses.
+It finds the joints that move the robot, the locked ones and the dependent ones. It checks that the
+home position fits them. It adds axes that combine joints, and the sidecar's data on masses.
 """
 
 from __future__ import annotations
@@ -109,8 +109,8 @@ def resolve_locks(
 ) -> tuple[dict[str, float], list[Coupling]]:
     """Return where every locked joint is held, and the couplings that are left.
 
-    Couplings of the sidecar go before those of the file joint by joint. What is coupled to a
-    locked joint is locked too.
+    Couplings of the sidecar go before those of the file joint by joint. A joint that is coupled to
+    a locked joint is locked too.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def resolve_locks(
     stated : iterable of Coupling
         Those of the file.
     fixed : collection of str
-        Joints that have no axis, and need not be locked; what only follows them is.
+        Joints without an axis, which need no lock; joints that follow only these are locked.
 
     Raises
     ------
@@ -225,9 +225,9 @@ def check_nominal(path: Path, values: NumberByName, rotor: str) -> None:
 
 
 def combine_joints(path: Path, extra: Sidecar, stated: Stated, taken: Collection[str]) -> Stated:
-    """Return what a file states with the combinations of joints of the sidecar among its own.
+    """Return the statements of a file with the sidecar's combinations of joints added.
 
-    The sidecar goes before the robot file; what is locked has no part in them.
+    The sidecar overrides the robot file. Locked joints are no part of a combination.
 
     Parameters
     ----------
@@ -518,7 +518,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
 
 
 def _state_sidecar(extra: Sidecar) -> dict[str, Any]:
-    """Return what a sidecar says of a robot as a `Description` has it."""
+    """Return the fields of a `Description` that a sidecar states."""
     return {
         "said": extra,
         "symbols": dict(extra.symbols),
@@ -552,7 +552,7 @@ def _state_motion(path: Path, extra: Sidecar, stated: Stated) -> dict[str, Any]:
 
 
 def _check_torque(robot: Description, motors: Strings) -> None:
-    """Refuse gains, ratios, signs or compensation of what is no actuated joint or motor."""
+    """Refuse gains, ratios, signs or compensation of a name that is no actuated joint or motor."""
     torque = robot.torque
     for key in ("gain", "ratio", "sign"):
         check_known(robot.path, f"torque.{key}", torque.table(key), ("", *robot.joints, *motors))
@@ -569,7 +569,7 @@ def _sidecar_loop(path: Path, entry: LoopEntry, stated: Stated) -> Loop:
 
 
 def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: Strings) -> Base | None:
-    """Return the base of a robot that floats, with what touches it and measures it."""
+    """Return the base of a floating robot, with its contacts and its sensors."""
     if stated.base is None:
         given = [k for k in ("imu", "contacts", "wrench") if getattr(extra, k)]
         if given and extra.base != "fixed":
@@ -636,7 +636,7 @@ def _nominal(robot: Description, extra: Sidecar) -> dict[str, float]:
 
 
 def _measured_torque(extra: Sidecar, stated: Stated) -> MeasuredTorque:
-    """Return what torque columns hold; motors have the gears of an MJCF where nobody states any."""
+    """Return the contents of torque columns; without a ratio, motors have the MJCF's gears."""
     said = extra.torque
     if said.side != "motor" or said.ratio is not None:
         return said

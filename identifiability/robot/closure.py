@@ -394,7 +394,7 @@ class Motion:
 
     @property
     def each(self) -> dict[str, Array]:
-        """What it has a row of for every sample, by name."""
+        """Return the arrays that have a row for every sample, by name."""
         names: Strings = ("t", "q", "v", "a", "kept", "X")
         names += ("actuated_q", "actuated_v", "actuated_a")
         names += ("smooth_v", "free", "silent", "touch")
@@ -404,9 +404,9 @@ class Motion:
     def expected_sign(self, speed: Array, row: Array) -> Array:
         """Return the expected sign of the speed of an axis, (N,), from −1 to 1.
 
-        Where velocity is noisy, its sign is wrong near reversals: that is no error of mean zero,
-        and biases friction however much data there are. Of the smoothed velocity v̂ ± σ the sign
-        is ``2 Φ(v̂/σ) − 1`` in the mean, and what is left of it is independent of v̂ [Berkson 1950].
+        If velocity is noisy, its sign is wrong near reversals. The mean of this error is not zero,
+        so it biases friction for any amount of data. Given the smoothed velocity v̂ ± σ, the mean
+        of the sign is ``2 Φ(v̂/σ) − 1``. The remaining error is independent of v̂ [Berkson 1950].
 
         Parameters
         ----------
@@ -425,7 +425,7 @@ class Motion:
         return sign
 
     def freed(self, rows: Array) -> Array:
-        """Return rows (N, n, …) free of what presses at contacts."""
+        """Return rows (N, n, …) in combinations that contact forces do not enter."""
         if self.free is None:
             return rows
         N = self.free.swapaxes(1, 2)
@@ -590,9 +590,10 @@ def hold_weight(robot: Description, motion: Motion, model: Any = None) -> Array:
 
 
 def load_by(robot: Description, axis: Axis, motion: Motion) -> Array:
-    """Return what a force f along an axis loads the actuated joints by, ``load · f``.
+    """Return the generalised forces ``load`` of a unit force along an axis, (n,) or (N, n).
 
-    It is the row of their speeds in that of the axis (virtual work), (n,) or (N, n).
+    A force f loads the actuated joints by ``load · f``. By virtual work, ``load`` is also the row
+    that maps the speeds of the actuated joints to the speed of the axis.
     """
     if axis.row is not None:
         return axis.row
@@ -609,7 +610,8 @@ def load_by(robot: Description, axis: Axis, motion: Motion) -> Array:
 def known_torque(robot: Description, motion: Motion) -> Array:
     """Return the torque of the actuated joints that is known beforehand, (N, n) [N·m or N].
 
-    Where measured torque is compensated for gravity, less what holds the file's weight.
+    Joints whose measured torque is compensated for gravity also get minus the torque that holds the
+    file's weight.
 
     Raises
     ------

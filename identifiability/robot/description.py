@@ -1,7 +1,7 @@
-"""`Description`: what the rest of the library needs to know of a robot file.
+"""`Description`: the data of a robot file that the rest of the library uses.
 
-Its parts (closures, couplings, axes, tendons, how motors drive joints), what a file states of them,
-and what is known of masses, centres and limits.
+It holds closures, couplings, axes, tendons and transmissions, the values that a file states, and
+known masses, centres and limits.
 """
 
 from __future__ import annotations
@@ -227,7 +227,7 @@ class Cable:
 
 @frozen(kw_only=True)
 class Stated:
-    """What a robot file states.
+    """The statements of a robot file.
 
     Attributes
     ----------
@@ -258,7 +258,8 @@ class Stated:
     cables : tuple of Cable
         The last joints of `tree` are their slides, the last coordinates of `home` their lengths.
     outside : tuple of str
-        Bodies of a scene that no actuated joint reaches, at which what is left out begins.
+        Bodies of a scene that no actuated joint reaches. They are left out, with all bodies behind
+        them.
     meshes : tuple of Path
         From which an MJCF takes inertias.
     gears : mapping
@@ -305,12 +306,12 @@ class Stated:
 
 @frozen
 class Bound:
-    """What is known of the mass of bodies, or of the centre of mass of one.
+    """Known limits of the mass of bodies, or of the centre of mass of one.
 
     Attributes
     ----------
     bodies : tuple of str
-        Whose masses add up; one where there is anything about its centre.
+        Bodies whose masses add up; only one if its centre is limited.
     mass : (float, float) or None [kg]
     box : three pairs or None [m]
         Where the centre of mass is, along the axes of the body's frame.
@@ -333,7 +334,7 @@ _NO_PLACES = np.empty(0, int)
 
 @frozen
 class Tilt:
-    """A base that stands otherwise than its robot file says.
+    """A base whose direction of gravity differs from the robot file's.
 
     Attributes
     ----------
@@ -368,14 +369,14 @@ class Tilt:
 
 @frozen(kw_only=True)
 class Description(Stated):
-    """What is known of a robot beside what its file states; read from one it is a `Robot`.
+    """All known data of a robot: its file's statements and further ones; `Robot` reads one.
 
     Attributes
     ----------
     name, title : str
         Short name and title for reports.
     path : Path
-        The robot file; `sidecar` is the TOML beside it, if any.
+        The robot file; `sidecar` is its TOML file, if any.
     said : Sidecar
         Its keys, with every name written out that a pattern stands for.
     bodies : tuple of str
@@ -387,7 +388,7 @@ class Description(Stated):
     assembled : bool
         Whether the loops were closed to find `home`, of which the files say nothing.
     nominal : mapping
-        Parameter values stated in the file (``slider1.Fv`` …) beside the inertial ones.
+        Parameter values stated in the file (``slider1.Fv`` …), without the inertial ones.
     limits : (n, 2) [rad or m]
         Position limits of the actuated joints; infinite where the file has none.
     speed_limits, acceleration_limits : (n,)
@@ -412,15 +413,15 @@ class Description(Stated):
     time_unit : str
         Unit of the times in its logs; empty if nobody said.
     torque : MeasuredTorque
-        What the torque columns of its logs hold.
+        The contents of the torque columns of its logs.
     known_torque : tuple of KnownTorque
-        Torque as a function of a position that is taken off what logs hold before anything else.
+        Torque as a function of a position; it is subtracted from measured torque first.
     angles : {"rad", "deg"} or None
         Unit of the angles in its logs; None where nothing was said: rad, unless they cannot be.
     lock_option : tuple of str
         Joints that were locked when the robot was loaded, of which its files say nothing.
     bounds : tuple of Bound
-        What is known of masses and centres of mass.
+        Known limits of masses and centres of mass.
     tendons : tuple of str
         Of the `combinations` those that the robot file itself holds.
     upright : (3,) [m/s²] or None
@@ -428,7 +429,7 @@ class Description(Stated):
     servo : Servo or None
         Position servos of the actuated joints, where the files state some.
     base_option : {"fixed", "floating"} or None
-        What was said of the base when the robot was loaded, of which its files say nothing.
+        Option for the base when the robot was loaded, which its files do not state.
     """
 
     name: str
@@ -468,7 +469,7 @@ class Description(Stated):
 
     @cached_property
     def sha256(self) -> str:
-        """Hash of the robot file, what it includes, meshes that weigh, and its sidecar."""
+        """Return a hash of the robot file, its includes, meshes with inertia, and its sidecar."""
         files = (self.path, *read_included(self.path)[1], *self.meshes)
         digest = hashlib.sha256()
         for file in (*files, self.sidecar) if self.sidecar is not None else files:
@@ -491,7 +492,7 @@ class Description(Stated):
 
     @property
     def identity(self) -> dict[str, Any]:
-        """What results say of it in JSON: name, title, hash, what is locked, tilted, known."""
+        """Return the robot's entry in the JSON of results, such as name, hash and locked joints."""
         said: dict[str, Any] = {"name": self.name, "title": self.title, "sha256": self.sha256}
         said |= {"gravity": self.tilt.to_dict()} if self.tilt is not None else {}
         said |= {"locked": dict(self.locked)} if self.locked else {}
@@ -526,7 +527,7 @@ class Description(Stated):
 
     @property
     def tilt(self) -> Tilt | None:
-        """How the base stands otherwise than the file says; None if it does as the file says."""
+        """Return the tilt of the base relative to the file; None if it has none."""
         return None if self.upright is None else Tilt.of(self.upright, self.gravity)
 
     @property
@@ -561,12 +562,12 @@ class Description(Stated):
         return self.joints if self.base is None else self.joints[SIX:]
 
     def check_stands(self, what: str) -> None:
-        """Refuse a robot that floats where that is not supported.
+        """Refuse a floating robot for a use that needs a fixed base.
 
         Parameters
         ----------
         what : str
-            What is asked for, in the gerund.
+            The use, in the gerund.
 
         Raises
         ------

@@ -1,10 +1,11 @@
 """A base that nothing drives: how it is measured, and the contacts that press on the robot.
 
-Six joints stand for a base that floats, three slides and three hinges at zero position: the
-equations of a robot hold in the axes of its base, and need nothing of the base but its *proper*
-acceleration (what an accelerometer reads), angular velocity and angular acceleration. Gravity is
-part of the first, so the model has none. The torque of these six joints is known to be zero, but
-for forces from outside: measured ones are known, others are eliminated (`eliminate`).
+Six joints represent a floating base: three slides and three hinges, all at zero position. The
+equations of a robot hold in the axes of its base. They need only three quantities of the base: its
+*proper* acceleration (the reading of an accelerometer), its angular velocity and its angular
+acceleration. Gravity is part of the first, so the model has none. The torque of these six joints is
+zero, except for external forces. Measured external forces are known; `eliminate` eliminates the
+others.
 """
 
 from __future__ import annotations
@@ -140,10 +141,10 @@ class Base:
 
 
 def base_acceleration(acc: Array, omega: Array, alpha: Array) -> Array:
-    """Return the accelerations of the six joints that stand for a base, (N, 6).
+    """Return the accelerations of the six joints that represent a base, (N, 6).
 
-    Hinges that turn one after the other about x, y and z add to the angular acceleration what the
-    first ones turn the axes of the others.
+    The hinges turn about x, y and z in sequence. The first ones also rotate the axes of the later
+    ones, which adds products of angular velocities to the angular acceleration.
 
     Parameters
     ----------
@@ -191,12 +192,12 @@ def eliminate(
     up: Array | None,
     driven: tuple[Array, Array, Array | None],
 ) -> tuple[Array, Array]:
-    """Return the combinations of rows that no force of closed contacts enters.
+    """Return combinations of rows that the forces of closed contacts do not enter.
 
-    With the Jacobian of the closed contacts J = [J_b, J_j], of the base and of the other joints,
-    ``N = [[P, 0], [−J_j⁺ J_b P, I − J_j⁺ J_j]]`` has J N = 0, and its columns are smooth along a
-    motion. P is the identity where the legs can yield to every motion of the base, and else
-    projects on those to which they can (`design.md`).
+    Let J = [J_b, J_j] be the Jacobian of the closed contacts, for the base and the other joints.
+    Then ``N = [[P, 0], [−J_j⁺ J_b P, I − J_j⁺ J_j]]`` has J N = 0. Its columns are smooth along a
+    motion. P projects on the motions of the base that the legs can follow (`design.md`). It is the
+    identity if they can follow all.
 
     Parameters
     ----------
@@ -215,7 +216,7 @@ def eliminate(
     N : (N, n, n)
         Torque and columns are ``Nᵀ τ``.
     silent : (N, n) bool
-        Rows of which nothing is left, or nothing that is known.
+        Rows that are zero after the elimination, or not known.
     """
     actuated, dependent, X = driven
     n = len(actuated)

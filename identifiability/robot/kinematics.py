@@ -1,7 +1,7 @@
 """Kinematics of a tree, batched over samples: frames and point Jacobians.
 
-Joints are taken off a Pinocchio model once, in which what is locked is welded; vectors and turns
-of many samples have the samples last.
+Joints are read once from a Pinocchio model, in which locked joints are welded. In arrays of vectors
+and rotations, the last axis is the sample.
 """
 
 from __future__ import annotations
@@ -264,7 +264,7 @@ class Tree:
     def add_jacobian_at(
         self, frames: Frames, joint: int, at: Array, sign: float, out: Array
     ) -> None:
-        """Add the same of what is behind a joint and just at a place of the world, (3, N) [m]."""
+        """Add the same for the point of a body that is now at a place of the world, (3, N) [m]."""
         for k in self.chain(joint):
             j = self.joints[k]
             R = frames.axes[k]
@@ -282,7 +282,7 @@ class Tree:
                     out[:, j.iv + c] += sign * R[c]
 
     def add_turn_jacobian(self, frames: Frames, joint: int, out: Array) -> None:
-        """Add how joints turn what is behind one to `out` (3, nv, N), world axes."""
+        """Add ``∂ω/∂v`` of the body behind a joint to `out` (3, nv, N), world axes."""
         for k in self.chain(joint):
             j = self.joints[k]
             R = frames.axes[k]
@@ -367,7 +367,7 @@ def body_names(model: Any) -> Strings:
 
 
 def weld(model: Any, locked: NumberByName) -> tuple[Any, dict[str, Array]]:
-    """Return a Pinocchio model without the locked joints, and what hangs behind them.
+    """Return a Pinocchio model without the locked joints, and the bodies behind them.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""Where a robot file is, which sidecar belongs to it, and its XML, with includes in their places.
+"""Find a robot file and its sidecar, and read its XML with includes inserted.
 
-It is parsed as far as its size allows: what has no end is refused at once.
+A file that is too large, or includes itself, is refused at once.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def find_sidecar(path: Path) -> Path | None:
 
 
 def place_sidecar(path: Path, taken: Path | None = None) -> Path:
-    """Return where to write a sidecar so that it changes what no other robot file says.
+    """Return a path for a sidecar that no other robot file reads.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def place_sidecar(path: Path, taken: Path | None = None) -> Path:
 
 
 def shipped_folder() -> Path:
-    """Return the folder of the shipped robots (inside a wheel, or beside a checkout)."""
+    """Return the folder of the shipped robots, in a wheel or in a checkout."""
     inside = Path(str(resources.files("identifiability"))) / "models"
     return inside if inside.is_dir() else inside.parent.parent / "models"
 
@@ -202,7 +202,7 @@ class _Builder:
         self.tree = ET.TreeBuilder()
 
     def doctype(self, *_declared: str | None) -> None:
-        """Refuse a document type: its entities and attributes multiply what a file holds."""
+        """Refuse a document type: its entities and attributes can multiply the size of a file."""
         raise RobotError(
             f"{self.path} declares a document type, <!DOCTYPE …>; no robot needs one: take it out, "
             "and write its entities where they are used."
@@ -243,7 +243,7 @@ class _Builder:
 
 
 def _read_numbers(text: str) -> list[float]:
-    """Return the numbers of an attribute; MuJoCo refuses what is none."""
+    """Return the numbers of an attribute; skip other words, which MuJoCo refuses."""
     found = []
     for word in text.split():
         with contextlib.suppress(ValueError):
@@ -324,7 +324,7 @@ def _too_large(path: Path, what: str) -> RobotError:
 
 
 def _check_size(path: Path, root: ET.Element) -> None:
-    """Refuse what would take minutes, or all the memory, with copies counted out.
+    """Refuse a file whose size, with its copies, would take minutes or all the memory.
 
     A body that hangs on its parent without a joint is part of the parent.
     """
@@ -423,7 +423,7 @@ def is_computed(text: str) -> bool:
 
 
 def _check_expanded(path: Path, root: ET.Element) -> None:
-    """Refuse what xacro has not gone through: the parts that it stands for would be lost."""
+    """Refuse a xacro file that is not expanded: the parts of its macros would be lost."""
     for element in root.iter():
         space, _, tag = element.tag.rpartition("}")
         named = [text for text in element.attrib.values() if is_computed(text)]
@@ -462,7 +462,7 @@ def read_included(path: Path) -> tuple[ET.Element, list[Path]]:
 
 
 def drop_repeated(root: ET.Element) -> None:
-    """Take out of a URDF what is stated again where readers take the first; MuJoCo refuses it."""
+    """Remove repeated elements of a URDF; readers take the first, and MuJoCo refuses them."""
     for element in (*root.findall("joint"), *root.iter("inertial")):
         seen = set()
         for child in list(element):

@@ -54,19 +54,19 @@ def read_spec(
     floating: str | None = None,
     shapes: bool = False,
 ) -> Any:
-    """Return an MJCF before it is compiled (mujoco.MjSpec); what has no name is given one.
+    """Return an MJCF before compilation (mujoco.MjSpec); elements without a name get one.
 
     Parameters
     ----------
     path : Path
     outside : collection of str
-        Bodies to leave out, with all that hangs on them and refers to them.
+        Bodies to leave out, with their children and all references to them.
     fixed : bool
-        Whether what floats by its file stands where that draws it.
+        Whether a base that floats in its file is fixed at its drawn position.
     floating : str, optional
         The free joint that six joints stand for.
     shapes : bool
-        Whether shapes that collide are left, in place of what has a share in the motion.
+        Whether to keep the shapes that collide, instead of the parts that affect the motion.
     """
     spec = mujoco.MjSpec.from_string(file_text(path, read_markup(path)))
     spec.modelfiledir = str(path.parent)
@@ -155,7 +155,7 @@ def quiet() -> Iterator[None]:
 
 
 def _is_idle(compiler: Any, geom: Any) -> bool:
-    """Whether a geom is read from another file and has no share in the inertia of what moves."""
+    """Whether a geom needs another file and adds no inertia to a moving body."""
     if geom.hfieldname or not (geom.meshname or geom.type == mujoco.mjtGeom.mjGEOM_SDF):
         return bool(geom.hfieldname)
     body = geom.parent
@@ -176,7 +176,7 @@ def _forget_room(spec: Any) -> None:
 
 
 def _forget_looks(spec: Any, more: str) -> None:
-    """Remove what would be read from other files and has no share in the motion, and `more`."""
+    """Remove elements that need other files and do not affect the motion, and those of `more`."""
     geoms = list(spec.geoms)
     sites = list(spec.sites)  # each look at them takes a while
     for element in (*geoms, *sites, *spec.tendons, *spec.meshes):
@@ -216,16 +216,16 @@ _ON_JOINT = (_TRN.mjTRN_JOINT, _TRN.mjTRN_JOINTINPARENT)
 
 
 def _word(kind: Any) -> str:
-    """Return what a kind of MuJoCo's is about, such as JOINT of mjEQ_JOINT."""
+    """Return the last word of a MuJoCo enumerator, such as JOINT of mjEQ_JOINT."""
     return str(kind.name.rpartition("_")[2])
 
 
 def find_outside(m: Any, extra: Sidecar, ties: Sequence[set[int]]) -> Strings:
-    """Return the bodies of a compiled scene at which trees begin that no actuated joint reaches.
+    """Return the root bodies of trees in a compiled scene that no actuated joint reaches.
 
-    A tree hangs on the world by joints. It is reached where an actuator (or what the sidecar
-    names) acts on it, or where an equality or a tendon ties it to one that is. Without actuators
-    every joint with one axis may be driven.
+    Joints connect a tree to the world. A tree is reached if an actuator acts on it, or if the
+    sidecar names one of its joints. It is also reached if an equality or a tendon ties it to a
+    reached tree. Without actuators every joint with one axis may be driven.
 
     Parameters
     ----------
@@ -256,9 +256,9 @@ def _find_single(m: Any) -> Array:
 
 
 def _trees(m: Any, kind: str, which: Iterable[int]) -> set[int]:
-    """Return the trees of some joints, sites, bodies or tendons; -1 stands for what is fixed.
+    """Return the trees of some joints, sites, bodies or tendons; −1 means fixed to the world.
 
-    Adhesion and what tendons wrap around act on nothing here.
+    Adhesion and the obstacles of tendons act on no tree here.
     """
     there = [int(k) for k in which if k >= 0]
     if kind == "TENDON":
@@ -291,7 +291,7 @@ def find_floating(
 ) -> str | None:
     """Return the free joint of a compiled scene that the robot floats on, if it does.
 
-    A free body that equalities tie to what is beside it is part of a closed chain.
+    A free body is part of a closed chain if equalities tie it to other trees.
 
     Raises
     ------
@@ -406,7 +406,7 @@ def read_actuators(m: Any) -> list[Actuator]:
 
 
 def _law(m: Any, a: int) -> str:
-    """Return what an actuator holds: a position, a speed or a torque; nothing of any other."""
+    """Return the controlled quantity of an actuator: position, speed or torque; else empty."""
     gain, (_, stiff, damp) = float(m.actuator_gainprm[a, 0]), m.actuator_biasprm[a, :3]
     bias = int(m.actuator_biastype[a])
     fixed = m.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
@@ -421,13 +421,13 @@ def _law(m: Any, a: int) -> str:
 
 
 def find_gears(actuators: Sequence[Actuator]) -> dict[str, float]:
-    """Return the gears of joints at which one actuator acts; of several the sum is what acts."""
+    """Return the gears of joints that have exactly one actuator."""
     count = Counter(a.joint for a in actuators)
     return {a.joint: a.factor for a in actuators if a.joint and a.factor and count[a.joint] == 1}
 
 
 def find_offsets(actuators: Sequence[Actuator]) -> dict[str, float]:
-    """Return the constant torque of commands by what they drive, where an actuator can hold one."""
+    """Return the constant torque of commands by joint or tendon, for actuators that hold one."""
     found: dict[str, float] = defaultdict(float)
     for actuator in actuators:
         if actuator.law and actuator.owner and actuator.factor:
@@ -478,7 +478,7 @@ _BENT = (
 
 
 def tendon_parts(m: Any, t: int) -> range:
-    """Return what a tendon of a compiled model runs through, by index."""
+    """Return the indices of the parts that a tendon of a compiled model runs through."""
     start = m.tendon_adr[t]
     return range(start, start + m.tendon_num[t])
 
@@ -547,7 +547,7 @@ Forces = tuple[dict[str, dict[str, float]], dict[str, float], dict[str, dict[str
 
 
 def _lines(m: Any, actuators: Sequence[Actuator]) -> Iterator[Line]:
-    """Yield what acts along joints, tendons and actuators."""
+    """Yield the properties of joints, tendons and actuators along their coordinates."""
     for x in map(m.joint, range(m.njnt)):
         own = {word: float(getattr(x, word).flat[0]) for word in _WORDS}
         yield x.name, {x.name: 1.0}, own, float(m.qpos_spring[x.qposadr[0]]), False
@@ -573,7 +573,7 @@ def _numbers(m: Any, kind: str, k: int) -> dict[str, float]:
 
 
 def _refuse_fields(path: Path, m: Any) -> None:
-    """Refuse what acts on whole bodies beside gravity."""
+    """Refuse forces on whole bodies other than gravity, and forces that are not linear."""
     low, high = m.tendon_lengthspring.T
     slack = np.flatnonzero((low != high) & (m.tendon_stiffness != 0.0))
     lifted = np.flatnonzero(m.body_gravcomp * m.body_mass)
@@ -610,7 +610,7 @@ _ALIGNED = {
 
 
 def state_robot(path: Path, extra: Sidecar) -> Stated:
-    """Return what an MJCF states of the robot in its scene; locked joints are welded.
+    """Return an MJCF's statements on the robot in its scene; locked joints are welded.
 
     Raises
     ------

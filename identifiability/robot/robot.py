@@ -113,7 +113,7 @@ def write(robot: Any, values: NumberByName, path: str | Path) -> Path:
 
 
 def write_copy(robot: Any, values: NumberByName) -> Path:
-    """Write a robot with other parameters where nobody looks, with the ladder beside it."""
+    """Write a robot with other parameters, and its ladder, to a new temporary folder."""
     ending = ".xml" if robot.mjcf else ".urdf"
     path = new_place(robot.name, ending)
     if robot.path.stem == "robot":
@@ -279,16 +279,15 @@ class Robot(Description):
     def from_dh(table: DhSource, out: FilePath | None = None) -> Robot:
         """Write the robot file of a table of Denavit and Hartenberg, and read it.
 
-        The robot is the file; what the table leaves open (masses) is said in a
-        comment of it.
+        The robot is the file. A comment in the file lists the values that the table lacks (masses).
 
         Parameters
         ----------
         table : str, Path or mapping
             A TOML file as `identifiability.robot.table` describes it, or its content.
         out : str or Path, optional
-            The URDF to write; its sidecar stands beside it. Without it both are gone when the
-            program ends, unless the robot is saved.
+            The URDF to write; its sidecar is in the same folder. Without it both are deleted when
+            the program ends, unless the robot is saved.
 
         Raises
         ------
@@ -375,7 +374,8 @@ class Robot(Description):
     ) -> Robot:
         """Return the robot with another mass, centre or inertia of a body.
 
-        What is not given stays; moments of inertia that are not given grow with the mass.
+        Arguments that are not given keep their values. Moments of inertia that are not given grow
+        with the mass.
 
         Parameters
         ----------
@@ -388,7 +388,7 @@ class Robot(Description):
         Raises
         ------
         RobotError
-            If there is no such body, or none that is real is so.
+            If there is no such body, or the values are not physically consistent.
         """
         return self.with_values(other_body(self, body, mass, centre, inertia))
 
@@ -461,7 +461,7 @@ class Robot(Description):
         return Robot(**{**stated, **mine})
 
     def __repr__(self) -> str:
-        """Return what it is, in one line."""
+        """Return a one-line description of the robot."""
         driven = len(self.motor_joints)
         floats = "" if self.base is None else " and its base floats"
         still = 0 if self.base is None else len(self.joints) - driven

@@ -88,9 +88,9 @@ class Servo:
         return np.isnan(self.kp) | np.isnan(self.kv)
 
     def having(self, gains: Mapping[str, Array]) -> Servo:
-        """Return the servos with other ``kp`` and ``kv``, each (n,), as far as given.
+        """Return the servos with other ``kp`` and ``kv``, each (n,), if given.
 
-        And with torque that ends at a ``limit`` where that is more than zero, if it did not before.
+        A ``limit`` above zero also limits the torque, unless its limits are already lower.
         """
         most = gains.get("limit", np.zeros(len(self.kp)))
         most = np.where(most > 0, most, np.inf)
@@ -111,21 +111,21 @@ class Servo:
 
     @property
     def age(self) -> float:
-        """How old what was measured is while it acts, in the mean [s]."""
+        """Return the mean age of a measurement while the servo uses it [s]."""
         return 0.5 / self.rate
 
     @property
     def damping(self) -> Array:
-        """What acts against the speed, (n,): positions that are late push the joint on."""
+        """Return the effective damping, (n,): delayed positions reduce it."""
         return self.kv - self.kp * self.age
 
     @property
     def lead(self) -> Array:
-        """What seems to be inertia of the joint, (n,): speeds that are late, and positions."""
+        """Return the apparent inertia of the joint, (n,), from delayed speeds and positions."""
         return -self.kv * self.age + 0.5 * self.kp * self.age**2
 
     def state_rate(self) -> str:
-        """Return what an assumed rate does to damping, in one sentence; nothing if it is stated."""
+        """Return a sentence on the effect of an assumed rate on damping; empty without one."""
         if not self.assumed:
             return ""
         more = float(np.max(self.kp)) * self.age  # at half the rate it is twice as old
@@ -137,16 +137,17 @@ class Servo:
         )
 
     def doubt_scale(self, larger: Array, shares: Sequence[float]) -> list[Finding]:
-        """Return that stated gains seem to be off by one factor; none where logs told them.
+        """Return a finding if one factor seems wrong in all stated gains; none if logs gave them.
 
-        Commands and positions tell ratios alone: gains that are too high make all bodies heavier.
+        Commands and positions determine only ratios of gain and mass. Gains that are too high make
+        all bodies heavier.
 
         Parameters
         ----------
         larger : (b,)
-            Logarithms of how much heavier than the file's bodies are by rollouts,
+            Log ratios of masses from rollouts to masses of the file.
         shares : sequence of b float
-            and within which shares they were taken for the file's.
+            Prior standard deviation of each log ratio.
         """
         if self.rolled or abs(np.sum(larger / shares)) <= REACH * np.sqrt(len(shares)):
             return []
@@ -154,10 +155,10 @@ class Servo:
 
     @property
     def doubted(self) -> tuple[Servo, ...]:
-        """The servos, one standard deviation off in each respect that is neither stated nor told.
+        """Return variants of the servos, each with one uncertain property off by one σ.
 
-        Gains that logs told are off by `doubt`. What is measured may be of any age up to twice the
-        assumed one.
+        Gains that logs determined are off by `doubt`. A measurement may have any age up to twice
+        the assumed one.
         """
         each = [np.split(doubt, 2) for doubt in self.doubt]
         gains = [replace(self, kp=self.kp * (1 + share), kv=self.kv + more) for more, share in each]

@@ -1,10 +1,10 @@
-"""The sidecar: a TOML file beside the robot file with what the robot file cannot say.
+"""The sidecar: a TOML file that adds data to a robot file.
 
-Every key is optional; each says here what it is, and ``docs/reference/sidecar.md`` is written from
-that. In [nominal], [prior], [shapes], [reference], [limits] and the sums of [[symmetry]] a pattern
-such as ``wrist_*.Fv`` or ``leg?.my`` stands for all names that fit (passive joints too), ``*``
-being any letters and ``?`` one. A name goes before a pattern, and of two patterns the one
-with more letters of its own.
+Every key is optional. This file describes each, and ``docs/reference/sidecar.md`` is written from
+that. Patterns such as ``wrist_*.Fv`` or ``leg?.my`` apply to all names that fit, also of passive
+joints. ``*`` is any number of letters and ``?`` is one. Patterns are allowed in [nominal], [prior],
+[shapes], [reference], [limits] and the sums of [[symmetry]]. A name overrides a pattern. A pattern
+with more letters overrides one with fewer.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ Side = Literal["joint", "link", "motor"]
 
 
 class KnownTorque(Strict):
-    """Torque that is supplied beside the motor's, and taken off the measured one."""
+    """Known external torque along a joint, which is subtracted from the measured torque."""
 
     along: str = key("A joint, passive or not, or a coupled motor.")
     table: list[tuple[float, float]] = key(
@@ -115,7 +115,7 @@ class KnownTorque(Strict):
 
     @property
     def text(self) -> str:
-        """What it is, in a few words."""
+        """Return a short description of the torque."""
         of = f"polynomial of degree {len(self.polynomial) - 1}"
         how = f"table of {len(self.table)} points" if self.table else of
         return f"along {self.along} by a {how} from {self.span[0]:.4g} to {self.span[1]:.4g}"
@@ -193,7 +193,7 @@ class LoopEntry(Strict):
 
 
 class _CouplingEntry(Strict):
-    """A joint that moves as a polynomial of others, beside what the robot file says."""
+    """A joint that moves as a polynomial of others; it adds to the robot file."""
 
     name: str = key("Its name in reports.", "")
     joint: str = key("The joint that follows.")
@@ -251,10 +251,11 @@ class _TimeEntry(Strict):
 
 
 class MeasuredTorque(Strict):
-    """What torque columns hold: τ = sign · gain · ratio · value.
+    """The contents of torque columns: τ = sign · gain · ratio · value.
 
-    Measured at the `joint` with all of its rotor, at the `motor`'s rotor, or at the `link` behind
-    the gear, where no rotor inertia is seen. One number is of all joints, a table by joint.
+    Torque is measured at the `joint` (with its rotor), at the rotor of the `motor`, or at the
+    `link` behind the gear. At the `link` it contains no rotor inertia. One number holds for all
+    joints; a table gives one for each joint.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -276,12 +277,12 @@ class MeasuredTorque(Strict):
         return table.get(joint, table.get(""))
 
     def is_compensated(self, joint: str) -> bool:
-        """Return whether the torque of a joint lacks what holds the weight."""
+        """Return whether a joint's measured torque excludes the torque that holds its weight."""
         said = self.compensated
         return said if isinstance(said, bool) else joint in (said or ())
 
     def factor(self, joint: str) -> float:
-        """Return what a log's values are multiplied by [N·m or N per unit of the log]."""
+        """Return the factor from a log's values to torque [N·m or N per unit of the log]."""
         parts = (self.at(name, joint) for name in ("gain", "ratio", "sign"))
         return math.prod(1.0 if part is None else part for part in parts)
 
@@ -292,7 +293,7 @@ class MeasuredTorque(Strict):
 
     @property
     def text(self) -> str:
-        """What was said, in one line; nothing if nothing was."""
+        """Return the stated keys in one line; empty if there are none."""
         said = self.model_dump(exclude_defaults=True)
         return "; ".join(f"{key} = {value}" for key, value in said.items())
 
@@ -327,9 +328,9 @@ class ImuEntry(Strict):
 
 
 class ContactEntry(Strict):
-    """Where the ground presses on a robot that floats, with a force that nobody measures.
+    """A contact of a floating robot with the ground, whose force is not measured.
 
-    Without flag the contact never opens.
+    Without a flag the contact never opens.
     """
 
     frame: str = key("A body, or a site or geom of an MJCF.")
@@ -362,14 +363,14 @@ class _SymmetryEntry(Strict):
 
 
 class BodyBoundsEntry(Strict):
-    """What is known of a body, or of all whose names fit."""
+    """Known limits of a body, or of all bodies whose names fit."""
 
     mass: Masses | None = key("Least and largest mass [kg].", None)
     box: tuple[Span, Span, Span] | None = key("Of its centre, along its frame's axes [m].", None)
 
 
 class BoundsEntry(Strict):
-    """What a real robot of this kind can have."""
+    """Limits of masses that hold for any real robot of this kind."""
 
     total_mass: Masses | None = key("Of all moving bodies, without payload [kg].", None)
     bodies: dict[str, BodyBoundsEntry] = {}
@@ -383,7 +384,7 @@ class _PriorEntry(Strict):
 
 
 class Sidecar(Strict):
-    """What the robot file cannot say."""
+    """All keys of a sidecar."""
 
     name: str = key("The robot's name.", "")
     description: str = key("A sentence on it.", "")
@@ -464,7 +465,7 @@ def read_settings(
 
 
 def check_known(path: Path, key: str, given: Iterable[str], known: Iterable[str]) -> None:
-    """Refuse a sidecar that names what the robot does not have.
+    """Refuse a sidecar that names a part that the robot does not have.
 
     Parameters
     ----------
@@ -491,9 +492,9 @@ def check_known(path: Path, key: str, given: Iterable[str], known: Iterable[str]
 def by_name(
     path: Path, key: str, table: Mapping[str, T], known: Collection[str], gone: Collection[str] = ()
 ) -> dict[str, T]:
-    """Return what a table says of every name that its names and patterns stand for.
+    """Return a table with its patterns replaced by the names that fit them.
 
-    A name goes before a pattern, and of two patterns the one with more letters of its own.
+    A name overrides a pattern. A pattern with more letters overrides one with fewer.
 
     Parameters
     ----------
@@ -504,7 +505,7 @@ def by_name(
     table : mapping
     known : collection of str
     gone : collection of str
-        What may be named, too, and is not returned: what is locked, and bodies behind it.
+        Names that are allowed but not returned: locked joints, and bodies behind them.
 
     Raises
     ------

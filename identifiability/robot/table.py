@@ -22,7 +22,7 @@ A table is a TOML file; angles are in rad, or as it says in ``angles``, lengths 
     centre = [-0.36, 0, 0.2]  # frame of the link
     inertia = {xx = 0.13, yy = 0.52, zz = 0.54, xy = 0, xz = 0, yz = 0}
 
-    [sidecar]                 # whatever a sidecar can state beside the robot file
+    [sidecar]                 # any keys of a sidecar
 
 A modified frame is that of the URDF link. A standard one lies behind the joint: it is the link
 ``<name>_end``, without mass. `Robot.build` states ``position``, ``rpy`` and ``axis`` instead
@@ -102,7 +102,7 @@ class Table(Strict):
 
     @property
     def unit(self) -> float:
-        """What the file's unit of angles is [rad]."""
+        """Return the file's unit of angles [rad]."""
         return math.radians(1.0) if self.angles == "deg" else 1.0
 
     def turn(self, angle: float | str) -> float:
@@ -129,7 +129,7 @@ class Table(Strict):
 
 
 def write_table(table: str | Path | Mapping[str, Any], out: str | Path) -> Strings:
-    """Write the URDF of a table and the sidecar beside it; return what the table left open.
+    """Write the URDF of a table and its sidecar; return the values that the table lacks.
 
     Parameters
     ----------
@@ -257,7 +257,7 @@ def _inertial(link: ET.Element, row: Row, inside: pin.SE3) -> None:
 
 
 def body_joints(robot: Description, ground: str) -> Iterator[tuple[str, str, list[Joint]]]:
-    """Yield every body, what it hangs on, and the joints that move it there, in their order."""
+    """Yield every body, its parent, and the joints between them, in their order."""
     for body, link in zip(robot.bodies, robot.links, strict=True):
         above = ground if link.parent == WORLD else robot.bodies[link.parent]
         yield body, above, list(robot.tree.joints[link.first : link.last + 1])
@@ -409,7 +409,7 @@ _ANEW = ("locked", "massless", "loops", "couplings", "axes", "actuated", "home",
 
 
 def converted_sidecar(robot: Description, path: Path) -> dict[str, Any]:
-    """Return what stands in the sidecar of a robot that is written to another path.
+    """Return the content of a robot's sidecar for a robot file at another path.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Write parameters back into a robot file, or into one of the other format.
 
-Inertials, friction, rotors, springs, fixed tendons, servos, and torque offsets as what actuators
-pull by always.
+It writes inertials, friction, rotors, springs, fixed tendons and servos. Torque offsets become
+constant forces of actuators.
 """
 
 from __future__ import annotations
@@ -63,10 +63,10 @@ def read_elements(content: bytes) -> ET.Element:
 
 
 def edited(old: str, new: str, comment: str) -> str:
-    """Return the new text of a file in which everything that stays is written as in the old one.
+    """Return the new text of a file, with unchanged parts written as in the old text.
 
-    Tags of one element are found by their order and names; they take with them what stands before.
-    A comment is added at the head.
+    Tags of one element are matched by their order and names. The text before a tag moves with it. A
+    comment is added at the head.
     """
     was = _PIECE.findall(old)
     now = _PIECE.findall(new)
@@ -81,13 +81,13 @@ def edited(old: str, new: str, comment: str) -> str:
 
 
 def _key(before: str, tag: str, said: str) -> Strings:
-    """Return what tells a tag from others: the text before, its own name, and its element's."""
+    """Return the key that matches a tag: the text before, its tag name, and its element's name."""
     names = [value for _, key, _, value in _ATTRIBUTE.findall(said) if key == "name"]
     return re.sub(_ASIDE, "", before, flags=re.DOTALL).strip(), tag, *names
 
 
 def _edited_tag(old: str, new: str) -> str:
-    """Return the end of a tag with the attributes of a new one; what is alike stays as written."""
+    """Return the end of a tag with new attributes; equal values keep their spelling."""
     said = {key: value for _, key, _, value in _ATTRIBUTE.findall(new)}
 
     def keep(found: re.Match[str]) -> str:
@@ -166,7 +166,7 @@ def in_radians(top: ET.Element) -> bool:
 
 
 def clear_mjcf(top: ET.Element) -> None:
-    """Take away what would change the written values, or add to them, in compiling."""
+    """Remove attributes by which compilation would change the written values or add to them."""
     for tags, keys in _GONE:
         for element in (e for tag in tags.split() for e in top.iter(tag)):
             for key in keys.split():
@@ -180,9 +180,9 @@ def write_option(top: ET.Element, name: str, value: str) -> None:
 
 
 def affine_law(gain: float, bias: Array) -> dict[str, str]:
-    """Return the attributes of a ``<general>`` actuator: gain, and (3,) of what else it pulls by.
+    """Return the attributes of a ``<general>`` actuator with a gain and a bias (3,).
 
-    That is a constant, and what goes with its length and speed.
+    The bias is a constant force and factors of length and speed.
     """
     return {
         "dyntype": "none",
@@ -196,10 +196,10 @@ def affine_law(gain: float, bias: Array) -> dict[str, str]:
 def write_servos(
     top: ET.Element, joints: Sequence[str], servo: Servo, offsets: NumberByName
 ) -> None:
-    """Write position servos of joints in place of what drives them.
+    """Write position servos of joints in place of their actuators.
 
-    A servo without kp is one of velocity; a torque offset is a bias of its own. What acts against
-    the speed lacks what positions that are late push.
+    A servo without kp controls velocity. A torque offset becomes a separate bias. The damping is
+    that of the servo, less the effect of delayed positions.
     """
     actuators = top.findall("actuator")
     names = dict(zip(joints, joints, strict=True))
@@ -232,7 +232,7 @@ def thicken(inertia: Array) -> Array:
 
 
 def write_inertial(top: ET.Element, body: str, mass: float, centre: Array, inertia: Array) -> None:
-    """Write the inertial of a body, in its own frame, and take the mass off what it is made of.
+    """Write a body's inertial in its frame, and remove the mass of bodies that are fixed to it.
 
     Parameters
     ----------
@@ -475,7 +475,7 @@ def _write_forces(
 
 
 def _check_template(robot: Description, top: ET.Element) -> None:
-    """Refuse a file that has no place for what is written."""
+    """Refuse a file that lacks a place for the written values."""
     if any(e.tag == "replicate" for e in top.iter()):
         raise RobotError(
             f"{robot.path} uses <replicate>, whose copies have no place in the file to write "
@@ -651,10 +651,10 @@ def write_offsets(top: ET.Element, path: Path, offsets: NumberByName) -> None:
 
 
 def share_out(robot: Description, bodies: Mapping[str, Array]) -> dict[str, Array]:
-    """Return what to write of every body, where bodies behind locked joints have a share of some.
+    """Return the inertial values to write, with bodies behind locked joints split off.
 
-    They keep what the file states, as far as that leaves their host possible; else they have the
-    same part of it each. Read with the same locks, the file gives `bodies` again.
+    These bodies keep the file's values if that leaves their host physically consistent. Else the
+    same factor scales all of them. Read with the same locks, the file gives `bodies` again.
 
     Parameters
     ----------
