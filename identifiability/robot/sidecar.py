@@ -1,7 +1,7 @@
 """The sidecar: a TOML file that adds data to a robot file.
 
-Every key is optional. This file describes each, and ``docs/reference/sidecar.md`` is written from
-that. Patterns such as ``wrist_*.Fv`` or ``leg?.my`` apply to all names that fit, also of passive
+Every key is optional and described here, and ``docs/reference/sidecar.md`` is written from that.
+Patterns such as ``wrist_*.Fv`` or ``leg?.my`` apply to all names that fit, also of passive
 joints. ``*`` is any number of letters and ``?`` is one. Patterns are allowed in [nominal], [prior],
 [shapes], [reference], [limits] and the sums of [[symmetry]]. A name overrides a pattern. A pattern
 with more letters overrides one with fewer.
