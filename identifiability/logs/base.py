@@ -1,9 +1,9 @@
-"""How a base that floats moved, from whatever a log has of it: what an ideal sensor there reads.
+"""Reconstruct the motion of a floating base: the readings of an ideal inertial sensor there.
 
-An inertial sensor (`base.acc.x` … `base.gyro.z`), or a pose (`base.x`, `base.qw` …, odometry),
-which is differentiated, become one record: proper acceleration and angular velocity along the axes
-of the base, where up is, which contacts are closed, and what pushes on the robot as far as it was
-measured.
+The source is an inertial sensor (`base.acc.x` … `base.gyro.z`) or a pose (`base.x`, `base.qw` …,
+odometry), which is differentiated. The result is one record: proper acceleration and angular
+velocity along the axes of the base, the upward direction, closed contacts, and measured external
+forces.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def find_base(columns: Sequence[str], base: Base, renames: Renames) -> dict[str,
 
 
 def _key(name: str, base: Base) -> str:
-    """Return what a column says of the base, as `find_base` has it; empty if nothing."""
+    """Return the quantity of a base column, as `find_base` names it; empty if there is none."""
     parts = [p for p in re.split(r"[\[\]()./ ]+", name) if p]
     owners = {*OWNERS, base.body.lower(), base.title.lower()}
     at = [k for k, p in enumerate(parts) if p.lower() in owners]
@@ -182,10 +182,10 @@ def _spin(turn: scipy.spatial.transform.Rotation, step: float) -> Array:
 def _mean_acceleration(
     acc: Array, omega: Array, t: Array
 ) -> tuple[scipy.spatial.transform.Rotation, Array]:
-    """Return how the base turned since the start, and its slow acceleration in axes from then.
+    """Return the rotation of the base since the start, and its slow acceleration in axes from then.
 
-    In axes that turn back with the gyroscope gravity stands still, but for its drift, and what
-    moves the base to and fro has no mean.
+    The gyroscope turns the acceleration back into these axes. Gravity is constant there, except for
+    the drift of the gyroscope. Oscillations of the base have zero mean.
     """
     step = signals.sampling_step(t)
     rotation = scipy.spatial.transform.Rotation
@@ -199,7 +199,7 @@ def _mean_acceleration(
 
 
 def _check_gravity(base: Base, t: Array, slow: Array, source: str) -> None:
-    """Refuse an inertial sensor that does not feel gravity: whatever does not fall away does.
+    """Refuse an inertial sensor that does not measure gravity; a base that does not fall must.
 
     Raises
     ------

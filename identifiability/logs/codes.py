@@ -37,7 +37,7 @@ class Code:
 
     @property
     def name(self) -> str:
-        """What it is called."""
+        """Return a short description of the code."""
         if self.sign_bit:
             return f"numbers with their sign in bit {self.bits - 1}"
         return f"{self.bits}-bit numbers in two's complement"

@@ -1,8 +1,9 @@
-"""Which column of a table is what: its joint and channel, and what makes SI units of it.
+"""Assign the columns of a table: joint, channel, and conversion to SI units.
 
-By names, by numbers (``q1`` … ``q6``, ``position[0]``), or as the user maps them.
-Units are those that the log states, else what the sidecar says; torque columns may hold currents or
-torques of motors, times any unit or dates. What is missing is said with the remedy ready to copy.
+Columns are assigned by names, by numbers (``q1`` … ``q6``, ``position[0]``), or by the user's map.
+The log's units override those of the sidecar. Torque columns may hold currents or torques of
+motors. Times may have any unit or be dates. An error about a missing column contains a remedy that
+can be copied.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ _CHANNELS_SAY = {*KINDS, *COMMANDED, "ff"}
 
 @frozen
 class Naming:
-    """What a log takes from a table.
+    """The columns that a log takes from a table.
 
     Attributes
     ----------
@@ -66,13 +67,13 @@ class Naming:
         In the order of the table.
     joints : tuple of str
     notes : tuple of str
-        What is read otherwise than literally, half a sentence each.
+        Renamed columns and converted units, half a sentence each.
     locked : tuple of Column
         Positions of joints that are locked, which a log may contradict.
     made : tuple of str
-        Torque for which zeros stand, where motion or commands are all that a table is to hold.
+        Torque columns filled with zeros, because only motion or commands are needed.
     commands : tuple of str
-        Columns of commands that stand for torque.
+        Columns of commands that replace torque.
     """
 
     columns: tuple[Column, ...]
@@ -101,16 +102,17 @@ def name_columns(
     units: Mapping[str, str] | None = None,
     first: Mapping[str, str] | None = None,
 ) -> Naming:
-    """Return what a log takes from the columns of a table.
+    """Return the columns that a log takes from a table.
 
-    Where all documented names are there, no others count; without a robot only these are read.
+    If all documented names are present, no other names count. Without a robot only documented names
+    are read.
 
     Parameters
     ----------
     found : sequence of str
-        What the table calls them.
+        Their names in the table.
     source : str
-        What sentences call the table.
+        Name of the table in messages.
     known : Conventions
     units : mapping of str to str, optional
         Units of the table's own row of them.
@@ -169,9 +171,9 @@ def _refuse_twice(found: Sequence[str], guesses: Sequence[Column], source: str) 
 def _find_candidates(
     guesses: Sequence[Column], known: Conventions, needed: Sequence[str], *, torque: bool
 ) -> list[Column]:
-    """Return the columns of what was measured, then those of commands.
+    """Return the columns of measurements, then those of commands.
 
-    Beside torque only commands count that are called as here.
+    If there is torque, only commands with documented names count.
     """
     every = known.commands or not torque
     commands = [g for g in guesses if g.kind in COMMANDS and (every or g.literal)]
@@ -188,7 +190,7 @@ def _find_candidates(
 
 
 def _guess(names: Mapping[str, str], known: Conventions) -> list[Column]:
-    """Return what columns are, as far as their names say so."""
+    """Return the columns whose names identify their channel."""
     joints = tuple(dict.fromkeys((*known.motors, *known.joints, *known.locked)))
     if not known.joints:
         joints = tuple({split_unit(n)[0].rpartition(".")[0]: 0 for n in names.values()})
@@ -294,7 +296,7 @@ def _free(names: Mapping[str, str], taken: Mapping[str, Column]) -> list[str]:
 
 
 def _in_si(column: Column, units: Mapping[str, str], source: str, known: Conventions) -> Column:
-    """Return a column with what makes SI units of its values.
+    """Return a column with its conversion to SI units.
 
     Raises
     ------
@@ -377,7 +379,7 @@ def _tell_angles(joints: Sequence[str], known: Conventions) -> list[str]:
 def _tell(
     names: Mapping[str, str], own: Sequence[Column], wanted: Sequence[str], how: str
 ) -> list[str]:
-    """Return what is read otherwise than literally, half a sentence each."""
+    """Return notes on renamed columns and converted units, half a sentence each."""
     used = {c.source for c in own}
     left = [n for column, n in names.items() if column not in used and _kind(n) in CHANNELS]
     told = {
@@ -409,16 +411,16 @@ def resolve_numbers(
     names: Mapping[str, str],
     first: Mapping[str, str],
 ) -> tuple[list[Column], str]:
-    """Return the guesses with joints instead of numbers, as far as that is certain.
+    """Return the guesses with joints instead of numbers, if the assignment is certain.
 
-    Columns beside them may hold the joints' names (``name0``, as recorders of ROS write); else the
+    Other columns may hold the joints' names (``name0``, as recorders of ROS write). Else the
     numbers count the robot's joints in its order, from 0 or from 1.
 
     Parameters
     ----------
     guesses : sequence of Column
     source : str
-        What sentences call the table.
+        Name of the table in messages.
     known : Conventions
     names : mapping of str to str
         Columns and what they are renamed to.
@@ -429,7 +431,7 @@ def resolve_numbers(
     -------
     guesses : list of Column
     how : str
-        What a note says of it, to be added to a list of columns.
+        Explanation for a note, which follows the list of columns.
 
     Raises
     ------
@@ -552,7 +554,7 @@ _NO_STAND = (
 def _refuse_missing(
     names: Mapping[str, str], taken: Mapping[str, Column], source: str, known: Conventions
 ) -> NoReturn:
-    """Refuse a log that lacks what is needed, and say what it has instead.
+    """Refuse a log that lacks needed columns, and list the columns that it has.
 
     Raises
     ------
@@ -651,7 +653,7 @@ def rename(name: str, known: Conventions) -> str:
 
 
 def resolve_codes(naming: Naming, first: pd.DataFrame) -> Naming:
-    """Return what a log takes from a table, with the codes that its first rows show."""
+    """Return the columns of a log, with the number codes that its first rows show."""
     values = {c.name: to_floats(first[c.source]) for c in naming.columns if c.name != "t"}
     codes = find_codes(values)
     columns = tuple(replace(c, code=codes.get(c.name)) for c in naming.columns)
@@ -669,7 +671,7 @@ SHOWN = 20_000
 
 
 def resolve_time(naming: Naming, first: pd.DataFrame, source: str, known: Conventions) -> Naming:
-    """Return what a log takes from a table, with its times in seconds.
+    """Return the columns of a log, with the conversion of its times to seconds.
 
     Parameters
     ----------
@@ -677,7 +679,7 @@ def resolve_time(naming: Naming, first: pd.DataFrame, source: str, known: Conven
     first : DataFrame
         Its first rows.
     source : str
-        What sentences call the table.
+        Name of the table in messages.
     known : Conventions
 
 
@@ -763,7 +765,7 @@ def as_dates(given: pd.Series, start: int) -> pd.Series | None:
 
 
 def as_times(given: pd.Series, time: Column) -> pd.Series:
-    """Return a column of times in seconds; as it is where it holds what is no time."""
+    """Return a column of times in seconds; unchanged if it does not hold times."""
     import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
 
     if time.dates is not None:

@@ -1,8 +1,8 @@
 """Commands of position servos: held between updates, and delayed.
 
-A command is held until the next one comes, so it is a staircase, and a delay shifts the staircase.
-What of it acts at a sample is its mean over the interval around the sample, which depends on the
-delay without jumps. Commands may come on another clock than rows (`Log.commands_since`).
+A command is held until the next one, so commands form a staircase, and a delay shifts it. The
+command that acts at a sample is the mean over the interval around the sample. This mean is
+continuous in the delay. Commands may have another clock than rows (`Log.commands_since`).
 """
 
 from __future__ import annotations
@@ -78,10 +78,10 @@ def acting(log: Log, servo: Servo, at: Array, width: float, delay: float) -> Arr
 
 
 def has_commands(log: Log) -> bool:
-    """Whether a log holds positions or velocities that servos were told."""
+    """Return whether a log holds commanded positions or velocities."""
     return log.q_ref is not None or log.dq_ref is not None
 
 
 def of_commands(log: Log) -> bool:
-    """Whether the torque of a log is what servos made of commands."""
+    """Return whether the torque of a log was computed from commands of servos."""
     return log.servo_delay is not None

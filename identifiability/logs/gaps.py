@@ -1,6 +1,6 @@
-"""Samples that are not there: repeated because nothing new had arrived, or lost.
+"""Missing samples: repeated because no new value had arrived, or lost.
 
-Which steps of a clock are gaps, which are bridged, where a log is split.
+Steps of a clock are classified as gaps. Short gaps are bridged, and long ones split a log.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ NAMES = {"q": "position", "dq": "velocity", "ddq": "acceleration", "tau": "torqu
 
 @frozen
 class StaleRule:
-    """What counts as a repeated value, by channel.
+    """Thresholds for repeated values, by channel.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class StaleRule:
 
     @property
     def note(self) -> str:
-        """What was found and done, for the report; nothing if nothing was."""
+        """Return the report's note on repeated values; empty if there are none."""
         found = [
             phrase(
                 "repeated",
@@ -230,7 +230,7 @@ class Gaps:
         return Grid(self.rows[split] + 1, self.rows[~split], self.lost[~split], least)
 
     def check(self, samples: int) -> None:
-        """Refuse a clock that is so uneven that nobody knows which samples are missing.
+        """Refuse a clock that is too uneven to identify missing samples.
 
         Raises
         ------
@@ -315,9 +315,9 @@ def fill(x: Array, at: Array) -> Array:
 
 
 def _late(rows: Array, ratio: Array) -> Array:
-    """Return which odd steps stand beside others that make up for them, (m,) bool.
+    """Return the odd steps that neighbouring steps compensate, (m,) bool.
 
-    Nothing is missing there: samples were stamped too late or too early.
+    No sample is missing there. Samples have stamps that are too late or too early.
     """
     if not len(rows):
         return np.zeros(0, bool)

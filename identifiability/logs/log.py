@@ -1,9 +1,10 @@
 """`Log`: measured motion and torque of the actuated joints, read from CSV, Parquet or a DataFrame.
 
-One row a sample: ``t`` [s], ``<joint>.q`` and ``<joint>.tau`` for every actuated joint, optional
-``<joint>.dq`` and ``<joint>.ddq``, and what was commanded, ``<joint>.q_ref`` (or ``.cmd``),
-``.dq_ref`` and ``.tau_ff``; SI units (rad or m, N·m or N). A log that is too long for memory stays
-in its file, which is checked once and then read by ranges of rows: `Log.pieces`, `Log.windows`.
+Each row is a sample: ``t`` [s], and ``<joint>.q`` and ``<joint>.tau`` of every actuated joint.
+Optional columns are ``<joint>.dq`` and ``<joint>.ddq``, and the commands ``<joint>.q_ref`` (or
+``.cmd``), ``.dq_ref`` and ``.tau_ff``. Units are SI (rad or m, N·m or N). A log that is too long
+for memory stays in its file. The file is checked once and then read by ranges of rows:
+`Log.pieces`, `Log.windows`.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ Numbers = Annotated[
 
 
 def too_long(name: str) -> LogError:
-    """Return what is said of a log whose rows are asked for all at once."""
+    """Return the error for a request of all rows of a long log at once."""
     return LogError(
         f"{name} is too long to be held in memory, which this needs; give a stretch of it."
     )
@@ -230,7 +231,7 @@ class Log:
         )
 
     def windows(self) -> list[tuple[int, Log]]:
-        """Return stretches on which what holds for all of it is decided, and where each begins."""
+        """Return the stretches that decide for the whole log, with the first row of each."""
         return [(a, self.rows(a, b)) for a, b in spread_windows(len(self))]
 
     @property
@@ -251,7 +252,7 @@ class Log:
 
     @property
     def _arrays(self) -> dict[str, Any]:
-        """What it has a row of for every sample."""
+        """Return the arrays that have a row for every sample, by name."""
         names = ("t", *self.channels, "rollout", "base", "unmeasured")
         found = {name: getattr(self, name) for name in names}
         return {name: x for name, x in found.items() if x is not None}
@@ -282,7 +283,7 @@ class Log:
 
     @cached_property
     def clock(self) -> Clock:
-        """What is to be known of its times."""
+        """Return the properties of its times."""
         return Clock.of(self.t)
 
     @property
@@ -458,12 +459,12 @@ def share_clock(logs: Sequence[Log]) -> list[Log]:
 
 
 def refuse_silent(logs: Sequence[Log]) -> None:
-    """Refuse joints that neither move nor show torque in any log: free, they hide what moves.
+    """Refuse joints without motion and torque in any log: as free joints they hide others.
 
     Raises
     ------
     LogError
-        With what locks each where it stands, as a gripper's fingers should be.
+        It lists the locks that hold these joints, such as a gripper's fingers, where they are.
     """
     gone = [log.unmeasured for log in logs if log.unmeasured is not None]
     if len(gone) < len(logs) or len({log.joints for log in logs}) > 1:

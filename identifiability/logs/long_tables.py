@@ -225,7 +225,7 @@ def _is_sorted_by_joint(labels: pd.Series) -> bool:
 
 
 def _time_keys(times: pd.Series) -> Array:
-    """Return numbers in the order of times (N,); NaN for what is no time."""
+    """Return sortable numbers for times (N,); other values become NaN."""
     dates = as_dates(times, 0)
     return to_floats(times) if dates is None else dates.to_numpy()
 

@@ -1,11 +1,10 @@
 """Filter, differentiate and decimate sampled motion (arrays in, arrays out).
 
-What to use when: `fit_fourier` for periodic motion (derivatives are then analytic);
-`differentiate` for everything else (zero-phase Butterworth before it: it is exact in the band that
-is kept, up to a fifth of the sampling rate, and amplifies what lies above);
-`Decimation` whenever torque is low-passed: it must act on every column of the regressor as it
-acts on the torque (parallel filtering [Gautier 1997]), or sharp friction steps are smoothed on
-one side of the equation only.
+What to use when: `fit_fourier` for periodic motion (derivatives are then analytic); `differentiate`
+for all other motion, after a zero-phase Butterworth filter; `Decimation` if torque is low-passed.
+`differentiate` is exact up to a fifth of the sampling rate and amplifies higher frequencies.
+`Decimation` must act alike on torque and on every column of the regressor (parallel filtering
+[Gautier 1997]). Else sharp friction steps are smoothed on one side of the equation only.
 """
 
 from __future__ import annotations
@@ -165,9 +164,10 @@ def _filter_once(x: Array, poles: Array) -> Array:
 
 
 def settling_rows(dt: float, cutoff: float) -> int:
-    """Return after how many samples `lowpass` has forgotten where its input began.
+    """Return the number of samples after which `lowpass` has forgotten the start of its input.
 
-    Its slowest pole has decayed to 1e-14 then, which twice differentiated is small beside 1e-8.
+    Its slowest pole has decayed to 1e-14 by then. Differentiated twice, this is small compared with
+    1e-8.
     """
     slowest = np.abs(butterworth_poles(2 * cutoff * dt)).max()
     return int(np.ceil(np.log(1e-14) / np.log(slowest)))

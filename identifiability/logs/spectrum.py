@@ -41,7 +41,7 @@ LEFT = 256
 
 @frozen
 class Spectrum:
-    """Power of what is differentiated, and the noise in it.
+    """Power spectrum of the signal to differentiate, and its noise.
 
     Attributes
     ----------
@@ -171,7 +171,7 @@ def bandwidth_of_windows(windows: Sequence[Array], dt: float) -> float:
 
 @frozen
 class BandAdvice:
-    """The cut-off that predicts unseen torque of the fitted logs best, beside one set by hand.
+    """The cut-off with the best prediction of unseen torque, compared with one set by hand.
 
     Attributes
     ----------
@@ -193,12 +193,12 @@ class BandAdvice:
 
 @frozen
 class Band:
-    """The low-pass of computed derivatives, up to where torque is kept, and what comes through.
+    """The low-pass of computed derivatives, the band of torque, and the band of the motion.
 
-    Torque and columns pass the filter of decimation alike, the motion one more. Where that ends in
-    the same band what is sharp differs, as when dry friction turns: inertia lacks what its filter
-    takes, and the sign of a smoothed speed turns at another time. So the motion is low-passed where
-    its noise begins to count, and what is kept ends well below.
+    Torque and columns pass the same decimation filter; the motion passes one more. If both filters
+    end in the same band, sharp events such as reversals of dry friction differ. The second filter
+    removes part of the inertia torque, and the sign of a smoothed speed changes at another time. So
+    the motion is low-passed where its noise begins to matter, and the kept band ends well below.
 
     Attributes
     ----------
@@ -213,7 +213,7 @@ class Band:
     noise : float
         Share of the power of an acceleration that noise has at the cut-off, of the worst joint.
     reason : str
-        Why outputs end there, for the report; nothing where the cut-off was given.
+        Reason of the limit of outputs, for the report; empty if the cut-off was given.
     rate : float [Hz]
         At which the slowest log was sampled.
     advice : BandAdvice or None

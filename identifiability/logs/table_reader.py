@@ -1,7 +1,7 @@
-"""`TableReader`: reads a table piece by piece, and finds what its columns are.
+"""`TableReader`: reads a table piece by piece, and identifies its columns.
 
-Columns may have rates of their own: merged topics leave cells empty, loggers repeat what they
-know.
+Columns may have different rates. Merged topics leave cells empty, and loggers repeat the last
+value.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ LEAST = 3
 
 
 def unify_rates(values: Mapping[str, Array]) -> tuple[dict[str, Array], str]:
-    """Return columns at the same times, and a note on what was done; none if nothing was.
+    """Return columns at the same times, and a note on the changes; empty if there were none.
 
     Parameters
     ----------
@@ -156,14 +156,14 @@ def _as_tables(pieces: Iterable[Whole], source: str) -> Iterator[Whole]:
 
 
 class TableReader:
-    """What is found as a table is read, piece by piece.
+    """Collects the data of a table, piece by piece.
 
     Parameters
     ----------
     source : str
-        What sentences call the table.
+        Name of the table in messages.
     known : Conventions
-        What is known of it before.
+        Known facts on its columns.
 
     Attributes
     ----------
@@ -172,10 +172,10 @@ class TableReader:
     sha256 : str
         Of the whole.
     beside : mapping of str to (N,)
-        In the end, what the table says of a base that floats, by the keys of `find_base`, at the
-        times of the log: on straight lines where it came at other times.
+        At the end, the table's data on a floating base, by the keys of `find_base`. Data at other
+        times are interpolated linearly at the times of the log.
     start : float or None [s]
-        As of a `Log`: what the times count from, by themselves or as the table says (``attrs``).
+        Origin of the times, as in a `Log`, from the times or from the table's ``attrs``.
     """
 
     def __init__(self, source: str, known: Conventions) -> None:
@@ -222,7 +222,7 @@ class TableReader:
         return values
 
     def _take(self, frame: pd.DataFrame, form: Form, digest: str) -> dict[str, Array]:
-        """Return the next rows of what a log is made of, with checks of each value."""
+        """Return the arrays of the next rows, with checks of each value."""
         start = frame.attrs.get("start")
         frame.attrs = {}  # pandas would copy them, deeply, with each column
         self._form = form
@@ -307,7 +307,7 @@ class TableReader:
                 )
 
     def _check(self, values: Mapping[str, Array]) -> None:
-        """Refuse what cannot be."""
+        """Refuse impossible values."""
         numbers = self._numbers
         torques = [x for c, x in numbers.items() if c.endswith(".tau")]
         if torques and all(x.lost and x.bad == x.rows for x in torques):

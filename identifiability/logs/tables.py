@@ -66,7 +66,7 @@ def write_table(path: str | Path, frame: pd.DataFrame) -> Path:
 
 @contextmanager
 def parsing(path: Path) -> Iterator[None]:
-    """Turn whatever a parser raises into one sentence.
+    """Turn any error of a parser into one sentence.
 
     Raises
     ------

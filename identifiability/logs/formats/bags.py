@@ -212,7 +212,7 @@ def _choose_commands(path: Path, reader: Any, wanted: str) -> str:
 
 
 def _table(messages: Iterable[tuple[Sequence[str], Mapping[str, Any]]]) -> pd.DataFrame:
-    """Return what messages say of joints, a row each, by columns of a log.
+    """Return the joint data of messages, a row each, by columns of a log.
 
     Parameters
     ----------
@@ -253,10 +253,11 @@ def _add_commands(reader: Any, frame: pd.DataFrame, topic: str) -> None:
 
 
 def _add_base(reader: Any, frame: pd.DataFrame) -> None:
-    """Add what messages about a base, and of wrenches, hold to joint states.
+    """Add the data of messages about a base, and of wrenches, to joint states.
 
-    By their own stamps, on straight lines, at the times of the joint states. Of a type on several
-    topics nothing says which is the base's, but for wrenches, which have the names of theirs.
+    The data are interpolated linearly by their stamps at the times of the joint states. A type on
+    several topics is skipped, because the base's topic is not known. Wrenches are an exception:
+    their topics name them.
     """
     topics = {str(c.topic): c.msgtype for c in reader.connections if c.msgtype in BASE}
     for topic, kind in topics.items():
@@ -284,12 +285,12 @@ def _stamp(message: Any) -> int:
 def _read_states(
     source: str, messages: Iterable[tuple[int, Any]], known: Conventions, *, commanded: bool
 ) -> pd.DataFrame:
-    """Return what messages say of joints, by their stamps; joints without effort are passive.
+    """Return the joint data of messages, by their stamps; joints without effort are passive.
 
     Raises
     ------
     LogError
-        If none tells of all joints of the robot, or of position and effort.
+        If no message has all joints of the robot, or position and effort.
     """
     clocks = list[tuple[int, int]]()
     groups = dict[frozenset[str], Sequence[str]]()

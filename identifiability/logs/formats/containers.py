@@ -1,7 +1,7 @@
 """Containers of arrays, and sheets: .mat, .npz and .xlsx, read at once into one table.
 
-Arrays of one value a sample are columns of their name; of (N, n) arrays column ``k`` is
-``<name>[k]``, or ``<joint>.<name>`` where the names of the joints stand beside them.
+An array with one value for each sample is a column of its name. Column ``k`` of an (N, n) array is
+``<name>[k]``, or ``<joint>.<name>`` if the file also holds the names of the joints.
 """
 
 from __future__ import annotations
@@ -327,7 +327,7 @@ def _flatten(arrays: Mapping[str, Any], above: str = "") -> dict[str, Array]:
 
 
 def _shortened(arrays: Mapping[str, Array]) -> dict[str, Array]:
-    """Return arrays by the last part of their names, where that says which."""
+    """Return arrays by the last part of their names, if these parts are unique."""
     last = [name.rpartition(".")[2] for name in arrays]
     if len(set(last)) < len(last):
         return dict(arrays)

@@ -1,4 +1,4 @@
-"""Check Parquet files before they are read: what their rows take in memory, by their metadata."""
+"""Check from its metadata how much memory the rows of a Parquet file take, before it is read."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The one list of formats: who reads what lies at a path, by its suffix or by what is there."""
+"""The list of formats: it finds the reader of a path, by its suffix or its content."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def reader(
 
 
 def find_reader(path: Path) -> Reader | None:
-    """Return who reads what lies at a path; None for tables of text and Parquet."""
+    """Return the reader of a path; None for text tables and Parquet."""
     suffix = path.suffix.lower()
     return next((r for r in READERS if suffix in r.suffixes or r.sniff(path)), None)
 

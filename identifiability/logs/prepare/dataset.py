@@ -1,7 +1,8 @@
 """`Dataset`: the rows of a log, made ready for the regression.
 
-Motion of every joint, torque, how much each row counts, and what was done; a `Survey` is what there
-is to know of it as a whole. A long log is prepared piece by piece, and its rows stay on the disk.
+It holds the motion of every joint, torque, weights of rows, and notes on the preparation. A
+`Survey` summarises the whole log. A long log is prepared piece by piece, and its rows stay on the
+disk.
 """
 
 from __future__ import annotations
@@ -114,7 +115,7 @@ def explain_silence(surveys: Sequence[Survey]) -> str:
 
 @frozen
 class Piece:
-    """Consecutive samples, with what the decimation filter draws on at both ends.
+    """Consecutive samples, with those at both ends that the decimation filter needs.
 
     Attributes
     ----------
@@ -159,10 +160,10 @@ class Piece:
         return self.weighed(np.array(self.tau[self.at]))
 
     def silenced(self, x: Array, joints: np.ndarray | None = None) -> Array:
-        """Return inputs (N, n, …), or (N, m) of m joints, that are zero where torque is no data.
+        """Return inputs (N, n, …), or (N, m) of m joints, with zeros where torque is no data.
 
-        Torque and columns alike, before a filter draws on them: what is low-passed is then related
-        as it is where the joint moves, however near. They are written over.
+        Zeros are set in torque and columns alike, before a filter uses them. Low-passed torque and
+        columns are then related as they are while the joint moves. The inputs are overwritten.
         """
         if self._lost is not None and self.decimation is not None:
             x[self._lost if joints is None else self._lost[:, joints]] = 0.0
@@ -250,7 +251,7 @@ class Dataset:
 
     @property
     def ledger(self) -> tuple[Finding, ...]:
-        """What was done with its rows and columns when it was prepared."""
+        """Return the findings on its rows and columns during preparation."""
         return tuple(of_key(self.notes))
 
     @property
@@ -259,7 +260,7 @@ class Dataset:
         return is_long(len(self.tau))
 
     def divided(self) -> list[Dataset]:
-        """Return what is worked on one by one: stretches of a long log, or all of it."""
+        """Return the parts to process one by one: stretches of a long log, or the whole log."""
         if not self.long:
             return [self]
         reach = 0 if self.decimation is None else self.decimation.reach
@@ -314,7 +315,7 @@ class Dataset:
 
     @cached_property
     def survey(self) -> Survey:
-        """What there is to know of the whole log."""
+        """Return the summary of the whole log."""
         m = self.motion
         n = self.tau.shape[1]
         rows = np.zeros(n, int)
@@ -385,7 +386,7 @@ class Dataset:
         return np.concatenate([np.empty(0, int), *rows])
 
     def describe(self, joints: Sequence[str], total: int) -> list[Finding]:
-        """Return what was done with the samples of a log with `total` of them."""
+        """Return the findings on the samples of a log with `total` of them."""
         m = self.motion
         notes = []
         if len(m.dropped):

@@ -79,7 +79,7 @@ def _find_record(log: Log, samples: Dataset, *, always: bool) -> SecondRecord | 
 def complete_along(robot: Robot, measured: Motion, other: Sequence[Array] | Array) -> Motion | None:
     """Return the motion of all joints at the measured samples; None if too few loops close.
 
-    Where a loop stays open the measured motion stands for it.
+    If a loop stays open at a sample, the measured motion is kept there.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def _derive(q: Array, log: Log, cutoff: float | None) -> tuple[Array, Array, Arr
 
 
 def noise_again(log: Log, rng: np.random.Generator) -> Log:
-    """Return a log with as much noise once more on what it measured of the motion."""
+    """Return a log with additional noise, as much as its measured motion has."""
 
     def more(x: Array) -> Array:
         return np.asarray(x + measured_noise(x, log.t) * rng.standard_normal(x.shape))

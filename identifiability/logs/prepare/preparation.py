@@ -1,7 +1,7 @@
-"""How a log is turned into motion: what is asked for, and the plan that is made of it once.
+"""Turn a log into motion: the requested options, and the plan that follows from them.
 
-Decisions are made on windows of long logs; lost samples are decided upon there. `DwellRule` says
-where joints stand.
+Decisions on long logs are made on windows, also those on lost samples. `DwellRule` finds the rows
+in which joints stand.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class Smoothing:
 
     @staticmethod
     def choose(windows: Sequence[Array], dt: float) -> Smoothing | None:
-        """Return what smooths velocities; None where noise is negligible.
+        """Return the smoothing of velocities; None if noise is negligible.
 
         The low-pass leaves the band of the motion alone.
 
@@ -112,16 +112,16 @@ SEVERAL = 3
 class DwellRule:
     """When a joint stands or sticks: it stays about zero speed for longer than any reversal.
 
-    Dry friction holds a joint that does not move, with any torque up to its level. What the motor
-    supplies meanwhile says nothing of the robot. A reversal takes as long as its acceleration
-    needs; its torque is data where no joint ever stands. Where a joint stands, friction sticks.
-    The low-passed motion does not show when friction changes its sign, nor whether a joint sticks
-    for so short a time. A few such rows are off by tens of standard errors.
+    Dry friction holds a joint that does not move, with any torque up to its level. Its motor torque
+    then carries no information on the robot. A reversal takes as long as its acceleration needs;
+    its torque is data where no joint ever stands. Where a joint stands, friction sticks. The
+    low-passed motion does not show when friction changes its sign, nor whether a joint sticks for
+    so short a time. A few such rows are off by tens of standard errors.
 
     Attributes
     ----------
     creep : (k, n) [rad/s or m/s]
-        Speeds that say nothing, the largest first.
+        Speeds below which a joint may stand, the largest first.
     slow : (k, n) [samples]
         How long a joint stays below them at least.
     beside : int
@@ -171,7 +171,7 @@ def _lasting(x: Array, window: int) -> Array:
 
 @frozen
 class Stays:
-    """How long joints stay about zero speed in windows of a log, beside what a reversal takes.
+    """Durations of dwells about zero speed in windows of a log, in excess of reversals.
 
     Attributes
     ----------
@@ -180,7 +180,7 @@ class Stays:
     speeds : tuple of (N, n) [rad/s or m/s]
         Those that are used.
     creep : (k, n) [rad/s or m/s]
-        Speeds that say nothing.
+        Speeds below which a joint may stand.
     typical : (n,) [rad/s² or m/s²]
         Standard deviation of the acceleration.
     never : (n,) bool
@@ -210,7 +210,7 @@ class Stays:
         return Stays(plan, tuple(v for _, v, _ in parts), creep, typical, never)
 
     def rule(self, rare: int = 1) -> DwellRule:
-        """Return the rule of what so few in as many reversals again last as long as."""
+        """Return the rule that takes 5 % / `rare` of reversals of Gaussian motion for dwells."""
         step = self.plan.step
         cutoff = self.plan.cutoff
         # Rayleigh distributed: a share p of reversals is slower than in proportion to its root;
@@ -262,7 +262,7 @@ def ever_stand(logs: Sequence[Stays]) -> bool:
 
 @frozen
 class Plan:
-    """What was decided about a log once, for all its samples.
+    """Decisions about a log, which hold for all its samples.
 
     Attributes
     ----------
@@ -283,9 +283,9 @@ class Plan:
     smoothing : Smoothing or None
         Of measured velocities, of which signs are taken; None where there is none.
     hints : tuple of str
-        What to say of it where every reader looks.
+        Hints on it for every reader.
     band : float or None [Hz]
-        Up to where torque and columns are kept beside computed derivatives; None without these.
+        Upper limit of the kept band of torque and columns with computed derivatives; else None.
     """
 
     step: float
@@ -342,9 +342,9 @@ class Plan:
     def derive(self, log: Log, origin: int = 0) -> tuple[Array, Array, Array]:
         """Return position, velocity and acceleration of the actuated joints, each (N, n).
 
-        The computed derivatives of a joint that never moves are zero: the sign of what rounding
-        leaves there would pass for friction, another one on every processor. Those of a stretch
-        that is too short are zero, too: it will be left out.
+        The computed derivatives of a joint that never moves are zero. Else the sign of rounding
+        errors would pass for friction, and differ between processors. The derivatives of a stretch
+        that is too short are zero, too, because it will be left out.
 
         Parameters
         ----------
@@ -423,10 +423,10 @@ class Plan:
         return np.asarray(np.abs(log.dq) < UNSURE * log.speed_error)
 
     def lacking(self, unmeasured: Array) -> Array:
-        """Return where torque is no data, from where it was not measured, (N, n) bool.
+        """Return the rows where torque is no data after decimation, (N, n) bool.
 
-        A decimation filter mixes it with what is beside. What lacks less than an output's step is
-        known from there.
+        The argument marks unmeasured torque. A decimation filter mixes it with neighbouring
+        samples. Gaps shorter than the step of outputs are bridged by their neighbours.
         """
         if self.factor == 1:
             return unmeasured
@@ -479,12 +479,12 @@ def joint_log(robot: Robot, log: Log) -> Log:
 
 
 def _on_base(robot: Robot, log: Log) -> Log:
-    """Return a log with the joints that stand for a base that floats, which nothing drives.
+    """Return a log with the six undriven joints of a floating base.
 
     Raises
     ------
     LogError
-        If the log was read as that of a robot that stands.
+        If the log was read for a robot with a fixed base.
     """
     if robot.base is None:
         return log
@@ -669,13 +669,13 @@ def choose_cutoff(
     logs: Sequence[Log],
     how: Preparation | None,
 ) -> Preparation:
-    """Return a preparation with one cut-off for all logs: what is compared has one band.
+    """Return a preparation with one cut-off for all logs, so that they share one band.
 
     Parameters
     ----------
     robot : Robot
     logs : sequence of Log
-        That decide: the fitted ones. What is held out has no say in what is fitted.
+        The fitted logs, which decide. Held-out logs have no influence.
     how : Preparation or None
 
     Raises
@@ -717,7 +717,7 @@ def smoothed(robot: Robot, log: Log, how: Preparation) -> Log:
 
 
 def with_series_band(how: Preparation, logs: Sequence[Log]) -> Preparation:
-    """Return a preparation with the band in which torque is kept beside series through positions.
+    """Return a preparation with the band of torque for series through positions.
 
     Parameters
     ----------
@@ -734,7 +734,7 @@ def with_series_band(how: Preparation, logs: Sequence[Log]) -> Preparation:
 
 
 def _with_band(robot: Robot, logs: Sequence[Windows], how: Preparation) -> CommonPreparation:
-    """Return the preparation with one band of what is differentiated, from windows of each log."""
+    """Return the preparation with one band for derivatives, from windows of each log."""
     spectra = []
     for raw in logs:
         windows = [joint_log(robot, w) for w in raw.even(0.5 / RULES.cutoff_lowest)]
