@@ -264,7 +264,7 @@ class ReadingCandidates:
         )
 
     def _other(self, description: str, remedy: str, **changes: Any) -> Reading:
-        """Return the literal reading with some changes, what they are, and what to do."""
+        """Return the literal reading with some changes, their description, and the remedy."""
         return replace(self.literal, description=description, remedy=remedy, **changes)
 
     def _cycle(self, joints: tuple[int, ...]) -> Array:

@@ -173,7 +173,8 @@ class CarriedReading:
     ) -> list[Finding]:
         """Return one finding for each log that the model fits better as its columns are named.
 
-        Values are those of the result. Only what gravity adds to the literal model is fitted.
+        Values are those of the result. Only the values that another gravity adds to the literal
+        model are fitted.
 
         Parameters
         ----------
@@ -199,7 +200,7 @@ class CarriedReading:
         return found
 
     def _literal_model(self, structure: Structure, base: Array) -> tuple[Structure, Array, Array]:
-        """Return the model under the file's gravity, its values, and what is free in them."""
+        """Return the model under the file's gravity, its values, and their free directions."""
         texts = [text for text in structure.model.texts if not text.startswith(GravityTilt.name)]
         literal = Structure.of(self.structure.robot, Model.of(*texts))
         common = [name for name in literal.columns if name in structure.columns]

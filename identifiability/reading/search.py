@@ -129,8 +129,8 @@ class ReadingSearch:
     def compare_rows(self, reading: Reading) -> tuple[TorqueRows, TorqueRows]:
         """Return the rows of the literal motion and of a reading's.
 
-        Both are without the smooth functions of both motions: else the reading gains by other
-        functions of what the model lacks.
+        The smooth functions of both motions are projected out of both. Else the reading would gain
+        because its functions explain other effects that the model lacks.
         """
         rows = self.rows_of(reading)
         return self.rows.beside(rows), rows.beside(self.rows)
@@ -215,7 +215,7 @@ class ReadingSearch:
         return describe_numbers(tuned)
 
     def complete(self, reading: Reading) -> Reading:
-        """Return a reading with what `Reading.read` needs: offsets, or the robot that is added."""
+        """Return a reading with the data that `Reading.read` needs: offsets, or the added robot."""
         if reading.separate_offsets:
             return self._fit_offsets(reading)
         if not reading.compensated.any():
@@ -307,7 +307,7 @@ class ReadingSearch:
     # Step 4: other rows.
 
     def verify(self, reading: Reading) -> Verification:
-        """Return what each of two parts of the rows says of numbers that the other one chose."""
+        """Return how numbers chosen by each half of the rows fit the other half."""
         plain, moved = self.compare_rows(reading)
         independent = moved.count(reading) / np.maximum(moved.counts, 1)
         parts = list(zip(plain.halves(), moved.halves(), strict=True))
