@@ -1,6 +1,6 @@
-"""What is odd about prepared logs: torque in another unit, what holds a base.
+"""Checks of prepared logs: torque in another unit, the support of a base.
 
-And what the robot file says that cannot be, and joints that say nothing.
+They also find impossible values in the robot file, and joints without information.
 """
 
 from __future__ import annotations
@@ -238,7 +238,7 @@ def find_still(logs: MeasuredLogs) -> list[Finding]:
 
 @check("unheld", Does.MISREADS)
 def find_unheld(logs: MeasuredLogs) -> list[Finding]:
-    """Return what measured forces carry where no contact is closed; nothing if it is the robot."""
+    """Return a finding if neither a closed contact nor a measured force carries the robot."""
     robot = logs.robot
     some = logs.motion
     fall = 0.0 if robot.base is None else float(np.linalg.norm(robot.base.gravity))
@@ -280,10 +280,11 @@ def weigh_rows(
     information: Information,
     estimator: Estimator,
 ) -> tuple[Information, str, Outliers | None]:
-    """Return the information with outliers weighed down; a sentence on them, and these.
+    """Return the information with outliers down-weighted, a sentence, and the outliers.
 
-    The sentence names what would have moved a value out of its interval. Residuals below the share
-    that moves no value are no outliers: a low-pass leaves some at the ends of a log without noise.
+    The sentence names the parameter that outliers would move most, if that is out of its interval.
+    Fewer outliers than the negligible share are ignored, because a low-pass leaves some at the ends
+    of a log without noise.
 
     Parameters
     ----------

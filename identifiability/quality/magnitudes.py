@@ -33,7 +33,7 @@ def find_magnitudes(logs: MeasuredLogs) -> list[Finding]:
 
 
 def is_magnitude(columns: Array, torque: Array, predicted: Array) -> bool:
-    """Return whether a torque of both signs leaves half of what a torque of one sign leaves.
+    """Return whether a signed torque has at most half the squared residual of an unsigned one.
 
     Parameters
     ----------
@@ -54,6 +54,6 @@ def is_magnitude(columns: Array, torque: Array, predicted: Array) -> bool:
 
 
 def residual_square(basis: Array, torque: Array) -> float:
-    """Return the sum of squares of torque (N,) beside an orthonormal basis (N, k)."""
+    """Return the sum of squared residuals of torque (N,) after projection on a basis (N, k)."""
     rest = torque - basis @ (basis.T @ torque)
     return float(rest @ rest)

@@ -1,7 +1,7 @@
-"""What can be mended in logs: it is mended when they are read, in the registry's order, and said.
+"""Correct logs when they are read, in the order of the registry, and report it.
 
-Torque and rows that stand still in motion, angles within one turn, single wrong samples, commands
-without torque, derivatives of another motion.
+The corrections concern stuck torque and repeated rows in motion, wrapped angles, outlying samples,
+commands without torque, and derivatives of another motion.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def find_silent(log: Log) -> tuple[Log, list[Finding]]:
 
 @mend_each("stuck")
 def drop_stuck(log: Log) -> tuple[Log, list[Finding]]:
-    """Return a log without rows and torque that stand still in mid-motion, and what was found."""
+    """Return a log without stuck rows and stuck torque, and the findings."""
     if log.motion_alone or log.commanded or len(log) < RULES.stuck:
         return log, []
     # Of a long log no row is dropped.
@@ -82,9 +82,10 @@ def _find_unmeasured(log: Log, low: Array, high: Array) -> list[int]:
 
 
 def _find_stuck(log: Log, low: Array, high: Array) -> Iterator[tuple[int, int, int]]:
-    """Yield where torque stands still, but at a limit or with its joint: (joint, first, last).
+    """Yield runs of stuck torque, except at a limit or at rest: (joint, first, last).
 
-    What goes on by one step of its converter has turned, as torque does in the midst of a motion.
+    If torque then changes by one step of its converter, it was at an extremum. That happens in any
+    motion.
     """
     for k in np.flatnonzero(low < high).tolist():
         change = np.abs(np.diff(log.tau[:, k], append=np.inf))
@@ -149,7 +150,7 @@ def find_runs(x: Array) -> list[tuple[int, int]]:
 
 @mend_each("wraps")
 def unwrap_log(log: Log) -> tuple[Log, list[Finding]]:
-    """Return a log with the jumps of wrapped angles undone, and what was found."""
+    """Return a log with unwrapped angles, and the findings."""
     found = [find_wraps(x) for x in log.q.T]
     wraps = {j: w for j, w in zip(log.joints, found, strict=True) if w is not None}
     if not wraps:
@@ -174,7 +175,7 @@ def _undo(log: Log, origin: int, found: Sequence[Wraps | None]) -> Log:
 
 @mend_each("spikes")
 def mend_log(log: Log) -> tuple[Log, list[Finding]]:
-    """Return a log with its wrong samples replaced, and what was found; itself if nothing was."""
+    """Return a log with wrong samples replaced, and the findings; the log itself without any."""
     wrong = log.spikes
     if not wrong:
         return log, []
