@@ -60,14 +60,14 @@ def _fail(sentence: str) -> NoReturn:
 
 
 def escaped(text: str) -> str:
-    """Return text in which rich finds no markup, and a terminal no command."""
+    """Return text without markup for rich and without control characters for a terminal."""
     from rich.markup import escape  # noqa: PLC0415
 
     return escape(for_terminal(text, keep="\n\t"))
 
 
 def terminal(*, stderr: bool = False) -> Console:
-    """Return the terminal, which prints ``:x:`` in a name as it stands."""
+    """Return the terminal, which prints ``:x:`` in a name literally."""
     from rich.console import Console  # noqa: PLC0415
 
     return Console(stderr=stderr, emoji=False)
@@ -112,7 +112,7 @@ def check_outputs(*paths: Path | None, inputs: Iterable[str | Path | None] = ())
 
 
 def print_table(shown: Table, rows: int, title: str) -> None:
-    """Print a table of a result, with at most so many rows, under its caption or a title."""
+    """Print a table of a result with at most `most` rows, under its caption or a title."""
     from rich.table import Table as Grid  # noqa: PLC0415
 
     # a title of its own would be wrapped to its width
@@ -133,14 +133,14 @@ def print_table(shown: Table, rows: int, title: str) -> None:
 
 
 def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[str] = ()) -> None:
-    """Print short answers, warnings, what to do next, and written files; with -v all details.
+    """Print short answers, warnings, the next step and written files; with -v all details.
 
     Parameters
     ----------
     result : Result
     written : sequence of Path
     more : iterable of str
-        What else is said, below the answers.
+        Further sentences, below the answers.
     """
     from identifiability.foundation.rounding import format_count  # noqa: PLC0415
 
@@ -183,7 +183,7 @@ def print_next(result: Result) -> None:
 
 
 def print_command(what: str, command: str) -> None:
-    """Print a line to type as it stands: not wrapped, and without markup."""
+    """Print a line for the user to type: not wrapped, and without markup."""
     sys.stdout.write(f"{what} {for_terminal(command)}\n")
 
 
@@ -200,12 +200,12 @@ def print_end(texts: Iterable[str], written: Iterable[Path] = ()) -> None:
 
 
 def write_all(*asked: tuple[Callable[[Path], Path], Path | None]) -> list[Path]:
-    """Call functions that write with their paths, and return these; those of no path are not asked.
+    """Call functions that write with their paths and return the paths; skip those without a path.
 
     Raises
     ------
     OutputError
-        If something cannot be written where it should, after all others were written.
+        If a file cannot be written at its path; the others are written first.
     """
     written = []
     failed = []

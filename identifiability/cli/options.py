@@ -104,7 +104,7 @@ class Reads:
     always: bool = True
 
     def check(self, value: Any) -> None:
-        """Refuse a path where no document is.
+        """Refuse a path without a document.
 
         Raises
         ------
@@ -118,7 +118,7 @@ class Reads:
 
 @dataclass(frozen=True)
 class Records:
-    """Marks an option as logs that are read; where they may be results, too, as those."""
+    """Mark an option as logs to read; `results` says whether results may be given instead."""
 
     results: bool = False
 
@@ -248,7 +248,7 @@ def options_of(holder: Any) -> list[Field]:
 
 @dataclass(frozen=True)
 class Verb:
-    """A command that is made when it is typed: fifteen of them take longer than a help may."""
+    """A command that is built when its verb is typed, because all verbs would slow the help."""
 
     function: Callable[..., None]
 
@@ -314,7 +314,7 @@ def _flattened(
 
 
 class Command(typer.core.TyperCommand):
-    """A command whose help lists effects, settings and robots when it is asked for."""
+    """A command whose help lists effects, settings and robots; the list is made on request."""
 
     settings: Mapping[str, Field]
 
@@ -544,7 +544,7 @@ def split_names(_: str, text: str) -> list[str]:
 
 
 def split_model(option: str, text: str) -> list[str] | str:
-    """Return the effects in ``a,b``, or the path of a model file as it is."""
+    """Return the effects in ``a,b``, or the unchanged path of a model file."""
     return text if text.lower().endswith(".toml") else split_names(option, text)
 
 
@@ -633,7 +633,7 @@ Point = Annotated[str, Option(metavar="X,Y,Z"), Parsed(split_point)]
 
 @dataclass(frozen=True)
 class Recorded:
-    """How logs of the robot were made; the sidecar has its own words for it."""
+    """How logs of the robot were recorded; the sidecar has other names for these keys."""
 
     table: ClassVar[str] = ""
 
@@ -697,7 +697,7 @@ class Derived:
 
 @dataclass(frozen=True)
 class Place:
-    """Where long work runs."""
+    """The engine for long computations."""
 
     table: ClassVar[str] = "run"
 
@@ -719,7 +719,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Work:
-    """How logs become motion, and where long work runs."""
+    """How logs become motion, and the engine for long computations."""
 
     derived: Derived = Derived()
     place: Place = Place()
@@ -755,7 +755,7 @@ class Fitted:
 
 @dataclass(frozen=True)
 class Outputs:
-    """Where results are written."""
+    """Paths of the results."""
 
     report: Report = None
     json: Annotated[Path | None, Writes(".json")] = None

@@ -62,12 +62,12 @@ def run(said: dict[str, Any], verb: str, write: str = "", **options: Any) -> tup
     Parameters
     ----------
     said : mapping
-        Arguments of the verb, groups of them among them.
+        Arguments of the verb, including groups.
     verb : str
     write : str, optional
-        Method of the result that writes ``out``; that is written first, as the page knows of it.
+        Method of the result that writes ``out``. It runs first, because the page names that file.
     options
-        Of this method.
+        Options of this method.
     """
     machine, outputs = said.pop("machine"), said.pop("outputs")
     work, out = said.pop("work", None), said.pop("out", None)
@@ -202,7 +202,7 @@ def analyze(
     each: Annotated[Sequence[str], Option(metavar="FOLDER")] = (),
     out: Annotated[Path | None, Writes()] = None,
 ) -> None:
-    """Say which parameters the logs determine, and which model of a ladder to use."""
+    """Find the parameters that the logs determine, and select a model of a ladder."""
     said = locals()
     if bool(each) == bool(logs) or (out is None) == bool(each):
         raise kinds.OptionError(Finding("each.none"))
@@ -266,7 +266,7 @@ def diagnose(
     motion: Annotated[Path | None, Option("--next"), Writes(".json")] = None,
     limits: Limits = None,
 ) -> None:
-    """Find where model and logs disagree, name the missing effect, add it, show the gap shrink."""
+    """Find where model and logs disagree, name and add the missing effect, and show the gap shrink."""
     said = locals()
     del said["motion"], said["limits"]
     result, written = run(said, "diagnose", "write_model")
@@ -301,7 +301,7 @@ def calibrate(
     seed: kinds.Seed = 0,
     quick: bool = False,
 ) -> None:
-    """Say whether the intervals and verdicts of the model to use can be trusted here."""
+    """Check whether the intervals and verdicts of the selected model can be trusted here."""
     with work.running() as (say, how, engine):
         import identifiability as library  # noqa: PLC0415
 
@@ -334,7 +334,7 @@ def predict(
     forward: Annotated[bool, Option("--forward")] = False,
     out: Annotated[Path | None, Table] = None,
 ) -> None:
-    """Predict the torque of logs with a fitted model, or where they move its robot."""
+    """Predict the torque of logs with a fitted model, or the motion of its robot."""
     print_result(*run(locals(), "predict", "write"))
 
 
@@ -416,7 +416,7 @@ def compare(
     more_before: Annotated[Sequence[str], Option("--before", metavar="LOG"), Records()] = (),
     more_after: Annotated[Sequence[str], Option("--after", metavar="LOG"), Records()] = (),
 ) -> None:
-    """Say what changed between two logs of one robot."""
+    """Find the changes between two logs of one robot."""
     said = locals()
     said["before"] = [before, *said.pop("more_before")]
     said["after"] = [after, *said.pop("more_after")]
@@ -470,7 +470,7 @@ def simulate(
 
 @dataclass(frozen=True)
 class Searched:
-    """Of which motions the best is found."""
+    """The set of motions for the search."""
 
     table: ClassVar[str] = ""
 
@@ -531,7 +531,7 @@ def find_studies() -> Path:
     Raises
     ------
     IdentifiabilityError
-        If neither stands in a checkout.
+        If neither is in a checkout.
     """
     package = Path(__file__).resolve().parents[2]
     for folder in (Path.cwd(), *Path.cwd().parents, package):

@@ -58,17 +58,17 @@ class Column:
     ----------
     title : str
     look : {"text", "number", "error", "bar", "badge", "code"} or callable
-        Numbers stand right, errors left (so that they meet at ±), bars have a `Cell.share`. A
-        function makes numbers into text.
+        Numbers are aligned right and errors left, so that they meet at ±. Bars have a `Cell.share`.
+        A function formats numbers as text.
     get : str or None
         Where the value is in a row: the key of a mapping, or an attribute (with dots for one of an
-        attribute); None for the element of the row at the column's own place.
+        attribute); None for the element of the row at the column's index.
     hint : str
-        One sentence that says what the column is.
+        One sentence on the meaning of the column.
     detail : bool
-        Whether it is shown only to who asks for statistics in detail.
+        Whether it is shown only with detailed statistics.
     quiet : bool
-        Whether that holds for the small print of its cells; it is said where the pointer is.
+        Whether that holds for the small print of its cells, which then shows on hover.
     """
 
     title: str
@@ -99,7 +99,7 @@ class Column:
 
 @frozen
 class Table:
-    """A table that sorts by click and, where asked for, filters by the words of one column.
+    """A table that sorts by click and can filter by the words of one column.
 
     Attributes
     ----------
@@ -126,13 +126,13 @@ class Table:
     def of(
         cls, caption: str, columns: Sequence[Column], rows: Iterable[Any], **options: Any
     ) -> Table:
-        """Return the table of some rows: mappings, objects, or tuples with an element a column.
+        """Return the table of some rows: mappings, objects, or tuples in the order of columns.
 
         Parameters
         ----------
         caption : str
         columns : sequence of Column
-            Say what of each row they show, and how.
+            Define the values of a row that they show, and their format.
         rows : iterable
         options
             `filter_by`, `marked` and `long`.

@@ -1,8 +1,8 @@
-"""Where long work runs: in this process, in several, or on a cluster, with or without a memory.
+"""Engines for long computations: this process, several processes, a cluster, stored results.
 
-What to use when: `Serial` for work of seconds and for debugging, `Processes` on one machine,
-`Dask` for more than one, `Resumed` around any of them for hours of work. All do one thing: one
-function over many items, in their order, one thread each.
+What to use when: `Serial` for seconds of computation and for debugging; `Processes` on one machine;
+`Dask` on several machines; `Resumed` around any of them for hours of computation. Each engine calls
+one function on many items, in their order, with one thread each.
 """
 
 from __future__ import annotations
@@ -47,11 +47,10 @@ NUMERICS = ("numpy", "scipy", "pin", "mujoco", "cvxpy", "clarabel", "emcee")
 
 
 def one_thread(of: Literal["blas", "openmp"] | None = None) -> AbstractContextManager[Any]:
-    """Return a context in which libraries have one thread: those of one kind, or all.
+    """Return a context with one thread for libraries of one kind, or for all.
 
-    Threads fight over the small matrices of this project, and sums over several threads differ in
-    the last bits from sums over one. Looking for the libraries takes milliseconds, and only an
-    import brings new ones.
+    Threads slow down the small matrices of this project, and sums over several threads differ in
+    the last bits. The search for libraries takes milliseconds. Only an import adds new ones.
     """
     limits: AbstractContextManager[Any] = _controller(len(sys.modules)).limit(limits=1, user_api=of)
     return limits
@@ -74,7 +73,7 @@ def _read(function: bytes | Path) -> Any:
 
 
 def run_pickled(function: bytes | Path, item: Any) -> Any:
-    """Do the same with a function that was pickled, or is in a file; it is read once."""
+    """Do the same with a pickled function, or with one in a file, which is read once."""
     return run_limited(_read(function), item)
 
 
@@ -88,7 +87,7 @@ def in_order(submit: Callable[[Item], Any], items: Sequence[Item], workers: int)
 
 
 class Engine(AbstractContextManager["Engine"]):
-    """Runs one function over many items; the results do not depend on which engine it is.
+    """Runs one function over many items; the results do not depend on the engine.
 
     Use it in a ``with`` block: workers end with it.
     """
@@ -100,22 +99,22 @@ class Engine(AbstractContextManager["Engine"]):
         *,
         progress: Steps | None = None,
     ) -> Iterator[Result]:
-        """Give the results in the order of the items, each as soon as those before it are there.
+        """Yield the results in the order of the items, each as soon as all before it are ready.
 
         Parameters
         ----------
         function : callable
             Any that cloudpickle can send, with the arguments bound to it.
         items : sequence
-            All that tells one from another must be in them: a function that draws random numbers
-            gets its seed as part of the item.
+            An item must contain all its inputs: a function that draws random numbers gets its seed
+            from the item.
         progress : callable, optional
             ``(done, total)``.
 
         Raises
         ------
         Exception
-            The first that the function raises, by the order of the items.
+            The first error of the function, in the order of the items.
         """
         for done, result in enumerate(self._run(function, items), 1):
             if progress is not None:
@@ -145,7 +144,8 @@ class Processes(Engine):
     Parameters
     ----------
     workers : int, optional
-        By default one for each core, started once the first item has said that this is faster.
+        Number of processes; by default one for each core. They start when the time of the first
+        item shows that they save time.
     """
 
     def __init__(self, workers: int | None = None) -> None:
@@ -286,7 +286,7 @@ class Dask(Engine):
             raise EngineError(Finding("cluster.died", self.scheduler)) from None
 
     def close(self) -> None:
-        """Leave the cluster, which goes on."""
+        """Leave the cluster, which keeps running."""
         with suppress(CancelledError, OSError):
             self.client.close()
 
@@ -344,7 +344,7 @@ class Resumed(Engine):
 
 
 def _read_back(path: Path) -> tuple[Any, ...]:
-    """Return the result of a file; nothing where it is missing or damaged."""
+    """Return the result of a file in a tuple; an empty tuple if it is missing or damaged."""
     with suppress(OSError, EOFError, ValueError, pickle.UnpicklingError):
         return (pickle.loads(path.read_bytes()),)
     return ()
@@ -366,7 +366,7 @@ def fingerprint(function: Callable[..., Any], item: Any = None) -> str:
 
 @cache
 def source_digest(name: str) -> str:
-    """Return a hash of the text of a module or package; empty where there is none."""
+    """Return a hash of the text of a module or package; empty without a text."""
     path = Path(getattr(sys.modules.get(name), "__file__", None) or "")
     files = sorted(path.parent.rglob("*.py")) if path.name == "__init__.py" else [path]
     texts = [(f.relative_to(path.parent).as_posix(), f.read_bytes()) for f in files if f.is_file()]
@@ -375,7 +375,7 @@ def source_digest(name: str) -> str:
 
 @cache
 def find_version(name: str) -> str:
-    """Return the version of an installed package; empty if it is not there."""
+    """Return the version of an installed package; empty if it is not installed."""
     with suppress(metadata.PackageNotFoundError):
         return metadata.version(name)
     return ""

@@ -117,22 +117,22 @@ class Finding(str):
 
     @property
     def level(self) -> Level:
-        """How grave it is."""
+        """Return its severity."""
         return Level(sentences()[self.key].get("level", Level.REFUSAL))
 
     @property
     def decides(self) -> bool:
-        """Whether it changes a decision: it is always printed, and lowers the answers."""
+        """Return whether it changes a decision: it is always printed, and lowers the answers."""
         return "decides" in sentences()[self.key]
 
     @property
     def told(self) -> bool:
-        """Whether it is always printed without lowering the answers: a choice with its reason."""
+        """Return whether it is always printed, but does not lower the answers, as a choice does."""
         return "told" in sentences()[self.key]
 
     @property
     def remedy(self) -> str:
-        """What to do about it; empty where its sentence says it."""
+        """Return the remedy; empty if its sentence contains it."""
         return str(sentences()[self.key].get("do", "")).strip()
 
     @property

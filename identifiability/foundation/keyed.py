@@ -84,7 +84,7 @@ class Keyed:
         return ()
 
     def explain_absence(self, name: str) -> str:
-        """Return why a name that the robot knows has no row; empty if nothing is known of it."""
+        """Return why a known name has no row; empty if the reason is unknown."""
         del name
         return ""
 

@@ -1,6 +1,6 @@
 """The names, units and sign constraints of parameters: one grammar, ``<owner>.<kind>``.
 
-`Renames` say how names in one place become names in another.
+`Renames` maps names of one source to names of another.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class Parameter:
 
 
 def is_pattern(text: str) -> bool:
-    """Whether a text stands for several names: ``*`` is any letters, ``?`` is one."""
+    """Return whether a text is a pattern for names: ``*`` is any letters, ``?`` is one."""
     return "*" in text or "?" in text
 
 
@@ -102,12 +102,12 @@ def numbered(count: int) -> tuple[str, ...]:
 
 
 def find_named(text: str, names: Iterable[str]) -> list[str]:
-    """Return the names that a name or a pattern such as ``wrist_*.K`` stands for, in their order.
+    """Return the names that fit a name or a pattern such as ``wrist_*.K``, in their order.
 
     Parameters
     ----------
     text : str
-        A name that is there is itself, whatever letters it has.
+        A text that equals a name means only that name.
     names : iterable of str
     """
     known = list(dict.fromkeys(names))
@@ -123,13 +123,13 @@ _PARTS = re.compile(r"[A-Za-z]+|\d|[^A-Za-z\d]+")
 
 
 def find_patterns(names: Iterable[str], others: Iterable[str]) -> list[str]:
-    """Return few names and patterns that stand for all of some names and for no other.
+    """Return few names and patterns that fit all of some names and no other.
 
     Parameters
     ----------
     names : iterable of str
     others : iterable of str
-        Names for which no pattern may stand.
+        Names that no pattern may fit.
 
     Example
     -------
@@ -156,7 +156,7 @@ def find_patterns(names: Iterable[str], others: Iterable[str]) -> list[str]:
 
 
 def _patterns_of(name: str) -> Iterator[str]:
-    """Yield patterns that stand for a name: with its beginning, its end, or without digits."""
+    """Yield patterns that fit a name: with its beginning, its end, or without digits."""
     parts = _PARTS.findall(name) if len(name) <= LONGEST else []
     for k in range(1, len(parts)):
         yield "".join([*parts[:k], "*"])
@@ -238,7 +238,7 @@ class Renames:
         return bool(self.rules)
 
     def before(self, others: Renames) -> Renames:
-        """Return these rules and, where none of them fits, others."""
+        """Return these rules, followed by others for names that fit none of these."""
         return Renames((*self.rules, *others.rules))
 
     def apply(self, name: str) -> str:
@@ -274,7 +274,7 @@ def name_rule(old: str, new: str) -> str:
 
 
 def shorten_paths(paths: Sequence[str]) -> list[str]:
-    """Return paths without the folders that are not needed to tell each from the others.
+    """Shorten paths by the folders that are not needed to distinguish them.
 
     Example
     -------

@@ -34,10 +34,10 @@ def by_name(frame: pd.DataFrame, column: int = 0) -> pd.DataFrame:
 
 
 class Result(Keyed, ABC):
-    """An answer; `schema` names its kind in JSON and finds its page.
+    """A result; `schema` names its kind in JSON and finds its page.
 
-    A presenter says and shows it (`report/answers`): methods and properties of this class that
-    return words or tables call its presenter's of the same names.
+    A presenter writes its words and tables (`report/answers`). Methods and properties of this class
+    that return words or tables call those of the presenter with the same names.
     """
 
     schema: ClassVar[str]
@@ -75,7 +75,7 @@ class Result(Keyed, ABC):
 
     @presented
     def tables(self) -> tuple[Table, ...]:
-        """Return the tables that page, terminal and notebook show alike."""
+        """Return the tables, which are the same on page, terminal and notebook."""
         raise NotImplementedError
 
     @property
@@ -135,7 +135,7 @@ class Result(Keyed, ABC):
         return write_json(written, {**self.to_dict(), **shown})
 
     def note_written(self, kind: str, path: Path) -> Path:
-        """Remember where the result was written as ``"json"``, ``"model"`` …; return that."""
+        """Record the path of a written result as ``"json"``, ``"model"`` …; return the path."""
         vars(self).setdefault("_written", {})[kind] = str(path)
         return path
 

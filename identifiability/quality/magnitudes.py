@@ -40,9 +40,9 @@ def is_magnitude(columns: Array, torque: Array, predicted: Array) -> bool:
     columns : (N, p)
         Of the parameters of the model.
     torque : (N,) [N·m or N]
-        None of it is negative.
+        Torque without negative values.
     predicted : (N,) [N·m or N]
-        By the masses of the file: the signs from which the search starts.
+        Torque by the masses of the file. The search starts from its signs.
     """
     size = np.linalg.norm(columns, axis=0)
     Q, R = np.linalg.qr(columns[:, size > 0] / size[size > 0])

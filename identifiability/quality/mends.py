@@ -28,7 +28,7 @@ from .registry import Does, RawLogs, check, mend_each
 
 @mend_each("silent")
 def find_silent(log: Log) -> tuple[Log, list[Finding]]:
-    """Return a log, and where its torque was not measured: these equations are left out."""
+    """Report rows in which torque was not measured; the fit omits these equations."""
     gone = np.zeros(len(log.joints), int) if log.unmeasured is None else log.unmeasured.sum(0)
     lost = {j: n for j, n in zip(log.joints, gone.tolist(), strict=True) if n}
     if not lost:
@@ -136,7 +136,7 @@ def _drop_hung(log: Log) -> tuple[Log, list[Finding]]:
 
 
 def find_runs(x: Array) -> list[tuple[int, int]]:
-    """Return where values (N, c) stand still for longer than they usually do, as [first, last)."""
+    """Return runs of constant values (N, c) that are unusually long, as [first, last)."""
     changes = np.flatnonzero((np.diff(x, axis=0) != 0).any(1)) + 1
     edges = np.concatenate([[0], changes, [len(x)]])
     lengths = np.diff(edges)
@@ -214,15 +214,15 @@ def _state_wrong(log: Log, wrong: Mapping[str, list[Spike]]) -> Finding:
 
 @check("commands", Does.MENDS)
 def compute_torque(logs: RawLogs) -> RawLogs:
-    """Compute torque of commands; how late they act is found, and said, when they are followed."""
+    """Compute torque from commands; rollouts also estimate and report their delay."""
     return logs if logs.torque is None else logs.having(logs.torque(logs.every))
 
 
 @check("contradictions", Does.MENDS)
 def drop_contradicting(logs: RawLogs) -> RawLogs:
-    """Leave out derivatives that contradict positions; where the given ones are asked for, say so.
+    """Leave out derivatives that contradict positions; only report them if they were requested.
 
-    Those of another unit or sign are left to be refused (`check_units`).
+    Derivatives of another unit or sign stay; `check_units` refuses them.
     """
     asked = logs.how is not None and logs.how.derivatives == "given"
     return logs.each(partial(_drop_contradictions, asked=asked))

@@ -47,13 +47,12 @@ class Check:
     Attributes
     ----------
     key : str
-        Of its sentences in `findings.toml`. Their order is that in which mends act, explanations
-        are asked, and all others are said.
+        Key of its sentences in `findings.toml`. The order of keys there is the order of
+        corrections, of explanations, and of all other findings.
     does : Does
     find : callable(MeasuredLogs) -> sequence of Finding, or callable(RawLogs) -> RawLogs
     always : bool
-        Whether it also looks at logs that have nothing to explain; what it says is of the robot
-        file, or of all logs together.
+        Whether it always runs. Its findings concern the robot file, or all logs together.
     """
 
     key: str
@@ -105,9 +104,9 @@ class RawLogs:
     how : Preparation or None
         How they will be prepared.
     torque : callable(logs) -> logs, or None
-        What makes torque of commands where a log has none of its own.
+        Computes torque from commands, for logs without torque.
     hints : tuple of Finding
-        What was mended.
+        Findings on corrections.
     """
 
     fitted: tuple[Log, ...]
@@ -149,7 +148,7 @@ def mend_each(key: str) -> Callable[[F], F]:
 
 
 def mend(logs: RawLogs) -> RawLogs:
-    """Return logs with everything mended that can be, and each mend said."""
+    """Return logs with all corrections of the registry, and a finding for each."""
     for one in CHECKS:
         if one.does is Does.MENDS:
             logs = one.find(logs)
@@ -226,9 +225,9 @@ class MeasuredLogs:
 
     @cached_property
     def stated(self) -> Array:
-        """Torque by every value that the file states, friction and rotors too, (N, n).
+        """Return the torque by all values of the file, with friction and rotors, (N, n).
 
-        NaN at joints whose drive the file says nothing of.
+        It is NaN at joints without a drive in the file.
         """
         structure = self.structure
         W = structure.model.regressor(self.robot, self.motion)

@@ -223,7 +223,7 @@ class ReadingSearch:
         return replace(reading, parameters=self._fit_robot(reading))
 
     def _fit_offsets(self, reading: Reading) -> Reading:
-        """Return a reading with the offsets of each log, and say where they differ most."""
+        """Return a reading with the offsets of each log, and describe the largest difference."""
         offsets = self._offsets_by_log()
         offsets = offsets - offsets.mean(0)
         sd = offsets.std(0, ddof=1)
@@ -239,7 +239,7 @@ class ReadingSearch:
     def _offsets_by_log(self) -> Array:
         """Return the torque offset of each joint in each log, (L, n) [N·m or N].
 
-        Rows are whitened: noise of derivatives says little of levels.
+        Rows are whitened, because noise of derivatives hardly affects levels.
         """
         excerpt = self.rows.excerpt
         constant = self.rows.constant
@@ -252,7 +252,7 @@ class ReadingSearch:
         return np.asarray(value[columns:].reshape(joints, logs).T)
 
     def _fit_robot(self, reading: Reading) -> Array:
-        """Return the standard parameters (p,) that fit; the file's where the rows tell nothing."""
+        """Return the fitted standard parameters (p,); the file's where rows give no information."""
         rows = self.rows
         value, share = rows.solve(reading, adjusted=False)
         variance = share * rows.variation * rows.counts / rows.count(reading)
@@ -351,7 +351,7 @@ def tune_numbers(rows: TorqueRows, reading: Reading) -> Reading:
 
 
 def thin_samples(logs: MeasuredLogs) -> tuple[Dataset, ...]:
-    """Return every so many samples of each log, in all as many as an excerpt has rows."""
+    """Return every k-th sample of each log, in total as many rows as an excerpt."""
     most = excerpt_size(logs.structure)[0]
     count = len(logs.samples)
     steps = [max(1, len(s.tau) * count // most) for s in logs.samples]

@@ -1,4 +1,4 @@
-"""`Verification`: rows that did not choose the numbers of a reading say whether it holds.
+"""`Verification`: a test of a reading on rows that did not choose its numbers.
 
 Blocks of all fitted logs form two parts. Each part chooses the numbers of the reading, and the
 other part keeps only these numbers. It fits the base parameters again, together with smooth
@@ -19,7 +19,7 @@ from .rules import RULES
 
 @frozen
 class Verification:
-    """How much a reading gains on rows that did not choose its numbers.
+    """Gain of a reading on rows that did not choose its numbers.
 
     Attributes
     ----------
