@@ -266,7 +266,7 @@ def diagnose(
     motion: Annotated[Path | None, Option("--next"), Writes(".json")] = None,
     limits: Limits = None,
 ) -> None:
-    """Find where model and logs disagree, name and add the missing effect, and show the gap shrink."""
+    """Find where model and logs disagree, add the missing effect, and show that the gap shrinks."""
     said = locals()
     del said["motion"], said["limits"]
     result, written = run(said, "diagnose", "write_model")

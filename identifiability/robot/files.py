@@ -153,7 +153,7 @@ def _read_mimics(
     Raises
     ------
     RobotError
-        If one mimics a joint that is not there, and the sidecar says nothing of it.
+        If one mimics a missing joint, and the sidecar does not replace it.
     """
     instead = {*extra.locked, *(c.joint for c in extra.couplings)}
     found = []
@@ -228,7 +228,7 @@ _BETWEEN = tuple(f"{joint} link" for joint in BASE_JOINTS[:-1])
 
 
 def _add_base(root: ET.Element) -> ET.Element:
-    """Return a URDF whose root link hangs on three slides and three hinges."""
+    """Return a URDF with three slides and three hinges before the root link."""
     made = copy.deepcopy(root)
     above = "world of the base"
     first = root_link(root)
@@ -244,7 +244,7 @@ def _add_base(root: ET.Element) -> ET.Element:
 
 
 def _ask_for_base(path: Path, model: Any) -> None:
-    """Refuse a robot on legs whose root link hangs on nothing: it may walk, or be bolted down.
+    """Refuse a legged robot with a free root link: it may walk, or be bolted down.
 
     Raises
     ------

@@ -28,7 +28,7 @@ ENDINGS = (".urdf", ".xml", ".mjcf")
 
 
 def own_sidecar(path: Path) -> Path:
-    """Return where the sidecar is that belongs to one robot file alone."""
+    """Return the path of the sidecar that only one robot file reads."""
     return path.with_name(f"{path.name}.toml")
 
 
@@ -71,7 +71,7 @@ def shipped_robots() -> list[str]:
 
 
 def locate_robot(source: str | Path) -> Path:
-    """Return the robot file that a path or a shipped name stands for.
+    """Return the robot file of a path or a shipped name.
 
     Raises
     ------
@@ -183,16 +183,16 @@ def read_bytes(path: Path) -> bytes:
 
 
 class _Builder:
-    """Builds the tree of a file, and refuses the file at the first limit that it passes.
+    """Builds the tree of a file, and refuses the file at the first exceeded limit.
 
-    Text between elements is left out: no robot is stated in it.
+    Text between elements is dropped, because it states nothing about a robot.
 
     Parameters
     ----------
     path : Path
-        Of the file, for sentences.
+        Path of the file, for messages.
     room : int
-        Elements that the file may have.
+        Most elements of the file.
     """
 
     def __init__(self, path: Path, room: int) -> None:
@@ -281,22 +281,22 @@ def parse_xml(path: Path, roots: tuple[str, ...], room: int = MOST_ELEMENTS) -> 
 
 
 def expand_includes(path: Path, root: ET.Element, found: list[Path], room: int) -> int:
-    """Put the children of included files where they are included, and note these files.
+    """Insert the children of included files, and record these files.
 
     Parameters
     ----------
     path : Path
     root : Element
-        What is changed in place.
+        Root element, which is changed in place.
     found : list of Path
-        Included files, to which more are added.
+        Included files; new ones are appended.
     room : int
-        Elements that may still be included.
+        Number of elements that may still be included.
 
     Returns
     -------
     int
-        Elements that may be included after that.
+        Number of elements that may be included afterwards.
 
     Raises
     ------
@@ -326,7 +326,7 @@ def _too_large(path: Path, what: str) -> RobotError:
 def _check_size(path: Path, root: ET.Element) -> None:
     """Refuse a file whose size, with its copies, would take minutes or all the memory.
 
-    A body that hangs on its parent without a joint is part of the parent.
+    A body without a joint is part of its parent.
     """
     movable = {"joint", "freejoint"}
     attached = _count_attached(path, root)
@@ -358,7 +358,7 @@ def _check_size(path: Path, root: ET.Element) -> None:
 
 
 def _check_parts(path: Path, root: ET.Element) -> None:
-    """Refuse an MJCF of which too many parts would be taken out."""
+    """Refuse an MJCF with too many parts to remove."""
     found = Counter({tag: sum(map(len, root.findall(tag))) for tag in MOST_PARTS})
     found["light"] = sum(1 for _ in root.iter("light"))
     for tag, most in MOST_PARTS.items():
@@ -399,7 +399,7 @@ def _count_copies(element: ET.Element) -> int:
 
 
 def _count_parts(element: ET.Element) -> int:
-    """Return how many elements an element stands for, apart from its children."""
+    """Return the number of elements that an element expands to, apart from its children."""
     makes_parts = element.tag == "flexcomp" or (element.tag == "replicate" and not len(element))
     return _count_copies(element) if makes_parts else 1
 
@@ -436,7 +436,7 @@ def _check_expanded(path: Path, root: ET.Element) -> None:
 
 
 def file_text(path: Path, root: ET.Element) -> str:
-    """Return an MJCF as one text: as it stands, or with its includes in their places."""
+    """Return an MJCF as one text, with its includes inserted."""
     try:
         text = read_bytes(path).decode("utf-8-sig")
     except ValueError:  # another encoding

@@ -64,7 +64,7 @@ def read_spec(
     fixed : bool
         Whether a base that floats in its file is fixed at its drawn position.
     floating : str, optional
-        The free joint that six joints stand for.
+        The free joint that six joints replace.
     shapes : bool
         Whether to keep the shapes that collide, instead of the parts that affect the motion.
     """
@@ -86,9 +86,10 @@ def read_spec(
 
 
 def replace_free_joints(spec: Any, floating: str | None = None) -> None:
-    """Take all free joints out of a MuJoCo spec, or one, for which three slides and hinges stand.
+    """Remove the free joints of a MuJoCo spec, or replace one by three slides and three hinges.
 
-    The base is then where the world is; keyframes, which know no such joints, go.
+    The frame of the base is then that of the world. Keyframes are removed, because they lack these
+    joints.
     """
     for key in list(spec.keys):
         spec.delete(key)
@@ -103,7 +104,7 @@ def replace_free_joints(spec: Any, floating: str | None = None) -> None:
 
 
 def add_base(body: Any) -> None:
-    """Add the six joints that stand for a base to a body of a MuJoCo spec."""
+    """Add the six joints that represent a base to a body of a MuJoCo spec."""
     for k, name in enumerate(BASE_JOINTS):
         new = body.add_joint(name=name, type=(HINGE, SLIDE)[k < SIX // 2], axis=np.eye(3)[k % 3])
         for word in ("damping", "armature", "frictionloss", "stiffness", "ref"):
@@ -112,7 +113,7 @@ def add_base(body: Any) -> None:
 
 
 def mesh_files(path: Path, spec: Any) -> tuple[Path, ...]:
-    """Return the files of meshes that are left in a spec."""
+    """Return the files of the remaining meshes of a spec."""
     folder = path.parent / (spec.compiler.meshdir or "")
     return tuple(folder / mesh.file for mesh in spec.meshes if mesh.file)
 
@@ -232,7 +233,7 @@ def find_outside(m: Any, extra: Sidecar, ties: Sequence[set[int]]) -> Strings:
     m : mujoco.MjModel
     extra : Sidecar
     ties : sequence of set
-        Trees that are tied together, those of the sidecar's loops first.
+        Sets of tied trees, those of the sidecar's loops first.
     """
     at_joint = {m.joint(j).name: m.body_treeid[m.jnt_bodyid[j]] for j in range(m.njnt)}
     named = {*extra.locked, *(j for c in extra.couplings for j in (c.joint, c.of, *c.terms))}
@@ -321,26 +322,26 @@ def find_floating(
 
 @frozen
 class Actuator:
-    """An actuator: along ``Σ cᵢ qᵢ`` it pulls by ``gear (gain ctrl + b₀ + b₁ length + b₂ speed)``.
+    """An actuator with force ``gear (gain ctrl + b₀ + b₁ length + b₂ speed)`` along ``Σ cᵢ qᵢ``.
 
     Attributes
     ----------
     name : str
     arms : mapping
-        Joints that it drives to their coefficients; none where it drives no sum of joints.
+        Driven joints to their coefficients; empty if it drives no sum of joints.
     tendon : str
-        On which it pulls; empty where it acts on a joint or site.
+        Tendon that it pulls; empty if it acts on a joint or site.
     straight : bool
-        Whether that runs straight between sites.
+        Whether the tendon runs straight between sites.
     gear : float
     law : {"tau", "q_ref", "dq_ref", ""}
-        What its command is: a torque, a position or a speed to hold; nothing of any other.
+        Its command: a torque, a position or a speed; empty for any other.
     gain : float
     bias : (3,)
     force, command : (2,)
-        Between which ends its force and its command are; infinite where they have none.
+        Limits of its force and its command; infinite without any.
     numbers : mapping
-        Armature and damping of its own.
+        Its armature and damping.
     """
 
     name: str
@@ -357,7 +358,7 @@ class Actuator:
 
     @property
     def joint(self) -> str:
-        """The joint that it drives alone; empty where it drives several, or none."""
+        """Return the joint that it drives alone; empty if it drives several, or none."""
         return next(iter(self.arms)) if len(self.arms) == 1 else ""
 
     @property
@@ -438,7 +439,7 @@ def find_offsets(actuators: Sequence[Actuator]) -> dict[str, float]:
 def find_servos(actuators: Sequence[Actuator]) -> dict[str, Array]:
     """Return kp, kv, least and largest torque of the servos among actuators, (4,) by joint.
 
-    Several at one joint add up, say one that holds a position and one that damps.
+    Several servos at one joint add up, for example a position servo and a damper.
     """
     found: dict[str, Array] = {}
     motors = {a.joint for a in actuators if a.law not in ("q_ref", "dq_ref") or not a.gear}
@@ -451,10 +452,10 @@ def find_servos(actuators: Sequence[Actuator]) -> dict[str, Array]:
 
 
 def find_drives(actuators: Sequence[Actuator], locked: Collection[str]) -> list[str] | None:
-    """Return the joints that actuators drive, None without actuators.
+    """Return the joints that actuators drive; None without actuators.
 
-    A joint may have several actuators, say one that holds a position and one that damps. One that
-    pulls at several joints that move drives none of them alone.
+    A joint may have several actuators, for example a position servo and a damper. An actuator of
+    several moving joints drives none of them alone.
     """
     names = []
     for a in actuators:
@@ -756,7 +757,7 @@ def _build_tree(m: Any) -> Any:
 
 
 def _read_joint(x: Any) -> tuple[Any, Any]:
-    """Return a joint as one of Pinocchio, and where it stands at zero from where it is drawn."""
+    """Return a joint for Pinocchio, and its frame at position zero relative to the drawn one."""
     kind = int(x.type[0])
     if kind == FREE:
         return pin.JointModelFreeFlyer(), pin.SE3.Identity()
@@ -801,7 +802,7 @@ def _home(scene: Any, m: Any) -> Array:
 
 
 def add_slides(tree: Tree, cables: Sequence[Cable], nq: int) -> Tree:
-    """Return a tree with a slide that carries nothing for each tendon, after its own joints."""
+    """Return a tree with a slide without a body for each tendon, after its joints."""
     axis = np.eye(3)[2]
     still = np.zeros(3)
     slides = [
@@ -818,7 +819,7 @@ def _equalities(m: Any) -> Iterator[Any]:
 
 
 def _couplings(m: Any) -> list[Coupling]:
-    """Return the equalities between joints: MuJoCo counts from where these are drawn."""
+    """Return the equalities between joints; MuJoCo counts positions from the drawn ones."""
     out = []
     for eq in (eq for eq in _equalities(m) if eq.type[0] == _EQ.mjEQ_JOINT):
         curve = Polynomial(eq.data[:5])

@@ -1,9 +1,9 @@
-"""`Servo`: position servos of the actuated joints, whose law makes torque of a command.
+"""`Servo`: position servos of the actuated joints, which compute torque from commands.
 
     τ = clip(kp (q_cmd(t − d) − q) + kv (dq_cmd − dq) + τ_ff, low, high)
 
-An MJCF states them as ``<position>``, ``<velocity>`` or ``<general>`` with an affine bias; a
-sidecar, whose table goes before them, in ``[servo]``.
+An MJCF states them as ``<position>``, ``<velocity>`` or ``<general>`` with an affine bias. A
+sidecar states them in ``[servo]``, which overrides the MJCF.
 """
 
 from __future__ import annotations
@@ -41,27 +41,26 @@ class Servo:
     ----------
     kp : (n,) [N·m/rad or N/m]
     kv : (n,) [N·m·s/rad or N·s/m]
-        Both are NaN where logs shall tell them.
+        Both are NaN if they are to be fitted.
     low, high : (n,) [N·m or N]
-        Torque beyond which they are saturated.
+        Limits at which their torque saturates.
     delay : float or None [s]
-        From the time at which a command is logged until it acts; None where logs shall tell it.
+        Time from the log entry of a command until it acts; None if it is to be fitted.
     source : str
-        What states the gains, in words.
+        Source of the gains, in words.
     rate : float [Hz]
-        At which they measure; what was measured acts until the next time, so that it is half a
-        period old in the mean.
+        Rate of their measurements. A measurement acts until the next one, so its mean age is half a
+        period.
     assumed : bool
-        Whether nobody states that rate.
+        Whether that rate is assumed, not stated.
     found : str
-        How gains were found, and what fixes their scale, where logs told them.
+        How logs determined the gains, and the source of their scale.
     rolled : Rollouts or None
-        That told them.
+        The rollouts that determined them.
     play : (n,) [rad or m]
-        Between motors, which are measured, and what they move; empty for none.
+        Play between the measured motors and their loads; empty for none.
     doubt : (g, 2 n)
-        By what kv and by what share kp are others if each of g independent doubts is one standard
-        deviation.
+        Changes of kp (relative) and kv for each of g independent errors of one standard deviation.
     """
 
     kp: Array
@@ -84,7 +83,7 @@ class Servo:
 
     @property
     def unknown(self) -> Array:
-        """Where logs shall tell gains, (n,) bool."""
+        """Return a mask of joints whose gains are to be fitted, (n,) bool."""
         return np.isnan(self.kp) | np.isnan(self.kv)
 
     def having(self, gains: Mapping[str, Array]) -> Servo:
@@ -101,7 +100,7 @@ class Servo:
         )
 
     def by_joint(self, joints: Sequence[str]) -> dict[str, dict[str, float]]:
-        """Return ``kp``, ``kv`` and, if it is that of both directions, ``limit`` by joint."""
+        """Return ``kp``, ``kv`` and, if it is equal in both directions, ``limit`` by joint."""
         alike = np.where(self.high == -self.low, self.high, np.inf)
         return {
             k: {j: v for j, v in zip(joints, each.tolist(), strict=True) if np.isfinite(v)}
@@ -167,9 +166,9 @@ class Servo:
 
 
 def state_delay(delays: Array, logs: Sequence[str] = ()) -> str:
-    """Return when commands act, of some delays [s] of logs, as a clause.
+    """Return the delays [s] of commands in logs as a clause of a sentence.
 
-    A delay is negative where a command acts before the row that holds it.
+    A delay is negative if a command acts before the row that holds it.
     """
     late = 1e3 * np.asarray(delays)
     side = "before" if (late < 0).all() else "after"
@@ -182,24 +181,24 @@ def state_delay(delays: Array, logs: Sequence[str] = ()) -> str:
 def read_servo(
     path: Path, entry: ServoEntry | None, stated: Mapping[str, Array], joints: Strings
 ) -> Servo | None:
-    """Return the servos that sidecar and robot file state; None where they state none.
+    """Return the servos of sidecar and robot file; None if they state none.
 
     Parameters
     ----------
     path : Path
         The robot file, for sentences.
     entry : ServoEntry or None
-        The sidecar's ``[servo]``. Logs tell gains where it says ``"fit"``, and of joints of which
-        neither it nor the file says anything.
+        The sidecar's ``[servo]``. Gains are fitted if it states ``"fit"``, and at joints for which
+        neither it nor the file states any.
     stated : mapping
-        What the robot file states by joint: kp, kv, and least and largest torque, (4,).
+        Values of the robot file by joint: kp, kv, least and largest torque, (4,).
     joints : tuple of str
         The actuated ones.
 
     Raises
     ------
     RobotError
-        If gains of a joint are zero, or a name is of no actuated joint.
+        If gains of a joint are zero, or a name is no actuated joint.
     """
     if entry is None and not all(j in stated for j in joints):
         return None

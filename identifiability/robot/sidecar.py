@@ -85,7 +85,7 @@ class KnownTorque(Strict):
 
     @property
     def span(self) -> tuple[float, float]:
-        """Where it is known [rad or m]."""
+        """Return the range of positions in which it is known [rad or m]."""
         if self.table:
             return min(self.table)[0], max(self.table)[0]
         return self.range or (-np.inf, np.inf)
@@ -96,7 +96,7 @@ class KnownTorque(Strict):
         Raises
         ------
         RobotError
-            If one lies where the torque is not known: nothing is extrapolated.
+            If a position is out of the known range: nothing is extrapolated.
         """
         low, high = self.span
         outside = np.flatnonzero((position < low) | (position > high))
@@ -218,9 +218,9 @@ class _TransmissionEntry(Strict):
 
 
 class AxisEntry(Strict):
-    """A combination of joints on which effects can be (jaws.Fv, jaws.K …).
+    """A combination of joints that can have effects (jaws.Fv, jaws.K …).
 
-    Fixed tendons of an MJCF along several joints are axes by their own names.
+    Fixed tendons of an MJCF along several joints are axes, too, by their names.
     """
 
     name: Named = key("Its name.")
@@ -272,7 +272,7 @@ class MeasuredTorque(Strict):
         return dict(said) if isinstance(said, dict) else {} if said is None else {"": said}
 
     def at(self, name: str, joint: str) -> float | None:
-        """Return the gain, ratio or sign of a joint; None where nobody stated it."""
+        """Return the gain, ratio or sign of a joint; None if it is not stated."""
         table = self.table(name)
         return table.get(joint, table.get(""))
 
@@ -299,10 +299,10 @@ class MeasuredTorque(Strict):
 
 
 class ServoEntry(Strict):
-    """Position servos, where logs hold commands and no torque.
+    """Position servos, for logs with commands and no torque.
 
-    τ = kp (q_cmd − q) + kv (dq_cmd − dq) + τ_ff. One number is of all joints, a table by joint;
-    `fit` lets logs tell a gain, as they do where nobody states any.
+    τ = kp (q_cmd − q) + kv (dq_cmd − dq) + τ_ff. One number holds for all joints; a table gives one
+    for each joint. Gains are fitted to logs if they are `fit`, or not stated.
     """
 
     kp: ByJoint[Fitted] = key("[N·m/rad or N/m]", None, 40)
@@ -313,9 +313,10 @@ class ServoEntry(Strict):
 
 
 class ImuEntry(Strict):
-    """How an inertial sensor is mounted on a base that floats.
+    """The mounting of an inertial sensor on a floating base.
 
-    It reads a = R (a₀ + dω/dt × r + ω × (ω × r)) + b where the base's origin accelerates by a₀.
+    It reads a = R (a₀ + dω/dt × r + ω × (ω × r)) + b, with a₀ the acceleration of the base's
+    origin.
     """
 
     rotation: Triple = key("Roll, pitch and yaw on the base [rad].", (0.0, 0.0, 0.0))
@@ -450,7 +451,7 @@ def read_sidecar(path: Path | None) -> Sidecar:
 def read_settings(
     robot: str | Path, sidecar: str | Path | None = None
 ) -> dict[str, dict[str, Any]]:
-    """Return the tables of a robot's sidecar that say how verbs work, by their names.
+    """Return the tables of a robot's sidecar with settings of verbs, by their names.
 
     Raises
     ------
@@ -530,7 +531,7 @@ def expand_names(
     locked: Collection[str],
     welded: Collection[str],
 ) -> Sidecar:
-    """Return a sidecar in which the names that fit a pattern stand in its place.
+    """Return a sidecar with patterns replaced by the names that fit.
 
     Entries about locked joints, and about bodies behind them, are left out. A sum of symmetry is
     left out if one of its parts is locked: the parts are no longer equal.
@@ -541,7 +542,7 @@ def expand_names(
         The robot file, for sentences.
     extra : Sidecar
     bodies, joints : collection of str
-        That move.
+        Moving bodies and joints.
     lines : collection of str
         Motors and axes.
     locked, welded : collection of str
@@ -598,7 +599,7 @@ def _expand_parameters(
     locked: Collection[str],
     gone: Collection[str],
 ) -> dict[str, T]:
-    """Return a table of parameters in which the names that fit a pattern stand in its place.
+    """Return a table of parameters with patterns replaced by the names that fit.
 
     Parameters of inertia belong to bodies, all others to moving joints and axes.
     """

@@ -1,6 +1,6 @@
-"""Write a robot anew: from a table of its links, or in the other format.
+"""Write a new robot file: from a table of links, or from a robot in the other format.
 
-A table is a TOML file; angles are in rad, or as it says in ``angles``, lengths in m::
+A table is a TOML file; angles are in rad, or in its unit ``angles``, lengths in m::
 
     name = "PUMA 560"
     convention = "modified"   # Rot_x(alpha) Trans_x(a) Rot_z(theta) Trans_z(d) [Craig 2005], or
@@ -243,7 +243,7 @@ def _urdf(table: Table, base: str = BASE) -> ET.Element:
 
 
 def _inertial(link: ET.Element, row: Row, inside: pin.SE3) -> None:
-    """State a row's mass, centre and inertia in the frame of its link, in which they lie inside."""
+    """Write a row's mass, centre and inertia in the frame of its link; `inside` is their frame."""
     if row.joint is None and row.mass is None:
         return
     mass = 1.0 if row.mass is None else row.mass
@@ -277,7 +277,7 @@ def placement(joint: Joint) -> pin.SE3:
 
 
 def in_file(robot: Description, most: int) -> dict[str, Coupling]:
-    """Return the couplings of a format whose polynomials have so many coefficients, by joint."""
+    """Return the couplings, by joint, whose polynomials a format can hold."""
     short = (c for c in robot.couplings if len(c.terms) == 1 and len(c.polynomial) <= most)
     return {c.joint: c for c in short}
 
@@ -347,7 +347,7 @@ def _add_closures(top: ET.Element, bodies: dict[str, ET.Element], robot: Descrip
 
 
 def ground_of(robot: Description) -> str:
-    """Return the name of the link that stands still."""
+    """Return the name of the fixed link."""
     return next(n for n in (BASE, "base_link", "the_base") if n not in robot.bodies)
 
 
@@ -366,7 +366,7 @@ def links_between(robot: Description) -> dict[str, str]:
 
 
 def converted_urdf(robot: Description) -> ET.Element:
-    """Return the file, with placeholders for inertias; loops stand in the sidecar."""
+    """Return the file with placeholders for inertias; loops are in the sidecar."""
     rows = list[Row]()
     ground = ground_of(robot)
     between = links_between(robot)
@@ -414,7 +414,7 @@ def converted_sidecar(robot: Description, path: Path) -> dict[str, Any]:
     Raises
     ------
     RobotError
-        If it cannot say a coupling.
+        If the sidecar cannot state a coupling.
     """
     given = robot.said.model_dump(mode="json", exclude_unset=True, exclude={*_ANEW})
     given.get("bounds", {}).pop("bodies", None)

@@ -112,7 +112,7 @@ def _alike(text: str, other: str) -> bool:
 
 
 def part_of(element: ET.Element, tag: str) -> ET.Element:
-    """Return a part of an element, which is made where it is not there."""
+    """Return a part of an element; make it if it is missing."""
     found = element.find(tag)
     return ET.SubElement(element, tag) if found is None else found
 
@@ -262,7 +262,7 @@ _PLACED = ("diaginertia", "quat", "axisangle", "xyaxes", "zaxis", "euler")
 
 
 def _take_mass_off(element: ET.Element) -> None:
-    """Take the mass off the bodies that are fixed to one that states its own inertial."""
+    """Remove the mass of the bodies that are fixed to a body with a stated inertial."""
     for child in _parts(element, "body"):
         if not _parts(child, "joint", "freejoint"):
             _remove_all(child, "inertial")
@@ -286,7 +286,7 @@ def _parts(element: ET.Element, *tags: str) -> list[ET.Element]:
 def write_axes(top: ET.Element, robot: Description, stated: Mapping[str, NumberByName]) -> None:
     """Write friction, rotor and spring of tendons, motors that mix joints, and stated axes.
 
-    A tendon of the file keeps its place; another axis becomes one where it has any number.
+    A tendon of the file keeps its place. Another axis becomes a tendon if it has any number.
 
     Parameters
     ----------
@@ -294,7 +294,7 @@ def write_axes(top: ET.Element, robot: Description, stated: Mapping[str, NumberB
         The root of an MJCF.
     robot : Description
     stated : mapping
-        Numbers by axis, as a robot file has them of a joint; of axes without any nothing is said.
+        Numbers by axis, with the words of a joint; axes without numbers are omitted.
     """
     present = {e.get("name"): e for tag in ("fixed", "spatial") for e in top.iter(tag)}
     axes = {axis.name: axis for axis in (*robot.axes, *robot.passive_axes)}
@@ -387,7 +387,7 @@ def edited_text(
     joints: Mapping[str, NumberByName],
     comment: str = "",
 ) -> str:
-    """Return the text of a robot's file with other numbers; all else stays as it stands.
+    """Return the text of a robot's file with other numbers; all other text is unchanged.
 
     Parameters
     ----------
@@ -395,15 +395,15 @@ def edited_text(
     bodies : mapping
         The inertial parameters of every body in the order of `INERTIAL_KINDS`, (10,).
     joints : mapping
-        Numbers of joints, and tendons that are axes, by the words of the file; others stay
-        as they are.
+        Numbers of joints, and tendons that are axes, by the words of the file; others do not
+        change.
     comment : str
-        What the file says of itself.
+        Comment at the head of the file.
 
     Raises
     ------
     RobotError
-        If the file has no place for them, or a body has no mass.
+        If the file cannot hold them, or a body has no mass.
     """
     content = read_bytes(robot.path)
     top = read_elements(content)
@@ -543,16 +543,17 @@ def _write_urdf_inertial(
 
 
 def root_link(top: ET.Element) -> str:
-    """Return the link of a URDF that hangs on no joint, the first of several."""
+    """Return the link of a URDF without a parent joint, the first of several."""
     children = {e.get("link") for e in top.iterfind("joint/child")}
     names = (link.get("name", "") for link in top.iterfind("link"))
     return next((name for name in names if name not in children), "")
 
 
 def turn_base(top: ET.Element, gravity: Array) -> None:
-    """Let a URDF stand so that gravity, which is down in every one, is along another (3,).
+    """Turn the robot of a URDF so that gravity acts along a direction (3,) of its base.
 
-    Its first link hangs on another one by a joint whose origin turns the whole robot.
+    Gravity of a URDF always points down. A new first link carries the robot by a fixed joint, whose
+    origin turns the whole robot.
     """
     step = shortest_turn(gravity, DOWN) if gravity.any() else np.zeros(3)
     if np.linalg.norm(step) < TINY:
@@ -618,16 +619,16 @@ def _check_beside(beside: Path, path: Path, *, needed: bool) -> None:
 
 
 def write_offsets(top: ET.Element, path: Path, offsets: NumberByName) -> None:
-    """Write constant torque of commands into the actuators of an MJCF, as their bias.
+    """Write constant torque of commands into the actuators of an MJCF as their bias.
 
     Parameters
     ----------
     top : Element
-        What is written.
+        Element to change.
     path : Path
-        The file that it is the content of, as it still is.
+        The unchanged file with the same content.
     offsets : mapping
-        By what an actuator drives [N·m or N].
+        Offset by the joint or tendon that an actuator drives [N·m or N].
     """
     from .mjcf import read_actuators, read_spec, refused  # noqa: PLC0415
 
@@ -660,7 +661,7 @@ def share_out(robot: Description, bodies: Mapping[str, Array]) -> dict[str, Arra
     ----------
     robot : Description
     bodies : mapping
-        The ten parameters of every moving body, with all that hangs behind its locked joints.
+        The ten parameters of every moving body, with all bodies behind its locked joints.
     """
     out = {body: np.array(bodies[body]) for body in robot.bodies}
     hosts: dict[str, list[str]] = {}
