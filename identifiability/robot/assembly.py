@@ -374,7 +374,7 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
 
 
 def _state_home(robot: Description, extra: Sidecar) -> Array:
-    """Return the home of the files, with coupled passive joints at their coupled positions, (nq,)."""
+    """Return the home of the files, with passive joints where couplings put them, (nq,)."""
     home = np.array(robot.home)
     single = robot.tree.single
     passive = {*robot.passive}
