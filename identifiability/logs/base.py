@@ -80,8 +80,9 @@ def _stack(values: Values, keys: Sequence[str]) -> Array | None:
 def read_base(base: Base, t: Array, values: Values, source: str) -> tuple[Array, str]:
     """Return the record of a base, (N, 9 + c + 6 w), and how it was read, half a sentence.
 
-    Proper acceleration [m/s²] and angular velocity [rad/s] of its origin along its own axes, where
-    up is, whether each contact is closed, and every measured wrench [N, N·m].
+    The columns are the proper acceleration [m/s²] of its origin and its angular velocity [rad/s],
+    both along its axes. The upward direction, the state of each contact and every measured wrench
+    [N, N·m] follow.
 
     Parameters
     ----------
@@ -89,12 +90,12 @@ def read_base(base: Base, t: Array, values: Values, source: str) -> tuple[Array,
     t : (N,) [s]
     values : mapping of str to (N,)
     source : str
-        What sentences call the log.
+        Name of the log in messages.
 
     Raises
     ------
     LogError
-        If the log does not say how the base moved, or lacks a column that the sidecar names.
+        If the log lacks the motion of the base, or a column that the sidecar names.
     """
     acc, gyro, place = (
         _stack(values, [f"{kind}.{a}" for a in "xyz"]) for kind in ("acc", "gyro", "pos")
@@ -143,12 +144,12 @@ def read_base(base: Base, t: Array, values: Values, source: str) -> tuple[Array,
 
 
 def _orientation(values: Values, source: str) -> scipy.spatial.transform.Rotation | None:
-    """Return how the base is turned in the world, where a log says it.
+    """Return the orientation of the base in the world, if a log has it.
 
     Raises
     ------
     LogError
-        If it is no unit quaternion.
+        If it is not a unit quaternion.
     """
     quat = _stack(values, [f"quat.{a}" for a in "xyzw"])
     if quat is None:
@@ -166,7 +167,7 @@ def _orientation(values: Values, source: str) -> scipy.spatial.transform.Rotatio
 
 
 def _spin(turn: scipy.spatial.transform.Rotation, step: float) -> Array:
-    """Return the angular velocity of an orientation along its own axes, (N, 3)."""
+    """Return the angular velocity of an orientation along the axes of the base, (N, 3)."""
     quat = turn.as_quat()
     flips = np.cumsum(np.concatenate([[0], (quat[1:] * quat[:-1]).sum(1) < 0]))
     quat = quat * np.where(flips % 2, -1.0, 1.0)[:, None]
@@ -219,7 +220,7 @@ def _check_gravity(base: Base, t: Array, slow: Array, source: str) -> None:
 
 
 def _closed(contact: Contact, t: Array, values: Values, source: str) -> Array:
-    """Return whether a contact is said to be closed, (N,)."""
+    """Return the state of a contact by its flag, (N,): closed or open."""
     if not contact.flag:
         return np.ones(len(t))
     if contact.flag not in values:

@@ -31,7 +31,7 @@ class Numbers:
     Parameters
     ----------
     column, source : str
-        Its name, and the file it stands in.
+        Name of the column, and name of its file.
     """
 
     def __init__(self, column: str, source: str) -> None:

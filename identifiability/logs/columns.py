@@ -115,15 +115,15 @@ def name_columns(
         Name of the table in messages.
     known : Conventions
     units : mapping of str to str, optional
-        Units of the table's own row of them.
+        Units in the table's row of units.
     first : mapping of str to str, optional
         Texts in the first row, by column.
 
     Raises
     ------
     LogError
-        If there is no time, a column that is needed is missing, there twice or ambiguous, or its
-        unit is none of its channel's.
+        If there is no time, a needed column is missing, repeated or ambiguous, or its unit does not
+        suit its channel.
     """
     names = {name: rename(name.strip(), known) for name in found}
     guesses = _guess(names, known)
@@ -161,7 +161,7 @@ def name_columns(
 
 
 def _refuse_twice(found: Sequence[str], guesses: Sequence[Column], source: str) -> None:
-    """Refuse a table that has a column twice that says something."""
+    """Refuse a table with a needed column that is there twice."""
     called = Counter(column.strip() for column in found)
     for column in sorted(g.source.strip() for g in guesses):
         if called[column] > 1:
@@ -199,7 +199,7 @@ def _guess(names: Mapping[str, str], known: Conventions) -> list[Column]:
 
 
 def _has_torque(names: Mapping[str, str], guesses: Sequence[Column]) -> bool:
-    """Whether any column that is no command tells by its name that it is torque or current."""
+    """Return whether any column but commands names torque or current."""
     commands = {g.source for g in guesses if g.kind in COMMANDS}
     others = (words_of(f"{c} {n}") for c, n in names.items() if c not in commands)
     return any(KINDS.get(word) in ("tau", "current") for words in others for word in words)
@@ -264,7 +264,7 @@ def is_stamp(column: str) -> bool:
 
 
 def _state_time(guesses: Sequence[Column], time: Column) -> list[str]:
-    """Return which of several times was taken, half a sentence; nothing where `t` says it."""
+    """Return a note on the selected column of time; empty if it is called `t`."""
     others = [f"'{g.source}'" for g in guesses if g.kind == "t" and g.source != time.source]
     if time.literal or not others:
         return []
@@ -274,9 +274,9 @@ def _state_time(guesses: Sequence[Column], time: Column) -> list[str]:
 def _unmeasured(
     names: Mapping[str, str], taken: Mapping[str, Column], known: Conventions
 ) -> list[str]:
-    """Return the torques that a table lacks of joints whose positions it has.
+    """Return the torques that a table lacks, for joints whose positions it has.
 
-    None where it has no torque of any joint, or a column that may be one of them.
+    The result is None if the table has no torque at all, or a column that may be one of them.
     """
     joints = known.motors if any(f"{m}.q" in taken for m in known.motors) else known.joints
     lacking = [j for j in joints if f"{j}.q" in taken and f"{j}.tau" not in taken]
@@ -301,7 +301,7 @@ def _in_si(column: Column, units: Mapping[str, str], source: str, known: Convent
     Raises
     ------
     LogError
-        If it states a unit that is not known, or none of its channel's.
+        If it states an unknown unit, or one that does not suit its channel.
     """
     name = column.source.strip()
     unit = column.unit or find_unit(units.get(column.source, "")) or split_unit(name)[1]
@@ -423,7 +423,7 @@ def resolve_numbers(
         Name of the table in messages.
     known : Conventions
     names : mapping of str to str
-        Columns and what they are renamed to.
+        Columns and their new names.
     first : mapping of str to str
         Texts in the first row.
 
@@ -436,7 +436,8 @@ def resolve_numbers(
     Raises
     ------
     LogError
-        If there are other numbers than joints, or the joints' own numbers have another order.
+        If the numbers do not match the joints, or the numbers in the joints' names have another
+        order.
     """
     told = [g for g in guesses if g.joint or g.kind == "t"]
     loose = [g for g in guesses if g not in told]
@@ -457,7 +458,7 @@ def resolve_numbers(
 
 
 def _labels(names: Mapping[str, str], first: Mapping[str, str]) -> dict[int, str]:
-    """Return the names of joints that stand in the first row, by their number."""
+    """Return the names of joints in the first row, by their number."""
     words = {column: words_of(name) for column, name in names.items() if column in first}
     told = {c: w for c, w in words.items() if len(w) > 1 and w[-2] in words_for("name")}
     return {int(w[-1]): first[c].strip() for c, w in told.items() if w[-1].isdecimal()}
@@ -503,12 +504,12 @@ def resolve_commands(
     *,
     torque: bool,
 ) -> bool:
-    """Return whether commands stand for torque; take out those that are not there of all joints.
+    """Return whether commands replace torque; remove commands that are not there for all joints.
 
     Raises
     ------
     LogError
-        If a robot of servos has neither torque nor command, or nothing says what commands make.
+        If a robot with servos has neither torque nor command, or the law of commands is not known.
     """
     if not known.joints or known.motion_alone:
         return False
@@ -713,7 +714,7 @@ def resolve_time(naming: Naming, first: pd.DataFrame, source: str, known: Conven
 
 
 def start_of(naming: Naming) -> float | None:
-    """Return the seconds since 1970 that a log's times count from; None where they do not say."""
+    """Return the origin of a log's times in seconds since 1970; None if it is not known."""
     time = naming.time
     seconds = time.offset * time.factor if time.dates is None else time.dates * 1e-9
     return seconds if _is_dated(seconds) else None
@@ -733,10 +734,10 @@ def _as_iso(date: re.Match[str]) -> str:
 
 
 def as_dates(given: pd.Series, start: int) -> pd.Series | None:
-    """Return dates, durations or texts of such in ns after `start`, as whole numbers.
+    """Return dates, durations, or texts of either, in ns after `start`, as integers.
 
-    Texts are of ISO 8601, dates with points (the day first), or times of a day; a comma may stand
-    before fractions of a second. None if some are something else.
+    Texts may be in ISO 8601, dates with points (the day first), or times of a day. Fractions of a
+    second may follow a comma. The result is None if some values are of another kind.
     """
     import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
 

@@ -22,9 +22,10 @@ def held_mean(t: Array, x: Array, at: Array, width: float) -> Array:
     ----------
     t : (N,) [s]
     x : (N, n)
-        Held from one time until the next; before the first and after the last as there.
+        Values, each held until the next time. They are constant before the first and after the
+        last.
     at : (m,) [s]
-        Middles of the intervals.
+        Centres of the intervals.
     width : float [s]
         Their length.
 
@@ -46,10 +47,11 @@ def _integral(t: Array, x: Array, area: Array, at: Array) -> Array:
 
 
 def acting(log: Log, servo: Servo, at: Array, width: float, delay: float) -> Array:
-    """Return the targets that act at some times, (m, n): positions with all else in them.
+    """Return the targets that act at some times, (m, n): positions that include all commands.
 
-    τ = kp (target − q) − kv dq is the servo's law, with dq_cmd and τ_ff in the target; of servos
-    without kp it is a velocity, and τ = kv (target − dq), and without either it is τ_ff.
+    The law of the servo is τ = kp (target − q) − kv dq, with dq_cmd and τ_ff included in the
+    target. Without kp the target is a velocity, and τ = kv (target − dq). Without both gains it is
+    τ_ff.
 
     Parameters
     ----------

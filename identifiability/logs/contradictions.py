@@ -24,13 +24,13 @@ _LENGTHS = {"mm": 1e3, "cm": 1e2}
 
 
 def check_units(robot: Robot, windows: Sequence[Log]) -> None:
-    """Refuse degrees given as radians and millimetres given as metres, where they can be seen.
+    """Refuse degrees given as radians and millimetres given as metres, if the data show it.
 
     Parameters
     ----------
     robot : Robot
     windows : sequence of Log
-        Stretches of one log, or all of it as one.
+        Windows of one log, or one window with all of it.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def _fits(q: Array, low: float, high: float, factor: float) -> bool:
 
 
 def _check_angles(robot: Robot, windows: Sequence[Log]) -> None:
-    """Refuse degrees where most joints that turn, and have limits, show them."""
+    """Refuse degrees if most revolute joints with limits show them."""
     bounded = [
         k
         for k, dof in enumerate(robot.actuated)
@@ -146,7 +146,7 @@ class Contradiction:
 
     @property
     def in_unit(self) -> bool:
-        """Whether it is the derivative, but in another unit or of another sign."""
+        """Return whether it is the derivative in another unit or with another sign."""
         return self.explained > 1 - RULES.unexplained and not 0.5 < self.slope < 2
 
 

@@ -26,11 +26,11 @@ class Conventions:
     motors : tuple of str
         Motors that a log may have instead (coupled transmissions).
     columns : Renames
-        From columns, or joints, of a log to those of the robot: ``[columns]`` and ``--map``.
+        Rules from columns or joints of a log to those of the robot: ``[columns]`` and ``--map``.
     scales : mapping
         Joint or motor to scale and offset of its positions and commands: ``[columns]``.
     time_unit : str
-        Unit of its times, ``[time]`` and ``--set time_unit``; empty if nobody said.
+        Unit of its times, ``[time]`` and ``--set time_unit``; empty if not stated.
     torque : MeasuredTorque
         Contents of its torque columns: ``[torque]``.
     degrees : tuple of str
@@ -38,13 +38,13 @@ class Conventions:
     motion_alone : bool
         Whether to accept a log without torque, because only motion is needed.
     locked : mapping
-        Joint that does not move to where it is held [rad or m].
+        Locked joint to its position [rad or m].
     servo : Servo or None
         Servos that compute torque from commands, if logs hold no torque.
     commands : bool
         Whether commands are read in addition to torque.
     base : Base or None
-        The floating base, whose motion logs contain.
+        The floating base; logs contain its motion.
     passive : tuple of str
         Joints without a motor, which need no columns.
     """

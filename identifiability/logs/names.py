@@ -68,11 +68,11 @@ class Unit:
     Attributes
     ----------
     text : str
-        As it is written.
+        Its spelling in the log.
     dimension : str
-        What it measures.
+        Quantity that it measures.
     factor : float
-        How much of the SI unit one is.
+        Its value in the SI unit.
     """
 
     text: str
@@ -80,7 +80,7 @@ class Unit:
     factor: float
 
     def check(self, kind: str, column: str, source: str) -> None:
-        """Refuse a unit in which a channel cannot be measured.
+        """Refuse a unit that does not suit a channel.
 
         Raises
         ------
@@ -96,7 +96,7 @@ class Unit:
 
 
 def find_unit(text: str) -> Unit | None:
-    """Return the unit that a text is, with brackets or without; None if it is none."""
+    """Return the unit of a text, with or without brackets; None if it is no unit."""
     if len(text) > LONGEST_UNIT:
         return None
     inner = _BRACKETS.fullmatch(text)
@@ -109,7 +109,7 @@ def find_unit(text: str) -> Unit | None:
 
 
 def is_no_unit(text: str) -> bool:
-    """Whether a cell of a row of units says that its column has none."""
+    """Return whether a cell of a row of units means a column without a unit."""
     if len(text) > LONGEST_UNIT:
         return False
     inner = _BRACKETS.fullmatch(text.strip())
@@ -147,7 +147,7 @@ def bracketed(name: str) -> str:
 
 
 def split_unit(name: str) -> tuple[str, Unit | None]:
-    """Return the name of a column and the unit that stands in brackets at its end.
+    """Return the name of a column, and the unit in brackets at its end.
 
     Example
     -------
@@ -200,7 +200,7 @@ class Column:
     joint : str
         Empty if a number identifies the joint, or nothing does.
     number : int
-        −1 if there is none.
+        Number in its name; −1 if there is none.
     unit : Unit or None
         The unit that the log states, if any.
     literal : bool
@@ -210,7 +210,7 @@ class Column:
     factor, offset : float
         The SI value is factor × (value − offset).
     dates : int or None
-        Of times that are dates, the first one [ns since 1970]; None for numbers.
+        First date of a column of dates [ns since 1970]; None for numbers.
     code : Code or None
         How unsigned numbers encode signed ones; None if they do not.
     """
@@ -335,10 +335,9 @@ def _guess_time(source: str, words: list[str], unit: Unit | None) -> Column | No
 
 
 def take_joint(words: list[str], joints: Sequence[str]) -> tuple[str, list[str]]:
-    """Return the joint whose name stands among some words, and the words without it.
+    """Return the joint whose name is among some words, and the remaining words.
 
-    Words that say nothing may be left out of a name, as in "FL_hip" for "FL_hip_joint", as long as
-    a word is left.
+    Neutral words may be missing from a name, as in "FL_hip" for "FL_hip_joint", if a word remains.
     """
     for brief in (False, True):
         found = []

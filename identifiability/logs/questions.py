@@ -147,7 +147,7 @@ def _plain(text: str) -> str:
 
 
 def _literal(column: str) -> str:
-    """Return a column as the left side of a rule."""
+    """Return a column name as the left side of a rule."""
     try:
         re.compile(column)
     except re.error:

@@ -34,7 +34,7 @@ _MAPS: WeakSet[mmap.mmap] = WeakSet()
 
 
 def is_long(rows: int) -> bool:
-    """Whether so many rows stay on the disk, mapped from a file."""
+    """Return whether `rows` rows stay on the disk, mapped from a file."""
     return rows > LONG
 
 

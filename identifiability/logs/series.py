@@ -321,7 +321,7 @@ def _best(
 
 
 def _score(series: MotionSeries, channels: Sequence[Array], memory: Sequence[Array]) -> float:
-    """Return Akaike's criterion: samples count as far as they are independent."""
+    """Return Akaike's criterion; it uses the number of independent samples."""
     N, joints = channels[0].shape
     score = 2.0 * series.coefficients * joints
     for x, own, times in zip(channels, series.motion, memory, strict=False):

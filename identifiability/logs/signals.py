@@ -29,18 +29,18 @@ def sampling_step(t: Array) -> float:
 
 
 def held_since(t: Array, changes: Array) -> Array:
-    """Return since when the values of each row are held, (N,) [s].
+    """Return the time since which the values of each row are held, (N,) [s].
 
-    Rows show a value that comes on another clock late, by up to a row, and by another part of a row
-    each time. Where values come regularly their numbers tell when they came: at the latest times on
-    a line over them that no row precedes. Where they come with rows, these are those of rows.
+    A value on another clock appears in the rows late, by a varying part of a row. If values arrive
+    regularly, their arrival times lie on a line over their numbers. The line is the latest one that
+    no row precedes. If values arrive with rows, the times are those of the rows.
 
     Parameters
     ----------
     t : (N,) [s]
-        Of rows, evenly.
+        Times of rows, evenly spaced.
     changes : (N,) bool
-        Which rows hold another value than the one before.
+        Mask of rows whose value differs from the previous one.
     """
     (rows,) = np.nonzero(changes)
     if len(rows) < RULES.fewest:
@@ -85,7 +85,7 @@ def is_constant(low: Array, high: Array, size: float = 0.0) -> Array:
 
 
 def never_moves(low: Array, high: Array) -> Array:
-    """Return which joints stand still, from the range of their positions [rad or m], (n,) bool."""
+    """Return a mask of joints that never move, by the range of positions [rad or m], (n,) bool."""
     return is_constant(low, high, 1.0)
 
 
@@ -132,8 +132,8 @@ def butterworth_poles(share: float) -> Array:
 def lowpass(x: Array, dt: float, cutoff: float) -> Array:
     """Return x (N, …) filtered forwards and backwards by a Butterworth low-pass (no phase).
 
-    It is of fourth order each way; beyond its ends x goes on point-symmetrically, and before that
-    it is as if it had always been as there.
+    It is of fourth order each way. Beyond its ends, x is extended by point reflection, and beyond
+    that by a constant.
     """
     poles = butterworth_poles(2 * cutoff * dt)
     pad = min(len(x) - 1, int(3 / (cutoff * dt)))
@@ -333,9 +333,8 @@ def fit_fourier(
     rates : (N, n) or None
         Measured velocities and accelerations.
     noise : sequence of (n,), optional
-        Standard deviations by which channels are weighed, joint by joint; by default they are what
-        a series of its own leaves of each: one of positions alone knows little of accelerations
-        that were measured.
+        Standard deviations that weight the channels, for each joint. By default each is the
+        residual of a series that is fitted to that channel alone.
     """
     origin = q.mean(0)  # small numbers, small rounding
     channels = {k: x for k, x in enumerate((q - origin, *rates)) if x is not None}

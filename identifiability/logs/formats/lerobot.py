@@ -1,9 +1,9 @@
 """LeRobot dataset folders (v2.0, v2.1, v3.0): each episode is a log of positions and commands.
 
 ``meta/info.json`` names the joints of ``observation.state`` (positions) and ``action`` (commands);
-``data`` holds Parquet with a row a sample, ``timestamp`` [s] and ``episode_index``. One episode is
-named behind a colon, ``dataset:3``, several ``dataset:0-4``. In which unit positions are nothing
-says: LeRobot writes degrees, shares of a joint's range or radians.
+``data`` holds Parquet with a row for each sample, ``timestamp`` [s] and ``episode_index``. The user
+names one episode after a colon, ``dataset:3``, or several, ``dataset:0-4``. The folder does not
+state the unit of positions: LeRobot writes degrees, shares of a joint's range or radians.
 """
 
 from __future__ import annotations
