@@ -21,7 +21,7 @@ from .torque import servo_log
 
 #: Least share of the weighted squares of a tree that a number promises to take off, to first
 #: order, so that it is fitted.
-PROMISED: Tolerance = 0.1
+PROMISED: Tolerance = 0.02
 
 #: Shares of the time in which torque exceeds the limits that are tried first.
 EXCEEDED = np.geomspace(0.004, 0.4, 5)
