@@ -23,7 +23,7 @@ Schema = TypeVar("Schema", bound=BaseModel)
 
 _PARSERS = {"TOML": tomllib.loads, "JSON": json.loads}
 
-#: Bytes of a document that is read; of TOML, what people write, and of JSON, what results are.
+#: Largest documents to read, in bytes: people write TOML, and results are JSON.
 MOST_BYTES = {"TOML": 1_000_000, "JSON": 50_000_000}
 
 #: Tables in tables that a dotted key may name; its parser takes the square of them in memory.
@@ -138,7 +138,7 @@ def _keys_of(place: tuple[str | int, ...]) -> tuple[str | int, ...]:
     return tuple(part for part in place if not (isinstance(part, str) and _TYPE.fullmatch(part)))
 
 
-#: What stands in a place for one of several types that a value may have.
+#: Parts of an error's place that name one of several types of a value.
 _TYPE = re.compile(
     r"constrained-\w+|(?:literal|dict|list|tuple|union|function-\w+)\[.*\]|float|int|str|bool"
 )

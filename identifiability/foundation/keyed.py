@@ -76,7 +76,7 @@ class UnknownNameError(IdentifiabilityError, KeyError):
 class Keyed:
     """A result whose rows are found by name: ``result["joint_2.Fc"]``."""
 
-    #: What its rows are about, for the sentence that refuses a name.
+    #: Subject of the rows, for the sentence that refuses a name.
     row_kind: ClassVar[str] = "parameter"
 
     def rows_by_name(self) -> Iterable[Row]:

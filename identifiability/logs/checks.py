@@ -18,10 +18,10 @@ from .rules import RULES
 if TYPE_CHECKING:
     import pandas as pd
 
-#: What was commanded of each joint: position, velocity, torque that is fed forward.
+#: Commands of each joint: position, velocity, feed-forward torque.
 COMMANDS = ("q_ref", "dq_ref", "tau_ff")
 
-#: What a log has of each joint.
+#: Channels of a log for each joint.
 CHANNELS = ("q", "dq", "ddq", "tau", *COMMANDS)
 
 

@@ -292,7 +292,7 @@ def _free(names: Mapping[str, str], taken: Mapping[str, Column]) -> list[str]:
     return [name for column, name in names.items() if column not in used]
 
 
-# What makes SI units of a column: what the log states, else what the sidecar says.
+# Conversion of a column to SI units: by the unit of the log, or else of the sidecar.
 
 
 def _in_si(column: Column, units: Mapping[str, str], source: str, known: Conventions) -> Column:
@@ -326,7 +326,7 @@ def _in_si(column: Column, units: Mapping[str, str], source: str, known: Convent
             f"{_map_word(name, f'{column.name} [{example}]')}, "
             f"or {gain if column.kind == 'tau' else 'correct the header'}."
         )
-    # A scale of 1 leaves degrees what they are; others are of ticks.
+    # A scale of 1 leaves degrees unchanged; other scales are for ticks.
     degrees = kind in ANGULAR and column.joint in known.degrees and scale == 1.0
     factor = DEGREE if degrees else scale
     return replace(column, factor=factor, offset=offset / factor)
@@ -363,7 +363,7 @@ def _convert_torque(
     return out, [*notes, BEHIND] if torque.side == "link" else notes
 
 
-#: What is said of a sensor behind the gears.
+#: Note on a sensor behind the gears.
 BEHIND = (
     "torque was measured behind the gears, where no inertia of rotors is seen: the model has none"
 )
@@ -401,7 +401,7 @@ def _tell(
     return [text.format(listing(found, 4)) for text, found in told.items() if found]
 
 
-# Columns that tell their joint by a number: ``q1`` … ``q6``, ``position[0]``.
+# Columns that identify their joint by a number: ``q1`` … ``q6``, ``position[0]``.
 
 
 def resolve_numbers(
@@ -493,7 +493,7 @@ def _number(joint: str) -> int | None:
     return int(found[-1]) if found else None
 
 
-# Columns of commands: whether they stand for torque, which a table lacks then.
+# Columns of commands, which replace torque if a table has none.
 
 
 def resolve_commands(
@@ -549,7 +549,7 @@ _NO_STAND = (
 )
 
 
-# What is missing, with the remedy ready to copy.
+# Missing columns, with a remedy that can be copied.
 
 
 def _refuse_missing(
@@ -581,7 +581,7 @@ def _refuse_missing(
     raise LogError(tell_missing(source, missing, wanted, free, known.passive))
 
 
-#: What to do where no column is left that could be a missing one.
+#: Remedy if no remaining column could be a missing one.
 RECORD = " Log what is missing, too: no mass follows from positions alone."
 
 
@@ -661,10 +661,10 @@ def resolve_codes(naming: Naming, first: pd.DataFrame) -> Naming:
     return replace(naming, columns=columns, notes=(*naming.notes, *describe_codes(codes)))
 
 
-# What a log's times are given in: seconds, thousandths of them, dates; taken only when certain.
+# Unit of a log's times: seconds, fractions of them, or dates; taken only if it is certain.
 #
-# A unit that the sidecar, an option or the column itself states is taken. Else steps of up to half
-# a second are seconds, and longer ones in the one unit in which they are steps of a log of motion.
+# A unit that the sidecar, an option or the column states is taken. Else steps up to half a second
+# are in seconds. Longer steps are in the one unit in which they are steps of a log of motion.
 
 
 #: First samples that show which steps there are.
@@ -700,10 +700,10 @@ def resolve_time(naming: Naming, first: pd.DataFrame, source: str, known: Conven
         return naming.timed(note, dates=start, factor=1.0)
     t = to_floats(given)[:SHOWN] if given.dtype.kind not in "cb" else np.empty(0)
     if len(t) < 3 or not np.isfinite(t).all() or not np.median(np.diff(t)) > 0:
-        return naming  # what is wrong with them is said by others
+        return naming  # other checks report their errors
     unit = known.time_unit
     why = "as was said"
-    if not unit and time.unit is None:  # what the log states is taken
+    if not unit and time.unit is None:  # the unit of the log is taken
         unit, why = _find_unit(t, source)
     factor = TIME_UNITS[unit] if unit else time.factor
     notes = [f"the times are in {unit}, {why}"] if unit and unit != "s" else []
@@ -791,7 +791,7 @@ def _find_unit(t: Array, source: str) -> tuple[str, str]:
         return "", ""
     fits = [u for u, size in TIME_UNITS.items() if RULES.steps[0] <= step * size <= RULES.steps[1]]
     fits = [u for u in fits if _is_dated(t[0] * TIME_UNITS[u])] or fits
-    if not fits:  # what is wrong with them is said by others
+    if not fits:  # other checks report their errors
         return "", ""
     each = [f"{u} ({1 / (step * TIME_UNITS[u]):.4g} Hz)" for u in fits]
     if len(fits) == 1:

@@ -69,7 +69,7 @@ class Conventions:
         gear = robot.transmission
         motors = gear.motors if gear else ()
         turns = [j for j in robot.motor_joints if not robot.is_prismatic(robot.dof_index(j))]
-        # Of a locked joint nothing says whether it turns, as nearly all do.
+        # A locked joint may be revolute or prismatic; nearly all are revolute.
         degrees = (*turns, *motors, *robot.locked) if robot.angles == "deg" else ()
         return Conventions(
             joints=robot.motor_joints or robot.joints[:1],  # of a body alone no column is about it

@@ -374,7 +374,7 @@ def _read_log(reader: TableReader, pieces: Iterable[Whole]) -> Log:
     tau = values["tau"]
     if np.isnan(find_range(tau)[0]).any():
         gone = fields["unmeasured"] = np.isnan(tau)
-        # Straight lines stand where it is lost, zeros where all of it is.
+        # Gaps are interpolated linearly; torque that is missing entirely is zero.
         bridged = fields["tau"] = np.zeros(tau.shape)
         for k, known in enumerate(~gone.T):
             if known.any():

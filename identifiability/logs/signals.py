@@ -49,7 +49,7 @@ def held_since(t: Array, changes: Array) -> Array:
     apart = np.diff(t[rows])
     uneven = 2 * float(np.quantile(np.abs(np.diff(t) - dt), 0.99)) + ROUNDOFF
     usual = apart[apart <= 2 * np.median(apart)].mean()  # others are of several values
-    for _ in range(3):  # lost values make what is usual too long to count those of a long pause
+    for _ in range(3):  # with lost values the usual step is too long to count those of a long pause
         number = np.concatenate([[0.0], np.cumsum(np.rint(apart / usual))])
         usual, first = np.polyfit(number, t[rows], 1)
     behind = t[rows] - usual * number - first
@@ -173,7 +173,7 @@ def settling_rows(dt: float, cutoff: float) -> int:
     return int(np.ceil(np.log(1e-14) / np.log(slowest)))
 
 
-#: Samples on each side that a difference draws on, and what those ahead count for.
+#: Samples on each side that a difference uses, and the weights of those ahead.
 REACH = 8
 AHEAD = [-((-1) ** k) / k * binom(16, 8 - k) / binom(16, 8) for k in range(1, REACH + 1)]
 

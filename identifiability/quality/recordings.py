@@ -29,7 +29,7 @@ Logs = Annotated[
     Sequence[LogLike] | LogLike,
     Expected("a log (the path of a file, a DataFrame, arrays by name or a Log) or a list of logs"),
 ]
-#: Makes torque of commands where a log has none.
+#: Computes torque from commands, for logs without torque.
 MakeTorque = Callable[[list[Log]], list[Log]]
 InMemory = TypeVar("InMemory", Log, Dataset)
 

@@ -23,8 +23,8 @@ from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot
 
-#: Returns findings of `MeasuredLogs`, none for sound logs; what mends returns logs that are being
-#: read (`RawLogs`) as they are then, with what it found.
+#: It returns findings on `MeasuredLogs`, none for sound logs. A correction returns the `RawLogs`
+#: after its change, with its findings.
 Find: TypeAlias = Callable[..., Any]
 
 F = TypeVar("F", bound=Find)
@@ -91,7 +91,7 @@ def check(key: str, does: Does, *, always: bool = False) -> Callable[[F], F]:
     return decorate
 
 
-# Logs that are being read: what can be mended is.
+# Logs during reading: correctable faults are corrected.
 
 
 @frozen
@@ -155,7 +155,7 @@ def mend(logs: RawLogs) -> RawLogs:
     return logs
 
 
-# Logs that were prepared: columns as they were measured, and what the robot file predicts.
+# Prepared logs: measured columns, and the predictions of the robot file.
 
 
 #: Samples, spread over all logs, at which measured torque is compared with the file's.

@@ -41,7 +41,7 @@ JUDGED = 3
 #: Factors between two units or delays that are tried, of several numbers and of one.
 BETWEEN = np.geomspace(1 / 3, 3.0, 101)
 COARSE = BETWEEN[::5]
-#: Sum of the logs of the residual by which one reading is as good as another.
+#: Sum of the log residuals within which two readings are equally good.
 EVEN: Tolerance = 0.02
 #: Share of the largest log odds from which two readings explain nearly the same.
 ALIKE: Tolerance = 0.8

@@ -27,7 +27,7 @@ from .locate import ROOTS, parse_xml, read_included
 from .servo import Servo
 from .sidecar import KnownTorque, MeasuredTorque, Sidecar
 
-# What robot files state of joints, tendons and actuators in numbers: one table of fields.
+# Numbers of joints, tendons and actuators in robot files: one table of fields.
 
 
 @frozen
@@ -63,7 +63,7 @@ FIELDS = {
     "offset": Field(("off",), 1, signed=True),
 }
 
-#: Kinds of parameters that are not negative, beside those of rotors.
+#: Kinds of parameters that are not negative, without those of rotors.
 NOT_NEGATIVE = {"m", "Ixx", "Iyy", "Izz"}.union(
     *(field.kinds for field in FIELDS.values() if not field.signed)
 )
@@ -78,7 +78,7 @@ def name_numbers(joint: str, numbers: NumberByName, inertia_parts: Strings) -> d
     return {f"{joint}.{kind}": value for word, value in numbers.items() for kind in kinds[word]}
 
 
-# Parts of a robot: closures, axes, how motors drive joints, and what its file states of them.
+# Parts of a robot: closures, axes, transmissions, and the statements of its file.
 
 
 @frozen
@@ -302,7 +302,7 @@ class Stated:
     radii: Mapping[str, float] = {}
 
 
-# What is known of the mass of bodies and of where their centres are.
+# Known limits of masses and centres of mass.
 
 
 @frozen
@@ -327,7 +327,7 @@ class Bound:
     origin: Array = np.zeros(3)
 
 
-# `Description`: what the rest of the library needs to know of a robot file.
+# `Description`: the data of a robot file that the rest of the library uses.
 
 
 _NO_PLACES = np.empty(0, int)

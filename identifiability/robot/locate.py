@@ -105,7 +105,7 @@ LARGEST: Tolerance = 1e15
 SMALLEST: Tolerance = 1e-12
 
 
-# Parse the XML of a robot file as far as its size allows: what has no end is refused at once.
+# Parse the XML of a robot file within limits of size; a file without end is refused at once.
 
 
 #: Bytes of meshes that weigh, and bytes of XML with all includes.

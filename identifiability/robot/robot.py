@@ -80,8 +80,8 @@ def possible(theta: Array) -> bool:
 
 # Robots that are changed in code: other numbers in a copy of the file, or another file.
 #
-# A robot is always a standard file, also one that is made in code: until it is saved it stands in
-# a folder that goes with the program.
+# A robot is always a standard file, also if it is made in code. Until it is saved, its file is in a
+# temporary folder that the program deletes.
 
 
 _NUMBERS = count()
@@ -107,7 +107,7 @@ def write(robot: Any, values: NumberByName, path: str | Path) -> Path:
     RobotError
         If the robot has no such parameter.
     """
-    # What a file holds of friction, rotors and springs effects say, which stand above robots.
+    # Effects define the friction, rotors and springs of a file; their room is above robots.
     written: Path = handed("save_robot")(robot, values, path)
     return written
 

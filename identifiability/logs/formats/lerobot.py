@@ -33,10 +33,10 @@ if TYPE_CHECKING:
 
     from identifiability.logs.conventions import Conventions
 
-#: Where a folder says that it is a dataset.
+#: File that marks a folder as a dataset.
 INFO = Path("meta") / "info.json"
 
-#: Columns that are read, and the channel of a log that their values are unless names say otherwise.
+#: Columns that are read, and the channel of their values, unless their names state another.
 FEATURES = {
     "observation.state": "q",
     "observation.velocity": "dq",
@@ -147,7 +147,7 @@ def read_episode(path: str | Path) -> pd.DataFrame:
         )
     number = int(split_episodes(episodes[0])[1])
     info = _read_info(folder)
-    # In v2 each has a file of its own: else a thousand files are opened a thousand times.
+    # In v2 each episode has a file: else a thousand files are opened a thousand times.
     files = [str(f) for f in (folder / "data").glob(f"*/episode_{number:06d}.parquet")]
     data = ds.dataset(files or folder / "data", format="parquet")
     for file in data.files:
