@@ -21,11 +21,17 @@ def drawn():
 
 
 @pytest.mark.parametrize(
-    ("row", "outcome"),
-    [("nothing wrong", "moves nothing"), ("sign of one", "right"), ("uint16", "right")],
+    ("row", "logs", "outcome"),
+    [
+        ("nothing wrong", 1, "moves nothing"),
+        ("sign of one", 1, "right"),
+        ("uint16", 1, "right"),
+        # The right unit of a column competes with a wrong unit of the same column.
+        ("unit of one", 2, "right"),
+    ],
 )
-def test_a_drawn_arm_is_read_as_it_was_logged(drawn, tmp_path, row, outcome):
-    logged = replace(plant_fault(drawn, row), fitted=1)
+def test_a_drawn_arm_is_read_as_it_was_logged(drawn, tmp_path, row, logs, outcome):
+    logged = replace(plant_fault(drawn, row), fitted=logs)
     result = examine(logged, row, tmp_path / folder_name(row, NUMBER), Truths())
     assert result["outcome"] == outcome
     assert result["over"] < 1.05
