@@ -23,7 +23,7 @@ from identifiability.foundation.quoting import option_for_shell, toml_key
 from identifiability.foundation.values import frozen
 
 from .checks import CHANNELS, COMMANDS, to_floats
-from .codes import describe_codes, find_codes
+from .codes import Code, describe_codes, find_codes, show_codes
 from .conventions import Conventions
 from .names import (
     BARE,
@@ -73,6 +73,8 @@ class Naming:
         Torque for which zeros stand, where motion or commands are all that a table is to hold.
     commands : tuple of str
         Columns of commands that stand for torque.
+    codes : mapping of str to Code
+        Codes that the table shows, by the kind of column.
     """
 
     columns: tuple[Column, ...]
@@ -81,6 +83,7 @@ class Naming:
     locked: tuple[Column, ...] = ()
     made: Strings = ()
     commands: Strings = ()
+    codes: Mapping[str, Code] = {}
 
     @property
     def time(self) -> Column:
@@ -650,12 +653,17 @@ def rename(name: str, known: Conventions) -> str:
     return "/".join(parts) + name[len(plain) :]
 
 
-def resolve_codes(naming: Naming, first: pd.DataFrame) -> Naming:
-    """Return what a log takes from a table, with the codes that its first rows show."""
+def resolve_codes(naming: Naming, first: pd.DataFrame, known: Conventions) -> Naming:
+    """Return what a log takes from a table, with the codes that its first rows show.
+
+    Where they show none, the codes of other logs hold.
+    """
     values = {c.name: to_floats(first[c.source]) for c in naming.columns if c.name != "t"}
-    codes = find_codes(values)
+    shown = show_codes(values)
+    codes = find_codes(values, {**known.codes, **shown})
     columns = tuple(replace(c, code=codes.get(c.name)) for c in naming.columns)
-    return replace(naming, columns=columns, notes=(*naming.notes, *describe_codes(codes)))
+    notes = (*naming.notes, *describe_codes(codes))
+    return replace(naming, columns=columns, notes=notes, codes=shown)
 
 
 # What a log's times are given in: seconds, thousandths of them, dates; taken only when certain.
