@@ -10,7 +10,7 @@ for memory stays in its file. The file is checked once and then read by ranges o
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
@@ -30,6 +30,7 @@ from identifiability.foundation.values import frozen
 from . import signals
 from .base import read_base
 from .checks import CHANNELS, COMMANDS, Clock
+from .codes import Code
 from .columns import tell_missing
 from .conventions import Conventions
 from .form import PLAIN
@@ -93,6 +94,8 @@ class Log:
     speed_error : (n,) or None [rad/s or m/s]
         Standard deviation of its velocities if its motion is a fitted series; None for measured
         motion.
+    codes : mapping of str to Code
+        Codes of signed numbers that its table shows, by the kind of column.
     """
 
     name: str
@@ -115,6 +118,7 @@ class Log:
     base: Array | None = None
     path: str = ""
     speed_error: Array | None = None
+    codes: Mapping[str, Code] = {}
 
     def __len__(self) -> int:
         return len(self.t)
@@ -390,6 +394,7 @@ def _read_log(reader: TableReader, pieces: Iterable[Whole]) -> Log:
         notes=notes,
         motion_alone=bool(naming.made),
         start=reader.start,
+        codes=naming.codes,
         **fields,
     )
 

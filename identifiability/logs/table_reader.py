@@ -273,7 +273,7 @@ class TableReader:
         unset = [c for c in columns if is_stamp(c) and (to_floats(frame[c][:1]) == 0.0).any()]
         columns = [c for c in columns if c not in unset]
         naming = name_columns(columns, self.source, self.known, units, first)
-        naming = resolve_codes(naming, frame)
+        naming = resolve_codes(naming, frame, self.known)
         self.naming = resolve_time(naming, frame, self.source, self.known)
         self._numbers = {c.name: Numbers(c.name, self.source) for c in self.naming.columns}
         torque = {f"{j}.tau": np.nan for j in naming.joints} | dict.fromkeys(naming.made, 0.0)

@@ -153,7 +153,11 @@ class ReadingSearch:
                 gains.append((gain, replace(reading, error_ratio=ratio)))
         # The first of equally good readings comes first.
         gains.sort(key=lambda pair: -pair[0])
-        return [reading for _, reading in gains[:JUDGED]]
+        # Another unit or delay of the same column is no other reading: step 2 finds its number.
+        best = dict[tuple[str, str], Reading]()
+        for _, reading in gains:
+            best.setdefault((reading.description, reading.remedy), reading)
+        return list(best.values())[:JUDGED]
 
     def _cannot_gain(self, reading: Reading, squares: Array) -> bool:
         """Whether a robot has many joints, and those that change have too small a residual.
