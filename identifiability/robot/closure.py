@@ -77,7 +77,7 @@ def _distance(tree: Tree, frames: Frames, first: Point, second: Point) -> tuple[
 # equation, and an overconstrained linkage has several. No fixed choice of equations is valid
 # everywhere. So every sample uses the orthonormal directions that its dependent joints span (a QR
 # factorisation). The triangular factor has the singular values of all equations together. The
-# distance of a pose from a singularity is then that of the mechanism, for any axes of the equations.
+# distance of a pose from a singularity is then that of the mechanism, for any axes.
 
 
 def invert(A: Array) -> tuple[Array, Array]:
