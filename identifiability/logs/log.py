@@ -125,7 +125,7 @@ class Log:
 
     @property
     def long(self) -> bool:
-        """Whether it has so many rows that they stay on the disk."""
+        """Return whether it has so many rows that they stay on the disk."""
         return is_long(len(self))
 
     @cached_property
@@ -170,7 +170,7 @@ class Log:
         Parameters
         ----------
         name : str
-            What reports call it.
+            Name of the log in reports.
         conventions : Conventions, optional
             As in `read`.
         """
@@ -301,7 +301,7 @@ class Log:
 
     @property
     def torque(self) -> bool:
-        """Whether any torque is not zero."""
+        """Return whether any torque is not zero."""
         return any(self.tau[a:b].any() for a, b in divide_rows(len(self)))
 
     def __repr__(self) -> str:
@@ -329,7 +329,7 @@ class Log:
         Raises
         ------
         OutputError
-            If it cannot be written, or is none of these.
+            If it cannot be written, or has another ending.
         """
         return write_table(path, self.to_frame())
 
@@ -436,7 +436,7 @@ def check_held_out(train: Sequence[Log], held_out: Sequence[Log]) -> None:
 
 
 def _same(one: Log, other: Log) -> bool:
-    """Whether two logs are from one record and share some of its time."""
+    """Return whether two logs are from one record and share some of its time."""
     if one.sha256 != other.sha256:
         return False
     if not (len(one) and len(other)):

@@ -197,8 +197,8 @@ class TableReader:
         Raises
         ------
         LogError
-            If a column is missing, there twice, or of another kind altogether, a value cannot be,
-            or the times are too few or do not increase.
+            If a column is missing, repeated or of another kind, a value is impossible, or the times
+            are too few or do not increase.
         """
         tables = unstack(_as_tables(pieces, self.source), self.known, self.source)
         values = gather(self._take(*piece) for piece in tables)

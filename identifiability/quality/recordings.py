@@ -68,12 +68,12 @@ class Recordings:
 
     @property
     def commanded(self) -> bool:
-        """Whether torque of any log comes from commands."""
+        """Return whether torque of any log comes from commands."""
         return any(map(of_commands, self.fitted))
 
     @property
     def long(self) -> bool:
-        """Whether a log is too long for memory."""
+        """Return whether a log is too long for memory."""
         return any(log.long for log in (*self.fitted, *self.held_out))
 
 

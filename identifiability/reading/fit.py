@@ -201,7 +201,7 @@ class TorqueRows:
 
     @property
     def turns_gravity(self) -> bool:
-        """Whether the columns are known under any gravity."""
+        """Return whether the columns are known under any gravity."""
         return bool(self.parts.shape[3] > 1)
 
     @cached_property

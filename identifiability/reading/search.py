@@ -89,7 +89,7 @@ class ReadingSearch:
 
     @property
     def is_informative(self) -> bool:
-        """Whether there are rows enough, and torque that varies in each joint."""
+        """Return whether there are rows enough, and torque that varies in each joint."""
         columns = len(self.structure.base.kept)
         enough = self.rows.counts.sum() >= 2 * columns
         return bool(enough and (self.rows.variation > 0).all())
@@ -160,7 +160,7 @@ class ReadingSearch:
         return list(best.values())[:JUDGED]
 
     def _cannot_gain(self, reading: Reading, squares: Array) -> bool:
-        """Whether a robot has many joints, and those that change have too small a residual.
+        """Return whether a robot has many joints, and those that change have too small a residual.
 
         Singles and pairs of many joints are too many fits.
         """
