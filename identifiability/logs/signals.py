@@ -149,18 +149,22 @@ def lowpass(x: Array, dt: float, cutoff: float) -> Array:
 def _filter_once(x: Array, poles: Array) -> Array:
     """Return x (N, m) filtered once, as if it had always been as its first sample.
 
-    Each pair of conjugate poles is a section of second order.
+    Each pair of conjugate poles is a section of second order. A constant is not subtracted first:
+    rounding would then depend on where a piece of a log begins, and so would the sign of a speed
+    that is zero but for rounding.
     """
-    y = x - x[0]
+    y = x
     for pole in poles[poles.imag > 0]:
         denominator = np.array([1.0, -2 * pole.real, abs(pole) ** 2])
         gain = denominator.sum() / 4
-        driven = y.copy()
-        driven[1:] += 2 * y[:-1]
-        driven[2:] += y[:-2]
-        y = filter_from_rest(denominator, gain * driven)
-    filtered: Array = y + x[0]
-    return filtered
+        first = y[:1]
+        past = np.concatenate([first, first, y])
+        driven = gain * (past[2:] + 2 * past[1:-1] + past[:-2])
+        # What the recursion would have kept of its past.
+        driven[:1] -= (denominator[1] + denominator[2]) * first
+        driven[1:2] -= denominator[2] * first
+        y = filter_from_rest(denominator, driven)
+    return y
 
 
 def settling_rows(dt: float, cutoff: float) -> int:
