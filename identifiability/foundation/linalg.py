@@ -21,13 +21,15 @@ SPAN_TOLERANCE = 1e-7
 #: Matrices beyond this size together are worked on in turn [bytes].
 MOST_BYTES = 2**26
 
-#: Share below which what is left of one sum of products is rounding.
+#: Relative size below which the remainder of one sum of products is rounding.
 TINY = 1e-12
 
-#: Share below which what is left of a chain of products, differences and solves is rounding.
+#: Relative size below which the remainder of a chain of products, differences and solves is
+#: rounding.
 ROUNDOFF = 1e-9
 
-#: What differs by less than this share is the same to data: nothing measured has six digits.
+#: Data do not distinguish values that differ by less than this share: no measurement has six
+#: digits.
 NEARLY = 1e-6
 
 
@@ -37,7 +39,7 @@ def or_one(sizes: Array) -> Array:
 
 
 def few_at_once(count: int, nbytes: int) -> Iterator[slice]:
-    """Yield which of many matrices of so many bytes to work on at a time."""
+    """Yield slices of many matrices of `nbytes` bytes, to process within the limit of memory."""
     size = max(1, MOST_BYTES // max(nbytes, 1))
     yield from (slice(at, at + size) for at in range(0, count, size))
 
@@ -46,7 +48,7 @@ def triangular_factor(A: Array) -> Array:
     """Return R, upper triangular, with ``RᵀR = AᵀA``."""
     if not A.size:
         return A[: A.shape[1]]
-    # Of small matrices NumPy's own takes twice the time.
+    # For small matrices NumPy's function takes twice the time.
     return np.asarray(np.triu(dgeqrf(A)[0][: A.shape[1]]))
 
 
@@ -59,7 +61,7 @@ def filter_from_rest(denominator: Array, x: Array) -> Array:
     Parameters
     ----------
     denominator : (K + 1,)
-        Coefficients a_0 … a_K, of which the first is 1.
+        Coefficients a_0 … a_K with a_0 = 1.
     x : (N,) or (N, m)
 
     Returns
@@ -77,9 +79,9 @@ def scan_columns(unit: Array, order: Sequence[int]) -> list[int]:
     Gram-Schmidt that skips dependent columns; unpivoted QR would instead project every later
     column on the rounding noise that a dependent one leaves behind.
     """
-    if len(order) <= len(unit):  # where no column is near to being dependent, one factor says so
+    if len(order) <= len(unit):  # if no column is nearly dependent, one factor shows it
         sizes = np.abs(np.diag(np.linalg.qr(unit[:, list(order)], mode="r")))
-        # Beyond so many times that, rounding does not decide.
+        # Above this multiple of it, rounding does not decide.
         if (sizes > 10.0 * SPAN_TOLERANCE).all():
             return list(order)
     kept: list[int] = []
@@ -96,7 +98,7 @@ def scan_columns(unit: Array, order: Sequence[int]) -> list[int]:
 
 
 def solve_each(equations: Array) -> Array:
-    """Return the solutions of equations (R, k, k + 1), (R, k); NaN where there is none."""
+    """Return the solutions of equations (R, k, k + 1), (R, k); NaN without a solution."""
     try:
         return np.asarray(np.linalg.solve(equations[:, :, :-1], equations[:, :, -1:])[..., 0])
     except np.linalg.LinAlgError:
@@ -121,13 +123,13 @@ def unit_coordinates(R: Array) -> Array:
 
 
 def without_rounding(torque: Array, of: Array) -> Array:
-    """Return torque (N, n) of which columns of rounding are zero: scaled up they look like noise.
+    """Return torque (N, n) with zeros in columns of rounding errors, which scaling would amplify.
 
     Parameters
     ----------
     torque : (N, n) [N·m or N]
     of : (N, m) [N·m or N]
-        Torque that it is computed from.
+        Torque from which it is computed.
     """
     most = np.abs(torque).max(axis=0, initial=0.0)
     kept: Array = torque * (most > ROUNDOFF * np.abs(of).max(initial=0.0))

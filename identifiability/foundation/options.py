@@ -1,9 +1,9 @@
-"""Options of public functions, checked once, at the border, against the function's own signature.
+"""Options of public functions, checked once against the signature of the function.
 
 ``@checked`` reads the annotations: choices are a `Literal`, and `Annotated[int, at_least(2)]` is a
-range. What is wrong is said in one sentence that names what is valid. Nothing is converted: what
-passes reaches the function as it was given. (pydantic's ``validate_call`` copies sequences,
-rebuilds dataclasses, refuses NumPy's numbers and has a complaint for each member of a union.)
+range. An error is one sentence that names the valid values. Nothing is converted: the function
+receives each argument as it was given. (pydantic's ``validate_call`` copies sequences, rebuilds
+dataclasses, refuses NumPy's numbers and reports an error for each member of a union.)
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from typing import get_type_hints as resolve
 from .errors import IdentifiabilityError, near_match, with_article
 from .values import frozen
 
-if TYPE_CHECKING:  # what is refused at once waits for no library
+if TYPE_CHECKING:  # errors at the border load no library
     import numpy as np
 
 P = ParamSpec("P")
@@ -41,12 +41,12 @@ R = TypeVar("R")
 
 
 class OptionError(IdentifiabilityError):
-    """An argument is none of those that a function takes."""
+    """An argument has a value that the function does not allow."""
 
 
 @frozen
 class Expected:
-    """What an annotation allows, in words, and a condition beyond its type."""
+    """The range of an annotation in words, and a condition beyond its type."""
 
     words: str
     holds: Callable[[Any], bool] = lambda value: True
@@ -82,7 +82,7 @@ Names = Annotated[Sequence[str], Expected("a list of names")]
 #: Of effects, which a command line takes as ``a,b``.
 Effects = Names
 
-#: Choices that a command line offers without the rooms that know what they mean.
+#: Choices of a command line, without the rooms that use them.
 Derivatives = Literal["auto", "given", "butterworth", "fourier", "spline"]
 EstimatorKind = Literal["auto", "ls", "iv"]
 ExportFormat = Literal["mjcf", "urdf", "isaaclab", "patch"]
@@ -115,7 +115,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     Raises
     ------
     OptionError
-        When it is called; the sentence names the argument, what is valid, and what was given.
+        At a call; the sentence names the argument, the valid values, and the given one.
     """
     shape = signature(function)
 
@@ -139,9 +139,9 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def check_fields(options: Any, what: str = "") -> None:
-    """Check the fields of a dataclass against their annotations; for its ``__post_init__``.
+    """Check the fields of a dataclass against their annotations, in its ``__post_init__``.
 
-    `what` goes before their names, ``noise level``.
+    `what` precedes their names in messages, such as ``noise level``.
 
     Raises
     ------
@@ -165,7 +165,7 @@ def check_option(name: str, value: Any, kind: Any) -> None:
 
 
 def check_choice(name: str, value: Any, known: Sequence[str]) -> None:
-    """Refuse a word that is none of those that are known.
+    """Refuse a word that is not one of the known ones.
 
     Raises
     ------
@@ -197,7 +197,7 @@ def allows(kind: Any, value: Any) -> bool:
         return callable(value) if Callable in (kind, origin) else isinstance(value, kind)
     if issubclass(origin, Mapping):
         return isinstance(value, Mapping)
-    # What is read only once, such as a generator, is not looked into.
+    # Values that can be read only once, such as a generator, are not checked.
     items = value if isinstance(value, Collection) else ()
     several = isinstance(value, Iterable) and not isinstance(value, (str, bytes, Mapping))
     return several and all(allows(inner[0], item) for item in items)
@@ -213,7 +213,7 @@ def choices(kind: Any) -> list[str]:
 
 
 def expected(kind: Any) -> str:
-    """Return in words what an annotation allows."""
+    """Return the values that an annotation allows, in words."""
     words = list(dict.fromkeys(_words(kind)))
     return " or ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
 
@@ -237,10 +237,10 @@ def _shown(value: Any) -> str:
     """Return a value as the sentence quotes it: short ones as they are, others by their type."""
     plain = isinstance(value, (str, Real, NoneType, bool, list, tuple))
     text = repr(value.item() if hasattr(value, "item") else value) if plain else ""
-    # A sentence quotes what fits into it.
+    # A sentence quotes only short values.
     return text if 0 < len(text) <= 60 else with_article(type(value).__name__)
 
 
 def resolve_count(given: int | None, usual: int, less: int, *, quick: bool) -> int:
-    """Return how often something random is repeated: as said, else as usual, or less if quick."""
+    """Return the number of random repetitions: the given one, else `usual`, or `less` if quick."""
     return given if given is not None else less if quick else usual

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-#: What folders for a while are called, and files that are not in their place yet.
+#: Prefix of temporary folders, and of files that are not complete yet.
 FOLDER, HALF = "identifiability-", ".identifiability-"
 
 
@@ -48,7 +48,7 @@ def check_writable(path: FilePath) -> Path:
             "special": there and not path.is_file(),
             "nowhere": not folder.is_dir(),
             "closed": not os.access(folder, os.W_OK),
-            # Another run may put its file there at any time, and take none away.
+            # Another run may add its file there at any time, but removes none.
             "protected": there and not os.access(path, os.W_OK),
         }
     except (OSError, ValueError) as error:
@@ -77,7 +77,7 @@ def check_ending(path: FilePath, *endings: str) -> None:
 
 
 def check_apart(outputs: Iterable[str | Path], inputs: Iterable[str | Path]) -> None:
-    """Refuse to write over what is read, or one file twice.
+    """Refuse to overwrite an input, and to write one file twice.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def check_apart(outputs: Iterable[str | Path], inputs: Iterable[str | Path]) -> 
 
 
 def real(path: str | Path) -> Path:
-    """Return where a path leads; one whose links go in a ring leads to itself."""
+    """Return the target of a path; links in a ring lead to the path itself."""
     return Path(os.path.realpath(path))
 
 
@@ -147,14 +147,14 @@ def write_together(files: Sequence[tuple[Path, bytes]]) -> None:
     except OSError as error:
         names = " and ".join(f"'{path}'" for path, _ in files)
         raise OutputError(f"{names} cannot be written: {_reason(error)}.") from None
-    finally:  # also after Ctrl-C; nothing is left there when the files are in their place
+    finally:  # also after Ctrl-C; nothing remains there once the files are in place
         for temporary in fresh:
             with suppress(OSError):
                 temporary.unlink(missing_ok=True)
 
 
 def _sweep(folder: Path) -> None:
-    """Remove the half files that killed programs left in a folder a day ago or before."""
+    """Remove partial files that killed programs left in a folder at least a day ago."""
     for left in folder.glob(f"{HALF}*.tmp"):
         with suppress(OSError):
             # A day, in seconds.

@@ -1,8 +1,9 @@
-"""Which column of a table is what: its joint and channel, and what makes SI units of it.
+"""Assign the columns of a table: joint, channel, and conversion to SI units.
 
-By names, by numbers (``q1`` … ``q6``, ``position[0]``), or as the user maps them.
-Units are those that the log states, else what the sidecar says; torque columns may hold currents or
-torques of motors, times any unit or dates. What is missing is said with the remedy ready to copy.
+Columns are assigned by names, by numbers (``q1`` … ``q6``, ``position[0]``), or by the user's map.
+The log's units override those of the sidecar. Torque columns may hold currents or torques of
+motors. Times may have any unit or be dates. An error about a missing column contains a remedy that
+can be copied.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ _CHANNELS_SAY = {*KINDS, *COMMANDED, "ff"}
 
 @frozen
 class Naming:
-    """What a log takes from a table.
+    """The columns that a log takes from a table.
 
     Attributes
     ----------
@@ -66,13 +67,13 @@ class Naming:
         In the order of the table.
     joints : tuple of str
     notes : tuple of str
-        What is read otherwise than literally, half a sentence each.
+        Renamed columns and converted units, half a sentence each.
     locked : tuple of Column
         Positions of joints that are locked, which a log may contradict.
     made : tuple of str
-        Torque for which zeros stand, where motion or commands are all that a table is to hold.
+        Torque columns filled with zeros, because only motion or commands are needed.
     commands : tuple of str
-        Columns of commands that stand for torque.
+        Columns of commands that replace torque.
     """
 
     columns: tuple[Column, ...]
@@ -101,27 +102,28 @@ def name_columns(
     units: Mapping[str, str] | None = None,
     first: Mapping[str, str] | None = None,
 ) -> Naming:
-    """Return what a log takes from the columns of a table.
+    """Return the columns that a log takes from a table.
 
-    Where all documented names are there, no others count; without a robot only these are read.
+    If all documented names are present, no other names count. Without a robot only documented names
+    are read.
 
     Parameters
     ----------
     found : sequence of str
-        What the table calls them.
+        Their names in the table.
     source : str
-        What sentences call the table.
+        Name of the table in messages.
     known : Conventions
     units : mapping of str to str, optional
-        Units of the table's own row of them.
+        Units in the table's row of units.
     first : mapping of str to str, optional
         Texts in the first row, by column.
 
     Raises
     ------
     LogError
-        If there is no time, a column that is needed is missing, there twice or ambiguous, or its
-        unit is none of its channel's.
+        If there is no time, a needed column is missing, repeated or ambiguous, or its unit does not
+        suit its channel.
     """
     names = {name: rename(name.strip(), known) for name in found}
     guesses = _guess(names, known)
@@ -159,7 +161,7 @@ def name_columns(
 
 
 def _refuse_twice(found: Sequence[str], guesses: Sequence[Column], source: str) -> None:
-    """Refuse a table that has a column twice that says something."""
+    """Refuse a table with a needed column that is there twice."""
     called = Counter(column.strip() for column in found)
     for column in sorted(g.source.strip() for g in guesses):
         if called[column] > 1:
@@ -169,9 +171,9 @@ def _refuse_twice(found: Sequence[str], guesses: Sequence[Column], source: str) 
 def _find_candidates(
     guesses: Sequence[Column], known: Conventions, needed: Sequence[str], *, torque: bool
 ) -> list[Column]:
-    """Return the columns of what was measured, then those of commands.
+    """Return the columns of measurements, then those of commands.
 
-    Beside torque only commands count that are called as here.
+    If there is torque, only commands with documented names count.
     """
     every = known.commands or not torque
     commands = [g for g in guesses if g.kind in COMMANDS and (every or g.literal)]
@@ -188,7 +190,7 @@ def _find_candidates(
 
 
 def _guess(names: Mapping[str, str], known: Conventions) -> list[Column]:
-    """Return what columns are, as far as their names say so."""
+    """Return the columns whose names identify their channel."""
     joints = tuple(dict.fromkeys((*known.motors, *known.joints, *known.locked)))
     if not known.joints:
         joints = tuple({split_unit(n)[0].rpartition(".")[0]: 0 for n in names.values()})
@@ -197,7 +199,7 @@ def _guess(names: Mapping[str, str], known: Conventions) -> list[Column]:
 
 
 def _has_torque(names: Mapping[str, str], guesses: Sequence[Column]) -> bool:
-    """Whether any column that is no command tells by its name that it is torque or current."""
+    """Return whether any column but commands names torque or current."""
     commands = {g.source for g in guesses if g.kind in COMMANDS}
     others = (words_of(f"{c} {n}") for c, n in names.items() if c not in commands)
     return any(KINDS.get(word) in ("tau", "current") for words in others for word in words)
@@ -262,7 +264,7 @@ def is_stamp(column: str) -> bool:
 
 
 def _state_time(guesses: Sequence[Column], time: Column) -> list[str]:
-    """Return which of several times was taken, half a sentence; nothing where `t` says it."""
+    """Return a note on the selected column of time; empty if it is called `t`."""
     others = [f"'{g.source}'" for g in guesses if g.kind == "t" and g.source != time.source]
     if time.literal or not others:
         return []
@@ -272,9 +274,9 @@ def _state_time(guesses: Sequence[Column], time: Column) -> list[str]:
 def _unmeasured(
     names: Mapping[str, str], taken: Mapping[str, Column], known: Conventions
 ) -> list[str]:
-    """Return the torques that a table lacks of joints whose positions it has.
+    """Return the torques that a table lacks, for joints whose positions it has.
 
-    None where it has no torque of any joint, or a column that may be one of them.
+    The result is None if the table has no torque at all, or a column that may be one of them.
     """
     joints = known.motors if any(f"{m}.q" in taken for m in known.motors) else known.joints
     lacking = [j for j in joints if f"{j}.q" in taken and f"{j}.tau" not in taken]
@@ -290,16 +292,16 @@ def _free(names: Mapping[str, str], taken: Mapping[str, Column]) -> list[str]:
     return [name for column, name in names.items() if column not in used]
 
 
-# What makes SI units of a column: what the log states, else what the sidecar says.
+# Conversion of a column to SI units: by the unit of the log, or else of the sidecar.
 
 
 def _in_si(column: Column, units: Mapping[str, str], source: str, known: Conventions) -> Column:
-    """Return a column with what makes SI units of its values.
+    """Return a column with its conversion to SI units.
 
     Raises
     ------
     LogError
-        If it states a unit that is not known, or none of its channel's.
+        If it states an unknown unit, or one that does not suit its channel.
     """
     name = column.source.strip()
     unit = column.unit or find_unit(units.get(column.source, "")) or split_unit(name)[1]
@@ -324,7 +326,7 @@ def _in_si(column: Column, units: Mapping[str, str], source: str, known: Convent
             f"{_map_word(name, f'{column.name} [{example}]')}, "
             f"or {gain if column.kind == 'tau' else 'correct the header'}."
         )
-    # A scale of 1 leaves degrees what they are; others are of ticks.
+    # A scale of 1 leaves degrees unchanged; other scales are for ticks.
     degrees = kind in ANGULAR and column.joint in known.degrees and scale == 1.0
     factor = DEGREE if degrees else scale
     return replace(column, factor=factor, offset=offset / factor)
@@ -361,7 +363,7 @@ def _convert_torque(
     return out, [*notes, BEHIND] if torque.side == "link" else notes
 
 
-#: What is said of a sensor behind the gears.
+#: Note on a sensor behind the gears.
 BEHIND = (
     "torque was measured behind the gears, where no inertia of rotors is seen: the model has none"
 )
@@ -377,7 +379,7 @@ def _tell_angles(joints: Sequence[str], known: Conventions) -> list[str]:
 def _tell(
     names: Mapping[str, str], own: Sequence[Column], wanted: Sequence[str], how: str
 ) -> list[str]:
-    """Return what is read otherwise than literally, half a sentence each."""
+    """Return notes on renamed columns and converted units, half a sentence each."""
     used = {c.source for c in own}
     left = [n for column, n in names.items() if column not in used and _kind(n) in CHANNELS]
     told = {
@@ -399,7 +401,7 @@ def _tell(
     return [text.format(listing(found, 4)) for text, found in told.items() if found]
 
 
-# Columns that tell their joint by a number: ``q1`` … ``q6``, ``position[0]``.
+# Columns that identify their joint by a number: ``q1`` … ``q6``, ``position[0]``.
 
 
 def resolve_numbers(
@@ -409,19 +411,19 @@ def resolve_numbers(
     names: Mapping[str, str],
     first: Mapping[str, str],
 ) -> tuple[list[Column], str]:
-    """Return the guesses with joints instead of numbers, as far as that is certain.
+    """Return the guesses with joints instead of numbers, if the assignment is certain.
 
-    Columns beside them may hold the joints' names (``name0``, as recorders of ROS write); else the
+    Other columns may hold the joints' names (``name0``, as recorders of ROS write). Else the
     numbers count the robot's joints in its order, from 0 or from 1.
 
     Parameters
     ----------
     guesses : sequence of Column
     source : str
-        What sentences call the table.
+        Name of the table in messages.
     known : Conventions
     names : mapping of str to str
-        Columns and what they are renamed to.
+        Columns and their new names.
     first : mapping of str to str
         Texts in the first row.
 
@@ -429,12 +431,13 @@ def resolve_numbers(
     -------
     guesses : list of Column
     how : str
-        What a note says of it, to be added to a list of columns.
+        Explanation for a note, which follows the list of columns.
 
     Raises
     ------
     LogError
-        If there are other numbers than joints, or the joints' own numbers have another order.
+        If the numbers do not match the joints, or the numbers in the joints' names have another
+        order.
     """
     told = [g for g in guesses if g.joint or g.kind == "t"]
     loose = [g for g in guesses if g not in told]
@@ -455,7 +458,7 @@ def resolve_numbers(
 
 
 def _labels(names: Mapping[str, str], first: Mapping[str, str]) -> dict[int, str]:
-    """Return the names of joints that stand in the first row, by their number."""
+    """Return the names of joints in the first row, by their number."""
     words = {column: words_of(name) for column, name in names.items() if column in first}
     told = {c: w for c, w in words.items() if len(w) > 1 and w[-2] in words_for("name")}
     return {int(w[-1]): first[c].strip() for c, w in told.items() if w[-1].isdecimal()}
@@ -490,7 +493,7 @@ def _number(joint: str) -> int | None:
     return int(found[-1]) if found else None
 
 
-# Columns of commands: whether they stand for torque, which a table lacks then.
+# Columns of commands, which replace torque if a table has none.
 
 
 def resolve_commands(
@@ -501,12 +504,12 @@ def resolve_commands(
     *,
     torque: bool,
 ) -> bool:
-    """Return whether commands stand for torque; take out those that are not there of all joints.
+    """Return whether commands replace torque; remove commands that are not there for all joints.
 
     Raises
     ------
     LogError
-        If a robot of servos has neither torque nor command, or nothing says what commands make.
+        If a robot with servos has neither torque nor command, or the law of commands is not known.
     """
     if not known.joints or known.motion_alone:
         return False
@@ -546,13 +549,13 @@ _NO_STAND = (
 )
 
 
-# What is missing, with the remedy ready to copy.
+# Missing columns, with a remedy that can be copied.
 
 
 def _refuse_missing(
     names: Mapping[str, str], taken: Mapping[str, Column], source: str, known: Conventions
 ) -> NoReturn:
-    """Refuse a log that lacks what is needed, and say what it has instead.
+    """Refuse a log that lacks needed columns, and list the columns that it has.
 
     Raises
     ------
@@ -578,7 +581,7 @@ def _refuse_missing(
     raise LogError(tell_missing(source, missing, wanted, free, known.passive))
 
 
-#: What to do where no column is left that could be a missing one.
+#: Remedy if no remaining column could be a missing one.
 RECORD = " Log what is missing, too: no mass follows from positions alone."
 
 
@@ -651,17 +654,17 @@ def rename(name: str, known: Conventions) -> str:
 
 
 def resolve_codes(naming: Naming, first: pd.DataFrame) -> Naming:
-    """Return what a log takes from a table, with the codes that its first rows show."""
+    """Return the columns of a log, with the number codes that its first rows show."""
     values = {c.name: to_floats(first[c.source]) for c in naming.columns if c.name != "t"}
     codes = find_codes(values)
     columns = tuple(replace(c, code=codes.get(c.name)) for c in naming.columns)
     return replace(naming, columns=columns, notes=(*naming.notes, *describe_codes(codes)))
 
 
-# What a log's times are given in: seconds, thousandths of them, dates; taken only when certain.
+# Unit of a log's times: seconds, fractions of them, or dates; taken only if it is certain.
 #
-# A unit that the sidecar, an option or the column itself states is taken. Else steps of up to half
-# a second are seconds, and longer ones in the one unit in which they are steps of a log of motion.
+# A unit that the sidecar, an option or the column states is taken. Else steps up to half a second
+# are in seconds. Longer steps are in the one unit in which they are steps of a log of motion.
 
 
 #: First samples that show which steps there are.
@@ -669,7 +672,7 @@ SHOWN = 20_000
 
 
 def resolve_time(naming: Naming, first: pd.DataFrame, source: str, known: Conventions) -> Naming:
-    """Return what a log takes from a table, with its times in seconds.
+    """Return the columns of a log, with the conversion of its times to seconds.
 
     Parameters
     ----------
@@ -677,7 +680,7 @@ def resolve_time(naming: Naming, first: pd.DataFrame, source: str, known: Conven
     first : DataFrame
         Its first rows.
     source : str
-        What sentences call the table.
+        Name of the table in messages.
     known : Conventions
 
 
@@ -697,10 +700,10 @@ def resolve_time(naming: Naming, first: pd.DataFrame, source: str, known: Conven
         return naming.timed(note, dates=start, factor=1.0)
     t = to_floats(given)[:SHOWN] if given.dtype.kind not in "cb" else np.empty(0)
     if len(t) < 3 or not np.isfinite(t).all() or not np.median(np.diff(t)) > 0:
-        return naming  # what is wrong with them is said by others
+        return naming  # other checks report their errors
     unit = known.time_unit
     why = "as was said"
-    if not unit and time.unit is None:  # what the log states is taken
+    if not unit and time.unit is None:  # the unit of the log is taken
         unit, why = _find_unit(t, source)
     factor = TIME_UNITS[unit] if unit else time.factor
     notes = [f"the times are in {unit}, {why}"] if unit and unit != "s" else []
@@ -711,7 +714,7 @@ def resolve_time(naming: Naming, first: pd.DataFrame, source: str, known: Conven
 
 
 def start_of(naming: Naming) -> float | None:
-    """Return the seconds since 1970 that a log's times count from; None where they do not say."""
+    """Return the origin of a log's times in seconds since 1970; None if it is not known."""
     time = naming.time
     seconds = time.offset * time.factor if time.dates is None else time.dates * 1e-9
     return seconds if _is_dated(seconds) else None
@@ -731,10 +734,10 @@ def _as_iso(date: re.Match[str]) -> str:
 
 
 def as_dates(given: pd.Series, start: int) -> pd.Series | None:
-    """Return dates, durations or texts of such in ns after `start`, as whole numbers.
+    """Return dates, durations, or texts of either, in ns after `start`, as integers.
 
-    Texts are of ISO 8601, dates with points (the day first), or times of a day; a comma may stand
-    before fractions of a second. None if some are something else.
+    Texts may be in ISO 8601, dates with points (the day first), or times of a day. Fractions of a
+    second may follow a comma. The result is None if some values are of another kind.
     """
     import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
 
@@ -763,7 +766,7 @@ def as_dates(given: pd.Series, start: int) -> pd.Series | None:
 
 
 def as_times(given: pd.Series, time: Column) -> pd.Series:
-    """Return a column of times in seconds; as it is where it holds what is no time."""
+    """Return a column of times in seconds; unchanged if it does not hold times."""
     import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
 
     if time.dates is not None:
@@ -788,7 +791,7 @@ def _find_unit(t: Array, source: str) -> tuple[str, str]:
         return "", ""
     fits = [u for u, size in TIME_UNITS.items() if RULES.steps[0] <= step * size <= RULES.steps[1]]
     fits = [u for u in fits if _is_dated(t[0] * TIME_UNITS[u])] or fits
-    if not fits:  # what is wrong with them is said by others
+    if not fits:  # other checks report their errors
         return "", ""
     each = [f"{u} ({1 / (step * TIME_UNITS[u]):.4g} Hz)" for u in fits]
     if len(fits) == 1:

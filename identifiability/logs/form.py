@@ -1,6 +1,6 @@
-"""`Form`: how a table of text was written: separators, decimal commas, units, comments.
+"""`Form`: the format of a text table: separators, decimal commas, units, comments.
 
-It is decided once, on the first lines, before anything is read as a number.
+The first lines decide it once, before any number is read.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from .names import are_units
 #: Marks that begin a line of comment.
 COMMENTS = ("#", "%", "//")
 
-#: Separators of fields, and what notes call them; blanks are tried last.
+#: Separators of fields, and their names in notes; blanks are tried last.
 SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "'|'", " ": "spaces"}
 
 #: How Windows writes Western text that is no Unicode; ISO 8859-1 has the same signs of units.
@@ -36,24 +36,24 @@ _COMMA = re.compile(r"[-+]?(\d+,\d*|,\d+)([eE][-+]?\d+)?")
 
 @frozen
 class Form:
-    """How a table was written.
+    """The format of a text table.
 
     Attributes
     ----------
     encoding : str
     separator : str
-        A blank stands for any number of blanks.
+        Separator of columns; a blank means any number of blanks.
     decimal : str
     comment : str
-        Mark of lines that are passed over; empty if there are none.
+        Mark of lines that are skipped; empty if there are none.
     columns : tuple of str
         Names in the header.
     units : tuple of str
         The row of units under the header; empty if there is none.
     lines : int
-        Before the first row of numbers.
+        Number of lines before the first row of numbers.
     notes : tuple of str
-        What is read otherwise than literally, half a sentence each.
+        Interpretations that are not literal, half a sentence each.
     """
 
     encoding: str = "utf-8"
@@ -97,7 +97,7 @@ class Form:
         return bool(_POINT.fullmatch(text) or (self.decimal == "," and _COMMA.fullmatch(text)))
 
 
-#: Written as the documentation says.
+#: The format of the documentation.
 PLAIN = Form()
 
 
@@ -137,7 +137,7 @@ def find_form(text: str, encoding: str) -> Form:
         for s, d in pairs
     )
     found = [f for f in tried if f is not None]
-    if not found:  # no table of numbers: read as it stands
+    if not found:  # no table of numbers: read literally
         at, header = next(form.rows(lines), (0, []))
         return replace(
             form,
@@ -172,8 +172,8 @@ def _try(form: Form, lines: Sequence[str]) -> Form | None:
         units = tuple(cell.strip() for cell in rows[full.pop()][1])
     if full:
         columns = [" ".join(c.split()) if "\n" in c else c for c in rows[full[0]][1]]
-        first = full[1] if len(full) > 1 else first  # what is neither is told of as data
-    else:  # the header may stand in the last line of comment
+        first = full[1] if len(full) > 1 else first  # other cells count as data
+    else:  # the header may be the last line of comment
         marked = [line for line in lines[: rows[first][0]] if form.is_comment(line)]
         bare = replace(form, comment="")
         columns = bare.split(marked[-1].strip().lstrip("#%/").strip()) if marked else []

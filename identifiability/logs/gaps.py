@@ -1,6 +1,6 @@
-"""Samples that are not there: repeated because nothing new had arrived, or lost.
+"""Missing samples: repeated because no new value had arrived, or lost.
 
-Which steps of a clock are gaps, which are bridged, where a log is split.
+Steps of a clock are classified as gaps. Short gaps are bridged, and long ones split a log.
 """
 
 from __future__ import annotations
@@ -23,27 +23,27 @@ from .checks import Clock
 from .log import Log
 from .rules import RULES
 
-# Samples that repeat the one before, because nothing new had arrived when they were written.
+# Repeated samples: no new value had arrived when a row was written.
 #
-# Robots and loggers have clocks of their own: every so often a row holds what the row before held.
-# Half a step of motion is then missing at one sample, which differences take for a blow. Such
-# values are recognised by what the joint did before and after, and interpolated.
+# Robots and loggers have separate clocks, so some rows repeat the row before. Half a step of motion
+# is then missing at one sample, and differences show a jump. Such values are recognised by the
+# motion before and after, and interpolated.
 
 
-#: What channels are called.
+#: Names of channels.
 NAMES = {"q": "position", "dq": "velocity", "ddq": "acceleration", "tau": "torque"}
 
 
 @frozen
 class StaleRule:
-    """What counts as a repeated value, by channel.
+    """Thresholds for repeated values, by channel.
 
     Attributes
     ----------
     steps : dict of str to (n,)
-        Smallest change of every joint's value: the step of its encoder, or next to nothing.
+        Smallest change of every joint's value: the step of its encoder, or nearly zero.
     share : dict of str to float
-        Share of the samples that repeat the one before, where there are any.
+        Share of the samples that repeat the previous one, if there are any.
     """
 
     steps: dict[str, Array]
@@ -72,7 +72,7 @@ class StaleRule:
 
     @property
     def note(self) -> str:
-        """What was found and done, for the report; nothing if nothing was."""
+        """Return the report's note on repeated values; empty if there are none."""
         found = [
             phrase(
                 "repeated",
@@ -86,7 +86,7 @@ class StaleRule:
 
 
 def smallest_change(x: Array) -> Array:
-    """Return the smallest change from sample to sample of x (N, n), (n,); 0 where there is none."""
+    """Return the smallest change between samples of x (N, n), (n,); 0 if nothing changes."""
     change = np.abs(np.diff(x, axis=0))
     found = np.where(change > 0, change, np.inf).min(0, initial=np.inf)
     return np.where(np.isfinite(found), found, 0.0)
@@ -104,13 +104,13 @@ def find_stale(x: Array, steps: Array) -> Array:
     first = np.flatnonzero(edges == 1) + 1
     last = np.flatnonzero(edges == -1)
     for a, b in zip(first.tolist(), last.tolist(), strict=True):
-        # Rows a … b hold what row a - 1 holds.
+        # Rows a … b repeat row a - 1.
         if b - a >= RULES.lost or a < 2 or b + 1 >= len(x):
             continue
         after = x[b + 1] - x[b]
         before = x[a - 1] - x[a - 2]
-        # Across a run of repeated values a joint moves by at least so many steps of its
-        # encoder, else rounding explains that nothing changed.
+        # Least motion across a run of repeated values, in steps of the encoder; else rounding
+        # explains the run.
         moved = (after * before > 0) & (np.abs(after) >= 4.0 * steps)
         stale[a : b + 1] = moved.any()
     return stale
@@ -127,12 +127,12 @@ def interpolate(x: Array, stale: Array) -> Array:
     return out
 
 
-# Lost samples: which steps of a clock are gaps, which of them are bridged, where a log is split.
+# Lost samples: find gaps in the steps of a clock, bridge short ones, split the log at others.
 #
 # A filter and two differences need samples at even steps. Samples that are nowhere farther apart
-# than half a period of the cut-off determine what the filter lets through: such gaps are bridged
-# by a cubic. Across a longer one nothing is computed: the log falls into stretches, each filtered
-# and differentiated by itself.
+# than half a period of the cut-off determine the filtered signal, so a cubic bridges such gaps.
+# Nothing is computed across a longer gap: the log is split into stretches, each filtered and
+# differentiated by itself.
 
 
 @frozen
@@ -142,21 +142,21 @@ class Gaps:
     Attributes
     ----------
     name : str
-        Of the log.
+        Name of the log.
     step : float [s]
         The usual step.
     usual : float
-        What 95 % of the steps without a gap deviate by, as a share of the usual one.
+        95 % quantile of the deviation of steps without a gap, as a share of the usual step.
     jitter : float
-        What no step without a gap deviates by more, but for usual ones.
+        Largest deviation of steps without a gap, as a share of the usual step.
     rows : (m,) int
         Rows after which samples are missing.
     t : (m,) [s]
         Their times.
     length : (m,) [s]
-        From there to the next sample.
+        Length of the gap.
     drift : float
-        By how much the mean of the other steps differs from the usual one, as a share of it.
+        Relative difference of the mean of the other steps from the usual step.
     """
 
     name: str
@@ -190,8 +190,7 @@ class Gaps:
         rows, t, then = clock.odd
         rows = rows.astype(int)
         ratio = (then - t) / dt
-        # A gap stands out from what 95 % of nearer steps deviate by: four standard
-        # deviations.
+        # A gap is longer than the deviation of 95 % of nearer steps: four standard deviations.
         gap = ratio - 1 > max((RULES.gap - 1), 2.0 * usual)
         gap &= ~_late(rows, ratio)
         jitter = float(np.abs(ratio[~gap] - 1).max(initial=usual))
@@ -211,7 +210,7 @@ class Gaps:
         return count
 
     def divide(self, longest: float, least: int = 1) -> Grid | None:
-        """Return where a log is split, if gaps up to `longest` [s] are bridged; None without gaps.
+        """Return the grid of a log that bridges gaps up to `longest` [s]; None without gaps.
 
         Parameters
         ----------
@@ -222,7 +221,7 @@ class Gaps:
         Raises
         ------
         LogError
-            If so many samples are missing that they cannot be lost ones.
+            If too many samples are missing to be lost ones.
         """
         if not len(self):
             return None
@@ -230,7 +229,7 @@ class Gaps:
         return Grid(self.rows[split] + 1, self.rows[~split], self.lost[~split], least)
 
     def check(self, samples: int) -> None:
-        """Refuse a clock that is so uneven that nobody knows which samples are missing.
+        """Refuse a clock that is too uneven to identify missing samples.
 
         Raises
         ------
@@ -258,7 +257,7 @@ class Gaps:
 
 @frozen
 class Grid:
-    """How the rows of a log with gaps lie in time.
+    """The times of the rows of a log with gaps.
 
     Attributes
     ----------
@@ -267,7 +266,7 @@ class Grid:
     after : (m,) int
         Rows after which samples are bridged.
     lost : (m,) int
-        How many.
+        Number of samples that are bridged after each.
     least : int
         Fewest samples of a stretch; shorter ones are left out.
     """
@@ -291,10 +290,10 @@ class Grid:
         return at
 
     def left_out(self, start: int, stop: int) -> Array:
-        """Return which of the rows [start, stop) are left out, (stop - start,) bool.
+        """Return a mask of the rows [start, stop) that are left out, (stop - start,) bool.
 
-        They are the first sample of every stretch but the first, so that rows tell of the gap, and
-        stretches that are too short for the filter.
+        These are stretches that are too short for the filter. The first sample of every later
+        stretch is also left out, so that the rows show the gap.
         """
         out = np.zeros(stop - start, bool)
         for a, b in self.stretches(start, stop):
@@ -315,9 +314,9 @@ def fill(x: Array, at: Array) -> Array:
 
 
 def _late(rows: Array, ratio: Array) -> Array:
-    """Return which odd steps stand beside others that make up for them, (m,) bool.
+    """Return the odd steps that neighbouring steps compensate, (m,) bool.
 
-    Nothing is missing there: samples were stamped too late or too early.
+    No sample is missing there. The stamps are too late or too early.
     """
     if not len(rows):
         return np.zeros(0, bool)

@@ -1,7 +1,7 @@
-"""`TableReader`: reads a table piece by piece, and finds what its columns are.
+"""`TableReader`: reads a table piece by piece, and identifies its columns.
 
-Columns may have rates of their own: merged topics leave cells empty, loggers repeat what they
-know.
+Columns may have different rates. Merged topics leave cells empty, and loggers repeat the last
+value.
 """
 
 from __future__ import annotations
@@ -34,25 +34,26 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-# Columns at rates of their own: merged topics leave cells empty, loggers repeat what they know.
+# Columns with different rates: merged topics leave cells empty, loggers repeat the last value.
 #
-# Two messages seldom come at the same time. Merged into one table, each row has what came then; a
-# logger that is faster than its sources writes the last values again and again. Both are brought
-# to the times of the slowest of position and torque: positions and their derivatives by cubics
-# through their own samples, torque on straight lines, which no friction step makes overshoot.
+# Two messages seldom come at the same time. A merged table has in each row the values that arrived
+# then. A logger that is faster than its sources repeats the last values. Both are resampled at the
+# times of the slowest of position and torque. Positions and their derivatives are interpolated by
+# cubics. Torque is interpolated linearly, which does not overshoot at friction steps.
 
 
-#: Values repeat in runs at least so long; what comes twice is recognised one by one (`stale`).
+#: Shortest usual run of repeated values; values that come twice are recognised one by one
+#: (`stale`).
 LEAST = 3
 
 
 def unify_rates(values: Mapping[str, Array]) -> tuple[dict[str, Array], str]:
-    """Return columns at the same times, and a note on what was done; none if nothing was.
+    """Return columns at the same times, and a note on the changes; empty if there were none.
 
     Parameters
     ----------
     values : mapping of str to (N,)
-        ``t`` and columns of channels; NaN where a cell is empty.
+        ``t`` and columns of channels; NaN for empty cells.
     """
     known = {name: np.isfinite(x) for name, x in values.items() if name != "t"}
     t = values["t"]
@@ -72,7 +73,7 @@ def unify_rates(values: Mapping[str, Array]) -> tuple[dict[str, Array], str]:
     slowest = min(needed, key=lambda name: counts[name])
     if counts[slowest] < RULES.fewest:
         return same
-    # Velocities that come slower than positions by this factor are left out, and computed.
+    # Velocities that are slower than positions by this factor are left out, and computed.
     kept = [n for n in counts if n in needed or 2.0 * counts[n] >= counts[slowest]]
     at = t[known[slowest]]
     out = {name: _resample(t[known[name]], values[name][known[name]], at, name) for name in kept}
@@ -87,9 +88,9 @@ def unify_rates(values: Mapping[str, Array]) -> tuple[dict[str, Array], str]:
 
 
 def _fresh(x: Array) -> Array:
-    """Return which rows of a channel (N, n) hold new values, (N,) bool; all if they are not held.
+    """Return a mask of rows of a channel (N, n) with new values, (N,); all if values are not held.
 
-    In a standstill of the values every so-manieth counts as new.
+    If values stay constant, one row for each usual interval counts as new.
     """
     every = np.ones(len(x), bool)
     new = np.concatenate([[True], (np.diff(x, axis=0) != 0).any(1)])
@@ -118,19 +119,18 @@ def _resample(t: Array, x: Array, at: Array, name: str) -> Array:
         return np.full(len(at), np.nan)
     right = np.clip(np.searchsorted(t, at), 1, len(t) - 1)
     inside = (at >= t[0]) & (at <= t[-1])
-    # Nothing is put between samples of a column that lie farther apart than so many of its
-    # steps.
+    # Samples of a column that are farther apart than this many of its steps are not interpolated.
     near = t[right] - t[right - 1] <= 2.5 * np.median(np.diff(t))
     found = np.interp(at, t, x) if name.endswith(".tau") else signals.cubic(at, t, x)
     exact = np.isin(at, t)
     return np.where(inside & (near | exact), found, np.nan)
 
 
-# `TableReader`: reads a table piece by piece, and finds what its columns are.
+# `TableReader`: reads a table piece by piece, and identifies its columns.
 
 
 def with_index(frame: pd.DataFrame) -> pd.DataFrame:
-    """Return a table with its index as a column where it may be the time."""
+    """Return a table with its index as a column, if that may be the time."""
     index = frame.index
     name = INDEX if index.name is None else str(index.name)
     timed = index.nlevels == 1 and (index.dtype.kind in "fmM" or index.name is not None)
@@ -156,26 +156,26 @@ def _as_tables(pieces: Iterable[Whole], source: str) -> Iterator[Whole]:
 
 
 class TableReader:
-    """What is found as a table is read, piece by piece.
+    """Collects the data of a table, piece by piece.
 
     Parameters
     ----------
     source : str
-        What sentences call the table.
+        Name of the table in messages.
     known : Conventions
-        What is known of it before.
+        Known facts on its columns.
 
     Attributes
     ----------
     naming : Naming
-        Which columns are which; empty before the first rows.
+        Assignment of the columns; empty before the first rows.
     sha256 : str
-        Of the whole.
+        Hash of the whole table.
     beside : mapping of str to (N,)
-        In the end, what the table says of a base that floats, by the keys of `find_base`, at the
-        times of the log: on straight lines where it came at other times.
+        At the end, the table's data on a floating base, by the keys of `find_base`. Data at other
+        times are interpolated linearly at the times of the log.
     start : float or None [s]
-        As of a `Log`: what the times count from, by themselves or as the table says (``attrs``).
+        Origin of the times, as in a `Log`, from the times or from the table's ``attrs``.
     """
 
     def __init__(self, source: str, known: Conventions) -> None:
@@ -192,7 +192,7 @@ class TableReader:
         self.beside: dict[str, Array] = {}
 
     def read(self, pieces: Iterable[Whole]) -> dict[str, Array]:
-        """Return times (N,) and the channels (N, n) that there are of every joint.
+        """Return times (N,) and the channels (N, n) that every joint has.
 
         Raises
         ------
@@ -210,7 +210,7 @@ class TableReader:
         notes += [note] if note else []
         self.naming = replace(self.naming, notes=tuple(notes))
         if any(not x.usable for c, x in self._numbers.items() if c.endswith(".q_ref")):
-            values.pop("q_ref", None)  # before the first command there is none
+            values.pop("q_ref", None)  # no command before the first one
         self._check(values)
         if self.known.base is not None:
             known = {key: np.isfinite(x) for key, x in raw.items()}
@@ -222,7 +222,7 @@ class TableReader:
         return values
 
     def _take(self, frame: pd.DataFrame, form: Form, digest: str) -> dict[str, Array]:
-        """Return the next rows of what a log is made of, with checks of each value."""
+        """Return the arrays of the next rows, with checks of each value."""
         start = frame.attrs.get("start")
         frame.attrs = {}  # pandas would copy them, deeply, with each column
         self._form = form
@@ -248,7 +248,7 @@ class TableReader:
         return out | stack_channels(self.naming.joints, columns)
 
     def _hold_commands(self, frame: pd.DataFrame) -> pd.DataFrame:
-        """Return a table with the commands that stand for torque held until the next comes.
+        """Return a table in which commands that replace torque are held until the next one.
 
         Rows before the first command are left out.
         """
@@ -261,7 +261,7 @@ class TableReader:
         return frame.assign(**{str(c): held[c] for c in held}).dropna(subset=sources)
 
     def _begin(self, frame: pd.DataFrame) -> None:
-        """Decide which columns are which, by the first rows."""
+        """Assign the columns by the first rows."""
         texts = [k for k, dtype in enumerate(frame.dtypes) if dtype.kind not in "biufcmM"]
         first = {frame.columns[k]: str(frame.iat[0, k]) for k in texts if len(frame)}
         columns = list(frame.columns)
@@ -269,7 +269,7 @@ class TableReader:
             self._base = find_base(columns, self.known.base, self.known.columns)
             columns = [c for c in columns if c not in self._base.values()]
         units = dict(zip(columns, self._form.units, strict=False))
-        # Stamps that nobody set begin with zero.
+        # Stamps that were never set begin with zero.
         unset = [c for c in columns if is_stamp(c) and (to_floats(frame[c][:1]) == 0.0).any()]
         columns = [c for c in columns if c not in unset]
         naming = name_columns(columns, self.source, self.known, units, first)
@@ -280,7 +280,7 @@ class TableReader:
         self._lacks = {c: x for c, x in torque.items() if c not in self._numbers}
 
     def _check_locked(self, locked: Mapping[str, Array]) -> Iterator[str]:
-        """Refuse a lock that the positions contradict; say where the joint stands elsewhere.
+        """Refuse a lock that contradicts the positions, and report where the joint stands.
 
         Raises
         ------
@@ -307,7 +307,7 @@ class TableReader:
                 )
 
     def _check(self, values: Mapping[str, Array]) -> None:
-        """Refuse what cannot be."""
+        """Refuse impossible values."""
         numbers = self._numbers
         torques = [x for c, x in numbers.items() if c.endswith(".tau")]
         if torques and all(x.lost and x.bad == x.rows for x in torques):
@@ -323,7 +323,7 @@ class TableReader:
         Clock.of(values["t"]).check(self.source)
 
     def _unify(self, values: dict[str, Array]) -> tuple[dict[str, Array], str]:
-        """Bring columns at rates of their own to the same times, if all that is wrong is that."""
+        """Bring columns with different rates to the same times, if that alone makes cells empty."""
         if self._numbers["t"].bad or not all(x.clean for x in self._numbers.values()):
             return values, ""
         joints = self.naming.joints
@@ -334,9 +334,9 @@ class TableReader:
             if c in CHANNELS
             for k, j in enumerate(joints)
         }
-        for few in [WINDOW] * is_long(len(t)) + [len(t)]:  # of a long log the first rows tell
+        for few in [WINDOW] * is_long(len(t)) + [len(t)]:  # the first rows of a long log decide
             columns = {c: x[:few] for c, x in every.items()}
-            # Torque that is missing for a while, or altogether, comes at no rate of its own.
+            # Torque that is missing for a while, or entirely, has no separate rate.
             lost = {c: np.isnan(x) for c, x in columns.items() if c.endswith(".tau")}
             ends = {c: np.count_nonzero(np.diff(x, prepend=False)) for c, x in lost.items()}
             gone = {c for c, x in lost.items() if x.any() and ends[c] < RULES.fewest}

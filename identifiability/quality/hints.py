@@ -1,6 +1,6 @@
-"""What is odd about prepared logs: torque in another unit, what holds a base.
+"""Checks of prepared logs: torque in another unit, the support of a base.
 
-And what the robot file says that cannot be, and joints that say nothing.
+They also find impossible values in the robot file, and joints without information.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from identifiability.regression.information import Information
 
 from .registry import Does, MeasuredLogs, check, without
 
-# Torque in another unit, or before a gear: its size beside what the robot file's masses ask for.
+# Torque in another unit, or before a gear: compare its size with the robot file's prediction.
 #
-# At each joint the measured torque is regressed on what the file's masses predict, beside what any
-# drive adds (friction, rotor inertia, offset); or on all that the file predicts, where it states
-# the drive too. A file can be wrong, but hardly by a factor of `unit_factor`. One joint's alone is
-# a reading of the logs (`reading`) where other joints show it.
+# At each joint the measured torque is regressed on the prediction by the file's masses and on the
+# columns of any drive (friction, rotor inertia, offset). If the file also states the drive, the
+# regressor is its whole prediction. A file can be wrong, but hardly by a factor of `unit_factor`.
+# A factor at one joint alone is a reading of the logs (`reading`), if other joints show it.
 
 
 @check("effects", Does.HINTS, always=True)
@@ -44,7 +44,7 @@ def find_left_out_effects(logs: MeasuredLogs) -> list[Finding]:
 
 @check("unit", Does.EXPLAINS)
 def find_torque_scale(logs: MeasuredLogs) -> list[Finding]:
-    """Return torque whose size contradicts the file at all joints where it shows, most of them."""
+    """Return a finding if the scale of torque contradicts the file at every joint that shows it."""
     factors = measure_factors(logs) if logs.weighs else np.empty(0)
     share = factors[np.isfinite(factors)]
     most = np.log(RULES.unit_factor)
@@ -65,13 +65,13 @@ def find_torque_scale(logs: MeasuredLogs) -> list[Finding]:
 
 @check("joint_unit", Does.HINTS)
 def find_joint_unit(logs: MeasuredLogs) -> list[Finding]:
-    """Return each joint whose torque contradicts the file by a factor, where all others agree."""
+    """Return each joint whose torque contradicts the file by a factor, if all others agree."""
     factors = measure_factors(logs) if logs.weighs else np.empty(0)
     known = np.isfinite(factors) & (factors > 0)
     apart = np.abs(np.log(np.where(known, factors, 1.0)))
     odd = np.flatnonzero(apart > np.log(RULES.unit_factor)).tolist()
     agreeing = int(known.sum()) - len(odd)
-    # One joint is odd beside the others, not most joints beside a file that is wrong.
+    # One joint contradicts the others; the file is not wrong at most joints.
     if len(odd) > agreeing:
         return []
     found = list[Finding]()
@@ -91,7 +91,7 @@ def find_joint_unit(logs: MeasuredLogs) -> list[Finding]:
 
 
 def measure_factors(logs: MeasuredLogs) -> Array:
-    """Return measured over predicted torque of each joint, (n,); NaN where it does not show."""
+    """Return measured over predicted torque of each joint, (n,); NaN if the data do not show it."""
     factors = np.full(len(logs.joints), np.nan)
     size = np.sqrt(np.mean(logs.predicted**2, 0))
     units = np.array(logs.robot.torque_units)
@@ -106,17 +106,17 @@ def measure_factors(logs: MeasuredLogs) -> Array:
 
 
 def _slope(predicted: Array, measured: Array, known: Array) -> float:
-    """Return the slope of measured on predicted torque, (N,) each; NaN where it does not show."""
+    """Return the slope of measured on predicted torque, (N,) each; NaN if data do not show it."""
     p = without(predicted, known)
     m = without(measured, known)
     length = float(np.linalg.norm(p))
     varies = float(np.linalg.norm(predicted - predicted.mean()))
-    # What is known explains most of it, or the one hardly follows the other (correlation).
+    # The known part explains most of it, or the two are hardly correlated.
     hidden = length <= 0.3 * varies or p @ m < 0.7 * length * np.linalg.norm(m)
     return np.nan if hidden or not m.any() else float(p @ m) / length**2
 
 
-# Torque that stops at an extreme value: what a drive was asked for beyond it is not in the log.
+# Torque that saturates: the log lacks the torque that the drive requested beyond the limit.
 
 
 @check("flat", Does.HINTS)
@@ -132,7 +132,7 @@ def find_saturation(logs: MeasuredLogs) -> list[Finding]:
                 near = np.count_nonzero(np.abs(x - top) <= band)
                 share = at.mean()
                 lasts = at[3:] & at[2:-1] & at[1:-2] & at[:-3]
-                # It is met this often in all, and so much more often than what is next to it.
+                # The value occurs this often in all, and this much more often than its neighbours.
                 if share >= 0.005 and lasts.any() and at.sum() > 6 * (near - at.sum()):
                     found[joint] = phrase(
                         "flat",
@@ -155,7 +155,7 @@ def find_saturation(logs: MeasuredLogs) -> list[Finding]:
     )
 
 
-# What is odd about the robot file, and about joints that say nothing: asked of any logs.
+# Problems of the robot file, and joints without information; checked for any logs.
 
 
 @check("bodies", Does.HINTS, always=True)
@@ -180,7 +180,7 @@ def find_assembly(logs: MeasuredLogs) -> list[Finding]:
 
 @check("outside", Does.HINTS, always=True)
 def find_outside(logs: MeasuredLogs) -> list[Finding]:
-    """Return the bodies that were left out."""
+    """Return a finding on the bodies of the scene that were left out."""
     robot = logs.robot
     return [Finding("outside", robot.path.name, bodies=robot.outside)] if robot.outside else []
 
@@ -210,7 +210,7 @@ def find_beyond(logs: MeasuredLogs) -> list[Finding]:
 
 @check("still", Does.HINTS, always=True)
 def find_still(logs: MeasuredLogs) -> list[Finding]:
-    """Return the joints that stand still."""
+    """Return a finding on joints that never move."""
     surveys = [s.survey for s in logs.samples]
     idle = stands_still(surveys)
     rows = np.sum([s.rows for s in surveys], axis=0)
@@ -238,7 +238,7 @@ def find_still(logs: MeasuredLogs) -> list[Finding]:
 
 @check("unheld", Does.MISREADS)
 def find_unheld(logs: MeasuredLogs) -> list[Finding]:
-    """Return what measured forces carry where no contact is closed; nothing if it is the robot."""
+    """Return a finding if neither a closed contact nor a measured force carries the robot."""
     robot = logs.robot
     some = logs.motion
     fall = 0.0 if robot.base is None else float(np.linalg.norm(robot.base.gravity))
@@ -280,10 +280,11 @@ def weigh_rows(
     information: Information,
     estimator: Estimator,
 ) -> tuple[Information, str, Outliers | None]:
-    """Return the information with outliers weighed down; a sentence on them, and these.
+    """Return the information with outliers down-weighted, a sentence, and the outliers.
 
-    The sentence names what would have moved a value out of its interval. Residuals below the share
-    that moves no value are no outliers: a low-pass leaves some at the ends of a log without noise.
+    The sentence names the parameter that outliers would move most, if that is out of its interval.
+    Outliers with negligible residuals are ignored, because a low-pass leaves some at the ends of a
+    log without noise.
 
     Parameters
     ----------
@@ -312,14 +313,14 @@ def weigh_rows(
 def leave_out_rows(
     samples: Sequence[Dataset], found: Outliers, outputs: Sequence[Dataset] = ()
 ) -> tuple[Dataset, ...]:
-    """Return samples in which outlying stretches are no data, as where a joint stands.
+    """Return samples with zero weight in outlier segments, as at rest.
 
     Parameters
     ----------
     samples : sequence of Dataset
     found : Outliers
     outputs : sequence of Dataset, optional
-        The same logs, whose outputs are meant; by default their own.
+        Samples of the same logs whose outputs `found` refers to; by default `samples`.
     """
     out = []
     for k, (s, of) in enumerate(zip(samples, outputs or samples, strict=False)):
@@ -335,7 +336,7 @@ def leave_out_rows(
 
 
 def where_outlying(joints: Sequence[str], samples: Sequence[Dataset], found: Outliers) -> str:
-    """Return where the farthest outlier is, and how far from the model."""
+    """Return the place of the farthest outlier, and its distance from the model."""
     at, worst = divmod(int(found.beyond.argmax()), len(joints))
     log = samples[int(found.log[at])]
     new = (np.diff(found.log) != 0) | (found.first[1:] > found.last[:-1])

@@ -32,13 +32,14 @@ from identifiability.regression.structure import Structure
 
 from .reading import Reading
 
-#: Most rows of the excerpt, as so many windows of so many rows, and most numbers of its columns.
+#: Size of the excerpt: most rows, as a number of windows of a number of rows, and most numbers of
+#: its columns.
 ROWS, NUMBERS = (2000, 8, 250), 8_000_000
-#: Directions of the smooth functions whose size is less than this share of the largest are left in.
+#: Directions of the smooth functions below this share of the largest size are not removed.
 STRONG: Tolerance = 0.03
 #: Blocks of each log, which belong to two parts by turns.
 BLOCKS = 8
-#: Families beside the smooth functions from which rows are adjusted.
+#: Families, in addition to the smooth functions, that are removed from the rows.
 CONFOUNDERS = (Hysteresis.name, ActuatorInertia.name, "passive_joint_friction")
 
 
@@ -235,7 +236,7 @@ class TorqueRows:
     def count(self, reading: Reading) -> Array:
         """Return the number of independent rows of each log column under a reading, (n,).
 
-        Rows that base parameters and smooth functions use up say nothing.
+        Rows that base parameters and smooth functions use up do not count.
         """
         gravity, (value, _) = self.weights(reading), self.solve(reading, adjusted=True)
         residuals = []
@@ -431,7 +432,7 @@ class TorqueRows:
 def _shorten(functions: Array) -> Array:
     """Return orthogonal functions (N, m), each as long as the share of it that is projected."""
     basis, size, _ = np.linalg.svd(functions, full_matrices=False)
-    weak = max(STRONG * float(size[0]), 1e-300)  # a joint that stands has no size
+    weak = max(STRONG * float(size[0]), 1e-300)  # a joint at rest has size zero
     return np.asarray(basis * (1.0 - 1.0 / np.hypot(1.0, size / weak)))
 
 

@@ -1,7 +1,7 @@
 """Put a `Description` together from model, closures and sidecar: do they determine the motion?
 
-Which joints move the robot, which are locked, which follow, and whether its home position says so;
-axes that are combinations of joints; what a sidecar says of masses.
+It finds the joints that move the robot, the locked ones and the dependent ones. It checks that the
+home position fits them. It adds axes that combine joints, and the sidecar's data on masses.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ from .sidecar import (
     renaming,
 )
 
-#: Joints by name; a number is where one is held, none is its home position.
+#: Joints by name; a number is the position of a lock, None the home position.
 Locks = Mapping[str, float | None]
 
 LockOption = Annotated[
@@ -107,10 +107,10 @@ def resolve_locks(
     stated: Iterable[Coupling],
     fixed: Collection[str] = (),
 ) -> tuple[dict[str, float], list[Coupling]]:
-    """Return where every locked joint is held, and the couplings that are left.
+    """Return the position of every locked joint, and the remaining couplings.
 
-    Couplings of the sidecar go before those of the file joint by joint. What is coupled to a
-    locked joint is locked too.
+    For each joint, a coupling of the sidecar overrides that of the file. A joint that is coupled to
+    a locked joint is locked too.
 
     Parameters
     ----------
@@ -118,16 +118,16 @@ def resolve_locks(
         Of the robot file, for sentences.
     extra : Sidecar
     home : mapping
-        Positions of the joints with one axis where the file draws them.
+        Positions of the joints with one axis, as the file draws them.
     stated : iterable of Coupling
-        Those of the file.
+        Couplings of the file.
     fixed : collection of str
-        Joints that have no axis, and need not be locked; what only follows them is.
+        Joints without an axis, which need no lock; joints that follow only these are locked.
 
     Raises
     ------
     RobotError
-        If a joint cannot be locked, or couplings put it elsewhere.
+        If a joint cannot be locked, or couplings give it another position.
     """
     stated = [c.held(dict.fromkeys(fixed, 0.0)) for c in stated]
     left = [c for c in stated if c.joint not in {entry.joint for entry in extra.couplings}]
@@ -225,9 +225,9 @@ def check_nominal(path: Path, values: NumberByName, rotor: str) -> None:
 
 
 def combine_joints(path: Path, extra: Sidecar, stated: Stated, taken: Collection[str]) -> Stated:
-    """Return what a file states with the combinations of joints of the sidecar among its own.
+    """Return the statements of a file with the sidecar's combinations of joints added.
 
-    The sidecar goes before the robot file; what is locked has no part in them.
+    The sidecar overrides the robot file. Locked joints are no part of a combination.
 
     Parameters
     ----------
@@ -244,7 +244,7 @@ def combine_joints(path: Path, extra: Sidecar, stated: Stated, taken: Collection
         If a joint is not there or cannot be part of an axis, or a name is taken.
     """
     known = (*stated.tree.single, *stated.locked)
-    # An export writes what a motor that mixes joints has of its own as a tendon of its name.
+    # An export writes the numbers of a motor that mixes joints as a tendon of its name.
     motors = extra.transmission.motors if extra.transmission else ()
     found = {name: c for name, c in stated.combinations.items() if name not in motors}
     rests = {**stated.rests}
@@ -268,7 +268,7 @@ def combine_joints(path: Path, extra: Sidecar, stated: Stated, taken: Collection
     return replace(stated, combinations=found, rests=rests, numbers=numbers)
 
 
-# What a sidecar says of masses and centres of mass, body by body.
+# A sidecar's data on masses and centres of mass, body by body.
 
 
 def read_bounds(path: Path, extra: Sidecar, bodies: Strings, stated: Stated) -> tuple[Bound, ...]:
@@ -309,10 +309,10 @@ def read_bounds(path: Path, extra: Sidecar, bodies: Strings, stated: Stated) -> 
     return (*bounds, Bound(bodies, total))
 
 
-# Which joints move the robot, which follow, and whether its home position says so.
+# Find the actuated and the dependent joints, and check the home position.
 #
-# A closed chain has several assemblies; home selects one, so it must nearly close the loops. Of a
-# robot whose files state no home it is where Newton's steps from the drawing end, if that is near.
+# A closed chain has several assemblies. Home selects one, so it must nearly close the loops. If the
+# files state no home, Newton's steps from the drawn position find one, if it is near.
 
 
 def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Description:
@@ -346,7 +346,7 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
     robot = stretch_home(replace(robot, home=_state_home(robot, extra)))
     if not len(dependent) and not robot.equations:
         return robot
-    # Beside the closed configurations redundant equations contradict each other.
+    # Redundant equations contradict each other away from closed configurations.
     enough = robot.equations >= len(dependent) > 0
     there = newton(robot, robot.home[None], most=0)
     closed = newton(robot, robot.home[None]) if enough else there
@@ -374,7 +374,7 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
 
 
 def _state_home(robot: Description, extra: Sidecar) -> Array:
-    """Return the home of the files, with coupled passive joints where others put them, (nq,)."""
+    """Return the home of the files, with passive joints where couplings put them, (nq,)."""
     home = np.array(robot.home)
     single = robot.tree.single
     passive = {*robot.passive}
@@ -390,7 +390,7 @@ def _state_home(robot: Description, extra: Sidecar) -> Array:
 
 
 def _refuse_loose(robot: Description, count: int) -> NoReturn:
-    """Say what to do about passive joints that no equation determines."""
+    """Refuse passive joints that no equation determines, and state the remedy."""
     wide = [j.dofs[0].rpartition(".")[0] for j in robot.tree.joints if j.nv > 1]
     single = [name for name in robot.passive if name in robot.tree.single]
     advice = ""
@@ -448,7 +448,7 @@ def _close_home(robot: Description, gap: float, closed: Closed, *, stated: bool)
 
 
 def refuse_patterns(path: Path, names: Iterable[str]) -> None:
-    """Refuse names that a sidecar or a ladder cannot tell from a pattern.
+    """Refuse names that look like patterns of a sidecar or a ladder.
 
     Raises
     ------
@@ -505,7 +505,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         acceleration_limits=np.array([limit.a or np.inf for limit in limits.values()]),
         transmission=_transmission(robot, extra),
     )
-    if robot.motor_joints:  # a body alone has none
+    if robot.motor_joints:  # a single body has none
         servo = read_servo(path, extra.servo, stated.servos, robot.motor_joints)
         if robot.base is None:
             robot = replace(robot, servo=servo)
@@ -518,7 +518,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
 
 
 def _state_sidecar(extra: Sidecar) -> dict[str, Any]:
-    """Return what a sidecar says of a robot as a `Description` has it."""
+    """Return the fields of a `Description` that a sidecar states."""
     return {
         "said": extra,
         "symbols": dict(extra.symbols),
@@ -536,7 +536,7 @@ def _state_sidecar(extra: Sidecar) -> dict[str, Any]:
 
 
 def _state_motion(path: Path, extra: Sidecar, stated: Stated) -> dict[str, Any]:
-    """Return loops, springs, limits and torque columns; the sidecar goes before the robot file."""
+    """Return loops, springs, limits and torque columns; the sidecar overrides the robot file."""
     loops = stated.loops
     if extra.loops is not None:
         loops = tuple(_sidecar_loop(path, entry, stated) for entry in extra.loops)
@@ -552,7 +552,7 @@ def _state_motion(path: Path, extra: Sidecar, stated: Stated) -> dict[str, Any]:
 
 
 def _check_torque(robot: Description, motors: Strings) -> None:
-    """Refuse gains, ratios, signs or compensation of what is no actuated joint or motor."""
+    """Refuse gains, ratios, signs or compensation of a name that is no actuated joint or motor."""
     torque = robot.torque
     for key in ("gain", "ratio", "sign"):
         check_known(robot.path, f"torque.{key}", torque.table(key), ("", *robot.joints, *motors))
@@ -569,7 +569,7 @@ def _sidecar_loop(path: Path, entry: LoopEntry, stated: Stated) -> Loop:
 
 
 def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: Strings) -> Base | None:
-    """Return the base of a robot that floats, with what touches it and measures it."""
+    """Return the base of a floating robot, with its contacts and its sensors."""
     if stated.base is None:
         given = [k for k in ("imu", "contacts", "wrench") if getattr(extra, k)]
         if given and extra.base != "fixed":
@@ -636,7 +636,7 @@ def _nominal(robot: Description, extra: Sidecar) -> dict[str, float]:
 
 
 def _measured_torque(extra: Sidecar, stated: Stated) -> MeasuredTorque:
-    """Return what torque columns hold; motors have the gears of an MJCF where nobody states any."""
+    """Return the contents of torque columns; without a ratio, motors have the MJCF's gears."""
     said = extra.torque
     if said.side != "motor" or said.ratio is not None:
         return said
@@ -644,7 +644,7 @@ def _measured_torque(extra: Sidecar, stated: Stated) -> MeasuredTorque:
 
 
 def _scales(path: Path, extra: Sidecar, lines: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Return scale and offset of the joints' positions in logs; a name goes before a pattern."""
+    """Return scale and offset of the joints' positions in logs; a name overrides a pattern."""
     rules = {key: rule for key, rule in extra.columns.items() if not isinstance(rule, str)}
     given = {key: (rule.scale, rule.offset) for key, rule in rules.items()}
     return by_name(path, "columns", given, lines)

@@ -1,6 +1,6 @@
-"""Write a robot anew: from a table of its links, or in the other format.
+"""Write a new robot file: from a table of links, or from a robot in the other format.
 
-A table is a TOML file; angles are in rad, or as it says in ``angles``, lengths in m::
+A table is a TOML file; angles are in rad, or in its unit ``angles``, lengths in m::
 
     name = "PUMA 560"
     convention = "modified"   # Rot_x(alpha) Trans_x(a) Rot_z(theta) Trans_z(d) [Craig 2005], or
@@ -22,7 +22,7 @@ A table is a TOML file; angles are in rad, or as it says in ``angles``, lengths 
     centre = [-0.36, 0, 0.2]  # frame of the link
     inertia = {xx = 0.13, yy = 0.52, zz = 0.54, xy = 0, xz = 0, yz = 0}
 
-    [sidecar]                 # whatever a sidecar can state beside the robot file
+    [sidecar]                 # any keys of a sidecar
 
 A modified frame is that of the URDF link. A standard one lies behind the joint: it is the link
 ``<name>_end``, without mass. `Robot.build` states ``position``, ``rpy`` and ``axis`` instead
@@ -56,7 +56,7 @@ from .locate import is_computed
 from .sidecar import Named, Sidecar, Strict, Triple
 from .write import numbers, turn_base, urdf_inertial, urdf_joint
 
-#: The link on which the first ones stand.
+#: The parent of the first links.
 BASE = "base"
 
 
@@ -102,7 +102,7 @@ class Table(Strict):
 
     @property
     def unit(self) -> float:
-        """What the file's unit of angles is [rad]."""
+        """Return the file's unit of angles [rad]."""
         return math.radians(1.0) if self.angles == "deg" else 1.0
 
     def turn(self, angle: float | str) -> float:
@@ -129,7 +129,7 @@ class Table(Strict):
 
 
 def write_table(table: str | Path | Mapping[str, Any], out: str | Path) -> Strings:
-    """Write the URDF of a table and the sidecar beside it; return what the table left open.
+    """Write the URDF of a table and its sidecar; return the values that the table lacks.
 
     Parameters
     ----------
@@ -243,7 +243,7 @@ def _urdf(table: Table, base: str = BASE) -> ET.Element:
 
 
 def _inertial(link: ET.Element, row: Row, inside: pin.SE3) -> None:
-    """State a row's mass, centre and inertia in the frame of its link, in which they lie inside."""
+    """Write a row's mass, centre and inertia in the frame of its link; `inside` is their frame."""
     if row.joint is None and row.mass is None:
         return
     mass = 1.0 if row.mass is None else row.mass
@@ -253,11 +253,11 @@ def _inertial(link: ET.Element, row: Row, inside: pin.SE3) -> None:
     urdf_inertial(link, mass, centre, inside.rotation @ own @ inside.rotation.T)
 
 
-# What both formats of a robot are written from.
+# Data for a robot file in either format.
 
 
 def body_joints(robot: Description, ground: str) -> Iterator[tuple[str, str, list[Joint]]]:
-    """Yield every body, what it hangs on, and the joints that move it there, in their order."""
+    """Yield every body, its parent, and the joints between them, in their order."""
     for body, link in zip(robot.bodies, robot.links, strict=True):
         above = ground if link.parent == WORLD else robot.bodies[link.parent]
         yield body, above, list(robot.tree.joints[link.first : link.last + 1])
@@ -277,15 +277,15 @@ def placement(joint: Joint) -> pin.SE3:
 
 
 def in_file(robot: Description, most: int) -> dict[str, Coupling]:
-    """Return the couplings of a format whose polynomials have so many coefficients, by joint."""
+    """Return the couplings, by joint, whose polynomials a format can hold."""
     short = (c for c in robot.couplings if len(c.terms) == 1 and len(c.polynomial) <= most)
     return {c.joint: c for c in short}
 
 
-# A robot as MJCF, from what is known of it.
+# Write a robot as MJCF, from its description.
 
 
-#: What stands still.
+#: Name of the fixed body.
 GROUND = "world"
 
 
@@ -343,11 +343,11 @@ def _add_closures(top: ET.Element, bodies: dict[str, ET.Element], robot: Descrip
         ET.SubElement(equality, "joint", joint1=joint, joint2=next(iter(c.terms)), polycoef=padded)
 
 
-# A robot as URDF, from what is known of it.
+# Write a robot as URDF, from its description.
 
 
 def ground_of(robot: Description) -> str:
-    """Return the name of the link that stands still."""
+    """Return the name of the fixed link."""
     return next(n for n in (BASE, "base_link", "the_base") if n not in robot.bodies)
 
 
@@ -366,7 +366,7 @@ def links_between(robot: Description) -> dict[str, str]:
 
 
 def converted_urdf(robot: Description) -> ET.Element:
-    """Return the file, with placeholders for inertias; loops stand in the sidecar."""
+    """Return the file with placeholders for inertias; loops are in the sidecar."""
     rows = list[Row]()
     ground = ground_of(robot)
     between = links_between(robot)
@@ -374,7 +374,7 @@ def converted_urdf(robot: Description) -> ET.Element:
         for joint in joints:
             name = joint.dofs[0]
             span = position_limits(robot, joint.dofs, {})[0]
-            size = TINY if name in between else 1.0  # simulators refuse none
+            size = TINY if name in between else 1.0  # simulators refuse zero
             stated = {
                 "name": between.get(name, body),
                 "parent": rows[-1].name if joint is not joints[0] else above,
@@ -400,7 +400,7 @@ def converted_urdf(robot: Description) -> ET.Element:
 
 # The sidecar of a robot that is written in the other format.
 #
-# What is locked is one body with its host there. An MJCF states home, motors and loops itself; a
+# A locked body is one body with its host there. An MJCF states home, motors and loops itself; a
 # URDF does not.
 
 
@@ -409,12 +409,12 @@ _ANEW = ("locked", "massless", "loops", "couplings", "axes", "actuated", "home",
 
 
 def converted_sidecar(robot: Description, path: Path) -> dict[str, Any]:
-    """Return what stands in the sidecar of a robot that is written to another path.
+    """Return the content of a robot's sidecar for a robot file at another path.
 
     Raises
     ------
     RobotError
-        If it cannot say a coupling.
+        If the sidecar cannot state a coupling.
     """
     given = robot.said.model_dump(mode="json", exclude_unset=True, exclude={*_ANEW})
     given.get("bounds", {}).pop("bodies", None)
@@ -450,8 +450,8 @@ def converted_sidecar(robot: Description, path: Path) -> dict[str, Any]:
 
 # The same robot in the other format: an MJCF of a URDF, a URDF of an MJCF.
 #
-# It is written from what is known of the robot (joints, their places, loops, couplings), not from
-# the text of its file: no geometry, so a simulator shows nothing and nothing collides.
+# It is written from the description of the robot (joints, placements, loops, couplings), not from
+# the text of its file. It has no geometry, so a simulator shows nothing and nothing collides.
 
 
 def _check_names(top: ET.Element, source: str | Path) -> None:

@@ -1,9 +1,9 @@
 """LeRobot dataset folders (v2.0, v2.1, v3.0): each episode is a log of positions and commands.
 
 ``meta/info.json`` names the joints of ``observation.state`` (positions) and ``action`` (commands);
-``data`` holds Parquet with a row a sample, ``timestamp`` [s] and ``episode_index``. One episode is
-named behind a colon, ``dataset:3``, several ``dataset:0-4``. In which unit positions are nothing
-says: LeRobot writes degrees, shares of a joint's range or radians.
+``data`` holds Parquet with a row for each sample, ``timestamp`` [s] and ``episode_index``. The user
+names one episode after a colon, ``dataset:3``, or several, ``dataset:0-4``. The folder does not
+state the unit of positions: LeRobot writes degrees, shares of a joint's range or radians.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ if TYPE_CHECKING:
 
     from identifiability.logs.conventions import Conventions
 
-#: Where a folder says that it is a dataset.
+#: File that marks a folder as a dataset.
 INFO = Path("meta") / "info.json"
 
-#: Columns that are read, and the channel of a log that their values are unless names say otherwise.
+#: Columns that are read, and the channel of their values, unless their names state another.
 FEATURES = {
     "observation.state": "q",
     "observation.velocity": "dq",
@@ -63,7 +63,7 @@ def is_dataset(path: Path) -> bool:
 
 
 def split_episodes(path: str | Path) -> tuple[Path, str]:
-    """Return the folder, and what stands behind the colon in ``dataset:3``; empty if none does."""
+    """Return the folder and the text after the colon in ``dataset:3``; empty if there is none."""
     folder, colon, text = str(path).rpartition(":")
     if colon and _EPISODES.fullmatch(text):
         return Path(folder), text
@@ -147,7 +147,7 @@ def read_episode(path: str | Path) -> pd.DataFrame:
         )
     number = int(split_episodes(episodes[0])[1])
     info = _read_info(folder)
-    # In v2 each has a file of its own: else a thousand files are opened a thousand times.
+    # In v2 each episode has a file: else a thousand files are opened a thousand times.
     files = [str(f) for f in (folder / "data").glob(f"*/episode_{number:06d}.parquet")]
     data = ds.dataset(files or folder / "data", format="parquet")
     for file in data.files:
@@ -189,7 +189,7 @@ def _times(given: Any, info: Mapping[str, Any]) -> Array:
 
 
 def _columns(feature: str, count: int, info: Mapping[str, Any]) -> list[str]:
-    """Return what the values of a feature are called in a log."""
+    """Return the column names of the values of a feature in a log."""
     features = info.get("features")
     stated = features.get(feature) if isinstance(features, dict) else None
     names = stated.get("names") if isinstance(stated, dict) else None

@@ -1,4 +1,4 @@
-"""The one list of formats: who reads what lies at a path, by its suffix or by what is there."""
+"""The list of formats: it finds the reader of a path, by its suffix or its content."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
     from identifiability.logs.conventions import Conventions
 
 
-#: What is read: a table, how it was written, and the SHA-256 of what was read.
+#: The result of a reader: a table, its format, and the SHA-256 of its bytes.
 Whole: TypeAlias = "tuple[pd.DataFrame, Form, str]"
 
 Read: TypeAlias = "Callable[[Path, Conventions], Whole]"
 
-#: What is said where nothing lies.
+#: Error if there is no file.
 MISSING = "There is no log file '{}'; give a CSV or Parquet file."
 
-#: What can be read, for sentences.
+#: Readable formats, for sentences.
 READ = (
     "tables of text (.csv, .tsv, .txt …), Parquet, .npz, .mat, .xlsx, ROS bags (.mcap, .db3, .bag) "
     "and folders of LeRobot are read"
@@ -92,7 +92,7 @@ def reader(
 
 
 def find_reader(path: Path) -> Reader | None:
-    """Return who reads what lies at a path; None for tables of text and Parquet."""
+    """Return the reader of a path; None for text tables and Parquet."""
     suffix = path.suffix.lower()
     return next((r for r in READERS if suffix in r.suffixes or r.sniff(path)), None)
 
@@ -115,7 +115,7 @@ def check_there(path: Path) -> None:
     try:
         there = place.exists()
         other = there and not place.is_file() and not place.is_dir()
-    except OSError:  # no name of a file; its reader says why
+    except OSError:  # no name of a file; its reader states why
         return
     if not there:
         raise LogError(MISSING.format(place))
@@ -157,20 +157,20 @@ def check_text(path: Path, start: str) -> None:
         )
 
 
-#: Bytes that any file may unpack to, and how many times its own size larger files may.
+#: Unpacked size that any file may have, and the largest ratio to its size for larger files.
 UNPACKED, TIMES = 64_000_000, 100
 
 
 def check_unpacked(path: Path, unpacked: int, least: int = UNPACKED) -> None:
-    """Refuse a file that unpacks to far more than its size, before it is unpacked.
+    """Refuse a file whose unpacked size is far above its size, before it is unpacked.
 
     Parameters
     ----------
     path : Path
     unpacked : int
-        Bytes in memory, as far as they were counted.
+        Counted bytes in memory.
     least : int
-        Bytes to which any file may unpack.
+        Unpacked size that is always allowed [bytes].
 
     Raises
     ------
@@ -184,7 +184,7 @@ def check_unpacked(path: Path, unpacked: int, least: int = UNPACKED) -> None:
 
 
 def count_zipped(path: Path) -> int:
-    """Return the bytes to which a ZIP archive unpacks, by its directory: readers stop there."""
+    """Return the unpacked size of a ZIP archive by its directory [bytes]; readers stop there."""
     with ZipFile(path) as archive:
         return sum(entry.file_size for entry in archive.infolist())
 
