@@ -41,7 +41,7 @@ class TorqueScale:
     Attributes
     ----------
     factor, sd : float
-        Posterior mean and standard deviation of its logarithm; the factor is that of the mean.
+        The most probable factor, and the rms deviation of the posterior from its logarithm.
     ratio, ratio_sd : float
         The gravity torque of the fitted robot over that of the file, without the prior, and the
         standard error of its logarithm; NaN where the file or the motion does not tell.
@@ -142,11 +142,11 @@ def compare_gravity(fitted: Array, covariance: Array, stated: Array, errors: Arr
         log_density[k] = -0.5 * (rest + off + (FACTORS / RULES.constants_within) ** 2)
         evidence[k] = 0.5 * (np.log(variance[k]) - rest)
     weight = softmax(log_density).sum(axis=0)
-    mean = float(weight @ FACTORS)
-    sd = float(np.sqrt(weight @ (FACTORS - mean) ** 2))
+    mode = float(FACTORS[np.argmax(weight)])
+    sd = float(np.sqrt(weight @ (FACTORS - mode) ** 2))
     likely = softmax(evidence)
     ratio = float(likely @ best)
     ratio_sd = float(np.sqrt(likely @ (variance + (best - ratio) ** 2)))
     if not ratio > 0:
-        return TorqueScale(factor=float(np.exp(mean)), sd=sd)
-    return TorqueScale(factor=float(np.exp(mean)), sd=sd, ratio=ratio, ratio_sd=ratio_sd / ratio)
+        return TorqueScale(factor=float(np.exp(mode)), sd=sd)
+    return TorqueScale(factor=float(np.exp(mode)), sd=sd, ratio=ratio, ratio_sd=ratio_sd / ratio)
