@@ -114,7 +114,7 @@ def read_document(
 
 
 def first_problem(error: ValidationError, schema: type[BaseModel]) -> str:
-    """Return the first problem of a validation as the sentence ``'key': what was expected``."""
+    """Return the first problem of a validation as the sentence ``'key': the expected value``."""
     problems = error.errors(include_url=False)
     first = _keys_of(problems[0]["loc"])
     within = (p for p in problems if _keys_of(p["loc"])[: len(first)] == first)

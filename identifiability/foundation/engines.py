@@ -303,7 +303,7 @@ class Resumed(Engine):
     Parameters
     ----------
     engine : Engine
-        Does what is missing.
+        Computes missing results.
     folder : path
         Made if it does not exist, for the user alone. One folder serves any number of runs.
 

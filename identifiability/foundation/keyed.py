@@ -98,7 +98,8 @@ class Keyed:
         Raises
         ------
         UnknownNameError
-            If there is none, with the nearest name and how to list all names.
+            If there is no such row. The error names the nearest name and the call that lists all
+            names.
         """
         rows = {row.name: row for row in self.rows_by_name()}
         if name in rows:

@@ -195,7 +195,7 @@ class Renames:
     Attributes
     ----------
     rules : tuple of (str, str)
-        Name or regular expression, and what it becomes. Make them with `Renames.of`.
+        Name or regular expression, and the new name. Make them with `Renames.of`.
     """
 
     rules: tuple[tuple[str, str], ...] = ()

@@ -125,7 +125,7 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
 def write_together(files: Sequence[tuple[Path, bytes]]) -> None:
     """Write files that are of no use without each other, or one.
 
-    All are filled before the first is put in its place, the one that the others belong to last.
+    All files are complete before the first is put in its place. The main file comes last.
 
     Raises
     ------

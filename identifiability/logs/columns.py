@@ -24,7 +24,7 @@ from identifiability.foundation.quoting import option_for_shell, toml_key
 from identifiability.foundation.values import frozen
 
 from .checks import CHANNELS, COMMANDS, to_floats
-from .codes import describe_codes, find_codes
+from .codes import Code, describe_codes, find_codes, show_codes
 from .conventions import Conventions
 from .names import (
     BARE,
@@ -74,6 +74,8 @@ class Naming:
         Torque columns filled with zeros, because only motion or commands are needed.
     commands : tuple of str
         Columns of commands that replace torque.
+    codes : mapping of str to Code
+        Codes that the table shows, by the kind of column.
     """
 
     columns: tuple[Column, ...]
@@ -82,6 +84,7 @@ class Naming:
     locked: tuple[Column, ...] = ()
     made: Strings = ()
     commands: Strings = ()
+    codes: Mapping[str, Code] = {}
 
     @property
     def time(self) -> Column:
@@ -653,12 +656,17 @@ def rename(name: str, known: Conventions) -> str:
     return "/".join(parts) + name[len(plain) :]
 
 
-def resolve_codes(naming: Naming, first: pd.DataFrame) -> Naming:
-    """Return the columns of a log, with the number codes that its first rows show."""
+def resolve_codes(naming: Naming, first: pd.DataFrame, known: Conventions) -> Naming:
+    """Return the columns of a log, with the number codes that its first rows show.
+
+    Where they show none, the codes of other logs hold.
+    """
     values = {c.name: to_floats(first[c.source]) for c in naming.columns if c.name != "t"}
-    codes = find_codes(values)
+    shown = show_codes(values)
+    codes = find_codes(values, {**known.codes, **shown})
     columns = tuple(replace(c, code=codes.get(c.name)) for c in naming.columns)
-    return replace(naming, columns=columns, notes=(*naming.notes, *describe_codes(codes)))
+    notes = (*naming.notes, *describe_codes(codes))
+    return replace(naming, columns=columns, notes=notes, codes=shown)
 
 
 # Unit of a log's times: seconds, fractions of them, or dates; taken only if it is certain.

@@ -86,11 +86,11 @@ class Form:
             yield at, list(lines[at : at + 1])
 
     def is_comment(self, line: str) -> bool:
-        """Whether a line is passed over."""
+        """Return whether a line is skipped."""
         return bool(self.comment) and line.lstrip().startswith(self.comment)
 
     def is_number(self, field: str) -> bool:
-        """Whether a field is a number in this form."""
+        """Return whether a field is a number in this form."""
         text = field.strip()
         if len(text) > LONGEST:
             return False

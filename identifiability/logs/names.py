@@ -135,7 +135,7 @@ def check_names(source: str, names: Sequence[str]) -> None:
 
 
 def are_units(row: Sequence[str]) -> bool:
-    """Whether a row states the units of its columns."""
+    """Return whether a row states the units of its columns."""
     units = [find_unit(cell) for cell in row]
     return any(units) and all(u or is_no_unit(x) for u, x in zip(units, row, strict=True))
 

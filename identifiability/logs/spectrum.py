@@ -231,7 +231,7 @@ class Band:
 
     @property
     def sampled_slowly(self) -> bool:
-        """Whether the rate of samples makes the cut-off so low that it cuts into the motion."""
+        """Return whether slow sampling makes the cut-off so low that it cuts into the motion."""
         limited = self.cutoff >= RULES.nearly_all * RULES.cutoff_highest * self.rate
         return limited and self.cutoff < 2.0 * self.bandwidth
 

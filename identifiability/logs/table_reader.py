@@ -197,8 +197,8 @@ class TableReader:
         Raises
         ------
         LogError
-            If a column is missing, there twice, or of another kind altogether, a value cannot be,
-            or the times are too few or do not increase.
+            If a column is missing, repeated or of another kind, a value is impossible, or the times
+            are too few or do not increase.
         """
         tables = unstack(_as_tables(pieces, self.source), self.known, self.source)
         values = gather(self._take(*piece) for piece in tables)
@@ -273,7 +273,7 @@ class TableReader:
         unset = [c for c in columns if is_stamp(c) and (to_floats(frame[c][:1]) == 0.0).any()]
         columns = [c for c in columns if c not in unset]
         naming = name_columns(columns, self.source, self.known, units, first)
-        naming = resolve_codes(naming, frame)
+        naming = resolve_codes(naming, frame, self.known)
         self.naming = resolve_time(naming, frame, self.source, self.known)
         self._numbers = {c.name: Numbers(c.name, self.source) for c in self.naming.columns}
         torque = {f"{j}.tau": np.nan for j in naming.joints} | dict.fromkeys(naming.made, 0.0)

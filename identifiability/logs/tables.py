@@ -55,7 +55,7 @@ def write_table(path: str | Path, frame: pd.DataFrame) -> Path:
     Raises
     ------
     OutputError
-        If it cannot be written, or is none of these.
+        If it cannot be written, or has another ending.
     """
     path = Path(path)
     check_ending(path, ".csv", *PARQUET)

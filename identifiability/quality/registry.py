@@ -132,7 +132,7 @@ class RawLogs:
         )
 
     def each(self, mend: Callable[[Log], tuple[Log, list[Finding]]]) -> RawLogs:
-        """Return the logs, each mended by itself."""
+        """Return the logs after a correction of each."""
         pairs = [mend(log) for log in self.every]
         return self.having((log for log, _ in pairs), (x for _, found in pairs for x in found))
 
@@ -215,7 +215,7 @@ class MeasuredLogs:
 
     @cached_property
     def weighs(self) -> bool:
-        """Whether the robot file states masses to compare with."""
+        """Return whether the robot file states masses to compare with."""
         return has_masses(self.robot)
 
     @cached_property

@@ -158,12 +158,17 @@ class TorqueRows:
         """Return gravity (3,) [m/s²] of the same size, without its part that acts in no column.
 
         A planar arm does not feel gravity across its plane. A tilt in that direction has no value.
+        Gravity that acts in no column at all is returned as it is.
         """
         along_axes = self.parts[..., 1:].reshape(-1, 3)
         sizes, directions = np.linalg.eigh(along_axes.T @ along_axes)
         acts = directions[:, sizes > ROUNDOFF * sizes.max()]
         acting = acts @ (acts.T @ gravity)
-        return np.asarray(acting * np.linalg.norm(gravity) / np.linalg.norm(acting))
+        size = np.linalg.norm(gravity)
+        acting_size = np.linalg.norm(acting)
+        if acting_size <= ROUNDOFF * size:
+            return gravity
+        return np.asarray(acting * size / acting_size)
 
     @staticmethod
     def of(
@@ -196,7 +201,7 @@ class TorqueRows:
 
     @property
     def turns_gravity(self) -> bool:
-        """Whether the columns are known under any gravity."""
+        """Return whether the columns are known under any gravity."""
         return bool(self.parts.shape[3] > 1)
 
     @cached_property

@@ -419,7 +419,7 @@ def position_limits(
 
 
 def _close_home(robot: Description, gap: float, closed: Closed, *, stated: bool) -> Description:
-    """Return a robot whose home closes its loops, which are open by a gap, if nobody stated it.
+    """Return a robot whose home closes its loops, unless the files state home.
 
     A home that is stated may be rounded; one that is far from closing them is refused.
     """

@@ -533,7 +533,7 @@ class Description(Stated):
 
     @property
     def closed(self) -> bool:
-        """Whether the robot has loops or coupled joints."""
+        """Return whether the robot has loops or coupled joints."""
         return len(self.dependent) > 0
 
     @cached_property
@@ -582,7 +582,7 @@ class Description(Stated):
 
     @property
     def slides(self) -> np.ndarray:
-        """Whether each actuated joint slides, (n,) bool."""
+        """Return whether each actuated joint slides, (n,) bool."""
         return np.array([self.is_prismatic(int(k)) for k in self.actuated], bool)
 
     @property
@@ -611,7 +611,7 @@ class Description(Stated):
             ) from None
 
     def is_prismatic(self, dof: int) -> bool:
-        """Whether the degree of freedom with this index slides."""
+        """Return whether the degree of freedom with this index slides."""
         for j in self.tree.joints:
             if j.iv <= dof < j.iv + j.nv:
                 return j.kind == "prismatic" or (j.kind == "free" and dof < j.iv + 3)

@@ -135,7 +135,7 @@ class Base:
 
     @property
     def pressed(self) -> bool:
-        """Whether forces from outside act behind joints that motors drive."""
+        """Return whether forces from outside act behind joints that motors drive."""
         points = [c.point for c in self.contacts] + [w.point for w in self.wrenches]
         return any(point.joint >= SIX for point in points)
 

@@ -156,7 +156,7 @@ def quiet() -> Iterator[None]:
 
 
 def _is_idle(compiler: Any, geom: Any) -> bool:
-    """Whether a geom needs another file and adds no inertia to a moving body."""
+    """Return whether a geom needs another file and adds no inertia to a moving body."""
     if geom.hfieldname or not (geom.meshname or geom.type == mujoco.mjtGeom.mjGEOM_SDF):
         return bool(geom.hfieldname)
     body = geom.parent
@@ -485,7 +485,7 @@ def tendon_parts(m: Any, t: int) -> range:
 
 
 def straight(m: Any, t: int) -> bool:
-    """Whether a tendon of a compiled model runs straight between sites."""
+    """Return whether a tendon of a compiled model runs straight between sites."""
     return all(m.wrap_type[w] == _WRAP.mjWRAP_SITE for w in tendon_parts(m, t))
 
 

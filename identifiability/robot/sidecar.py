@@ -440,7 +440,7 @@ def read_sidecar(path: Path | None) -> Sidecar:
     Raises
     ------
     RobotError
-        With the file, the key and what was expected.
+        The error names the file, the key and the expected value.
     """
     if path is None:
         return Sidecar()
@@ -550,7 +550,7 @@ def expand_names(
     Raises
     ------
     RobotError
-        If it names what the robot does not have.
+        If it names a part that the robot does not have.
     """
     moving = (*joints, *lines)
     gone = {*locked, *welded}

@@ -101,7 +101,7 @@ def _edited_tag(old: str, new: str) -> str:
 
 
 def _alike(text: str, other: str) -> bool:
-    """Whether two texts are the same, or the same numbers but for rounding."""
+    """Return whether two texts are the same, or the same numbers but for rounding."""
     try:
         one, two = (np.array(x.split(), float) for x in (text, other))
     except ValueError:
@@ -161,7 +161,7 @@ def urdf_inertial(link: ET.Element, mass: float, centre: Array, inertia: Array) 
 
 
 def in_radians(top: ET.Element) -> bool:
-    """Whether the angles of an MJCF are in radians; MuJoCo's default is degrees."""
+    """Return whether the angles of an MJCF are in radians; MuJoCo's default is degrees."""
     stated = [c.get("angle") for c in top.iter("compiler") if c.get("angle")]
     return bool(stated) and stated[-1] == "radian"
 

@@ -68,7 +68,7 @@ def split_topic(path: str | Path) -> tuple[Path, str]:
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path is, or by its name wants to be, a bag."""
+    """Return whether a path is a bag, or has the name of one."""
     try:
         return path.suffix.lower() in BAGS or (path / "metadata.yaml").is_file()
     except OSError:  # no name of a file

@@ -55,7 +55,7 @@ _EPISODES = re.compile(r"(\d{1,9})(?:-(\d{1,9}))?")
 
 
 def is_dataset(path: Path) -> bool:
-    """Whether a folder, with episodes behind a colon or without, is a LeRobot dataset."""
+    """Return whether a folder, with episodes behind a colon or without, is a LeRobot dataset."""
     try:
         return (split_episodes(path)[0] / INFO).is_file()
     except OSError:  # no name of a file
@@ -76,7 +76,7 @@ def list_episodes(path: str | Path) -> list[Path]:
     Raises
     ------
     LogError
-        If there is none, or the folder is of another version.
+        If there is no episode, or the folder has another version.
     """
     folder, text = split_episodes(path)
     info = _read_info(folder)
@@ -124,7 +124,7 @@ def read_episode(path: str | Path) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        ``t`` [s], ``<joint>.q`` and ``<joint>.cmd`` in the dataset's unit, and what else there is.
+        ``t`` [s], ``<joint>.q`` and ``<joint>.cmd`` in the dataset's unit, and further columns.
 
     Raises
     ------

@@ -41,11 +41,11 @@ class Reader:
     Attributes
     ----------
     kind : str
-        What sentences call it.
+        Name of the format in messages.
     suffixes : tuple of str
         Of its files.
     read : callable(Path, Conventions) -> (DataFrame, Form, str)
-        Returns the table, how it was written, and the hash of what was read.
+        Returns the table, its format, and the hash of its bytes.
     sniff : callable(Path) -> bool
         Whether something without such a suffix is of this format.
     place : callable(Path) -> Path

@@ -256,7 +256,7 @@ class Dataset:
 
     @property
     def long(self) -> bool:
-        """Whether it has so many rows that they stay on the disk."""
+        """Return whether it has so many rows that they stay on the disk."""
         return is_long(len(self.tau))
 
     def divided(self) -> list[Dataset]:
@@ -652,7 +652,7 @@ def require_signal(samples: Sequence[Dataset], done: str) -> None:
     ----------
     samples : sequence of Dataset
     done : str
-        What cannot be done, as a participle.
+        The refused step, as a participle.
 
     Raises
     ------

@@ -63,7 +63,7 @@ def thin_prepared(
         The log, prepared as a whole.
     log : Log
     asked : Preparation or None
-        What the user asked for.
+        Options of the user.
     most : int
         Rows after decimation.
     """

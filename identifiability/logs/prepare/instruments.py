@@ -41,7 +41,7 @@ def add_instrument(
     ----------
     robot : Robot
     log : Log
-        What the samples were prepared from.
+        Log of the samples.
     samples : Dataset
     always : bool
         Also of logs whose torque was measured.

@@ -792,7 +792,7 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
     Raises
     ------
     LogError
-        If the log does not fit the robot or what is asked for.
+        If the log does not fit the robot or the requested options.
     """
     log = smoothed(robot, log, how)
     filtered = is_filtered(log, how)
