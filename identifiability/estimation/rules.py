@@ -74,6 +74,9 @@ class Rules(RuleTable):
     rollout_contradicted: Annotated[
         float, "error of the best rollout where gains contradict it, calibrated"
     ] = 0.5
+    constants_within: Annotated[
+        float, "torque constants are right to this share, one standard deviation, by hand"
+    ] = 0.1
     sigma_other: Annotated[
         float, "share of σ from which on what else moves a value is said, by hand"
     ] = 0.5
