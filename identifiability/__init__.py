@@ -3,16 +3,16 @@
 What to use when:
 
 - `analyze` does the main job: robot and logs in, verdicts, models and a report out;
-- `inspect` needs no logs: what a robot file holds, which columns a log must have; with logs it says
-  what is in them and what is odd about them;
-- `prune` finds the reduced model that is worth using, `diagnose` what a model misses;
-- `predict` gives torque along other logs by a result, or with ``forward=True`` the positions to
-  which commands or torques move its robot; `from_json` reads a result back;
-- `payload` weighs what hangs on a body of a robot that was fitted without it, `compare` says what
-  changed between two logs or results;
-- `analyze_many` asks the same of many robots: one table, and a page each;
-- `calibrate` measures how far the answers can be trusted, `export` writes them as a robot file;
-- `Robot.load` and `Log.read` read files; `simulate` makes logs of a robot that is known;
+- `inspect` lists the content of a robot file and the columns that a log must have; with logs it
+  also lists their content and their data-quality problems;
+- `prune` finds the reduced model that is worth using; `diagnose` finds effects that a model lacks;
+- `predict` computes torque along other logs from a result; with ``forward=True`` it simulates the
+  positions that follow from commands or torques; `from_json` reads a result back;
+- `payload` identifies a load on a body of a robot that was fitted without it; `compare` finds the
+  changes between two logs or results;
+- `analyze_many` analyzes many robots and returns one table, and a page for each;
+- `calibrate` measures the reliability of the answers; `export` writes them as a robot file;
+- `Robot.load` and `Log.read` read files; `simulate` makes logs of a known robot;
 - `plot` draws the figures of a report one by one;
 - every stage in between (`prepare_log`, `find_base_parameters`, `gather_information`,
   `estimate`, …) can be called by itself.

@@ -1,4 +1,4 @@
-"""How fast is the way from motion and torque to parameters, beside Pinocchio's loop and FIGAROH?
+"""How fast are fits of motion and torque, compared with Pinocchio's loop and FIGAROH?
 
 The shipped six-axis arm with viscous and Coulomb friction (72 parameters, 48 independent), the same
 samples for everybody, one thread, each contender alone in a process of its own. Without the extra
@@ -45,7 +45,10 @@ MOST = 600.0
 
 
 def measure(sizes: Sequence[int], repeats: int, seed: int) -> list[Measured]:
-    """Run every contender on every number of samples; what outgrew the time is not tried again."""
+    """Run every contender on every number of samples.
+
+    Contenders that exceeded the time limit are not run again.
+    """
     out: list[Measured] = []
     ended: set[str] = set()
     for count in sizes:
@@ -77,7 +80,7 @@ def lines(runs: Sequence[Measured], names: Sequence[str], what: str) -> dict[str
 
 
 def phase_picture(runs: Sequence[Measured], names: Sequence[str], samples: int) -> Picture:
-    """Return where the time goes at a number of samples."""
+    """Return the processor time of each phase at a number of samples."""
     ran = [r for r in (find(runs, n, samples) for n in names) if r is not None]
     order = list(dict.fromkeys(k for r in ran for k in r.phases))
     phases = {k: np.array([r.phases.get(k, (0.0, 0.0))[0] for r in ran]) for k in order}

@@ -65,7 +65,7 @@ LEAST_ROBUST, MOST_WHITE, MOST_WRONG = 0.90, 0.50, 0.02
 
 @dataclass(frozen=True)
 class Cell:
-    """What was counted at one noise: its multiple and correlation from sample to sample.
+    """Counts at one noise: its multiple and correlation from sample to sample.
 
     Coverage of white-noise and of robust intervals with Monte-Carlo errors by trials; parameters
     that are called identifiable, and that pass the 10× rule, and the shares of them off by half.
@@ -88,7 +88,7 @@ class Cell:
 def count(
     trials: Sequence[Outcome], truth: Array, names: Sequence[str], noise: float, rho: float
 ) -> Cell:
-    """Return what was counted of some trials, of truth (k,) or (T, k)."""
+    """Return the counts of some trials, of truth (k,) or (T, k)."""
     robust = count_outcomes(trials, truth, names)
     white = count_outcomes(
         [replace(t, robust=t.white, identifiable=t.paper) for t in trials], truth, names
@@ -216,10 +216,10 @@ def draw_noise(kind: str, tau: Array, rng: np.random.Generator) -> Array:
 
 
 def measure_noises(trials: int, seed: int) -> pd.DataFrame:
-    """Return coverage under every noise, and how many of an oracle's verdicts are given.
+    """Return coverage under every noise, and the share of an oracle's verdicts that are given.
 
-    Outlying stretches are weighed down, as `analyze` does.
-    The oracle knows how far values of its logs scatter, and judges by the same thresholds.
+    Outlying stretches are weighed down, as `analyze` does. The oracle knows the scatter of values
+    over its logs, and judges by the same thresholds.
     """
     rows = []
     for name, samples in CASES.items():
@@ -264,7 +264,8 @@ def measure_noises(trials: int, seed: int) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-#: What is hidden in a joint of its robots, of 1 to 3 times the noise; a closed chain is among them.
+#: Effects that are hidden in a joint of its robots, of 1 to 3 times the noise; a closed chain is
+#: among them.
 HIDDEN = ("stribeck_friction", "rising_friction", "coulomb_asymmetry", "position_ripple",
           "load_dependent_friction", "joint_stiffness", "torque_drift")  # fmt: skip
 SIZES, LEVEL = (1.0, 3.0), 0.01
@@ -273,7 +274,7 @@ SIZES, LEVEL = (1.0, 3.0), 0.01
 def measure_hidden(trials: int, seed: int) -> pd.DataFrame:
     """Return coverage of labels that are called identifiable with an effect hidden, by noise.
 
-    Beside them those that would be called if nothing could be missing (`plain`). An effect is a
+    Columns with `plain` count labels of an analysis that assumes no missing effect. An effect is a
     family in a drawn joint, its torque as large as the noise there times a factor of `SIZES`.
     """
     rows = []
@@ -305,7 +306,7 @@ def measure_hidden(trials: int, seed: int) -> pd.DataFrame:
 
 
 def count_labels(found: Analysis) -> tuple[int, int, int, int]:
-    """Return labels of the full model that are called and hold, and the same of nothing missing."""
+    """Return counts of identifiable labels that hold, with and without missing effects."""
     model, plain = found.full, replace(found.full.fit, alternatives=None)
     own = model.submodel
     truth = np.linalg.lstsq(own.M, found.structure.nominal_base - own.fixed, rcond=None)[0]
@@ -320,7 +321,7 @@ def count_labels(found: Analysis) -> tuple[int, int, int, int]:
 
 
 def label(cell: Cell) -> str:
-    """Return what a cell simulates, ``noise × 0.3, ρ = 0.9``."""
+    """Return the simulated noise of a cell, ``noise × 0.3, ρ = 0.9``."""
     return f"noise × {cell.noise:g}, ρ = {cell.rho:g}"
 
 
@@ -367,7 +368,7 @@ def coverage_section(method: str, cells: Sequence[Cell]) -> Section:
 
 
 def coverage_frame(cells: Sequence[Cell]) -> pd.DataFrame:
-    """Return coverage ± its Monte-Carlo error, and verdicts; what is asked of a cell is checked."""
+    """Return coverage ± its Monte-Carlo error, and verdicts; required limits are checked."""
     rows = []
     for c in cells:
         asked = c.rho == 0.9 and c.noise == 1.0
@@ -383,7 +384,7 @@ def coverage_frame(cells: Sequence[Cell]) -> pd.DataFrame:
 
 
 def verdict_row(cell: Cell) -> dict[str, Any]:
-    """Return how many parameters both rules believe, and how many of these are wrong."""
+    """Return the number of parameters that both rules call identifiable, and the wrong ones."""
     found = f"{cell.called:.1f}"
     if cell.noise == min(LEVELS):
         found = check_cell(

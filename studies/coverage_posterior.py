@@ -1,9 +1,9 @@
 """Does the posterior hold every parameter as often as the robust interval, whatever remembers?
 
 Autoregressive noise on the regressor of one simulated log: alike at all actuators, or slow at the
-first one alone. Weights 1/(σ² κ) beside weights 1/σ², and the posterior tempered by one mean time.
-A posterior withholds intervals that the prior's density at an edge decides: how many it states, and
-what it would say if it stated all of them, stand beside the coverage.
+first one alone. Weights 1/(σ² κ) are compared with weights 1/σ², and with the posterior tempered by
+one mean time. A posterior withholds intervals that the prior's density at an edge decides: the
+tables also have the number of stated intervals, and the coverage of all intervals.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ ROADS = ("robust interval", "posterior", "one mean time")
 
 @dataclass(frozen=True)
 class Cell:
-    """Coverage of one road under one noise, with Monte-Carlo errors by logs.
+    """Coverage of one method under one noise, with Monte-Carlo errors by logs.
 
     Of stated intervals; the worst parameter is one of those that at least `OFTEN` of the logs
     state. `all_pooled` and `all_worst` are of all intervals, stated or not.
@@ -83,7 +83,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Trial:
-    """What one log gave: intervals that hold the truth or are stated, and errors by weights."""
+    """Outcome of one log: intervals that hold the truth or are stated, and errors by weights."""
 
     held: dict[str, np.ndarray]
     stated: dict[str, np.ndarray]
@@ -119,7 +119,7 @@ class Subject:
         return self.full.submodel.fixed + self.full.submodel.M @ self.truth
 
     def try_log(self, tau: Array, rng: np.random.Generator) -> Trial:
-        """Return what one log gives by every road."""
+        """Return the outcome of one log by every method."""
         e = self.experiment
         whole = e.gather(tau, self.base)
         model = FittedModel.of(

@@ -1,9 +1,9 @@
 """Robots that are commanded and robots that float: cases of `field_conditions`.
 
 A quadruped on a stand and a hobby arm under position servos (`servo_robots`: another physics than
-that of rollouts), with gains that are stated, wrong, or left to the logs, play in a gear, a limit
-of torque that no file states; a quadruped on its feet (`shipped/floating_bases`) whose bodies
-differ from the file's and whose inertial sensor has biases.
+that of rollouts) play commands. Their gains are stated, wrong, or fitted; a gear may have play, or
+torque an unstated limit. A quadruped walks on its feet (`shipped/floating_bases`). Its bodies
+differ from the file's, and its inertial sensor has biases.
 """
 
 from __future__ import annotations
@@ -32,18 +32,19 @@ from identifiability.workflows.case import SO
 sys.path.insert(0, str(Path(__file__).parent / "shipped"))
 import floating_bases as bases
 
-#: Keys of what is said of all logs of a kind, whatever is in them.
+#: Keys of remarks on all logs of a kind, for any content.
 ALWAYS = ("reading", "commands", "assembly", "outside")
-#: What is said of that something is wrong, and leaves open what.
+#: Remarks that something is wrong, without a cause.
 HEDGED = re.compile(
     "The logs .* disagree: |The cut-off of |Noise of what is differentiated |.* from t = .* farther"
 )
 
 
 def told(a: Analysis) -> list[str]:
-    """Return what a result says of its robot and logs: of masses, columns, motion, what is missing.
+    """Return the remarks of a result on masses, columns, motion, and missing effects.
 
-    How logs are read and prepared is not among it, nor that the rest is said under an alternative.
+    Remarks on reading and preparation are left out, as is the remark that results hold under an
+    alternative.
     """
     hints = [x for x in a.hints if getattr(x, "key", "") not in ALWAYS and x != SO]
     missing = [x.strip() for x in re.split(r"\), | and (?=a)", a.missing.statement) if x]
@@ -51,10 +52,10 @@ def told(a: Analysis) -> list[str]:
 
 
 def examine_told(said: Sequence[str], pattern: str) -> dict[str, Any]:
-    """Return whether a condition is named in what is told, and what else is said that is false.
+    """Return whether the remarks name a condition, and the false remarks.
 
-    That logs disagree, or a cut-off is wrong, is said of what it is: no name, and not false where
-    something is wrong.
+    A remark that logs disagree, or that a cut-off is wrong, hints at any condition: no name, and
+    not false where something is wrong.
     """
     right = [bool(pattern and re.search(pattern, x, re.IGNORECASE)) for x in said]
     return {
@@ -68,7 +69,7 @@ def examine_told(said: Sequence[str], pattern: str) -> dict[str, Any]:
 
 
 def examine_labels(a: Analysis, truth: pd.Series) -> dict[str, Any]:
-    """Return how many values that are called identifiable hold the truth, and what misses it."""
+    """Return how many intervals of identifiable values hold the truth, and the other values."""
     f = a.to_frame()
     f = f[f.verdict == "identifiable"].set_index("label")
     truth = truth.reindex(f.index).dropna()
@@ -106,7 +107,7 @@ class Commanded:
     folder : bool
         Whether logs are a LeRobot folder.
     alone : bool
-        Whether one joint's gain alone is stated otherwise.
+        Whether the gain of only one joint is stated wrongly.
     """
 
     robot: str
@@ -119,7 +120,7 @@ class Commanded:
     alone: bool = False
 
     def examine(self, path: Path, seeds: Sequence[int], pattern: str) -> dict[str, Any]:
-        """Return what `analyze` makes of a draw, page and all."""
+        """Return the outcome of `analyze` for a draw, with its page."""
         rng = np.random.default_rng(seeds)
         robot = servos.load(self.robot, path)
         draw, _, size = servos.JUDGED[self.robot]
@@ -247,7 +248,7 @@ class Floating:
     seconds: float = 60.0
 
     def examine(self, path: Path, seeds: Sequence[int], pattern: str) -> dict[str, Any]:
-        """Return what `analyze` weighs."""
+        """Return the weight of the robot by `analyze`."""
         rng = np.random.default_rng(seeds)
         shares = rng.uniform(0.8, 1.2, 13)
         bias = np.concatenate([rng.normal(0, 0.1, 3), rng.normal(0, 0.01, 3)])

@@ -1,29 +1,29 @@
-"""Twelve things that robots and logs of people do: is each said, and does the default predict?
+"""Twelve conditions of robots and logs: does `analyze` name them, and does the default predict?
 
     python studies/field_conditions.py [--stream 0] [--draws 7] [--only CONDITION] [--folder F]
     python studies/field_conditions.py --draws 0      (the table of the draws that were made)
 
 Arms and closed chains by another physics than is fitted (`hidden_physics`: forward dynamics under a
 controller, dry friction that sticks, encoders, file masses wrong by 10–30 %). Each draw is logged
-once as it should be and once under each condition: a file of placeholders, gravity compensated in
+once without a fault and once under each condition: a file of placeholders, gravity compensated in
 the effort, torque at the motor, a base on its side, noisy positions, offsets that differ between
-runs, friction that warms up, dwells, a hand that pushes, gains that are off, friction of passive
-joints, columns exchanged, still, in another unit, an encoder's zero. Robots under position commands
-and robots that float are drawn by `field_commanded`.
+runs. Others are dwells, friction that warms up, a pushing hand, gains that are off, friction of
+passive joints, exchanged columns. The last are a robot at rest, another unit, and an encoder's
+zero. Robots under position commands and robots that float are drawn by `field_commanded`.
 
-One error on a sealed log is divided by that which the same logs give to who knows the truth and
-states it (`Condition.truth`): a robot that stands as it does, or has no weight where drivers take
-it (in one joint: the file's, which is wrong by as much), a model that has what acts (friction
-that warms up as a steady drift, which it is not), offsets of each run taken out, the best of many
-cut-offs. Where the logs as they should be are the same data but for what was done to columns or to
-the file, they are the truth. Errors are those along the sealed log as it should be where a
-condition spoils measurements of the same torque, else along the condition's own; of commands they
-are over that of the true machine's rollout. What no model can know, an offset of the sealed run, is
-taken out of both. Beside it stands the error over that of the logs as they should be, which are
-other data where the machine or its motion is another. `named` are
-draws in which what is told (of masses, columns, motion, or what is missing) has the condition in
-it, `false` those in which it has something else; of logs as they should be all is false.
-`labels` are values called identifiable that hold those of exact logs.
+The error on a sealed log is divided by the error of an analysis that is given the truth
+(`Condition.truth`). The truth is a robot with the right attitude, or without weight where drivers
+compensate it. In one joint it is the file's robot, whose weight is wrong by as much. Or it is a
+model with the acting effect; friction that warms up is modelled as a steady drift, which is an
+approximation. Or offsets of each run are subtracted, or the best of many cut-offs is used. Where
+only columns or the file were changed, the truth is the sound logs. Errors are those along the sound
+sealed log where a condition spoils measurements of the same torque, else along the condition's own;
+of commands they are over that of the true machine's rollout. An offset of the sealed run, which no
+model can know, is subtracted from both. A second column has the error over that of sound logs.
+These are other data where the machine or its motion differs. `named` counts draws in which a remark
+(on masses, columns, motion, or missing effects) names the condition. `false` counts draws with any
+other remark; for sound logs every remark is false. `labels` are values called identifiable that
+hold those of exact logs.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ REQUIRED = {"noisy positions": (1.05, 1.3)}
 
 @dataclass
 class Logged:
-    """One draw as it is logged: files, columns and what is stated.
+    """One draw as it is logged: files, columns and statements.
 
     Attributes
     ----------
@@ -118,12 +118,12 @@ class Logged:
         return self.robot.joints[int(self.rng.choice(order))]
 
     def change(self, what: Callable[[int, pd.DataFrame], None]) -> None:
-        """Let a function change each log in its place."""
+        """Apply a function to each log in place."""
         for k, frame in enumerate(self.frames):
             what(k, frame)
 
     def rewrite(self, what: Callable[[str], str]) -> None:
-        """Let a function change the text of the robot file."""
+        """Apply a function to the text of the robot file."""
         file = self.robot.path
         file.write_text(what(file.read_text()))
 
@@ -136,7 +136,7 @@ class Logged:
 
 @dataclass(frozen=True)
 class Stated:
-    """How an analysis is told the truth: one for each of some options, of which the best counts."""
+    """The truth for an analysis: one for each of some options, of which the best counts."""
 
     robot: Robot
     options: tuple[dict[str, Any], ...] = ({},)
@@ -144,7 +144,7 @@ class Stated:
 
 
 def _as_it_is(_: Logged, robot: Robot) -> Stated:
-    """Return the plain model as the truth, which nothing that seems missing may join."""
+    """Return the plain model as the truth, without missing effects."""
     return Stated(robot, ({"ladder": _ladder()},))
 
 
@@ -190,14 +190,14 @@ def _weightless(x: Logged, robot: Robot) -> Stated:
 
 @dataclass(frozen=True)
 class Condition:
-    """What a robot or its logs are like.
+    """A condition of a robot or its logs.
 
     Attributes
     ----------
     item : int
         Which of the twelve it is; 0 for logs as they should be.
     says : str
-        Pattern of what names it; empty where nothing needs to be said.
+        Pattern of what names it; empty where no remark is needed.
     log : callable(Logged), optional
         Changes what is logged.
     machine : callable(Case), optional
@@ -214,10 +214,10 @@ class Condition:
     centred : bool
         Whether errors are about each joint's mean.
     judged : Preparation, optional
-        How the sealed log is prepared, whatever cut-off an analysis has; by default as its own
-        logs were.
+        Preparation of the sealed log, independent of the cut-off of an analysis; by default as its
+        own logs were.
     case : Commanded or Floating, optional
-        What draws and examines it, if it is no robot whose torque was measured on a stand.
+        Draws and examines the case, for robots other than those with measured torque on a stand.
     """
 
     item: int
@@ -234,7 +234,7 @@ class Condition:
 
 
 def _masses(mass: float, moment: float) -> Callable[[Logged], None]:
-    """Return what gives every body one mass [kg] and moment of inertia [kg·m²]."""
+    """Return a function that gives every body one mass [kg] and moment of inertia [kg·m²]."""
 
     def change(x: Logged) -> None:
         def text(t: str) -> str:
@@ -314,7 +314,7 @@ def _noisy(x: Logged) -> None:
 
 
 def _shaking(x: Logged) -> None:
-    """Let the position of the joint with least torque shake at 4 to 20 Hz, which moves nothing."""
+    """Add a shake of 4 to 20 Hz to the position of the joint with the least torque."""
     joint = x.robot.joints[int(np.argmin(x.case.torque))]
     size = float(np.exp(x.rng.uniform(*np.log(SHAKES))))
 
@@ -349,7 +349,7 @@ def _stops(case: Case) -> None:
 
 
 def _point_to_point(case: Case) -> None:
-    """Let fitted motions go from posture to posture, of which the others know nothing."""
+    """Move from posture to posture in the fitted logs, unlike in the other logs."""
     each = round(2.0 / STEP)
     place = np.arange(case.wanted.shape[1]) / each
     at = place.astype(int)
@@ -566,13 +566,13 @@ def draw(folder: Path, stream: str, number: int, name: str, which: Condition) ->
     return out
 
 
-#: What is hidden under a condition, in the first joint.
+#: Hidden effects of a condition, in the first joint.
 HIDDEN = {"friction warms up": "warm_up"}
 
 
 @lru_cache(2)  # most conditions change logs alone: one simulation does for them
 def move(stream: str, number: int, name: str) -> tuple[Case, Runs, Any]:
-    """Return a machine that is like a condition, how it moved, and the seeds' state behind it."""
+    """Return a machine under a condition, its motion, and the state of the seeds after it."""
     rng, which = np.random.default_rng([stream_number(stream), number]), CONDITIONS[name]
     with TemporaryDirectory() as folder:
         robot = write_robot(Path(folder), EVERY[number % len(EVERY)], rng)
@@ -591,7 +591,7 @@ def move(stream: str, number: int, name: str) -> tuple[Case, Runs, Any]:
 
 
 def write_logs(x: Logged) -> list[Path]:
-    """Write the logs of a draw beside its robot file."""
+    """Write the logs of a draw into the folder of its robot file."""
     paths = []
     for name, f in zip(LOGS, x.frames, strict=True):
         paths.append(x.path / f"{name}.parquet")
@@ -600,7 +600,7 @@ def write_logs(x: Logged) -> list[Path]:
 
 
 def values_of(case: Case, model: mujoco.MjModel) -> dict[str, float]:
-    """Return parameters of a machine by the names of the robot's own."""
+    """Return parameters of a machine by the names of the robot."""
     out: dict[str, float] = {}
     for k in range(1, model.nbody):
         name, m, c = model.body(k).name, float(model.body_mass[k]), model.body_ipos[k]
@@ -631,7 +631,7 @@ def truth_of(case: Case, a: Analysis) -> pd.Series:
 
 
 def sealed_error(a: Analysis, sealed: Any, which: Condition, scale: Array | None = None) -> float:
-    """Return the error where joints move, over each joint's own variation or a given one (n,)."""
+    """Return the error where joints move, relative to each joint's variation or `scale`."""
     fit = a.fit if which.judged is None else replace(a.fit, preparation=which.judged)
     p = fit.predict([sealed])
     data = p.known & np.isfinite(p.tau)
@@ -647,7 +647,7 @@ def sealed_error(a: Analysis, sealed: Any, which: Condition, scale: Array | None
 
 
 def truth_error(x: Logged, which: Condition, sealed: Any, scale: Array | None) -> float:
-    """Return the error of an analysis of the same logs that is told the truth."""
+    """Return the error of an analysis of the same logs that is given the truth."""
     assert which.truth is not None
     stated, logs = which.truth(x, load_robot(x.path)), [x.path / f"{n}.parquet" for n in LOGS]
     fitted: list[Any] = list(stated.logs or logs)
@@ -661,7 +661,7 @@ def truth_error(x: Logged, which: Condition, sealed: Any, scale: Array | None) -
 
 
 def examine(x: Logged, which: Condition) -> dict[str, Any]:
-    """Return what the default makes of a draw, and write beside it what it said."""
+    """Return the outcome of the default analysis of a draw, and write its remarks to a file."""
     robot, logs = load_robot(x.path), write_logs(x)
     row: dict[str, Any] = {"robot": x.notes["robot"], "level": x.notes["level"], "refused": False}
     begin = time.process_time()
@@ -698,7 +698,7 @@ def examine(x: Logged, which: Condition) -> dict[str, Any]:
 def examine_number(
     folder: Path, stream: str, number: int, name: str, which: Condition
 ) -> dict[str, Any]:
-    """Return what the default makes of the draw of a number under a condition."""
+    """Return the outcome of the default analysis for the draw of a number under a condition."""
     if which.case is None:
         return examine(draw(folder, stream, number, name, which), which)
     path = folder_of(folder, number, name)
@@ -708,7 +708,7 @@ def examine_number(
 
 
 def find_checks(counts: pd.DataFrame) -> list[StudyCheck]:
-    """Return what is required of conditions that ask for a cut-off: errors over the best one's."""
+    """Return the checks of conditions that require a cut-off: errors over the best one's."""
     checks = list[StudyCheck]()
     for name, (median, worst) in REQUIRED.items():
         for row in counts[counts.condition == name].to_dict("records"):
@@ -720,7 +720,7 @@ def find_checks(counts: pd.DataFrame) -> list[StudyCheck]:
 
 
 def show(rows: Sequence[dict[str, Any]], out: Path, stream: str) -> None:
-    """Print the table of the twelve, and write it with that of all draws."""
+    """Print the table of the twelve conditions, and write it with that of all draws."""
     frame = pd.DataFrame(rows).reset_index(drop=True)
     for column in ("over", "off", "half", "held", "judged", "truth"):
         frame[column] = frame.get(column, np.nan)
@@ -783,7 +783,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         for name in names:
             of = CONDITIONS[name].of
             if (name, number) in done or EVERY[number % len(EVERY)] not in of:
-                continue  # what has a case of its own can be on any number
+                continue  # conditions with a case of their own can be on any number
             which = CONDITIONS[name]
             row = {"condition": name, "number": number}
             row |= examine_number(asked.folder, asked.stream, number, name, which)

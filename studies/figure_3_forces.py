@@ -40,7 +40,7 @@ def agreement(machine: Array, simulated: Array) -> tuple[float, Array]:
 
 
 def find_checks(found: dict[str, tuple[float, Array]]) -> list[StudyCheck]:
-    """Return how near the curves must be; the paper gives no number."""
+    """Return the limits of the distance between the curves; the paper gives no number."""
     correlations = np.concatenate([r for _, r in found.values()])
     return [
         check_range(

@@ -76,7 +76,7 @@ def closure_table(options: Options) -> tuple[StudyTable, dict[float, float]]:
 
 
 def find_checks(trials: Trials, lost: dict[float, float]) -> list[StudyCheck]:
-    """Return what Figure 4 shows, and what it is said to show."""
+    """Return the checks of Figure 4, and of the paper's statements about it."""
     at = {(c.delta, c.eta): t for c, t in trials.items()}
     motion, force = at[0.04, 0.0], at[0.0, 0.05]
     means = {
@@ -124,7 +124,7 @@ def find_checks(trials: Trials, lost: dict[float, float]) -> list[StudyCheck]:
 
 
 def run(options: Options) -> StudyResult:
-    """Draw Figure 4 and say what it shows."""
+    """Draw Figure 4 and state its result."""
     grid = (DELTAS[::2], (0.0, *ETAS[3::2])) if options.quick else (DELTAS, ETAS)
     cases = variants(Case("601", robot=options.robot), delta=grid[0], eta=grid[1])
     draws = options.fewer(10, 1)

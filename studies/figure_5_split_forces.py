@@ -42,7 +42,7 @@ def fit_without(subject: Subject, log: ExactLog, motion: Motion) -> tuple[Array,
 def find_checks(
     tau: Array, exact: tuple[Array, ...], found: tuple[Array, ...], *, possible: bool
 ) -> list[StudyCheck]:
-    """Return what Figure 5 must show."""
+    """Return the checks of Figure 5."""
     total = sum(found)
     error = 100 * np.abs(total - tau).sum() / np.abs(tau - tau.mean()).sum()
     body = np.abs(found[0] - exact[0]).mean() / np.abs(exact[0]).mean()

@@ -24,7 +24,7 @@ SHOWN = ("601", "595")
 
 
 def find_checks(errors: dict[tuple[str, str], Array]) -> list[StudyCheck]:
-    """Return what Figure 6 must show."""
+    """Return the checks of Figure 6."""
     own = np.array([100 * e for (a, b), e in errors.items() if a == b])
     held = np.array([100 * e for (a, b), e in errors.items() if a != b])
     mean = held.mean(0)

@@ -1,13 +1,12 @@
-"""Do foreign and spoilt logs get in, and is what is odd about them said?
+"""Can foreign and spoilt logs be read, and are their problems named?
 
 A corpus of more than a hundred logs, made with fixed seeds from good simulated ones: text and
 containers of other programs, other names, clocks and units, lost and wrong samples, torque that is
-none. Of each it is known what a good engineer would say. A log is *read right* if the unpruned
-model fitted to it predicts the torque that the model of the good log predicts; *named* if a
-sentence or hint holds the cause; *warned* if it is read wrongly and a hint says something else;
-and *wrong with confidence* if it is read wrongly and nothing is said. How often good logs are
-called odd is counted beside it: simulated ones with noise of many kinds, and real ones where they
-are there.
+none. For each log the expected answer of a good engineer is known. A log is *read right* if the
+unpruned model fitted to it predicts the torque that the model of the good log predicts; *named* if
+a sentence or hint holds the cause; *warned* if it is read wrongly and a hint says something else;
+and *wrong with confidence* if it is read wrongly and nothing is said. False alarms on good logs are
+counted, too: simulated ones with noise of many kinds, and real ones where they are there.
 """
 
 from __future__ import annotations
@@ -45,7 +44,7 @@ NOISE = Noise(torque=0.02, encoder=1e-5)
 #: A log is read right if no joint's predicted torque differs by more than this share.
 RIGHT = 0.05
 
-#: What is an answer, from best to worst.
+#: Outcomes, from best to worst.
 OUTCOMES = (
     "read right",
     "named",
@@ -58,7 +57,7 @@ OUTCOMES = (
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a log.
+    """Outcome of a log.
 
     Attributes
     ----------
@@ -78,7 +77,7 @@ class Outcome:
 
     @property
     def good(self) -> bool:
-        """Whether a good engineer would say the same."""
+        """Whether the answer is that of a good engineer."""
         if self.case.quiet:
             return self.outcome == "read right" and not self.said
         if self.case.never:
@@ -95,7 +94,7 @@ def good_log(name: str, lock: tuple[str, ...] = ()) -> Log:
 
 
 def fit(robot: Robot, log: Any) -> Analysis:
-    """Return the analysis of a log, without what takes time."""
+    """Return the analysis of a log, without slow options."""
     return analyze(robot, log, replicates=0)
 
 
@@ -108,7 +107,7 @@ def good_torque(name: str, lock: tuple[str, ...] = ()) -> tuple[Regression, np.n
 
 
 def predict(regression: Regression, result: Analysis) -> np.ndarray:
-    """Return what the unpruned model of a result predicts along a motion, (N, n)."""
+    """Return the torque that the unpruned model of a result predicts along a motion, (N, n)."""
     full = result.models[-1]
     for model in result.models:
         if len(model.submodel) > len(full.submodel):
@@ -127,7 +126,7 @@ def compare(case: Case, result: Analysis) -> float:
 
 
 def try_case(case: Case, folder: Path) -> Outcome:
-    """Write a log, read it, and judge what is said."""
+    """Write a log, analyse it, and judge the remarks."""
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(SEED)
     path = case.write(good_log(case.robot, case.lock).to_frame(), folder, rng)
@@ -155,7 +154,7 @@ def _holds(case: Case, said: str) -> bool:
 
 
 def _robot(case: Case, folder: Path) -> Robot:
-    """Return the robot, with what the case says in its sidecar."""
+    """Return the robot, with the sidecar of the case."""
     options: dict[str, Any] = {"columns": dict(case.columns) or None, "lock": list(case.lock)}
     if not case.sidecar and case.scene is None:
         return Robot.load(case.robot, **options)
@@ -171,7 +170,7 @@ def _robot(case: Case, folder: Path) -> Robot:
 
 
 def run(cases: Sequence[Case]) -> Iterator[Outcome]:
-    """Yield what became of each log."""
+    """Yield the outcome of each log."""
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("error")
         for k, case in enumerate(cases):

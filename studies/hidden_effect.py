@@ -7,8 +7,8 @@ and the logs, nothing else. Also nulls, pairs, effects outside the dictionary, t
     python studies/hidden_effect.py --quick
     python studies/hidden_effect.py --seeds 10 --nulls 67 --out reports/hidden_effect.json
 
-Every trial is written as soon as it is there, to a file `.jsonl` beside `--out`; the same command
-goes on where it was stopped.
+Every finished trial is written at once, to a file `.jsonl` in the folder of `--out`; the same
+command goes on where it was stopped.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ PAIRS = (
     ("stribeck_friction", "passive_joint_friction"),
 )
 PARTS = ("single", "null", "pair", "outside", "paper")
-#: Outcomes that are right; "A or B" has the truth among two names that cannot be told apart.
+#: Outcomes that are right; "A or B" has the truth among two indistinguishable names.
 RIGHT = ("exact", "A or B")
-#: Columns of what must hold.
+#: Columns of the required limits.
 CHECKED = ("what", "trials", "good", "share", "low", "high", "must", "holds", "outcomes")
 #: Trials after which the tables are written again.
 OFTEN = 50
@@ -66,7 +66,7 @@ def list_jobs(seeds: int, nulls: int, robots: Sequence[str], parts: Sequence[str
 
 
 def run_rest(jobs: Sequence[Job], path: Path, workers: int) -> pd.DataFrame:
-    """Run the jobs that a file does not have yet, and append each as soon as it is there."""
+    """Run the jobs that are missing in a file, and append the results one by one."""
     rows = read_rows(path)
     done = {r["key"] for r in rows}
     rest = [j for j in jobs if j.key not in done]
@@ -122,7 +122,7 @@ def summarise(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def check(frame: pd.DataFrame) -> list[dict[str, Any]]:
-    """Return what must hold: counts, shares with 95 % intervals, bounds."""
+    """Return the required limits: counts, shares with 95 % intervals, bounds."""
     seen = frame[~frame.outcome.isin(["no place", "aliased"])]
     out = []
 
@@ -136,7 +136,7 @@ def check(frame: pd.DataFrame) -> list[dict[str, Any]]:
 
     for size, least in (("0.5", 0.7), ("1", 0.85), ("realistic", 0.7)):
         part = seen[(seen.study == "single") & (seen["size"] == size)]
-        # What has a realistic size may still be next to invisible in a motion: counted apart.
+        # Effects of a realistic size may still be almost invisible in a motion: counted apart.
         small = part.sd < 0.5
         add(f"named at {size} ×, visible part below 0.5 ×", part[small].outcome.isin(RIGHT), 0.0)
         part = part[~small]

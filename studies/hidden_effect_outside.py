@@ -6,7 +6,7 @@ from identifiability.effects import FAMILIES
 
 #: All that may be named.
 EVERY = tuple(FAMILIES)
-#: Effects that are held back from the dictionary, with what would be another name for each.
+#: Effects that are held back from the dictionary, with acceptable other names for each.
 OUTSIDE = {
     "rising_friction": ("sigmoid_friction",),
     "sigmoid_friction": ("rising_friction",),
@@ -22,5 +22,5 @@ OUTSIDE = {
     "friction_drift": (),
     "thermal_drift": ("torque_drift",),
 }
-#: Those of them that are smooth functions of what a diagnosis looks at.
+#: Those of them that are smooth functions of coordinates of a diagnosis.
 SMOOTH = tuple(OUTSIDE)[:8]

@@ -43,13 +43,13 @@ FAMILIES = tuple(REALISTIC)
 ALIASED = 0.03
 #: Effects that are hidden in the whole robot.
 WHOLE = ("gravity_tilt",)
-#: What the paper neglects, by the family that should be named.
+#: Effects that the paper neglects, by the family that should be named.
 PAPER = ("stribeck_friction", "passive_joint_friction", "actuator_inertia")
 
 
 @dataclass(frozen=True)
 class Job:
-    """What a trial hides.
+    """The hidden effects and the conditions of a trial.
 
     Attributes
     ----------
@@ -74,14 +74,14 @@ class Job:
 
     @property
     def key(self) -> str:
-        """What tells jobs apart."""
+        """Unique key of the job."""
         return "|".join([self.study, self.robot, "+".join(self.hidden), self.size,
                          f"{self.rho:g}", f"{self.motion:g}", str(self.seed)])  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Trial:
-    """What was hidden, what was named, and the held-out error before, after and of the truth.
+    """Hidden and named effects, and the held-out error before, after and of the truth.
 
     `visible` is the share of the hidden torque outside the base model, `sd` the rms of that part
     over the noise's; of several hidden effects the least.
@@ -117,7 +117,7 @@ def campaign(name: str) -> Campaign:
 
 @cache
 def paper_campaign(truth: str) -> tuple[Campaign, np.ndarray]:
-    """Return the motions of the paper and two more, and what the simulator adds to the torque."""
+    """Return the motions of the paper and two more, and the torque that the simulator adds."""
     robot = Robot.load("3-rps")
     rng = np.random.default_rng(3)
     motions = [shipped_trajectory(robot, k) for k in ("571", "595", "601")]
@@ -248,7 +248,7 @@ def run(job: Job) -> Trial | None:
 
 
 def _judge_outside(d: Diagnosis, joints: set[str]) -> tuple[str, bool]:
-    """Return what became of an effect that has no name, and whether its joint was found."""
+    """Return the outcome for an effect outside the dictionary, and whether its joint was found."""
     if any(not e.unnamed for e in d.effects):
         return "false name", False
     return ("function" if d.effects else "no name"), {
@@ -257,7 +257,7 @@ def _judge_outside(d: Diagnosis, joints: set[str]) -> tuple[str, bool]:
 
 
 def _size(size: str, family: str, visible: float) -> float:
-    """Return the rms of the visible part of a hidden torque over that of the noise."""
+    """Return the ratio of the rms of the visible hidden torque to that of the noise."""
     return REALISTIC[family] * visible / LEVEL if size == "realistic" else float(size)
 
 

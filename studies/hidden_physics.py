@@ -2,10 +2,10 @@
 
 MuJoCo gives inertia, gravity and Coriolis forces and the Jacobians of the loops. Friction is
 Coulomb's law on the velocities behind each step [Moreau 1988; Stewart & Trinkle 1996],
-v⁺ = v + h A(τ + f), with f within its level, and opposite to v⁺ where that is not zero: a joint
-that stops stands, and what its motor then supplies is anything within the level. (MuJoCo's own
-`frictionloss` is a soft constraint, in which joints creep; stiff bristles are hysteresis.) What is
-hidden is a `Law`: a force and a level of dry friction at one axis, with a memory if it likes.
+``v⁺ = v + h A(τ + f)``, with f within its level, and opposite to v⁺ where that is not zero: a joint
+that stops stands, and its motor may then supply any torque within the level. (MuJoCo's own
+`frictionloss` is a soft constraint, in which joints creep; stiff bristles are hysteresis.) A hidden
+effect is a `Law`: a force and a level of dry friction at one axis, with a memory if it likes.
 Several runs of one machine are simulated side by side.
 """
 
@@ -27,7 +27,7 @@ STEP = 1e-3
 BANDWIDTH, DAMPING, RESET = 5.0, 0.8, 0.3
 #: Share of an open loop that is closed in a step [Baumgarte 1972].
 CLOSING = 0.2
-#: Share by which rows that depend on one another (planar loops) are told apart.
+#: Share below which rows that depend on one another (planar loops) count as equal.
 TRIFLE = 1e-9
 #: Rounds in which it is settled which joints stand.
 ROUNDS = 12
@@ -35,7 +35,7 @@ ROUNDS = 12
 
 @dataclass
 class State:
-    """Where L runs are: what a law may depend on.
+    """Where L runs are: the arguments of a law.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ Rule = Callable[[State], tuple[Array | float, Array | float, Array | float]]
 
 @dataclass(frozen=True)
 class Law:
-    """What is hidden at one axis.
+    """The hidden effect at one axis.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Law:
 
 @dataclass(frozen=True)
 class Runs:
-    """What happened, each (L, N, …), at the samples of the log.
+    """Simulated quantities, each (L, N, …), at the samples of the log.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class Runs:
     q, v, a : (L, N, m)
         Of the axes; v and a at the same times as q.
     tau : (L, N, n)
-        What the controller asked its motors for.
+        Torque that the controller commands.
     forces : (L, N, k)
         What each law took off.
     stuck : (L, N, m) bool
@@ -107,12 +107,12 @@ class Runs:
 
 @dataclass(frozen=True)
 class Machine:
-    """A robot as it is, which its file need not say.
+    """A robot as built, which may differ from its file.
 
     Attributes
     ----------
     robot : Robot
-        As its file says.
+        The robot of the file.
     model : mujoco.MjModel
         Bodies and rotors; no friction.
     dry, viscous : (m,) [N·m or N; N·m·s/rad or N·s/m]
@@ -120,7 +120,7 @@ class Machine:
     changed : mujoco.MjModel, optional
         What it becomes in the middle of a run.
     limits : (n,) [N·m or N]
-        Torque that motors cannot give, however much is asked for.
+        Limit of the motors' torque.
     """
 
     robot: Robot
@@ -151,7 +151,7 @@ class Machine:
         return np.array([self.model.joint(name).dofadr[0] for name in self.axes])
 
     def give(self, tau: Array) -> Array:
-        """Return the torque that motors give when (…, n) is asked for: iron saturates."""
+        """Return the torque of the motors for commanded torque (…, n): iron saturates."""
         return tau if self.limits is None else self.limits * np.tanh(tau / self.limits)
 
     def starts(self, q: Array) -> Array:
@@ -160,7 +160,7 @@ class Machine:
         return np.array([state.qpos for state in states])
 
     def project(self, runs: Runs, axis: int, force: Array) -> Array:
-        """Return what the motors take for forces (L, N) at an axis, (L, N, n)."""
+        """Return the motor torques (L, N, n) that balance forces (L, N) at an axis."""
         n, out = len(self.robot.joints), np.zeros_like(runs.tau)
         if axis < n:
             out[:, :, axis] = force
@@ -182,7 +182,7 @@ class Machine:
         session: Array | None = None,
         change: Array | None = None,
     ) -> Runs:
-        """Return what a PID controller makes of wanted positions, and the torque that it takes.
+        """Return the motion under a PID controller with wanted positions, and its torque.
 
         Parameters
         ----------
@@ -196,12 +196,12 @@ class Machine:
         change : (L,) [s], optional
             When each becomes what `changed` is.
         """
-        with np.errstate(all="ignore"):  # what diverges is found at the end
+        with np.errstate(all="ignore"):  # divergence is found at the end
             return _Simulation(self, wanted, laws, session, change).run(every, settle)
 
 
 class _Simulation:
-    """Runs side by side: arrays (L, …) of what MuJoCo computes one by one."""
+    """Runs side by side: arrays (L, …) of quantities that MuJoCo computes one by one."""
 
     def __init__(
         self,
@@ -245,9 +245,9 @@ class _Simulation:
                 self.open[k] = data.efc_pos
 
     def response(self) -> tuple[Array, Array]:
-        """Return how forces accelerate the coordinates, (L, nv, nv), and what closes the loops.
+        """Return the accelerations (L, nv, nv) by unit forces, and the closing of the loops.
 
-        The latter (L, nv, rows) is a velocity for how far rows are from what they should be.
+        The latter (L, nv, rows) is the velocity that corrects a unit error of each row.
         """
         inverse = np.linalg.inv(self.inertia)
         if not self.rows:
@@ -271,7 +271,10 @@ class _Simulation:
         return stiff, 2 * DAMPING / (2 * np.pi * BANDWIDTH) * stiff, hold / stiff
 
     def ask(self, force: Array, up: Array, down: Array) -> Array:
-        """Take what laws say off the force, add it to the levels; return it by law, (L, k)."""
+        """Subtract the forces of laws, and add their friction to the levels.
+
+        Return the subtracted forces by law, (L, k).
+        """
         out, v = np.zeros((len(force), len(self.laws))), self.state.v
         for i, (law, rule) in enumerate(zip(self.laws, self.rules, strict=True)):
             k = law.axis
@@ -298,7 +301,7 @@ class _Simulation:
         return ahead, f, rests
 
     def run(self, every: int, settle: int) -> Runs:
-        """Simulate, and return every so many samples after some."""
+        """Simulate, and return every n-th step after the first ones."""
         machine, dofs, state, n = self.machine, self.dofs, self.state, self.n
         begin, samples = state.session.copy(), []
         rate = np.gradient(self.wanted, STEP, axis=1)
@@ -345,7 +348,7 @@ def stick(free: Array, A: Array, up: Array, down: Array, v: Array) -> tuple[Arra
     free : (L, m)
         Velocities behind the step without dry friction.
     A : (L, m, m)
-        How it changes them.
+        Change of the velocities by the friction.
     up, down : (L, m)
         Its levels while a joint moves up and down; none below zero.
     v : (L, m)
@@ -400,7 +403,7 @@ def add_mass(model: mujoco.MjModel, body: int, mass: float, at: Array) -> mujoco
 
 
 def torque_between(machine: Machine, other: mujoco.MjModel, runs: Runs) -> Array:
-    """Return by how much another model takes more torque along runs, (L, N, n)."""
+    """Return the additional torque of another model along runs, (L, N, n)."""
     n, dofs = len(machine.robot.joints), machine.dofs
     both = [(model, mujoco.MjData(model)) for model in (machine.model, other)]
     out = np.empty((*runs.full.shape[:2], n))
@@ -421,7 +424,7 @@ def torque_between(machine: Machine, other: mujoco.MjModel, runs: Runs) -> Array
 
 
 def _follow(data: mujoco.MjData, dofs: np.ndarray, n: int) -> Array:
-    """Return how speeds of the passive axes follow those of the actuated joints, (m − n, n)."""
+    """Return the Jacobian of the passive axes by the actuated joints, (m − n, n)."""
     J = data.efc_J.reshape(data.nefc, -1)
     speeds: Array = -np.linalg.lstsq(J[:, dofs[n:]], J[:, dofs[:n]], rcond=1e-9)[0]
     return speeds

@@ -4,11 +4,11 @@
 
 A case is a folder of plain files: the robot as its maker says it is (masses wrong by 10–30 %),
 `fit1`, `fit2`, `fit3`, `unseen` and `sealed` as Parquet, and `truth.json`. The same stream and
-number give the same bytes. `z` in the truth is what an oracle would get that knows family, place,
-shape and noise: the hidden torque outside the base model over the noise's standard deviation, on
-the three fitted logs, up to `BAND`, without the samples at which a joint stands; `z measured` is
-the same with motion as encoders tell it, whose errors are noise, too. Effects are as
-large as machines have them; the level of the noise is set so that z is what was drawn.
+number give the same bytes. `z` in the truth is the z of an oracle that knows family, place, shape
+and noise: the hidden torque outside the base model over the noise's standard deviation, on the
+three fitted logs, up to `BAND`, without the samples at which a joint stands; `z measured` is the
+same with motion as encoders measure it, whose errors are noise, too. Effects are as large as
+machines have them; the level of the noise is set so that z has the drawn value.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from identifiability.simulation.mujoco_robot import MujocoRobot
 
 LOGS = ("fit1", "fit2", "fit3", "unseen", "sealed")
 FITTED = 3
-#: What every thirteen cases are.
+#: The kinds of every thirteen cases.
 KINDS = ("inside", "outside", "null", "inside", "two", "outside", "inside", "null", "outside",
          "inside", "several", "strong", "several")  # fmt: skip
 #: Families that are hidden in several joints, and the robots that have enough joints for it.
@@ -63,7 +63,7 @@ NEAR, ROUNDS = 1.0, 6
 Z, NOISE = (3.0, 40.0), (0.002, 0.03)
 #: Sizes as shares of those that `hidden_physics_laws` draws.
 SIZES = (0.03, 0.6)
-#: z and sizes of one strong effect: what its law does not explain stands out as well.
+#: z and sizes of one strong effect: the part that its law does not explain is visible as well.
 STRONG_Z, STRONG_SIZES = (40.0, 200.0), (0.4, 1.0)
 #: Draws until something is hidden that the base model does not say as well.
 DRAWS = 5
@@ -118,7 +118,7 @@ ROBOTS = {
 
 
 def stream_number(text: str) -> int:
-    """Return the number of a stream of seeds: 0 to develop on, or that of a commit."""
+    """Return the number of a stream of seeds: 0 for development, or the stream of a commit."""
     return int(text) if text == "0" else int(hashlib.sha256(text.encode()).hexdigest()[:15], 16)
 
 
@@ -179,7 +179,7 @@ def write_robot(path: Path, name: str, rng: np.random.Generator) -> Robot:
 
 
 class Case:
-    """One draw: the machine, its motions, what is hidden in it."""
+    """One draw: the machine, its motions, and its hidden effects."""
 
     def __init__(self, robot: Robot, kind: str, rng: np.random.Generator) -> None:
         self.robot, self.kind, self.rng, self.n = robot, kind, rng, len(robot.joints)
@@ -192,7 +192,7 @@ class Case:
         self.machine = self._machine()
 
     def _wanted(self) -> Array:
-        """Return positions (L, N, n) that are asked for: from rest, some with stops."""
+        """Return commanded positions (L, N, n): from rest, some with stops."""
         t = np.arange(0.0, SETTLE + SECONDS, STEP)
         x = np.clip(t / SETTLE, 0.0, 1.0)
         pace = x * x * (3 - 2 * x)
@@ -203,7 +203,7 @@ class Case:
         return np.stack([m.motion(way % SECONDS)[0] for m in self.motions])
 
     def _machine(self) -> Machine:
-        """Return the machine as it is: other masses and rotors than its file, and friction."""
+        """Return the machine as built: other masses and rotors than its file, and friction."""
         rng, m, n = self.rng, Machine.of(self.robot), self.n
         model = m.model
         factor = 1 + rng.uniform(0.1, 0.3, model.nbody) * rng.choice([-1, 1], model.nbody)
@@ -231,14 +231,14 @@ class Case:
         return replace(m, dry=dry, viscous=viscous)
 
     def joint(self, name: str) -> Joint:
-        """Return what the motion of an axis is like."""
+        """Return the motion statistics of an axis."""
         k, rng = self.machine.axes.index(name), self.rng
         q, v = (self.q[:, k], self.v[:, k]) if k < self.n else self.passive[name]
         others = [i for i in range(self.n) if i != k]
         other = int(rng.choice(others)) if others else k
         at = min(k, self.n - 1)
         torque, speed = float(self.torque[at]), float(np.sqrt((v**2).mean()))
-        if k >= self.n:  # what takes as much power as a motor has
+        if k >= self.n:  # forces with as much power as a motor
             torque = float((self.torque * np.sqrt((self.v**2).mean(0))).mean() / speed)
         sizes = STRONG_SIZES if self.kind == "strong" else SIZES
         part = float(np.exp(rng.uniform(*np.log(sizes))))
@@ -268,7 +268,7 @@ class Case:
         return [p for p in can if not known.refuse(self.robot, p)]
 
     def draw(self) -> list[tuple[Hidden, str]]:
-        """Return what is hidden, each with its place."""
+        """Return the hidden effects, each with its place."""
         if self.kind == "several":
             return self.draw_several()
         source = list(OUTSIDE) if self.kind == "outside" else list(INSIDE)
@@ -303,7 +303,7 @@ class Case:
             machine, runs, parts = self.simulate(found)
             size = self.oracle(runs, parts, memory)
             if not size or min(size) > Z[0] * NOISE[0]:
-                break  # what the base model says as well is drawn again
+                break  # effects that the base model explains are drawn again
         recorded = runs.tau
         for hidden, _ in found:
             recorded = recorded if hidden.record is None else hidden.record(recorded, self.rate)
@@ -378,7 +378,7 @@ class Case:
         return machine, runs, parts
 
     def _changed(self, machine: Machine, hidden: Hidden, place: str) -> tuple[Machine, Array]:
-        """Return a machine with what no law says, and since when it is so in each log (L,)."""
+        """Return the machine with changes that are no `Law`, and their start in each log (L,)."""
         model, numbers, since = machine.model, hidden.numbers, np.full(len(LOGS), np.inf)
         if hidden.family == "gravity_tilt":
             other, since[:] = model.__copy__(), -np.inf
@@ -479,7 +479,7 @@ class Case:
     def _write_logs(
         self, path: Path, runs: Runs, tau: Array, sd: Array, memory: float
     ) -> list[float]:
-        """Write what sensors say; return the encoders' steps."""
+        """Write the sensor data of the logs; return the encoders' steps."""
         rng, slides = self.rng, [self.robot.is_prismatic(int(k)) for k in self.robot.actuated]
         turns = 2 * np.pi / 2.0 ** rng.integers(*BITS, self.n, endpoint=True)
         step = np.where(slides, rng.uniform(*LINE, self.n), turns)
@@ -494,7 +494,7 @@ class Case:
 
 
 def coloured(rng: np.random.Generator, samples: int, joints: int, memory: float) -> Array:
-    """Return noise (N, n) of unit variance that remembers a share of the sample before."""
+    """Return noise (N, n) of unit variance whose samples keep a share of the sample before."""
     e = rng.standard_normal((samples, joints))
     e[1:] *= np.sqrt(1 - memory**2)
     noise: Array = lfilter([1.0], [1.0, -memory], e, axis=0)
@@ -502,7 +502,7 @@ def coloured(rng: np.random.Generator, samples: int, joints: int, memory: float)
 
 
 def whitened(rows: Array, sd: Array, memory: float, rate: float) -> Array:
-    """Return Fourier coefficients of rows (N, n, p) up to `BAND` over those of the noise, (k, p).
+    """Return Fourier coefficients (k, p) of rows (N, n, p) up to `BAND`, relative to the noise.
 
     Real and imaginary parts apart, where noise of standard deviation sd (n,) has unit variance.
     """

@@ -1,4 +1,4 @@
-"""Examine `diagnose` on robots of another physics: what it names, and whether that helps.
+"""Examine `diagnose` on robots of another physics: does it name effects, and does that help?
 
     python studies/hidden_physics_exam.py --cases 40 --folder SCRATCH --out reports
     python studies/hidden_physics_exam.py --commit HASH --cases 240 --folder SCRATCH
@@ -8,18 +8,17 @@
 the robot file, three logs to fit and one that vetoes; a fifth, sealed log only scores. One case
 after another; a stopped run goes on with the same command; with `--rows` nothing is run, and the
 table of such rows is printed. Shares have Wilson's 95 % intervals. An effect counts as visible
-where an oracle's z is at least 4; beside it stands what counts where the second z is, that of the
-motion as encoders tell it (`hidden_physics_cases`). Where nothing is hidden, the trust card of
-`analyze` is asked, too.
+where an oracle's z is at least 4; a second column counts effects whose second z, with motion as
+encoders measure it, is at least 4 (`hidden_physics_cases`). Where nothing is hidden, the trust card
+of `analyze` is checked, too.
 
 Outcomes of effects with a name: *exact* (family and place, nothing else), *A or B* (the truth is
-among names that are said not to be told apart; friction that rises with speed and sigmoid friction
-are one curve), *truth and more*, *function* (in the right joint, without a name), *wrong*, *missed*
-and, below z = 4, *silent*. Names are exact where the outcome is one of the first two: each effect
-is said once, in its place, and nothing else is said. An extra name is one that describes nothing,
-or what another name describes already. Outside the dictionary a name is wrong where neither it nor
-its joint describes what is hidden; presliding in a joint that sticks is none where the sealed error
-falls.
+among names that the diagnosis cannot distinguish; friction that rises with speed and sigmoid
+friction are one curve), *truth and more*, *function* (in the right joint, without a name), *wrong*,
+*missed* and, below z = 4, *silent*. Names are exact where the outcome is one of the first two: each
+effect is named once, in its place, and nothing else is named. An extra name describes nothing, or
+repeats another name. Outside the dictionary a name is wrong if neither it nor its joint describes
+the hidden effect; presliding in a joint that sticks is none where the sealed error falls.
 """
 
 from __future__ import annotations
@@ -76,7 +75,7 @@ class Rule:
     of, hits : callable
         Which cases count, and which of these are hits.
     limit : float
-        Share of hits, at least, or at most if `most`; nan where it is only told.
+        Share of hits, at least, or at most if `most`; nan for a figure without a limit.
     upper : float
         The upper end of the share's interval at most.
     counts : bool
@@ -93,7 +92,7 @@ class Rule:
 
 
 def examine(path: Path) -> dict[str, Any]:
-    """Return what a diagnosis says of a case, and how it is judged."""
+    """Return the diagnosis of a case, and its score."""
     truth = json.loads((path / "truth.json").read_text())
     robot, logs = load_robot(path), load_logs(path)
     fitted, unseen, sealed = logs[:FITTED], logs[FITTED : FITTED + 1], logs[FITTED + 1 :]
@@ -150,7 +149,7 @@ def examine(path: Path) -> dict[str, Any]:
     return {**row, "named": named}
 
 
-#: Steps at which the evidence of what is hidden may be lost, in words.
+#: Steps that may lose the evidence of a hidden effect, in words.
 STEPS = {
     "price": "its price: an oracle's evidence would not pay it",
     "preparation": "measured motion: encoders, rows at rest and turns",
@@ -178,12 +177,13 @@ def count_losses(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def trace(d: Any, effect: dict[str, Any], truth: dict[str, Any]) -> dict[str, Any]:
-    """Return what each step leaves of the evidence of a hidden effect [nat], and where it is lost.
+    """Return the evidence for an effect that each step keeps [nat], and the step that loses it.
 
-    It is lost at the first step that leaves less than a name needs beside its price: that of the
-    likeliest of its groups, with what an average over shapes and sizes costs. Steps are the motion
-    as encoders tell it, the band and the shapes of the groups under the noise that was put upon the
-    torque, that of the rich model, other groups, left-out blocks, and the log that may refute.
+    It is lost at the first step whose evidence is below the limit for a name plus its price. The
+    price is that of the likeliest of its groups, with the cost of an average over shapes and sizes.
+    The first steps are the motion as encoders measure it, the band, and the shapes of the groups
+    under the noise that was added to the torque. Then follow the noise of the rich model, other
+    groups, left-out blocks, and the log that may refute.
     """
     looked = look(d.problem)
     found = name_missing(looked)
@@ -228,7 +228,7 @@ def trace(d: Any, effect: dict[str, Any], truth: dict[str, Any]) -> dict[str, An
 
 
 def sealed_error(d: Any, sealed: Sequence[Any]) -> float:
-    """Return the error of a result's model over each joint's own scale, where joints move."""
+    """Return the error of a result's model relative to each joint's scale, where joints move."""
     p = d.predict(sealed)
     data = p.known & np.isfinite(p.tau)
     left = np.where(data, p.tau - p.predicted, 0.0)
@@ -245,26 +245,26 @@ def _say(named: dict[str, Any]) -> str:
 
 
 def _is(family: str, place: str, effect: dict[str, Any]) -> bool:
-    """Whether a name in a place says what is hidden."""
+    """Whether a name in a place describes the hidden effect."""
     whole = "base" in (place, effect["place"])
     fits = {CURVE.get(f, f) for f in effect["fits"]}
     return CURVE.get(family, family) in fits and (whole or place == effect["place"])
 
 
 def _says(named: dict[str, Any], effect: dict[str, Any]) -> bool:
-    """Whether what is hidden is among the names of a part."""
+    """Whether the hidden effect is among the names of a part."""
     return any(_is(f, p, effect) for f, p in [[named["family"], named["joint"]], *named["or"]])
 
 
 def judge(truth: dict[str, Any], named: Sequence[dict[str, Any]], *, falls: bool) -> dict[str, Any]:
-    """Return the outcome of a case, wrong names among what is said, and the sure ones.
+    """Return the outcome of a case, the wrong names, and the sure ones among them.
 
     Parameters
     ----------
     truth : dict
-        With `effects` and how much each joint `stands`.
+        With `effects` and the share of time that each joint `stands`.
     named : sequence of dict
-        family, joint, unnamed, weight, and the others (`or`) that are not told apart.
+        family, joint, unnamed, weight, and the competing names (`or`).
     falls : bool
         Whether the sealed error does.
     """
@@ -326,7 +326,7 @@ def count_extra(
     named: Sequence[dict[str, Any]],
     described: Callable[[dict[str, Any], dict[str, Any]], bool],
 ) -> int:
-    """Return how many names describe nothing that is hidden, or what another name describes."""
+    """Return how many names describe no hidden effect, or repeat another name."""
     matched = sum(any(described(n, e) for n in named) for e in effects)
     return max(len(named) - matched, 0)
 
@@ -348,7 +348,7 @@ def _seen(kind: str, z: str = "z") -> Which:
 
 
 def _rules(z: str) -> list[Rule]:
-    """Return what is asked of what is visible, the limits beside the first z alone."""
+    """Return the rules for visible effects; limits hold for the first z only."""
     first = z == "z"
     seen = "visible" if first else "visible in measured motion"
 
@@ -371,7 +371,7 @@ def _clear(f: pd.DataFrame) -> pd.Series:
     return f.kind.isin(["inside", "two", "several", "strong"]) & (f.z >= CLEAR)
 
 
-#: What must hold, and what is told beside it.
+#: Required limits, and further figures.
 RULES: tuple[Rule, ...] = (
     Rule(f"names are exact, z ≥ {CLEAR:g}", _clear, _right, 0.70),
     Rule("extra names a case", lambda f: f.kind != "null", lambda f: f.extra, 0.10, most=True,
@@ -408,7 +408,7 @@ def poisson(hits: int, of: int) -> tuple[float, float]:
 
 
 def check(frame: pd.DataFrame) -> list[dict[str, Any]]:
-    """Return what must hold: hits, cases, share with its interval, limit."""
+    """Return the required limits: hits, cases, share with its interval, limit."""
     counts = [
         (r, int(r.hits(part).sum()), len(part)) for r in RULES for part in [frame[r.of(frame)]]
     ]
@@ -430,7 +430,7 @@ def check(frame: pd.DataFrame) -> list[dict[str, Any]]:
 
 
 def count(frame: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """Return how often each outcome came, by kind, by z, by robot, and the cards of nulls."""
+    """Return the counts of outcomes by kind, by z, by robot, and the cards of nulls."""
     hides, nulls = frame[frame.kind != "null"], frame[frame.kind == "null"]
     least = pd.cut(hides.z, EDGES, right=False, labels=EDGES[:-1]).astype(float)
     return {
@@ -443,7 +443,7 @@ def count(frame: pd.DataFrame) -> dict[str, pd.DataFrame]:
 
 
 def find_failures(frame: pd.DataFrame) -> pd.DataFrame:
-    """Return the cases that a limit counts against what was said, by kind, outcome and z."""
+    """Return the cases that fail a limit, by kind, outcome and z."""
     fine = _right(frame) | frame.outcome.isin(["silent", "described"]) & (frame.wrong == "")
     fine &= ~((frame.kind == "null") & (frame.card != "green"))
     fine &= ~((frame.said != "") & ~(frame.after < frame.before))
@@ -502,7 +502,7 @@ def show(frame: pd.DataFrame, out: Path, told: str) -> None:
 
 
 def stream_of(commit: str) -> str:
-    """Return the stream of a commit, which must be what is checked out.
+    """Return the stream of a commit, which must be the one that is checked out.
 
     Raises
     ------

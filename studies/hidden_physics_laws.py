@@ -1,8 +1,8 @@
-"""What `hidden_physics_cases.py` hides: effects with a name, and effects as physics makes them.
+"""Hidden effects of `hidden_physics_cases.py`, with a name, or as physics makes them.
 
 Sizes are drawn as machines have them, in units of the joint's own friction, torque, speed and
-range; shapes are drawn continuously. What is recorded wrongly (delays, gains, leaks) changes the
-record, what turns gravity or adds a mass changes the model, everything else is a `Law`.
+range; shapes are drawn continuously. Errors of recording (delays, gains, leaks) change the record.
+Effects that turn gravity or add a mass change the model, and all others are a `Law`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from identifiability.foundation.names import Array
 
 @dataclass(frozen=True)
 class Joint:
-    """What the motion of an axis is like: units for what is hidden there.
+    """Motion statistics of an axis: units for its hidden effects.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Joint:
     other_speed, other_torque : float
         Root mean squares of it.
     seconds : float [s]
-        How long a log is.
+        Length of a log.
     """
 
     axis: int
@@ -299,7 +299,7 @@ def _tilt(rng: np.random.Generator, _j: Joint) -> Hidden:
     return Hidden("gravity_tilt", None, None, {"angle": angle, "direction": way})
 
 
-#: What has a name, by how it is drawn.
+#: Effects with a name, by their draw.
 INSIDE: dict[str, Draw] = {
     "stribeck_friction": _stribeck,
     "rising_friction": _rising,
@@ -432,7 +432,7 @@ def _grip(rng: np.random.Generator, j: Joint) -> Hidden:
 
 
 def _saturation(rng: np.random.Generator, _j: Joint) -> Hidden:
-    """Return a motor that gives less than is asked for, and recorded."""
+    """Return a motor that gives less torque than is commanded and recorded."""
     return Hidden("saturation", None, None, {"limit": _log(rng, 1.3, 5.0)})
 
 
@@ -452,7 +452,8 @@ _OWN = ("function_of_velocity", "function_of_position", "function_of_load")
 _TWO = ("function_of_velocity_and_load", "function_of_position_and_velocity")
 _TIME = ("function_of_time", "function_of_session_time", "function_of_velocity_and_time")
 _SPRINGS = ("position_torque", "joint_stiffness", "free_spring")
-#: What has no name: how it is drawn, and which names and functions in its joint would describe it.
+#: Effects without a name: their draw, and the names and functions in their joint that would
+#: describe them.
 OUTSIDE: dict[str, tuple[Draw, tuple[str, ...]]] = {
     "lugre": (_lugre, ("stribeck_friction", "hysteresis", _OWN[0], *_TWO)),
     "maxwell_slip": (_maxwell, ("hysteresis", _OWN[0], *_TWO)),

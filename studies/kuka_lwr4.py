@@ -1,10 +1,10 @@
 """KUKA LWR4+: how well does a model that was fitted to one run predict another?
 
-Three runs of the real arm with its link-side torque sensors (200 Hz, 25 s; source and licence
-stand beside the data). Runs 1 and 2 follow the same motion, run 3 another that is about twice as
-fast, so 1 → 2 asks for repeatability, 3 → 1 for interpolation and 1 → 3 for extrapolation. The
-known relative errors of rigid body + viscous + Coulomb friction + offset are 1.7 %, 7 % and
-13-15 %; for 1 → 3 friction and offsets bring 36.8 % to 13.0 %.
+Three runs of the real arm with its link-side torque sensors (200 Hz, 25 s; source and licence are
+in the folder of the data). Runs 1 and 2 follow the same motion, and run 3 another that is about
+twice as fast. So 1 → 2 tests repeatability, 3 → 1 interpolation and 1 → 3 extrapolation. The known
+relative errors of rigid body + viscous + Coulomb friction + offset are 1.7 %, 7 % and 13-15 %; for
+1 → 3 friction and offsets bring 36.8 % to 13.0 %.
 
 The known figures are ‖τ̂ - τ‖/‖τ‖ (`relative` below). ε_RA of the paper's Eq. 18 on the same
 predictions is 1.1 to 1.6 times as large, because the small joints count for more in it.
@@ -93,7 +93,7 @@ def load_log(
 
 
 def describe_run(data: Path, run: int) -> dict[str, float]:
-    """Return clock jitter and how far slope of positions and velocities of the file differ.
+    """Return the clock jitter, and the difference of velocities from slopes of positions.
 
     Returns
     -------
@@ -186,8 +186,8 @@ def held_out_errors(prediction: Prediction, log: int, model: int) -> dict[str, f
     """Return the readings of "relative error" of a model on one held-out log [%].
 
     ``relative`` is ‖τ̂ - τ‖/‖τ‖ over all joints, ``epsilon_ra`` Eq. 18 of the paper (sums of
-    absolute values, spread about the mean of all joints), ``epsilon_ra_joints`` the same about
-    each joint's own mean, ``worst_joint`` that of the worst joint by itself.
+    absolute values, spread about the mean of all joints). ``epsilon_ra_joints`` is the same about
+    each joint's own mean, and ``worst_joint`` is that of the worst joint by itself.
     """
     rows = prediction.log == log
     tau, residual = prediction.tau[rows], prediction.residual[rows, :, model]
@@ -233,7 +233,7 @@ def compare(
 
 
 def print_table(frame: pd.DataFrame) -> None:
-    """Print the rows whose error is known, ours beside it, the methods side by side."""
+    """Print the rows whose error is known and ours, with the methods side by side."""
     methods = list(frame["method"].unique())
     names = "".join(f"{m.upper():>6s}" for m in methods)
     print(f"{'':65s}known{'relative':>{6 * len(methods) + 3}s}{'ε_RA':>{6 * len(methods) - 2}s}")
@@ -250,7 +250,7 @@ def print_table(frame: pd.DataFrame) -> None:
 
 
 def print_runs(runs: Sequence[dict[str, float]]) -> None:
-    """Print what is odd in the files."""
+    """Print the data-quality problems of the files."""
     for run in runs:
         print(
             f"run {run['run']}: the clock jitters by {100 * run['jitter']:.0f} % of a step; "

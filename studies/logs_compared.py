@@ -1,14 +1,14 @@
-"""Is what changed between logs named, and a robot that did not change left alone?
+"""Does `compare` name changes between logs, and leave an unchanged robot alone?
 
     python studies/logs_compared.py [--stream 0] [--seeds 60] [--only NAME] [--real]
 
 Arms of three to seven joints that are drawn, and closed chains, each with two logs before and one
-after, of other motions: 20 s at 100 Hz, torque by MuJoCo, friction of 15–25 % of it that differs by
-3 % between any two logs, and noise of 3 % that remembers ten samples. `right` is what was planted
-alone, `or` that it stands among "A or B", `more` with something else; the mass is within its 95 %
-interval in so many cases, by `compare` and by `payload`, and `missed` are loads that payload weighs
-at 15 σ and more and compare calls unchanged. `--real` compares logs of real arms of which nobody
-says that they changed.
+after, of other motions: 20 s at 100 Hz, torque by MuJoCo. Friction is 15–25 % of it and differs by
+3 % between any two logs. Noise is 3 % with a memory of ten samples. `right` counts cases in which
+only the planted change is named. In `or` it is one of "A or B", and in `more` there are other
+changes, too; further columns count masses within their 95 % intervals, by `compare` and by
+`payload`. `missed` counts loads that payload weighs at 15 σ and more and compare calls unchanged.
+`--real` compares logs of real arms without a known change.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ CHAINS = ("five-bar", "3-rrr", "delta")
 BEFORE, AFTER, SECONDS, RATE, HARMONICS = 2, 1, 20.0, 100, 10
 #: Noise as a share of how much torque varies, its AR(1), the drift of friction between two logs.
 NOISE, MEMORY, DRIFT = 0.03, 0.9, 0.03
-#: What changes, by how much, in how many cases of sixty.
+#: Changes, their sizes, and their number in sixty cases.
 CHANGES = {
     "nothing": (None, 0.0, 60),
     ".2 kg": ("load", 0.2, 40),
@@ -62,7 +62,7 @@ class Case:
 
 
 def draw_case(stream: int, seed: int, change: str, folder: Path) -> Case:
-    """Return a case; of one seed robots, motions and noise are the same whatever changes."""
+    """Return a case; for one seed, robots, motions and noise are the same for every change."""
     kind, much, _ = CHANGES[change]
     rng = np.random.default_rng([stream, seed])
     if seed % 6 == 5:
@@ -104,7 +104,7 @@ def draw_case(stream: int, seed: int, change: str, folder: Path) -> Case:
 
 
 def _friction(robot: Robot, torque: Array, speed: Array, rng: np.random.Generator) -> dict:
-    """Return friction of drives as large as that of geared robots."""
+    """Return friction of drives of the size of geared robots."""
     out: dict[str, float] = {}
     for j, joint in enumerate(robot.joints):
         dry = rng.uniform(0.3, 1.0) * 0.15 * torque[j]
@@ -132,7 +132,7 @@ def _log(robot: Robot, move: PrescribedMotion, torque: Array, number: int) -> Lo
 
 
 def judge(case: Case, *, weigh: bool) -> dict[str, Any]:
-    """Return what was said of a case, and of a load by how many σ its mass is off."""
+    """Return the outcome of a case, and for a load the error of its mass in σ."""
     found = compare(case.robot, case.before, case.after)
     named = [(c.kind, c.place) for c in found.changes]
     right = [] if case.kind is None else [(case.kind, case.place)]
@@ -159,7 +159,7 @@ def judge(case: Case, *, weigh: bool) -> dict[str, Any]:
 
 
 def run(stream: int, change: str, count: int, folder: Path) -> dict[str, Any]:
-    """Return how often a change is named."""
+    """Return the rate at which changes are named."""
     rows = []
     for seed in range(count):
         case = draw_case(stream, seed, change, folder)
@@ -181,7 +181,7 @@ def run(stream: int, change: str, count: int, folder: Path) -> dict[str, Any]:
 def real_pairs(
     data: Path | None, folder: Path
 ) -> Iterator[tuple[str, Robot, list[Log], list[Log]]]:
-    """Yield logs of real arms of which nobody says that they changed."""
+    """Yield logs of real arms without a known change."""
     seen: set[str] = set()
     for name, robot, fitted, other in find_cases(data, folder):
         arm = name.partition(" ")[0]

@@ -3,15 +3,16 @@
     python studies/noisy_motion.py [--stream 0] [--draws 3] [--quick]
 
 The paper's 3-RPS on trajectories 601 and 571, a six-axis arm and two links go through one, three
-and ten periods of a motion. Velocities and accelerations are measured, too, with noise of their
-own, and so is the torque: 4 % on the motion and 5 % on the torque. The noise is in proportion to
-each sample (the paper's), of one size, of one size and coloured (AR .9), or on positions alone
-(.2 %), of which derivatives are computed.
+and ten periods of a motion. Velocities, accelerations and torque are measured, too, each with its
+own noise: 4 % on the motion and 5 % on the torque. The noise is in proportion to each sample (the
+paper's), of one size, or of one size and coloured (AR .9). In a fourth case it is on positions
+alone (.2 %), and derivatives are computed.
 
-Beside it the same torque is analysed along the true motion. A value holds if its interval has that
-of the robot file, which is the truth here. Required: labels hold in .93, 3 % of the values that are
-called identifiable are more than 20 % off, and three quarters as many are called as along the true
-motion. Tolerances are two standard errors. Stream 0 is for development; others are looked at once.
+The same torque is analysed along the true motion for comparison. A value holds if its interval has
+that of the robot file, which is the truth here. Required: labels hold in at least .93, and at most
+3 % of the values that are called identifiable are more than 20 % off. At least three quarters as
+many are called as along the true motion. Tolerances are two standard errors. Stream 0 is for
+development; others are looked at once.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ class Row:
     off: int = 0
 
     def add(self, other: Row) -> None:
-        """Add what was counted elsewhere."""
+        """Add the counts of another run."""
         self.called += other.called
         self.held += other.held
         self.off += other.off
@@ -81,7 +82,7 @@ def measure(exact: Log, kind: str, rng: np.random.Generator) -> tuple[Log, Log]:
 
 
 def count(robot: Robot, log: Log) -> Row:
-    """Return what an analysis of one log says."""
+    """Return the counts of an analysis of one log."""
     rows = analyze(robot, log, "none").to_frame()
     sure = rows[rows["verdict"] == "identifiable"]
     truth = sure["nominal"].astype(float)
@@ -91,7 +92,7 @@ def count(robot: Robot, log: Log) -> Row:
 
 
 def run_cell(kind: str, periods: int, draws: int, stream: int) -> tuple[Row, Row]:
-    """Return what is said along the measured and along the true motion of all subjects."""
+    """Return the counts along the measured and along the true motion of all subjects."""
     measured, true = Row(), Row()
     for k, (name, trajectory) in enumerate(SUBJECTS):
         robot = Robot.load(name)
@@ -106,7 +107,7 @@ def run_cell(kind: str, periods: int, draws: int, stream: int) -> tuple[Row, Row
 
 
 def find_checks(name: str, measured: Row, true: Row) -> list[StudyCheck]:
-    """Return what is required of a row."""
+    """Return the checks of a row."""
     n = max(measured.called, 1)
     held, off = measured.held / n, measured.off / n
     share = measured.called / max(true.called, 1)

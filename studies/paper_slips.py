@@ -39,7 +39,7 @@ def condition_numbers(subject: Subject, robot: str) -> np.ndarray:
 
 
 def equation_checks(subject: Subject, robot: str) -> list[StudyCheck]:
-    """Show what the printed equations would do."""
+    """Show the effect of the printed equations."""
     logs = [exact_log(robot, name, 750) for name in TRAJECTORIES]
     shortest = min(float(log.q.min()) for log in logs)
     fastest = max(float(np.abs(log.dq).max()) for log in logs)
@@ -64,7 +64,7 @@ def equation_checks(subject: Subject, robot: str) -> list[StudyCheck]:
 
 
 def number_checks(subject: Subject) -> list[StudyCheck]:
-    """Show what the printed numbers say."""
+    """Show the inconsistencies of the printed numbers."""
     rows = {r["printed"]: r for r in read_printed("table_2")["rows"]}
     sd = [abs(rows[n]["identified"] * rows[n]["sigma_percent"]) / 100 for n in ("Fc+(1)", "Fc-(1)")]
     errors = [abs(r["identified"] / r["exact"] - 1) for r in rows.values()]

@@ -3,10 +3,11 @@
 Five questions, each with its answer in numbers:
 
 1. The paper's 3-RPS with the paper's noise, three trajectories and many seeds: does pruning end at
-   the nine friction and actuator parameters and a few rigid-body ones, how often at exactly those
-   of the paper's Model 4, are they physically possible, and do they predict another trajectory no
-   worse? Beside it, what is usual: drop the smallest |φ|/σ until all exceed 2. How often is it
-   exactly Model 4 under white and under autocorrelated torque noise? These counts are required.
+   the nine friction and actuator parameters and a few rigid-body ones, and how often at exactly
+   those of the paper's Model 4? Are they physically possible, and do they predict another
+   trajectory no worse? The usual method is run for comparison: drop the smallest |φ|/σ until all
+   exceed 2. How often is it exactly Model 4 under white and under autocorrelated torque noise?
+   These counts are required.
 2. Random linear problems with a known subset of parameters, under white and under autocorrelated
    noise of each joint. How often is exactly this subset recovered? Pruning measures the noise. An
    oracle knows the noise, whitens the rows and searches in the same way. The effective z of a
@@ -244,7 +245,7 @@ def find_subset(information: Information, whitened: Information | None = None) -
 
 @dataclass(frozen=True)
 class Recovery:
-    """How often the search finds the planted parameters in one row.
+    """Rate at which the search finds the planted parameters in one row.
 
     Attributes
     ----------
@@ -269,7 +270,7 @@ class Recovery:
         )
 
     def checks(self, name: str) -> list[StudyCheck]:
-        """Return what is required of the row."""
+        """Return the checks of the row."""
         n = len(self.hits)
         exact, oracle = np.array(self.hits, float), np.array(self.oracle, float)
         difference = exact - ENOUGH * oracle
@@ -292,7 +293,7 @@ class Recovery:
 
 
 def question_2(problems: int) -> dict[str, Recovery]:
-    """Return how often planted parameters are recovered, by noise and smallest effective z."""
+    """Return recovery rates of planted parameters, by noise and smallest effective z."""
     result: dict[str, Recovery] = {}
     for noise, correlations in CORRELATIONS.items():
         for least_z in LEAST_Z:
@@ -310,7 +311,7 @@ def question_2(problems: int) -> dict[str, Recovery]:
 
 
 def state_recovery(recovered: dict[str, Recovery]) -> str:
-    """Say the worst row, and the worst from the sure z on."""
+    """State the worst row, and the worst from the sure z on."""
 
     def share(name: str) -> float:
         return float(np.mean(recovered[name].hits))
@@ -326,7 +327,7 @@ def state_recovery(recovered: dict[str, Recovery]) -> str:
 
 
 def state_model_4(counts: dict[str, list[bool]]) -> str:
-    """Say how often pruning ends at Model 4, in the worst noise."""
+    """State the rate at which pruning ends at Model 4, in the worst noise."""
     worst = min(counts, key=lambda name: np.mean(counts[name]))
     hits = counts[worst]
     return (

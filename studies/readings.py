@@ -5,21 +5,21 @@
 Arms of 3 to 7 axes, a two-link arm and four closed chains are simulated by another physics than is
 fitted (`readings_faults`). A draw has one to three logs of 10 s and a sealed one. Each row is one
 fault: exchanged columns, signs, units, delays, encoder zeros, gravity, offsets, codes. `analyze`
-gets the logs as they are, and the same data as somebody would give them who knows the truth.
+gets the logs with the fault, and the same data with the right statements.
 
-A reading is *right* if it corrects what is wrong and nothing else. It is *wrong* if anything else
-is used, a *question* if nothing is used and a remark names the fault, else *none*. An effect of the
-mixed model that expresses the fault at its joint counts as the reading. The gain is what the result
-predicts. Where it states none, it is that of the true reading over the literal one on the fitted
-rows [nats], under white noise up to 8 Hz. `over` is the error on the sealed log over that of the
-same data, read right. Labels hold if their intervals have the machine's values.
+A reading is *right* if it corrects the fault and nothing else. It is *wrong* if anything else is
+used, a *question* if nothing is used and a remark names the fault, else *none*. An effect of the
+mixed model that expresses the fault at its joint counts as the reading. The gain is the predicted
+gain of the result. Where it states none, it is that of the true reading over the literal one on the
+fitted rows [nats], under white noise up to 8 Hz. `over` is the error on the sealed log over that of
+the same data, read right. Labels hold if their intervals have the machine's values.
 
-`--matrix` asks every verb about misread logs of a two-link arm (`readings_verbs`), and compares its
-answers with those on the same data, read right. Planted cases of a folder are read as well, if it
-is there.
+`--matrix` runs every verb on logs of a two-link arm with faults (`readings_verbs`), and compares
+its answers with those on the same data, read right. Planted cases of a folder are read as well, if
+it is there.
 
-A stopped run goes on with the same command. `--repeat ROW NUMBER` writes one case, and prints what
-is said of it. Stream 0 is for development; others are looked at once.
+A stopped run goes on with the same command. `--repeat ROW NUMBER` writes one case, and prints its
+remarks. Stream 0 is for development; others are looked at once.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ FALSE = 1 / 120
 
 #: Outcomes of a draw.
 OUTCOMES = ("right", "wrong", "question", "none", "refused", "moves nothing")
-#: Planted cases of a two-link arm, and what names their fault; nothing of sound logs.
+#: Planted cases of a two-link arm, and the names of their faults; none for sound logs.
 CASES = {
     "two_good": "",
     "two_sts": "sign in bit 10",
@@ -91,7 +91,7 @@ QUICK = ("nothing wrong", "sign of one", "uint16")
 
 
 def as_right(reading: Reading | None, robot: Robot) -> Right:
-    """Return what a reading corrects, by the same names as what is right."""
+    """Return the corrections of a reading, by the names of the right one."""
     literal = Right.literal(robot)
     if reading is None:
         return literal
@@ -105,7 +105,7 @@ def as_right(reading: Reading | None, robot: Robot) -> Right:
 
 
 def changed(right: Right, robot: Robot) -> set[str]:
-    """Return the names of what a reading changes."""
+    """Return the names of the corrections of a reading."""
     literal = Right.literal(robot)
     return {
         field.name
@@ -115,7 +115,7 @@ def changed(right: Right, robot: Robot) -> set[str]:
 
 
 def is_right(used: Right, logged: Logged, fault: Fault) -> bool:
-    """Return whether a reading corrects a fault: no more, no less, and by as much."""
+    """Return whether a reading corrects a fault: exactly it, and by as much."""
     right = logged.right
     if changed(used, logged.robot) != changed(right, logged.robot):
         return False
@@ -138,13 +138,13 @@ def is_right(used: Right, logged: Logged, fault: Fault) -> bool:
 
 
 def completed_effects(result: Analysis) -> list[tuple[str, str]]:
-    """Return effects by which the model reads columns in another way, each with its place."""
+    """Return effects that act as another reading of columns, each with its place."""
     texts = [text.partition("@") for text in result.structure.model.texts]
     return [(family, place) for family, _, place in texts if family in READS]
 
 
 def judge(result: Analysis, logged: Logged, fault: Fault, over: float) -> tuple[str, str]:
-    """Return the outcome of a draw and what was used."""
+    """Return the outcome of a draw and the reading in use."""
     reading = result.alternative
     effects = completed_effects(result)
     if reading is not None:  # a reading of gravity is an effect, too
@@ -216,7 +216,7 @@ def rows_of(robot: Robot, frame: pd.DataFrame) -> tuple[Array, Array]:
     how = Preparation(cutoff=CUTOFF)
     prepared = prepare_log(robot, Log.from_frame(frame), how)
     moves = np.abs(prepared.motion.actuated_v)
-    moves = moves > 0.05 * moves.std(0)  # what a joint that stands takes is not known
+    moves = moves > 0.05 * moves.std(0)  # the torque of a joint at rest is unknown
     W = model.regressor(robot, prepared.motion) * moves[..., None]
     return W, prepared.tau * moves
 
@@ -238,7 +238,7 @@ def residual_shares(robot: Robot, frames: Sequence[pd.DataFrame]) -> Array:
 
 
 def find_gain(logged: Logged, truth: Robot, literal: Robot) -> float:
-    """Return what the right reading gains on the fitted rows [nats]."""
+    """Return the gain of the right reading on the fitted rows [nats]."""
     fitted = logged.used_logs[:-1]
     try:
         shares = residual_shares(literal, [logged.frame(k) for k in fitted])
@@ -273,7 +273,7 @@ class Truths:
 
 
 def examine(logged: Logged, row: str, path: Path, truths: Truths) -> dict[str, Any]:
-    """Return what `analyze` makes of a draw."""
+    """Return the outcome of `analyze` for a draw."""
     fault = FAULTS[row]
     centred = bool(logged.right.offsets.any())
     file, logs = logged.write(path)
@@ -320,7 +320,7 @@ def predicted_gain(result: Analysis) -> float:
 
 
 def count_row(row: str, frame: pd.DataFrame) -> dict[str, Any]:
-    """Return what was counted in the draws of a row."""
+    """Return the counts of the draws of a row."""
     counts = {name: int((frame.outcome == name).sum()) for name in OUTCOMES}
     sure = frame[find_sure(frame)]
     held, judged = frame.held.sum(), frame.judged.sum()
@@ -348,7 +348,7 @@ def find_sure(frame: pd.DataFrame) -> pd.Series:
 
 
 def find_checks(frame: pd.DataFrame) -> list[StudyCheck]:
-    """Return what is required of the draws."""
+    """Return the checks of the draws."""
     null = frame[frame.row.isin(NULLS)]
     false = float((null.outcome == "wrong").mean()) if len(null) else 0.0
     wrong = int((frame.outcome == "wrong").sum())
@@ -427,7 +427,7 @@ def find_matrix(
 def check_matrix(matrix: Sequence[dict[str, Any]]) -> StudyCheck:
     """Return whether all answers are those on sound logs."""
     answers = [row[verb] for row in matrix for verb in VERBS]
-    # What is refused, or is no number, is no answer.
+    # Refusals and values without a number are no answers.
     numbers = [x if isinstance(x, float) else float("inf") for x in answers]
     worst = max(numbers, default=1.0)
     good = sum(x <= MEDIAN for x in numbers)
@@ -436,7 +436,7 @@ def check_matrix(matrix: Sequence[dict[str, Any]]) -> StudyCheck:
 
 
 def find_cases(folder: Path) -> list[dict[str, Any]]:
-    """Return what `analyze` says of the planted cases of a folder, if it is there."""
+    """Return the outcomes of `analyze` for the planted cases of a folder, if it is there."""
     rows = []
     for name, pattern in CASES.items():
         *fitted, sealed = sorted(folder.glob(f"{name}[0-9].csv")) or [None]
@@ -461,7 +461,7 @@ def check_cases(cases: Sequence[dict[str, Any]]) -> StudyCheck:
 
 
 def repeat(stream: str, row: str, number: int, folder: Path) -> None:
-    """Write one case, and print how it is judged and all that is said of it."""
+    """Write one case, and print its outcome and all remarks."""
     path = folder / folder_name(row, number)
     logged = plant(stream, number, row)
     print(plain(examine(logged, row, path, Truths())))

@@ -1,4 +1,4 @@
-"""Cases of `readings.py`: a robot by another physics, its logs, and what is wrong with them.
+"""Cases of `readings.py`: a robot by another physics, its logs, and their fault.
 
 A draw has one machine, moved by `hidden_physics`: forward dynamics under a controller, dry friction
 that sticks, masses that differ from the file's. All faults of one draw are faults of one motion
@@ -75,7 +75,7 @@ class Right:
     factor : (n,)
         From each torque column to the torque of its joint.
     delay : (n,) [s]
-        Time by which each torque column is late.
+        Delay of each torque column.
     compensated : (n,) bool
         Joints whose torque lacks gravity.
     gravity : (3,) [m/s²]
@@ -83,7 +83,7 @@ class Right:
     motion : (n, n)
         Matrix from the columns of positions to joint positions.
     zero : (n,) [rad or m]
-        By which positions are too large.
+        Error of the positions.
     offsets : (n,) bool
         Joints whose torque has another offset in each log.
     """
@@ -126,7 +126,7 @@ class Drawn:
     runs : Runs
     noise : (L, N, n) [N·m or N]
     fitted : int
-        How many logs are fitted, if the fault needs no more.
+        Number of fitted logs, if the fault needs no more.
     seed : list of int
         Of the fault.
     text, sidecar : str
@@ -161,7 +161,7 @@ class Drawn:
 
 @dataclass
 class Logged:
-    """Logs with a fault, and what is true of them.
+    """Logs with a fault, and the truth about them.
 
     Attributes
     ----------
@@ -178,7 +178,7 @@ class Logged:
     sidecar : str
         What is stated.
     fitted : int
-        How many logs are fitted: the last one is sealed.
+        Number of fitted logs: the last one is sealed.
     place : str
         Joint of the fault.
     """
@@ -206,11 +206,11 @@ class Logged:
 
     @property
     def n(self) -> int:
-        """How many joints are actuated."""
+        """Number of actuated joints."""
         return self.case.n
 
     def draw_joint(self) -> int:
-        """Return a joint, drawn, and remember its name."""
+        """Draw a joint and record its name."""
         joint = int(self.rng.integers(self.n))
         self.place = self.robot.joints[joint]
         return joint
@@ -293,7 +293,7 @@ def make_noise(case: Case, runs: Runs, level: float, memory: float) -> Array:
 
 
 def move(case: Case) -> tuple[Runs, Array]:
-    """Return the runs of a machine that is as its model says, and noise."""
+    """Return the runs of a machine that follows its model, and noise."""
     level = float(np.exp(case.rng.uniform(*np.log(NOISE))))
     runs = case.simulate([])[1]
     return runs, make_noise(case, runs, level, float(case.rng.choice(MEMORY)))
@@ -318,7 +318,7 @@ def move_hidden(case: Case) -> tuple[Runs, Array]:
 
 @dataclass(frozen=True)
 class Fault:
-    """What may be wrong with logs.
+    """A fault of logs.
 
     Attributes
     ----------
@@ -343,9 +343,9 @@ class Fault:
     certain : bool
         Whether the data show it without a fit: codes, or rotors of negative inertia.
     logs : int
-        How many logs are fitted at least.
+        Least number of fitted logs.
     draws : int
-        How many of it an exam has.
+        Number of its draws in an exam.
     """
 
     plant: Callable[[Logged], None] | None = None
@@ -386,7 +386,7 @@ def _cycle(x: Logged) -> None:
 
 
 def _permute_legs(x: Logged) -> None:
-    """Let whole legs stand in another order, as in another program: positions and torque."""
+    """Exchange whole legs, as in another program: positions and torque."""
     legs = list(permutations(range(4)))[1:]
     chosen = legs[int(x.rng.integers(len(legs)))]
     order = np.concatenate([3 * leg + np.arange(3) for leg in chosen])
@@ -538,7 +538,7 @@ def _compensate_load(x: Logged) -> None:
 
 
 def _count(x: Logged, bits: int) -> Array:
-    """State a gain by which the largest torque has so many bits; return the counts."""
+    """State a gain at which the largest torque has a given number of bits; return the counts."""
     most = np.abs(x.tau).max((0, 1))
     step = 1.3 * most / 2.0**bits
     each = ", ".join(f'"{j}" = {s:.9g}' for j, s in zip(x.robot.joints, step, strict=True))

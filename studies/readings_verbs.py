@@ -1,4 +1,4 @@
-"""The matrix of `readings.py`: what each verb answers on misread logs, over that on sound ones.
+"""The matrix of `readings.py`: errors of verbs on logs with a fault, over those on sound ones.
 
 A two-link arm is logged with a fault. Each verb gets these logs, and the same data read right. An
 error counts by its ratio. A value counts by its ratio, or the inverse of that, whichever is larger.
@@ -48,7 +48,7 @@ EVALUATIONS, REPEATED = 200, 24
 
 @dataclass
 class Subject:
-    """Logs of one arm, as they are or read right, and what verbs make of them.
+    """Logs of one arm, with the fault or read right, and the figures of verbs on them.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class Subject:
 
     @cached_property
     def logs(self) -> tuple[Robot, dict[int, Path]]:
-        """The robot and the logs of which one has the load."""
+        """The robot and the logs; one log has the load."""
         return self.files(self.loaded, "loaded")
 
     @property
@@ -95,7 +95,7 @@ class Subject:
 
     @cached_property
     def analysis(self) -> Analysis:
-        """What the logs say."""
+        """Analysis of the logs."""
         return analyze(self.robot, self.fitted, "none", replicates=0)
 
     @cached_property
@@ -170,7 +170,7 @@ def by_calibrate(x: Subject) -> float:
 
 
 def by_excite(x: Subject) -> float:
-    """Return the figure of the motion that is found beside the logs."""
+    """Return the figure of the motion that excitation finds in addition to the logs."""
     found = excite(x.robot, start_from=x.fitted, evaluations=EVALUATIONS)
     return float(np.exp(found.after.figure / len(found.names)))
 

@@ -1,16 +1,16 @@
-"""What do models err on motion of real robots that was neither fitted nor chose anything?
+"""How large are errors on motion of real robots that was neither fitted nor used for choices?
 
     python studies/real_logs.py [--only NAME] [--prune | --diagnose]
 
-The model that an analysis of the fitted logs alone would use: as estimated, as the nearest real
-robot, and as it recommends; with `--prune` the unpruned and the pruned model, too. With
-`--diagnose` the effects that are named on some logs and stand on the other, the error there before
-and after, those that the other refutes, and which name of one part of a robot's data another part
-refutes.
+The model that an analysis of the fitted logs alone would use: as estimated, as the nearest
+physically consistent values, and as it recommends; with `--prune` the unpruned and the pruned
+model, too. `--diagnose` lists the effects that are named on some logs and stand on the other, with
+the error there before and after. It also lists the effects that the other log refutes, and
+conflicts between parts of a robot's data.
 
-KUKA LWR4+ run 1 → 3 and 3 → 1, two of the first two thirds of a TX40's log on each other, halves of
-a UR10's on each other, a KR300 A, C → B and A, B → C. The folder of the data is
-$IDENTIFIABILITY_DATA.
+Pairs are KUKA LWR4+ run 1 → 3 and 3 → 1, and two of the first two thirds of a TX40's log on each
+other. Others are halves of a UR10's log on each other, and a KR300 A, C → B and A, B → C. The
+folder of the data is $IDENTIFIABILITY_DATA.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ Case = tuple[str, Robot, list[Log], Log]
 
 
 def cut(log: Log, parts: int) -> list[Log]:
-    """Return equal stretches of a log, each as a log of its own."""
+    """Return equal stretches of a log as separate logs."""
     edges = [k * len(log.t) // parts for k in range(parts + 1)]
     return [
         replace(log.rows(a, b, f"part {k + 1}"), sha256=f"{k}")
@@ -45,7 +45,7 @@ def cut(log: Log, parts: int) -> list[Log]:
 
 
 def find_cases(data: Path | None, folder: Path) -> Iterator[Case]:
-    """Yield name, robot, fitted logs and the log that is held out, of the data that are there."""
+    """Yield name, robot, fitted logs and the held-out log, for the data that are there."""
     kuka, tx40, unisa, kr300 = (
         data_folder(name, data) for name in ("kuka_lwr4", "staubli_tx40", "unisa", "kr300")
     )
@@ -103,7 +103,7 @@ def main(argv: Sequence[str] | None = None) -> pd.DataFrame:
 
 
 def state(robot: Robot, fitted: list[Log], other: Log) -> dict[str, Any]:
-    """Return the errors of what an analysis of some logs alone recommends on another."""
+    """Return the errors on another log of the models that an analysis of some logs recommends."""
     alone, told = analyze(robot, fitted, replicates=0), analyze(robot, fitted, other, replicates=0)
     at = alone.selected
     used, seen = alone.models[at], told.models[at]
@@ -133,7 +133,7 @@ def state_pruned(robot: Robot, fitted: list[Log], other: Log) -> dict[str, Any]:
 
 @dataclass
 class Kept:
-    """What other parts of a robot's data name, and what they refute with which words, by robot."""
+    """Named effects, and refuted ones with their evidence, of a robot's earlier data."""
 
     named: dict[str, set[str]]
     refused: dict[str, dict[str, str]]
@@ -146,7 +146,7 @@ def state_diagnosed(
     other: Log,
     kept: Kept,
 ) -> dict[str, Any]:
-    """Return what a diagnosis names, and keep what stands and what does not of each robot."""
+    """Return the named effects of a diagnosis, and record them and the refuted ones by robot."""
     found, arm = diagnose(robot, fitted, other, forward=False), name.partition(" ")[0]
     stand = {f"{e.name} {p.place}" for e in found.effects for p in e.placements}
     falls = {f"{x.name} {x.place}": f"{x.unseen:.1f} nats" for x in found.refuted}

@@ -1,4 +1,4 @@
-"""Every study: what it is called, where it stands, what it answers, and how it runs in short.
+"""Every study: its name, its place, its question, and its options for a quick run.
 
 `python studies NAME...` and `identifiability paper NAME...` run them by this list, `make check-all`
 runs each in short, and docs/reference/studies.md is written from it.

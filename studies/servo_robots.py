@@ -51,13 +51,13 @@ Draw = Callable[[Robot, float, np.random.Generator], dict[str, float]]
 #: Draws that tell a joint set, many times the numbers of a quadruped.
 DRAWS = 4096
 
-#: What a servo's joint has beside its body.
+#: Parts of a servo's joint in addition to its body.
 KINDS = ("Ia", "Fv", "Fc", "off")
 
 
 @dataclass(frozen=True)
 class Recorder:
-    """How a log is made.
+    """Conditions under which a log is recorded.
 
     Attributes
     ----------
@@ -84,7 +84,7 @@ class Recorder:
 
 @dataclass(frozen=True)
 class Fault:
-    """What is hidden in one joint of a machine.
+    """A hidden fault in one joint of a machine.
 
     Attributes
     ----------
@@ -111,7 +111,10 @@ NONE = Fault(0, "", 0.0)
 def draw_commands(
     robot: Robot, duration: float, rate: float, size: float, rng: np.random.Generator
 ) -> Array:
-    """Return commands (M, n) about the robot's home: sums of sines, then a chirp beside them."""
+    """Return commands (M, n) about the robot's home.
+
+    Sums of sines, with a chirp added in the second half.
+    """
     t, n = np.arange(0, duration + 1, 1 / rate), len(robot.joints)
     out = np.tile(robot.actuated_positions(robot.home[None])[0], (len(t), 1))
     for k in range(n):
@@ -134,15 +137,15 @@ def record(
 ) -> pd.DataFrame:
     """Return a log: ``t``, and of each joint ``.q`` and ``.cmd``.
 
-    Where a gear has play, its motor, which has the encoder and the friction, is a body of its own
-    behind stiff teeth.
+    Where a gear has play, its motor is a separate body behind stiff teeth; it has the encoder and
+    the friction.
 
     Parameters
     ----------
     robot : Robot
         A tree whose joints have a servo each.
     truth : mapping
-        Standard parameters that are otherwise than in its file; those of joints are `KINDS`.
+        Standard parameters that differ from the file; those of joints are `KINDS`.
     commands : (M, n) [rad or m]
         At the rate of commands.
     duration : float [s]
@@ -256,7 +259,7 @@ class Machine:
         A = np.linalg.inv(self.M + 0.5 * STEP * self.damping)
         level = STEP * (self.own["Fc"] + self.load * np.abs(self.carried))
         after, pushed = _stick(A, self.speed + STEP * (A @ force), level, self.motor)
-        # What the gear carries rubs at the next step.
+        # The load of the gear causes friction at the next step.
         gained = (after - self.speed)[self.motor]
         self.carried = drive + (pushed - self.own["Ia"] * gained) / STEP
         between = 0.5 * (self.speed + after)
@@ -267,7 +270,7 @@ class Machine:
 
 
 def replay(path: Path, log: Log, delay: float) -> Array:
-    """Return how MuJoCo alone moves a written file by the commands of a log, (N, n) [rad or m].
+    """Return the motion of a written file in MuJoCo, by the commands of a log, (N, n) [rad or m].
 
     Commands act late and are averaged over each step about its beginning, as positions lead by half
     of one; the root is taken to be held.
@@ -397,7 +400,7 @@ def load(name: str, folder: Path) -> Robot:
 
 @dataclass(frozen=True)
 class Judged:
-    """What an analysis of one drawn robot says.
+    """Results of an analysis of one drawn robot.
 
     Attributes
     ----------
@@ -436,7 +439,7 @@ def judge(
     table = table.assign(true=structure.G @ phi, kind=table["name"].str.rpartition(".")[2])
     rolled = found.recordings.rolled
     assert rolled is not None
-    # What a servo takes up at its next step acts later than it came; rows hold it later, too.
+    # A command acts at the servo's next step, later than it came; rows hold it later, too.
     acts = np.ceil(how.delay * how.servo_rate - 1e-9) / how.servo_rate
     late, unsure = (
         acts - frames[0]["t"][0] % (1 / how.rate),
@@ -472,8 +475,8 @@ def judge(
 def summarise(judged: list[Judged]) -> str:
     """Return a cell of the table: coverage and power by kind, errors of rollouts.
 
-    An oracle knows how far estimates scatter about the truth over the robots that were drawn, and
-    calls identifiable what scatters by less than a fifth of its value.
+    An oracle knows the scatter of estimates about the truth over the drawn robots. It calls values
+    identifiable that scatter by less than a fifth of their size.
     """
     every = pd.concat([j.values for j in judged])
     low, high = (every["interval95"].str[k].astype(float) for k in (0, 1))
@@ -510,9 +513,9 @@ def summarise(judged: list[Judged]) -> str:
     return f"  inside: {', '.join(lines)}\n  {means}, {worst}{rows}"
 
 
-#: What is hidden, by kind: the names that say it, and sizes from clear to half as clear; kp is off
-#: by a share; plays and zeros are angles [rad]; commands act later [s]; friction grows with what
-#: the gear carries.
+#: Hidden faults by kind: their names, and sizes from clear to half as clear; kp is off by a share;
+#: plays and zeros are angles [rad]; commands act later [s]; friction grows with the load of the
+#: gear.
 FAULTS: dict[str, tuple[tuple[str, ...], tuple[float, ...]]] = {
     "": ((), (0.0, 0.0)),
     "play": (("backlash",), (0.03, 0.015)),
@@ -526,7 +529,7 @@ FAULTS: dict[str, tuple[tuple[str, ...], tuple[float, ...]]] = {
 def hide(
     robot: Robot, draw: Draw, how: Recorder, size: float, kind: str, big: float, seed: int
 ) -> dict[str, object]:
-    """Hide something in one joint of a drawn robot, and return what `diagnose` names."""
+    """Hide a fault in one joint of a drawn robot, and return the names of `diagnose`."""
     rng = np.random.default_rng([seed, *kind.encode()])
     truth, n = draw(robot, 0.1, rng), len(robot.joints)
     commands = [draw_commands(robot, 10.0, how.command_rate, size, rng) for _ in range(3)]
@@ -562,7 +565,7 @@ def hide(
 
 
 def examine_faults(given: argparse.Namespace) -> pd.DataFrame:
-    """Return what is named of what is hidden, by robot and rate."""
+    """Return the named effects for each hidden fault, by robot and rate."""
     found = []
     with tempfile.TemporaryDirectory() as folder:
         for name, rate in itertools.product(given.robot, given.rate):
@@ -639,7 +642,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def judge_robots(given: argparse.Namespace) -> pd.DataFrame:
-    """Return how well numbers, delays and rollouts of drawn robots are found, a row a cell."""
+    """Return the errors of numbers, delays and rollouts of drawn robots, a row a cell."""
     cells = itertools.product(given.robot, given.rate, given.wrong)
     rows = []
     with tempfile.TemporaryDirectory() as folder:

@@ -29,7 +29,7 @@ def data_folder(name: str, given: str | Path | None = None) -> Path:
 
 
 def study_parser(name: str, text: str | None, quick: str) -> argparse.ArgumentParser:
-    """Return the parser of a study: ``--quick`` and ``--out``, the JSON beside which the page is.
+    """Return the parser of a study, with ``--quick`` and ``--out`` (of JSON and page).
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def study_parser(name: str, text: str | None, quick: str) -> argparse.ArgumentPa
     text : str or None
         Its docstring.
     quick : str
-        What is left of it in short.
+        What a quick run does.
     """
     parser = argparse.ArgumentParser(prog=name, description=(text or "").partition("\n")[0])
     parser.add_argument("--out", type=Path, default=ROOT / "reports" / f"{name}.json")
@@ -53,7 +53,7 @@ def write_answer(
     text: str | None,
     data: Mapping[str, Any] | None = None,
 ) -> None:
-    """Write a study's numbers as JSON and its page beside it; print where.
+    """Write a study's numbers as JSON and its page to the same folder; print where.
 
     Parameters
     ----------

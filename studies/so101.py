@@ -3,7 +3,7 @@
 The arm has six position servos, and its logs hold positions and commands at 50 Hz. Three motions
 are fitted, once with stated gains and once with `kp = "fit"`. MuJoCo alone then moves the exported
 file by the commands of the other motions, from the first row to the last. The prediction of the
-command itself, and of the command at its best common delay, stand beside it.
+command itself, and of the command at its best common delay, are listed for comparison.
 
 Two motions are sealed: they are rolled out only with `--sealed`.
 """

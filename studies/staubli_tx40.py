@@ -1,9 +1,9 @@
 """Stäubli TX40: do we find the base parameters that were published for these very data?
 
-One run of the real arm (motor positions and torques, 5 kHz, 9 s; source and licence stand beside
-the data), whose motor 6 drives joints 5 and 6. The published values come with standard deviations,
-and the way they were computed is public too, so we can ask twice: what do we find from the same
-log in our own way, and do we find the same if we treat the log as they did?
+One run of the real arm (motor positions and torques, 5 kHz, 9 s; source and licence are in the
+folder of the data), whose motor 6 drives joints 5 and 6. The published values come with standard
+deviations, and the way they were computed is public too, so we can ask twice: what do we find from
+the same log in our own way, and do we find the same if we treat the log as they did?
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class Fit:
     covariance : (b, b)
         Under white noise.
     rank : int
-        Base parameters that the data told apart.
+        Base parameters that the data determine.
     relative_error : float
         ‖τ̂ - τ‖/‖τ‖ over the rows of the fit.
     """
@@ -127,7 +127,7 @@ def parse_grouping(expression: str) -> dict[str, float]:
 
 
 def published_in_ours(base: BaseParameters, expressions: Sequence[str]) -> tuple[Array, Array]:
-    """Return T (60, b) with ``published = T beta``, and what lies outside our row space (60,).
+    """Return T (60, b) with ``published = T beta``, and the distance from our row space (60,).
 
     A published grouping is a row g over the standard parameters. If ``g = T G`` with our groupings
     G, it means the same in both spellings, and T is g on our representatives.
@@ -240,7 +240,7 @@ def _least_squares(W: Array, tau: Array, weight: Array) -> tuple[Array, Array, A
 
 
 def compare(base: BaseParameters, fit: Fit, published: pd.DataFrame, method: str) -> pd.DataFrame:
-    """Return every published base parameter with ours beside it."""
+    """Return every published base parameter with ours."""
     T, _ = published_in_ours(base, published["expression"].tolist())
     value = T @ fit.value
     sigma = np.sqrt(np.einsum("ij,jk,ik->i", T, fit.covariance, T))
@@ -275,7 +275,7 @@ def print_table(table: pd.DataFrame) -> None:
 
 
 def summarize(label: str, method: str, fit: Fit, table: pd.DataFrame) -> dict[str, Any]:
-    """Print and return what one fit says of the published values."""
+    """Print and return the comparison of one fit with the published values."""
     well = table[table["published_sigma_percent"] < 15]
     known = table.set_index("name")["ours"]
     result = {

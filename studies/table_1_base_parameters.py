@@ -1,8 +1,8 @@
 """Table 1: which 25 combinations of inertial parameters does the robot's structure determine?
 
 Everything here is exact: ranks, groupings with their printed coefficients, the sizes and rows of
-Models 1 to 4, the CAD identities of Table 8, recovery of exact parameters from exact data, and
-the balance of power.
+Models 1 to 4, and the CAD identities of Table 8. So are the recovery of exact parameters from exact
+data, and the balance of power.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def printed_digits(value: float) -> float:
 
 
 def groupings(base: BaseParameters) -> dict[str, dict[str, float]]:
-    """Return the rounded coefficients of every group by the term that stands for it."""
+    """Return the rounded coefficients of every group by its representative term."""
     return {
         base.terms(row)[0][1].term: {p.term: printed_digits(c) for c, p in base.terms(row)}
         for row in range(len(base))
@@ -53,7 +53,7 @@ def find_group(base: BaseParameters, terms: dict[str, float]) -> dict[str, float
 
 
 def compare_rows(base: BaseParameters, rows: list[dict[str, Any]]) -> pd.DataFrame:
-    """Return Table 1 with our groupings beside the printed ones."""
+    """Return Table 1 with our groupings and the printed ones."""
     out = []
     labels = {base.terms(row)[0][1].term: base.label(row) for row in range(len(base))}
     for row in rows:

@@ -1,8 +1,8 @@
 """Table 2: what do the parameters of the unpruned Model 1 look like under noise?
 
 Exact value, estimate and relative standard deviation of six parameters, over seeds and
-trajectories, beside the one draw that the paper prints; and why its two Coulomb levels of one slide
-are off by opposite amounts.
+trajectories, are compared with the one draw that the paper prints. The study also explains why two
+printed Coulomb levels of one slide are off by opposite amounts.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def percents(subject: Subject, trials: list[Trial]) -> dict[str, np.ndarray]:
 def compare_rows(
     subject: Subject, rows: list[dict[str, Any]], trials: list[Trial]
 ) -> tuple[pd.DataFrame, list[StudyCheck]]:
-    """Return Table 2 with ours beside it, and a check for every printed estimate."""
+    """Return Table 2 with our values, and a check for every printed estimate."""
     value, sigma = collect(subject, trials), percents(subject, trials)
     exact = dict(zip(subject.models[0].columns, subject.exact[0], strict=True))
     out, checks = [], []

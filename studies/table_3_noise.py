@@ -1,8 +1,8 @@
 """Table 3: how many parameters of Models 1 to 4 survive noise, and how wrong are they?
 
-Noise of δ = 4 % on the motion and η = 5 % on the forces, drawn again for every seed, along the
-three trajectories with 750 and with 100 samples. A second table shows what other readings of "4 %
-of the variable values" would give.
+Noise is δ = 4 % on the motion and η = 5 % on the forces, drawn again for every seed. There are
+three trajectories with 750 and with 100 samples. A second table has the results of other readings
+of "4 % of the variable values".
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def noise_trials(options: Options) -> Trials:
 
 
 def try_readings(options: Options) -> StudyTable:
-    """Return what the readings of the noise give on trajectory 601."""
+    """Return the results of the readings of the noise on trajectory 601."""
     cases = variants(Case("601", robot=options.robot), reading=tuple(READINGS), samples=SIZES)
     trials = run_trials(cases, options.fewer(12, 1), options.engine, options.progress)
     rows = []
@@ -70,7 +70,7 @@ def try_readings(options: Options) -> StudyTable:
 
 
 def find_checks(trials: Trials) -> list[StudyCheck]:
-    """Return what Table 3 must show."""
+    """Return the checks of Table 3."""
     printed = [printed_models("table_3")[model] for model in MODELS]
     ra = means(trials, "error_ra")
     counts = {

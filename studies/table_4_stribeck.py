@@ -24,7 +24,7 @@ from paper_study.subject import STRIBECK, TRAJECTORIES, exact_log
 
 from identifiability.report import Picture
 
-#: What the paper prints without Stribeck friction.
+#: The paper's results without Stribeck friction.
 PLAIN = [printed_models("table_3")[model] for model in MODELS]
 
 REASONS = {
@@ -38,7 +38,7 @@ REASONS = {
 
 
 def find_checks(trials: Trials, plain: Trials) -> list[StudyCheck]:
-    """Return what Table 4 must show."""
+    """Return the checks of Table 4."""
     printed = [printed_models("table_4")[model] for model in MODELS]
     moved = [
         row["error_ra"] - before["error_ra"] for row, before in zip(printed, PLAIN, strict=True)

@@ -29,7 +29,7 @@ REASONS = {
 
 
 def find_checks(trials: Trials, plain: Trials) -> list[StudyCheck]:
-    """Return what Table 5 must show: ε_RA above Table 3, trajectory by trajectory."""
+    """Return the checks of Table 5: ε_RA above Table 3, trajectory by trajectory."""
     printed, before = ([printed_models(t)[m] for m in MODELS] for t in ("table_5", "table_3"))
     rise = [a["error_ra"] - b["error_ra"] for a, b in zip(printed, before, strict=True)]
     change = means(trials, "error_ra") - means(plain, "error_ra")

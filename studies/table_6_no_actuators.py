@@ -1,6 +1,6 @@
 """Table 6: can the inertia of the actuators be left out of the models?
 
-Exact data (the printed 2.05 % is below what noise alone gives), models without the three inertias
+Exact data (the printed 2.05 % is below the error by noise alone), models without the three inertias
 of rotor and screw.
 """
 
@@ -31,7 +31,7 @@ REASON = "ε_RA without actuator inertia follows the accelerations of the unpubl
 
 
 def make_table(trials: Trials, noisy: Trials) -> pd.DataFrame:
-    """Return Table 6 with ours beside it, one column a trajectory."""
+    """Return Table 6 with our values, one column a trajectory."""
     printed = printed_models("table_6")
     rows = []
     for m, model in enumerate(MODELS):
@@ -52,7 +52,7 @@ def make_table(trials: Trials, noisy: Trials) -> pd.DataFrame:
 
 
 def find_checks(trials: Trials, noisy: Trials) -> list[StudyCheck]:
-    """Return what Table 6 must show."""
+    """Return the checks of Table 6."""
     printed = [printed_models("table_6")[model]["error_ra"] for model in MODELS]
     ra = 100 * np.array([t[0].error_ra for t in trials.values()])
     possible = np.array([t[0].feasible[0] for t in trials.values()])

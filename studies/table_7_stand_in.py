@@ -2,7 +2,7 @@
 
 The actual robot's measurements are not published. A STAND-IN takes its place: a forward simulation
 with a controller, encoders, current noise, Stribeck and hinge friction and unlike legs, processed
-by the paper's own procedure. Rows of two real robots whose logs are public stand beside it.
+by the paper's own procedure. Rows of two real robots with public logs are listed for comparison.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ TOLERANCE = 3.0
 
 
 def make_table(fitted: dict[str, Fitted]) -> pd.DataFrame:
-    """Return Table 7 with the stand-in beside the actual robot."""
+    """Return Table 7 with the stand-in and the actual robot."""
     printed = printed_models("table_7")
     rows = []
     for m, model in enumerate(MODELS):
@@ -76,7 +76,7 @@ def count_table(fitted: dict[str, Fitted]) -> pd.DataFrame:
 
 
 def processing_table(options: Options) -> pd.DataFrame:
-    """Return what the unpublished settings of the procedure do to ε_RA of Model 4."""
+    """Return the effect of the unpublished settings of the procedure on ε_RA of Model 4."""
     subject = load_subject(options.robot)
     found = records(options)
     rows = []
@@ -91,7 +91,7 @@ def processing_table(options: Options) -> pd.DataFrame:
 
 
 def find_checks(fitted: dict[str, Fitted], gap: float) -> list[StudyCheck]:
-    """Return what Table 7 must show."""
+    """Return the checks of Table 7."""
     printed = [printed_models("table_7")[model] for model in MODELS]
     plain = [printed_models("table_3")[model]["error_ra"] for model in MODELS]
     errors = np.array([row["error_ra"] for row in printed])
@@ -195,7 +195,7 @@ def run(options: Options) -> StudyResult:
 
 
 def describe(periods: int, tracking: float) -> tuple[str, ...]:
-    """Return what the stand-in is and how its record is processed."""
+    """Return a description of the stand-in and of the processing of its record."""
     s = stand_in
     return (
         f"The stand-in is a MuJoCo forward simulation at {1e3 * s.STEP:g} ms; it shares only the "

@@ -1,7 +1,7 @@
 """Table 8: are the rigid-body parameters of Model 4 near CAD, and those of Model 1 far from it?
 
-Three base parameters from the STAND-IN for the actual robot (its data are not published), fitted by
-the paper's procedure on each trajectory, beside CAD and the printed values.
+Three base parameters are fitted to the STAND-IN for the actual robot (its data are not published),
+by the paper's procedure on each trajectory. They are compared with CAD and the printed values.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ TRAJECTORY = "601"
 
 
 def stand_in_values(subject: Subject, names: list[str]) -> Array:
-    """Return the stand-in's own base parameters, from the bodies of its simulator."""
+    """Return the stand-in's base parameters, from the bodies of its simulator."""
     model = StandIn(subject.robot).model
     phi = dict(subject.robot.nominal)
     for body in subject.robot.bodies:

@@ -1,4 +1,4 @@
-"""The command line: its verbs, each made when it is typed."""
+"""The command line: its verbs, each built when it is needed."""
 
 import io
 import signal
@@ -12,7 +12,7 @@ from .options import helps
 
 
 class Verbs(Mapping[str, Any]):
-    """The commands by name, in the order of the help, each made when it is asked for."""
+    """The commands by name, in the order of the help; each is built when it is needed."""
 
     def __init__(self) -> None:
         self.made: dict[str, Any] = {}
@@ -97,5 +97,5 @@ def main() -> None:
 
 
 def _end(number: int, _frame: object) -> NoReturn:
-    """End as after Ctrl-C: what was begun is put away."""
+    """End the program as Ctrl-C does, so that unfinished files are removed."""
     raise SystemExit(128 + number)

@@ -1,4 +1,4 @@
-"""What the commands share: sentences instead of tracebacks, progress, tables, files of results."""
+"""Shared by the commands: one-sentence errors, progress, tables, paths of results."""
 
 from __future__ import annotations
 
@@ -60,14 +60,14 @@ def _fail(sentence: str) -> NoReturn:
 
 
 def escaped(text: str) -> str:
-    """Return text in which rich finds no markup, and a terminal no command."""
+    """Return text without markup for rich and without control characters for a terminal."""
     from rich.markup import escape  # noqa: PLC0415
 
     return escape(for_terminal(text, keep="\n\t"))
 
 
 def terminal(*, stderr: bool = False) -> Console:
-    """Return the terminal, which prints ``:x:`` in a name as it stands."""
+    """Return the terminal, which prints ``:x:`` in a name literally."""
     from rich.console import Console  # noqa: PLC0415
 
     return Console(stderr=stderr, emoji=False)
@@ -75,9 +75,9 @@ def terminal(*, stderr: bool = False) -> Console:
 
 @contextmanager
 def progress() -> Iterator[Callable[[str, float], None]]:
-    """Show a progress bar on a terminal, on standard error; give a callback (what, share).
+    """Show a progress bar on standard error; yield a callback (step, share).
 
-    Elsewhere one line says how long it takes, if it takes long.
+    Without a terminal, one line reports the duration of a long computation.
     """
     from rich import progress as bars  # noqa: PLC0415
 
@@ -112,7 +112,7 @@ def check_outputs(*paths: Path | None, inputs: Iterable[str | Path | None] = ())
 
 
 def print_table(shown: Table, rows: int, title: str) -> None:
-    """Print a table of a result, with at most so many rows, under its caption or a title."""
+    """Print a table of a result with at most `most` rows, under its caption or a title."""
     from rich.table import Table as Grid  # noqa: PLC0415
 
     # a title of its own would be wrapped to its width
@@ -133,14 +133,14 @@ def print_table(shown: Table, rows: int, title: str) -> None:
 
 
 def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[str] = ()) -> None:
-    """Print short answers, warnings, what to do next, and written files; with -v all details.
+    """Print short answers, warnings, the next step and written files; with -v all details.
 
     Parameters
     ----------
     result : Result
     written : sequence of Path
     more : iterable of str
-        What else is said, below the answers.
+        Further sentences, below the answers.
     """
     from identifiability.foundation.rounding import format_count  # noqa: PLC0415
 
@@ -171,8 +171,8 @@ def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[st
 def print_next(result: Result) -> None:
     """Print the first line that the page proposes.
 
-    Where the command is found by its path alone, as after ``make demo``, the line begins with
-    what puts it on the search path.
+    If `identifiability` is not on the search path, the line first activates its environment. This
+    happens after ``make demo``.
     """
     script = Path(sys.argv[0])
     activate = script.with_name("activate")
@@ -183,12 +183,12 @@ def print_next(result: Result) -> None:
 
 
 def print_command(what: str, command: str) -> None:
-    """Print a line to type as it stands: not wrapped, and without markup."""
+    """Print a line for the user to type: not wrapped, and without markup."""
     sys.stdout.write(f"{what} {for_terminal(command)}\n")
 
 
 def print_end(texts: Iterable[str], written: Iterable[Path] = ()) -> None:
-    """Print what is said last: sentences, and the paths of what was written."""
+    """Print the last lines of a command: sentences, and the paths of the written files."""
     console = terminal()
     for text in texts:
         console.print(escaped(text), highlight=False, soft_wrap=not console.is_terminal)
@@ -200,12 +200,12 @@ def print_end(texts: Iterable[str], written: Iterable[Path] = ()) -> None:
 
 
 def write_all(*asked: tuple[Callable[[Path], Path], Path | None]) -> list[Path]:
-    """Call functions that write with their paths, and return these; those of no path are not asked.
+    """Call functions that write with their paths and return the paths; skip those without a path.
 
     Raises
     ------
     OutputError
-        If something cannot be written where it should, after all others were written.
+        If a file cannot be written at its path; the others are written first.
     """
     written = []
     failed = []
@@ -221,7 +221,7 @@ def write_all(*asked: tuple[Callable[[Path], Path], Path | None]) -> list[Path]:
 
 
 def _write(write: Callable[[Path], Path], path: Path) -> Path:
-    """Write a result; where that fails, as on a full disk, write it elsewhere and say where."""
+    """Write a result; on failure, as with a full disk, write it to a reported folder."""
     try:
         return write(path)
     except OutputError as error:

@@ -1,10 +1,10 @@
 """How dataclasses of options become the options of a command.
 
-A verb is a function of groups, ``machine: Machine``, and of options of its own; it is made a
-command by `command`. What stands beside a kind in ``Annotated`` is what is known of an option:
-typer's `Option` its spelling, `Expected` its range, which the API's functions share, and `Reads`,
-`Writes`, `Records` and `Parsed` what becomes of it. What it is says ``help.toml``. A group with a
-`table` is settings: keys of that table of the sidecar, and of ``--set KEY=VALUE`` before it.
+A verb is a function. Its parameters are groups of options, such as ``machine: Machine``, and single
+options. `command` makes a command of it. The notes in ``Annotated`` describe an option. typer's
+`Option` gives its spelling. `Expected` gives its range, which the API's functions share. `Reads`,
+`Writes`, `Records` and `Parsed` say how its value is used. Its help text stands in ``help.toml``. A
+group with a `table` holds settings: keys of that table of the sidecar, which ``--set`` overrides.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ TAKES_EFFECTS = {"effects": (), "hide": (), "separate": (), "model": ("calibrate
 
 @cache
 def helps() -> dict[str, Any]:
-    """Return what the terminal says of each verb, and what there is without plugins."""
+    """Return the texts of ``help.toml``, with numbers of the code filled in."""
     text = Path(__file__).with_name("help.toml").read_text("utf-8")
     return tomllib.loads(Template(text).substitute(help_numbers()))
 
@@ -87,16 +87,16 @@ def help_numbers() -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Parsed:
-    """Marks an option whose text `read` turns into what the library takes, given its name first."""
+    """Mark an option whose text `read` converts; `read` takes the option's name and its text."""
 
     read: Callable[[str, str], Any]
 
 
 @dataclass(frozen=True)
 class Reads:
-    """Marks an option as a document that is read: what it is, its format, and whether it must be.
+    """Mark an option as a document to read: its content, its format, and whether it is required.
 
-    Where it need not be, words without the format's ending mean something else.
+    If it is not required, a value without the format's ending is not taken for a path.
     """
 
     what: str
@@ -104,7 +104,7 @@ class Reads:
     always: bool = True
 
     def check(self, value: Any) -> None:
-        """Refuse a path where no document is.
+        """Refuse a path without a document.
 
         Raises
         ------
@@ -118,7 +118,7 @@ class Reads:
 
 @dataclass(frozen=True)
 class Records:
-    """Marks an option as logs that are read; where they may be results, too, as those."""
+    """Mark an option as logs to read; `results` says whether results may be given instead."""
 
     results: bool = False
 
@@ -149,7 +149,7 @@ class Writes:
 
 @dataclass(frozen=True)
 class Field:
-    """An option: its name and default, its kind on the command line, and what is said beside it."""
+    """An option: its name, its default, its type on the command line, and its notes."""
 
     name: str
     kind: Any
@@ -169,11 +169,11 @@ class Field:
         return next(iter(spelt), f"--{self.name.replace('_', '-')}")
 
     def marks(self, kind: type) -> list[Any]:
-        """Return what of a kind stands beside it."""
+        """Return the notes of one type."""
         return [note for note in self.notes if isinstance(note, kind)]
 
     def text(self, verb: str) -> str:
-        """Return what is said of it in a verb, with the values that it takes."""
+        """Return its help text for a verb, with the range of its values."""
         said = helps()["options"]
         told = [said.get(verb, {}).get(self.name) or said["all"].get(self.name, "")]
         told += [f"({r.words})" for r in self._ranges()]
@@ -181,7 +181,7 @@ class Field:
 
     @property
     def values(self) -> str:
-        """What a setting may be, as it is typed."""
+        """Return the possible values of a setting, as the user types them."""
         known = estimators() if self.name == "method" else choices(self.kind)
         known = ["true", "false"] if self.kind is bool else known
         return f"{self.name}={'|'.join(known)}" if known else self.name
@@ -206,12 +206,12 @@ class Field:
         )
 
     def read(self, typed: Any) -> Any:
-        """Return what was typed as the library takes it.
+        """Convert a typed value to the type that the library takes.
 
         Raises
         ------
         OptionError
-            If it is none of the option.
+            If the value is not valid for the option.
         """
         if typed is None:
             return self.default
@@ -226,7 +226,7 @@ class Field:
 
 
 def _take_apart(annotation: Any) -> tuple[Any, tuple[Any, ...]]:
-    """Return a kind without None, and all that stands beside it."""
+    """Return a type without None, and all notes of its ``Annotated``."""
     inner = get_args(annotation)
     if get_origin(annotation) is Annotated:
         kind, notes = _take_apart(inner[0])
@@ -248,7 +248,7 @@ def options_of(holder: Any) -> list[Field]:
 
 @dataclass(frozen=True)
 class Verb:
-    """A command that is made when it is typed: fifteen of them take longer than a help may."""
+    """A command that is built when its verb is typed, because all verbs would slow the help."""
 
     function: Callable[..., None]
 
@@ -314,7 +314,7 @@ def _flattened(
 
 
 class Command(typer.core.TyperCommand):
-    """A command whose help lists effects, settings and robots when it is asked for."""
+    """A command whose help lists effects, settings and robots; the list is made on request."""
 
     settings: Mapping[str, Field]
 
@@ -332,7 +332,7 @@ class Command(typer.core.TyperCommand):
         super().format_help(ctx, formatter)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Take -v, and refuse a setting that is typed as an option, with what to type instead."""
+        """Take -v; refuse a setting that is typed as an option, and show the right spelling."""
         typed = args[: args.index("--")] if "--" in args else args
         loud = {"-v", "--verbose"}.intersection(typed)
         VERBOSE.set(bool(loud))
@@ -349,10 +349,10 @@ class Command(typer.core.TyperCommand):
         return super().parse_args(ctx, words)
 
     def _read_case(self, ctx: Any, words: list[str]) -> dict[str, Any]:
-        """Return what the case file says of the options that were not typed.
+        """Return the values of the case file for options that were not typed.
 
-        A case is that of the working folder, or of a folder that is typed in place of the robot.
-        Where its robot file is typed, the logs of the case are left out.
+        The case is that of the working folder, or of a folder that is typed in place of the robot.
+        If the robot file of the case is typed, its sidecar and locks are used, but not its logs.
         """
         CASE.set(None)
         takes_robot = any(isinstance(p, TyperArgument) and p.name == "robot" for p in self.params)
@@ -414,7 +414,7 @@ def defaults_of_case(case: CaseFile, verb: str, *, has_logs: bool) -> dict[str, 
 
 
 def _check_kind(path: Path, kinds: Sequence[str]) -> None:
-    """Refuse to write over what is no earlier result of some kinds, as its first lines say.
+    """Refuse to overwrite a file whose first lines are not a result of the given kinds.
 
     Raises
     ------
@@ -431,7 +431,7 @@ def _check_kind(path: Path, kinds: Sequence[str]) -> None:
 
 
 def _look(verb: str, typed: Mapping[str, Any], options: Mapping[str, Field]) -> None:
-    """Refuse what is not there or cannot be written, in no time.
+    """Refuse missing inputs and outputs that cannot be written, before any computation.
 
     Raises
     ------
@@ -485,7 +485,7 @@ def _read_settings(
     typed: Sequence[str],
     given: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """Return what the sidecar and the command line set, checked.
+    """Return the checked settings of the sidecar and the command line.
 
     Raises
     ------
@@ -527,7 +527,7 @@ def _read_settings(
 
 
 def _as_kind(kind: Any, text: str) -> Any:
-    """Return what a text says as a kind of value; the text itself where it says none."""
+    """Convert a text to a type; return the text itself if that fails."""
     if kind is bool:
         return {"true": True, "false": False}.get(text.lower(), text)
     with suppress(ValueError):
@@ -544,7 +544,7 @@ def split_names(_: str, text: str) -> list[str]:
 
 
 def split_model(option: str, text: str) -> list[str] | str:
-    """Return the effects in ``a,b``, or the path of a model file as it is."""
+    """Return the effects in ``a,b``, or the unchanged path of a model file."""
     return text if text.lower().endswith(".toml") else split_names(option, text)
 
 
@@ -601,7 +601,7 @@ def effects(option: str) -> list[str]:
 
 
 def _load_plugins(context: typer.Context, paths: list[Path] | None) -> list[Path]:
-    """Register what the user's files add before the command, or its help, asks for any."""
+    """Register the effects of the user's files before the command, or its help, reads effects."""
     if paths and not context.resilient_parsing:
         from identifiability.effects import load_plugin  # noqa: PLC0415
 
@@ -633,7 +633,7 @@ Point = Annotated[str, Option(metavar="X,Y,Z"), Parsed(split_point)]
 
 @dataclass(frozen=True)
 class Recorded:
-    """How logs of the robot were made; the sidecar has its own words for it."""
+    """How logs of the robot were recorded; the sidecar has other names for these keys."""
 
     table: ClassVar[str] = ""
 
@@ -644,7 +644,7 @@ class Recorded:
 
 @dataclass(frozen=True)
 class Machine:
-    """The robot, what its file does not say, and what its logs call things."""
+    """The robot, additions to its file, and the column names of its logs."""
 
     robot: Annotated[str, Argument()]
     sidecar: str | None = None
@@ -654,7 +654,7 @@ class Machine:
     recorded: Recorded = Recorded()
 
     def load(self) -> Robot:
-        """Return the robot, with what was said of its logs.
+        """Return the robot with the conventions of its logs.
 
         Raises
         ------
@@ -689,7 +689,7 @@ class Derived:
     decimate: Count | None = None
 
     def preparation(self) -> Preparation | None:
-        """Return what was asked for; None if nothing was."""
+        """Return the preparation that was requested; None if no option was set."""
         from identifiability.logs.prepare import Preparation  # noqa: PLC0415
 
         return None if self == Derived() else Preparation(**asdict(self))
@@ -697,7 +697,7 @@ class Derived:
 
 @dataclass(frozen=True)
 class Place:
-    """Where long work runs."""
+    """The engine for long computations."""
 
     table: ClassVar[str] = "run"
 
@@ -719,14 +719,14 @@ class Place:
 
 @dataclass(frozen=True)
 class Work:
-    """How logs become motion, and where long work runs."""
+    """How logs become motion, and the engine for long computations."""
 
     derived: Derived = Derived()
     place: Place = Place()
 
     @contextmanager
     def running(self) -> Iterator[tuple[Callable[[str, float], None], dict[str, Any], Engine]]:
-        """Give what tells progress, what every fit takes, and the engine."""
+        """Yield the progress callback, the common options of fits, and the engine."""
         with progress() as say, self.place.running() as engine:
             # A verb left to itself ends its processes sooner.
             asked = engine if self.place != Place() else None
@@ -755,7 +755,7 @@ class Fitted:
 
 @dataclass(frozen=True)
 class Outputs:
-    """Where results are written."""
+    """Paths of the results."""
 
     report: Report = None
     json: Annotated[Path | None, Writes(".json")] = None
@@ -766,12 +766,13 @@ class Outputs:
         say: Callable[[str, float], None],
         *first: tuple[Callable[[Path], Path], Path | None],
     ) -> list[Path]:
-        """Write what was asked for, `first` by its own functions, and return the paths.
+        """Write the requested files and return their paths; `first` have functions of their own.
 
         Raises
         ------
         OutputError
-            If something cannot be written where it should; it is then elsewhere, and that is said.
+            If a file cannot be written at its path. It is then written elsewhere, and the error
+            names that path.
         """
 
         def draw(path: Path) -> Path:

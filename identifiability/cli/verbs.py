@@ -1,7 +1,7 @@
 """The verbs: load, validate, call the function of the same name, print where results are.
 
-A function here that `command` decorates is a verb; what its help says stands in ``help.toml``.
-Heavy imports stand inside the functions, so that ``--help`` is quick.
+A function here that `command` decorates is a verb. Its help text stands in ``help.toml``. Heavy
+imports stand inside the functions, so that ``--help`` is quick.
 """
 
 from __future__ import annotations
@@ -57,17 +57,17 @@ if TYPE_CHECKING:
 
 
 def run(said: dict[str, Any], verb: str, write: str = "", **options: Any) -> tuple[Any, list[Path]]:
-    """Call the function of a verb's name with what was typed, and write what it returns.
+    """Call the function of a verb with the typed options, and write its result.
 
     Parameters
     ----------
     said : mapping
-        Arguments of the verb, groups of them among them.
+        Arguments of the verb, including groups.
     verb : str
     write : str, optional
-        Method of the result that writes ``out``; that is written first, as the page knows of it.
+        Method of the result that writes ``out``. It runs first, because the page names that file.
     options
-        Of this method.
+        Options of this method.
     """
     machine, outputs = said.pop("machine"), said.pop("outputs")
     work, out = said.pop("work", None), said.pop("out", None)
@@ -167,7 +167,7 @@ def inspect(
     logs: OptionalLogs = (),
     model: Model = None,
 ) -> None:
-    """Say what a robot file holds, what its logs must have, and what is in logs and odd."""
+    """List the content of a robot file, the columns that logs need, and the quality of logs."""
     result, written = run(locals(), "inspect")
     needs = [] if result.records else [f"{n.text} {n.line}".rstrip() for n in result.needs]
     case = CASE.get()
@@ -202,7 +202,7 @@ def analyze(
     each: Annotated[Sequence[str], Option(metavar="FOLDER")] = (),
     out: Annotated[Path | None, Writes()] = None,
 ) -> None:
-    """Say which parameters the logs determine, and which model of a ladder to use."""
+    """Find the parameters that the logs determine, and select a model of a ladder."""
     said = locals()
     if bool(each) == bool(logs) or (out is None) == bool(each):
         raise kinds.OptionError(Finding("each.none"))
@@ -266,7 +266,7 @@ def diagnose(
     motion: Annotated[Path | None, Option("--next"), Writes(".json")] = None,
     limits: Limits = None,
 ) -> None:
-    """Find where model and logs disagree, name the missing effect, add it, show the gap shrink."""
+    """Find where model and logs disagree, add the missing effect, and show that the gap shrinks."""
     said = locals()
     del said["motion"], said["limits"]
     result, written = run(said, "diagnose", "write_model")
@@ -301,7 +301,7 @@ def calibrate(
     seed: kinds.Seed = 0,
     quick: bool = False,
 ) -> None:
-    """Say whether the intervals and verdicts of the model to use can be trusted here."""
+    """Check whether the intervals and verdicts of the selected model can be trusted here."""
     with work.running() as (say, how, engine):
         import identifiability as library  # noqa: PLC0415
 
@@ -334,7 +334,7 @@ def predict(
     forward: Annotated[bool, Option("--forward")] = False,
     out: Annotated[Path | None, Table] = None,
 ) -> None:
-    """Predict the torque of logs with a fitted model, or where they move its robot."""
+    """Predict the torque of logs with a fitted model, or the motion of its robot."""
     print_result(*run(locals(), "predict", "write"))
 
 
@@ -400,7 +400,7 @@ def payload(
     centre: Point | None = None,
     inertia: Point | None = None,
 ) -> None:
-    """Weigh what hangs on a body: its mass, centre and inertia, with intervals."""
+    """Estimate a payload on a body: its mass, centre and inertia, with intervals."""
     found, written = run(locals(), "payload")
     print_result(found, written, filter(None, [found.sidecar]))
 
@@ -416,7 +416,7 @@ def compare(
     more_before: Annotated[Sequence[str], Option("--before", metavar="LOG"), Records()] = (),
     more_after: Annotated[Sequence[str], Option("--after", metavar="LOG"), Records()] = (),
 ) -> None:
-    """Say what changed between two logs of one robot."""
+    """Find the changes between two logs of one robot."""
     said = locals()
     said["before"] = [before, *said.pop("more_before")]
     said["after"] = [after, *said.pop("more_after")]
@@ -470,7 +470,7 @@ def simulate(
 
 @dataclass(frozen=True)
 class Searched:
-    """Of which motions the best is found."""
+    """The set of motions for the search."""
 
     table: ClassVar[str] = ""
 
@@ -531,7 +531,7 @@ def find_studies() -> Path:
     Raises
     ------
     IdentifiabilityError
-        If neither stands in a checkout.
+        If neither is in a checkout.
     """
     package = Path(__file__).resolve().parents[2]
     for folder in (Path.cwd(), *Path.cwd().parents, package):
@@ -558,7 +558,7 @@ def paper(
     seeds: kinds.Count | None = None,
     out: Annotated[Path, Writes()] = Path("reports"),
 ) -> None:
-    """Compute every table and figure of the paper, ours beside the printed numbers."""
+    """Compute every table and figure of the paper, and compare it with the printed numbers."""
     studies = find_studies()
     words = [*tables, "--out", str(out), *(["--quick"] if quick else [])]
     words += [] if seeds is None else ["--seeds", str(seeds)]

@@ -1,10 +1,9 @@
 """Effects: the parts that models are made of, one file a subject.
 
-Every name here is public vocabulary: it stands in reports, JSON, ladders and on the command line.
+Every name here is public vocabulary: reports, JSON, ladders and the command line use it.
 
 To add an effect: a class that states its columns under `declare`, in a file of its own or in that
-of its subject; files of this folder are found by themselves, and `effect.ORDER` says
-where it stands among the others.
+of its subject; the package finds the files of this folder, and `effect.ORDER` states their order.
 """
 
 from importlib import import_module

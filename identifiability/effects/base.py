@@ -71,13 +71,13 @@ def _needs_gravity(robot: Robot, place: str) -> str:
     told_by=POSTURES,
 )
 class GravityTilt(Effect):
-    """``τ = ∂τ_g/∂θ θ``: the base stands at a small angle to what is known of it.
+    """``τ = ∂τ_g/∂θ θ``: the base stands at a small angle to its nominal attitude.
 
     Two rotations about horizontal axes; the masses are the file's. It looks like offsets where the
-    arm keeps its attitude, and like wrong first moments. What is known is what the file says, or
-    the direction of gravity in the file's world that a model states as its shape: about it the
-    angles of a large tilt are small as well, and whatever masses the columns take, they are zero
-    where the direction is right.
+    arm keeps its attitude, and like wrong first moments. The nominal attitude is that of the file,
+    or the direction of gravity that a model states as the shape, in the file's world. The angles of
+    a large tilt are small about it as well. The angles are zero where the direction is right, for
+    any masses in the columns.
 
     Parameters
     ----------
@@ -122,17 +122,17 @@ class GravityTilt(Effect):
             return
         axes = np.array(horizontal_axes(robot.gravity))
         turned = [robot.reference.get(f"{BASE}.{kind}", 0.0) for kind in TILTS] @ axes
-        # What a turn by these angles takes all the way, not at its beginning alone.
+        # Finite turn by these angles, not only its derivative at zero.
         between = robot.gravity + 0.5 * np.cross(turned, robot.gravity)
         for k, axis in enumerate(axes):
             out[:, :, k] = gravity_torque(robot, motion, np.cross(axis, between))
 
 
-# An inertial sensor that is mounted on its base otherwise than the sidecar says.
+# An inertial sensor whose mounting differs from the sidecar.
 
 
-#: What is corrected, by its key under ``[imu]``: kinds of parameters, their unit, and how far a
-#: sensor of which nobody asks for it is off (standard deviation).
+#: Corrections by their key under ``[imu]``: kinds of parameters, their unit, and the prior standard
+#: deviation of a sensor without a request.
 CORRECTIONS = {
     "rotation": (("imu_rx", "imu_ry", "imu_rz"), "rad", 0.02),
     "place": (("imu_x", "imu_y", "imu_z"), "m", 0.01),
@@ -183,10 +183,10 @@ def _refuse(robot: Robot, _place: str) -> str:
 class ImuMounting(Effect):
     """``τ = ∂τ/∂(a, ω, ω̇) · ∂(a, ω, ω̇)/∂θ θ`` with ``a_imu = R(a − g + ω̇×r + ω×(ω×r)) + b``.
 
-    Corrections θ of what the sidecar states: the sensor is turned by small angles about the axes
-    of the base, sits so much farther, and reads so much more, along its own axes. They are linear
-    in small corrections, and the masses are the file's: a large one goes into the sidecar, and
-    what is left of it is found again.
+    Corrections θ of the sensor mounting in the sidecar: the sensor is turned by small angles about
+    the axes of the base, shifted along them, and biased along its own axes. They are linear in
+    small corrections, and the masses are the file's: write a large one into the sidecar, and fit
+    the remaining correction again.
     """
 
     name = "imu_mounting"
@@ -199,7 +199,7 @@ class ImuMounting(Effect):
         return [k for k in CORRECTIONS if k in (robot.base.imu.fit or CORRECTIONS)]
 
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
-        """Return those that the sidecar asks for, else all twelve, as small as they are known."""
+        """Return the corrections that the sidecar lists, or all twelve with a prior."""
         asked = robot.base is not None and robot.base.imu.fit
         return tuple(
             Parameter(BASE, kind, unit, self.name, sd=np.inf if asked else sd)
@@ -208,7 +208,7 @@ class ImuMounting(Effect):
         )
 
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
-        """Write how torque changes with each correction."""
+        """Write the derivative of torque with respect to each correction."""
         if robot.base is None or not out.shape[2]:
             return
         imu = robot.base.imu

@@ -1,6 +1,6 @@
 """`Effect`: a block of named columns of the regressor along a motion, and its `Family`.
 
-A family is what a diagnosis, an export and a report must know of an effect.
+Diagnoses, exports and reports read the `Family` of an effect.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from identifiability.robot.closure import load_by
 
 # `Effect`: a block of named columns of the regressor as a function of the motion.
 #
-# `AlongAxes` is what most effects are: forces along joints and motors, in proportion to levels.
+# Most effects are an `AlongAxes`: forces along joints and motors, in proportion to levels.
 
 
 class Effect(ABC):
     """A part of a model: torque that is linear in its parameters.
 
-    Every effect answers three questions: what it is called, which parameters it has for a robot,
-    and what their columns are along a motion. Models are sums of effects.
+    Every effect answers three questions: its name, its parameters for a robot, and their columns
+    along a motion. Models are sums of effects.
     """
 
     #: Public name, used in reports, JSON, TOML and on the command line.
@@ -67,7 +67,7 @@ class Effect(ABC):
         return joint
 
     def reached(self, robot: Robot, span: Span) -> Collection[str] | None:
-        """Return of which kinds of its parameters a motion says anything; None for all."""
+        """Return the kinds of its parameters on which a motion has information; None for all."""
         del robot, span
         return None
 
@@ -98,7 +98,7 @@ class Along:
 
     @property
     def sign(self) -> Array:
-        """Sign of its speed, (N,): where velocity is noisy, what it is in the mean."""
+        """Sign of its speed, (N,): the expected sign where velocity is noisy."""
         return self.motion.expected_sign(self.speed, self.load)
 
     @property
@@ -122,7 +122,7 @@ class Along:
         return self.robot.joints.index(self.axis.name)
 
     def slope(self, values: Array) -> Array:
-        """Return how values (N,) change in time; not across missing samples."""
+        """Return the time derivatives of values (N,); not across missing samples."""
         out = np.zeros(len(values))
         for rows in split_runs(self.motion):
             if len(rows) > 2:
@@ -136,9 +136,10 @@ class Along:
 
     @property
     def load(self) -> Array:
-        """What a force f along the axis loads the actuated joints by, ``load · f``, (N, n) or (n,).
+        """Load of the actuated joints by a unit force along the axis, (N, n) or (n,).
 
-        It is the row of their speeds in that of the axis (virtual work).
+        A force f adds ``load · f``. It is the ratio of the joints' speeds to that of the axis
+        (virtual work).
         """
         return load_by(self.robot, self.axis, self.motion)
 
@@ -152,7 +153,7 @@ def split_runs(motion: Motion) -> list[np.ndarray]:
 class AlongAxes(Effect):
     """Forces along joints and coupled motors, each in proportion to one parameter.
 
-    A subclass states its `units` and its `curves`, and what else differs from the words here.
+    A subclass states its `units` and its `curves`, and overrides any default that differs.
     """
 
     #: Each kind of parameter, with its SI unit at an axis that turns and at one that slides.
@@ -169,7 +170,7 @@ class AlongAxes(Effect):
 
     @property
     def placeable(self) -> bool:
-        """Whether it can be at other axes than its own, by its curves."""
+        """Whether its curves allow it at other axes than its default ones."""
         return self.anywhere and type(self).curves is not AlongAxes.curves
 
     def placed(self, owner: str) -> AlongAxes:
@@ -179,7 +180,7 @@ class AlongAxes(Effect):
         return other
 
     def places(self, robot: Robot) -> Sequence[Axis]:
-        """Return where it is: where a model has placed it, else its own axes."""
+        """Return where it is: the axes at which a model placed it, else its default axes."""
         if not self.elsewhere:
             return self.axes(robot)
         every = (*robot.axes, *robot.passive_axes)
@@ -248,7 +249,7 @@ class Shaped(AlongAxes):
     only: str | None = None
 
     def typical(self, robot: Robot, axis: Axis) -> float:
-        """Return the shape at an axis for which none is stated."""
+        """Return the default shape at an axis."""
         del robot
         return self.usual[axis.prismatic]
 
@@ -276,7 +277,7 @@ def put(out: Array, column: int, load: Array, force: Array) -> None:
         out[:, joint, column] = load[joint] * force
 
 
-# `Family`: what a diagnosis, an export and a report must know of an effect.
+# `Family`: facts about an effect for diagnoses, exports and reports.
 #
 # A family is declared before the data are seen: where it can be, which shapes it can have. It
 # stands in the file of its effect.
@@ -317,7 +318,7 @@ class Span:
     motions: tuple[Motion, ...] = ()
 
 
-#: Motions that tell effects from what they resemble.
+#: Motions that distinguish effects from similar ones.
 SPEEDS = "run slow and fast passes through the same positions"
 RESTS = "rest the joints, or move one joint while another stands still"
 POSTURES = "move through the whole range of each joint with the others in other postures"
@@ -339,7 +340,7 @@ def actuated_joints(robot: Robot) -> tuple[str, ...]:
 
 
 def in_motor(robot: Robot, place: str) -> str:
-    """Return why a passive joint cannot have what motors have."""
+    """Return why a passive joint cannot have effects of motors; empty for actuated joints."""
     return "a passive joint has no motor" if place in robot.passive else ""
 
 
@@ -364,7 +365,7 @@ class Family:
     Attributes
     ----------
     effect : Effect
-        As it is everywhere, with the shapes that the robot states.
+        The effect at all its places, with the shapes that the robot states.
     title : str
         In words: ``Stribeck friction``.
     places : callable(Robot) -> names of joints, bodies or ``base``
@@ -376,7 +377,7 @@ class Family:
     separate : bool
         Whether columns are candidates by their kinds, else they come together.
     alike : bool
-        Whether all columns of a place are the same, so that one stands for them.
+        Whether all columns of a place are the same, so that one of them is enough.
     fixed_only : bool
         Whether it can differ from the model only while that is not refitted.
     needs : str
@@ -396,7 +397,7 @@ class Family:
     unnamed : bool
         Whether it is a function without an equation, for what no name explains.
     flexible : bool
-        Whether its shape is how many columns it has: motion that was not fitted chooses it.
+        Whether its shape is the number of its columns: motion that was not fitted chooses it.
     continuous : bool
         Whether what lies between two shapes is one, too: tried where data tell these apart.
     law : callable(speed, position, load) -> force, optional
@@ -504,7 +505,7 @@ class Part:
         return here and (not self.kinds or parameter.kind in self.kinds)
 
     def find(self, robot: Robot) -> tuple[Effect, dict[int, Parameter]]:
-        """Return the effect where it is, and what is taken of it by column.
+        """Return the effect at its place, and the parameters that match the pattern, by column.
 
         Raises
         ------
@@ -560,7 +561,7 @@ class Placed(Effect):
 
     @property
     def stage_key(self) -> tuple[object, ...]:
-        """What two equal effects have in common: their text, or nothing without one."""
+        """Key that is the same for equal effects: their text, or nothing without one."""
         return (type(self.parts[0].effect), self._texts) if self._texts else (id(self),)
 
     def turn(self, robot: Robot) -> Robot:
@@ -589,7 +590,8 @@ class Placed(Effect):
     def _taken(self, robot: Robot) -> list[tuple[Effect, dict[int, Parameter]]]:
         """Return the effect of each part with the parameters that are the part's, by column.
 
-        What parts name, and the patterns before, go before what fits a pattern.
+        Parts with an exact name take their parameters before parts with a pattern, and earlier
+        patterns before later ones.
         """
         parts = [part.find(robot) for part in self.parts]
         wide = [is_pattern(part.owner) for part in self.parts]

@@ -70,9 +70,8 @@ class CoulombFriction(AlongAxes):
 class CoulombAsymmetry(AlongAxes):
     """``τ = Fc⁺`` for q̇ > 0 and ``−Fc⁻`` for q̇ < 0; both are positive numbers.
 
-    A motor that mixes joints has one level: what its two directions differ by is a constant torque
-    on its joints, which their own levels hold already. A robot file has their
-    mean.
+    A motor that mixes joints has one level: the difference between its directions is a constant
+    torque on its joints, which their levels contain already. A robot file has their mean.
     """
 
     name = "coulomb_asymmetry"
@@ -97,9 +96,9 @@ class CoulombAsymmetry(AlongAxes):
 
 
 def complete_coulomb_levels(values: dict[str, float], given: Mapping[str, float]) -> None:
-    """Let every Coulomb level of some values stand as one for both directions and one for each.
+    """Make the Coulomb levels of some values consistent: one for both directions, and one for each.
 
-    What was given decides: a level for both, else those of each direction.
+    The given values decide: a level for both, else those of each direction.
     """
     owners = {name.rpartition(".")[0] for name in values if name.endswith(".Fc")}
     owners |= {name.rpartition(".")[0] for name in given if name.endswith((".Fc+", ".Fc-"))}
@@ -139,7 +138,7 @@ class QuadraticFriction(AlongAxes):
 
 
 #: Stribeck velocities that are tried, as shares of the joint's rms speed: neighbours are so close
-#: that what falls between them leaves less than 1 % of the curve.
+#: that a value between them changes less than 1 % of the curve.
 STRIBECK_SHARES = tuple(float(x) for x in np.geomspace(0.04, 1.6, 16))
 
 
@@ -194,11 +193,11 @@ class StribeckFriction(Shaped):
     told_by=SPEEDS,
 )
 class RisingFriction(StribeckFriction):
-    """``τ = −Fr exp(−|q̇/vr|) sign(q̇)``: what Coulomb friction lacks at low speed.
+    """``τ = −Fr exp(−|q̇/vr|) sign(q̇)``: dry friction that is smaller at low speed.
 
     It is `stribeck_friction` of the other sign: seals, grease and preloaded gears whose friction
-    rises to its level, or more slowly than viscous friction does. Its shape is the speed vr
-    [rad/s or m/s] at which all but 37 % is there.
+    rises to its level, or more slowly than viscous friction does. Its shape is the speed vr [rad/s
+    or m/s] at which friction has reached 63 % of its rise.
     """
 
     name = "rising_friction"
@@ -228,8 +227,8 @@ SHARES = tuple(float(x) for x in np.geomspace(0.08, 3.2, 12))
 class SigmoidFriction(StribeckFriction):
     """``τ = Ft tanh(q̇/vt)``: dry friction that turns smoothly from one direction to the other.
 
-    Published models of the Franka Panda and of the UR10 have it. Its shape is the speed vt
-    [rad/s or m/s] at which 76 % is there. Beside Coulomb friction it resembles
+    Published models of the Franka Panda and of the UR10 have it. Its shape is the speed vt [rad/s
+    or m/s] at which friction has 76 % of its level. With Coulomb friction in the model it resembles
     `rising_friction`.
     """
 
@@ -330,5 +329,5 @@ class ReversalFriction(AlongAxes):
 
 #: Least acceleration at a reversal, over the median of all.
 SLOWEST: Tolerance = 0.05
-#: What every hypothesis has beside Coulomb friction.
+#: Candidates that every hypothesis has in addition to Coulomb friction.
 REVERSALS = Family(ReversalFriction(), "friction at reversals", needs="coulomb_friction")

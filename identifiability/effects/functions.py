@@ -1,4 +1,4 @@
-"""Torque of which nothing is known but what it depends on: the nonparametric effects.
+"""Torque as an unknown function of known coordinates: the nonparametric effects.
 
 Smooth functions of position, speed, load, time, another joint's speed, and of two of them
 together.
@@ -24,16 +24,16 @@ from .nominal import needs_masses
 from .registry import declare, register
 from .transmission import rigid_load
 
-# Torque along a joint of which nothing is known but what it depends on: smooth functions.
+# Torque along a joint as an unknown function of a known coordinate: smooth functions.
 #
-# A diagnosis asks for them where no name explains what is left, and says that they have none.
+# A diagnosis tries them where no named effect explains the residual, and reports them as unnamed.
 
 
-#: Degree of the pieces, and how many there are: alone, and of what goes with the velocity.
+#: Degree of the pieces, and their number: alone, and with the velocity.
 DEGREE, PIECES, PIECES_OF_TWO = 2, 4, 3
 #: Speed that motions are taken to reach where no limit is stated [rad/s, m/s].
 TYPICAL_SPEED: tuple[Tolerance, Tolerance] = (2.0, 0.3)
-#: What every function contains: its splines add up to one.
+#: Effects that every function contains: its splines add up to one.
 CONTAINED = ("torque_offset",)
 
 
@@ -94,7 +94,7 @@ Value = Callable[[Along], Array]
 
 @frozen
 class Coordinate:
-    """What a torque may be a function of.
+    """A coordinate on which a torque may depend.
 
     Attributes
     ----------
@@ -117,7 +117,7 @@ class Coordinate:
     usual: tuple[float, float]
 
 
-# What torque depends on in a way that has no name here.
+# Coordinates of torque without a named effect here.
 
 
 def largest_load(span: Span) -> tuple[float, ...]:
@@ -153,10 +153,10 @@ def session_of(at: Along) -> Array:
 
 
 def has_session(motions: Sequence[Motion]) -> bool:
-    """Whether motions share a clock that says more than the time within each.
+    """Whether motions share a session clock, in addition to the time within each.
 
-    That is where logs say when they began, and so many that one may be left out: two must be left
-    to say how it goes on.
+    They do if logs state their start times, and if there are enough logs to leave one out: the
+    function then still has two logs that fix its slope.
     """
     starts = {m.start for m in motions}
     return len(starts) >= FEWEST and None not in starts
@@ -187,9 +187,9 @@ class SmoothFunction(Shaped):
     Its shape is the largest value of the coordinate, in its unit. With the velocity it is ``τ =
     f₀(u) + f₁(u) sign q̇ + f₂(u) q̇``, splines for each by itself.
 
-    The time of a session is another thing than that of a log: logs are pieces of a session with
-    pauses between, of which the last is seldom fitted, so that its function is held to a straight
-    line as closely as the motion says, and goes straight on beyond its end.
+    The time of a session differs from the time of a log: logs are pieces of a session with pauses
+    between, and the last log is seldom fitted. So the function is held to a straight line as
+    closely as the motion says, and it continues straight beyond its end.
 
     Attributes
     ----------

@@ -91,9 +91,9 @@ def _unseen(robot: Robot, place: str) -> str:
 class ActuatorInertia(AlongAxes):
     """``τ = Ia q̈``: rotor and drive inertia referred to the joint.
 
-    A torque sensor behind the gear sees nothing of it. Passive joints have one where the robot
+    A torque sensor behind the gear does not measure it. Passive joints have one where the robot
     file states it. Where the robot's sidecar names several parts (rotor and screw), each has a
-    column; they are equal, and the grouping says so.
+    column; they are equal, so one group contains both.
     """
 
     name = "actuator_inertia"
@@ -122,8 +122,8 @@ class ActuatorInertia(AlongAxes):
 
 # A load at the end of the robot that the robot file does not have.
 #
-# Where every mass is refitted a payload is part of the last body and cannot be told apart from it;
-# it matters for the simulation with the file's own values.
+# Where every mass is refitted a payload is part of the last body and not separable from it; it
+# matters for the simulation with the file's own values.
 
 
 @declare(
@@ -136,7 +136,7 @@ class ActuatorInertia(AlongAxes):
 class Payload(Effect):
     """``τ = K_body [m mx my mz Ixx …]``: a load fixed to a last body of the robot.
 
-    In a refit it is the same as that body's own mass and moments, of which it is part in a file.
+    In a refit it is equal to mass and moments of that body; a file adds it to them.
     """
 
     name = "payload"

@@ -1,4 +1,4 @@
-"""Errors of what is measured: torque that is offset, late, scaled or leaks, and positions."""
+"""Errors of measurement: torque that is offset, late, scaled or leaks, and positions."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from .springs import FreeSpring, GravitySpring, JointStiffness
 
 
 class AtMotors(AlongAxes):
-    """What is of every actuated joint: one axis each, without the motors that mix them."""
+    """An effect of every actuated joint: one axis each, without the motors that mix them."""
 
     def axes(self, robot: Robot) -> Sequence[Axis]:
         """Return those of joints."""
@@ -110,7 +110,8 @@ def nominal_torque(robot: Robot, motion: Motion) -> Array:
 def smooth_torque(robot: Robot, motion: Motion) -> Array:
     """Return the same without dry friction, (N, n).
 
-    How that turns within a sample no slope says, least of all by a file's levels.
+    A slope cannot describe how dry friction turns within a sample, least of all with a file's
+    levels.
     """
     effects = ViscousFriction(), ActuatorInertia(), JointStiffness(), FreeSpring(), GravitySpring()
     return sum((_stated_torque(robot, motion, e) for e in effects), rigid_torque(robot, motion))
@@ -137,10 +138,10 @@ def _stated_torque(robot: Robot, motion: Motion, effect: Effect) -> Array:
 class TimeDelay(AtMotors):
     """``τ_measured(t) = τ(t − δ) ≈ τ − δ dτ/dt``: torque and motion are not sampled together.
 
-    Linearised in the delay, which must be small beside the fastest motion. The torque that is
-    differentiated is a model's, never the measured one, whose noise would enter the column.
-    It looks like actuator inertia and viscous friction at one frequency of motion. A delay is never
-    negative: torque that comes before its motion is a `clock_error`.
+    Linearised in the delay, which must be small relative to the period of the fastest motion. The
+    torque that is differentiated is a model's, never the measured one, whose noise would enter the
+    column. It looks like actuator inertia and viscous friction at one frequency of motion. A delay
+    is never negative: torque that comes before its motion is a `clock_error`.
     """
 
     name = "time_delay"
@@ -152,7 +153,7 @@ class TimeDelay(AtMotors):
     anywhere = False
 
     def curves(self, at: Along) -> list[Array]:
-        """Return minus how the torque changes that is measured, a wrong scale and all."""
+        """Return minus the slope of the torque, with the scale of the measured one."""
         gain = 1.0 + reference_values(at.robot).get(f"{at.axis.name}.scale", 0.0)
         return [-gain * at.slope(smooth_torque(at.robot, at.motion)[:, at.joint])]
 
@@ -171,7 +172,7 @@ class TimeDelay(AtMotors):
 class ClockError(TimeDelay):
     """``τ_measured(t) = τ(t + ε)``: no torque follows a motion before it happens.
 
-    What `time_delay` would need a negative delay for: the motion is stamped late, or filtered.
+    It acts as a negative `time_delay` would: the motion is stamped late, or filtered.
     """
 
     name = "clock_error"
@@ -179,7 +180,7 @@ class ClockError(TimeDelay):
     units = (("lead", "s", "s"),)
 
     def curves(self, at: Along) -> list[Array]:
-        """Return that of a delay with the other sign."""
+        """Return the curve of a delay, with the other sign."""
         return [-column for column in super().curves(at)]
 
 
@@ -203,8 +204,8 @@ def _needs_servos(robot: Robot, place: str) -> str:
 class CommandDelay(TimeDelay):
     """``τ(q_cmd(t)) = τ + δ (dτ/dt + kp q̇ + kv q̈)``: the servo of a joint acts δ later.
 
-    Later than is taken of all joints of a log, or earlier where δ is negative. A command is what
-    its servo makes torque of, kp q_cmd = τ + kp q + kv q̇, so that most of a delay is viscous
+    Later than is taken of all joints of a log, or earlier where δ is negative. A servo makes the
+    torque of a command by kp q_cmd = τ + kp q + kv q̇. So most of a delay looks like viscous
     friction and inertia; these are no longer wrong with it.
     """
 
@@ -214,11 +215,11 @@ class CommandDelay(TimeDelay):
     nonnegative = False
 
     def axes(self, robot: Robot) -> Sequence[Axis]:
-        """Return those of the joints of a robot with servos."""
+        """Return the axes of the joints of a robot with servos."""
         return () if robot.servo is None else super().axes(robot)
 
     def curves(self, at: Along) -> list[Array]:
-        """Return what a later command makes of the torque of its servo."""
+        """Return the change of the servo's torque by a later command."""
         servo = at.robot.servo
         j = at.joint
         assert servo is not None
@@ -242,8 +243,8 @@ class CommandDelay(TimeDelay):
 class TorqueScale(AtMotors):
     """``τ = s τ``: the torque of one joint is s too large, as by a wrong constant of its motor.
 
-    The torque is that of the fitted values. One scale of all joints is a scale of all
-    masses; what is told is how the joints differ.
+    The torque is that of the fitted values. One scale of all joints is a scale of all masses; only
+    differences between joints are identifiable.
     """
 
     name = "torque_scale"
@@ -258,7 +259,7 @@ class TorqueScale(AtMotors):
         return [nominal_torque(at.robot, at.motion)[:, at.joint]]
 
 
-# Torque of another joint that leaks into what is measured at this one.
+# Torque of another joint that leaks into the measured torque of this one.
 
 
 def other_joints(span: Span) -> tuple[float, ...]:
@@ -278,19 +279,22 @@ def _refuse(robot: Robot, place: str) -> str:
 
 
 class FromJoint(Shaped):
-    """What comes from another joint, whose number is the shape, counted from one."""
+    """An effect of another joint on this one.
+
+    The shape is the number of that joint, counted from one.
+    """
 
     #: Units at an axis that turns from one that slides, and the other way round.
     crossed: ClassVar[tuple[str, str]] = ("m", "1/m")
     anywhere = False
 
     def axes(self, robot: Robot) -> list[Axis]:
-        """Return those of joints, without the motors that mix them."""
+        """Return the axes of joints, without the motors that mix them."""
         own = robot.motor_joints if len(robot.motor_joints) > 1 else ()
         return [a for a in super().axes(robot) if a.name in own]
 
     def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
-        """Return one kind, which says where it comes from."""
+        """Return one kind, whose name states the other joint."""
         return (f"{self.units[0][0]}_{robot.joints[self.origin(robot, axis)]}",)
 
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
@@ -347,8 +351,8 @@ class FromJoint(Shaped):
 class TorqueLeak(FromJoint):
     """``τ = c τ_other``: cross-talk of sensors and currents, cables that run through a joint.
 
-    The torque that leaks is that of the robot file's values, since a measured one would bring its
-    noise into the column. Its shape is the number of the joint that it comes from.
+    The leaking torque is computed from the robot file's values, because a measured one would bring
+    its noise into the column. Its shape is the number of the joint that it comes from.
     """
 
     name = "torque_leak"
@@ -407,14 +411,14 @@ def _stands_in_a_tree(robot: Robot, place: str) -> str:
     told_by=POSTURES,
 )
 class EncoderBias(AtMotors):
-    """``τ = −b ∂τ/∂q``: a joint's position is measured b too large, and so is its command.
+    """``τ = −b ∂τ/∂q``: both the position of a joint and its command are measured b too large.
 
-    The servo holds what it measures, so its torque is right and every other joint's is told at a
-    configuration that is not there. Linear in b; where one is known, of any size, the column is
-    taken along the whole way, by the fitted masses. Where the joint's axis is along gravity and
-    the first of its tree nothing depends on it; of any other first joint it is a tilt of the base
-    about its axis; at the last body it looks like first moments that are turned about its axis. The
-    sidecar states it as an offset of ``[columns]``.
+    The servo holds the measured position, so its torque is right. The torque of every other joint
+    is assigned to a wrong configuration. Linear in b; where the bias is known, the column follows
+    it over its whole size, with the fitted masses. It has no effect where the joint's axis is along
+    gravity and the first of its tree; of any other first joint it is a tilt of the base about its
+    axis; at the last body it looks like first moments that are turned about its axis. The sidecar
+    states it as an offset of ``[columns]``.
     """
 
     name = "encoder_bias"
@@ -423,11 +427,11 @@ class EncoderBias(AtMotors):
     units = (("bias", "rad", "m"),)
 
     def axes(self, robot: Robot) -> Sequence[Axis]:
-        """Return those of the joints of a tree."""
+        """Return the axes of the joints of a tree."""
         return () if robot.closed else super().axes(robot)
 
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
-        """Write how torque changes with minus each position."""
+        """Write minus the derivative of torque with respect to each position."""
         if not out.shape[2]:
             return
         rigid = rigid_torque(robot, motion)

@@ -20,7 +20,7 @@ Torque = Callable[[Robot, Motion], Array]
 
 
 def once(torque: Torque) -> Torque:
-    """Return a torque that is computed once for a robot's motion, as long as the motion is there.
+    """Return a torque that is computed once for a robot's motion and cached with the motion.
 
     A dictionary asks dozens of effects about one motion, and many of them for the same load.
     """
@@ -39,7 +39,7 @@ def once(torque: Torque) -> Torque:
 
 
 def reference_values(robot: Robot) -> Mapping[str, float]:
-    """Return the standard parameters by which the robot's loads are known."""
+    """Return the standard parameters that give the loads of the robot."""
     if robot.reference:
         return robot.reference
     values = dict(robot.nominal)
@@ -50,7 +50,7 @@ def reference_values(robot: Robot) -> Mapping[str, float]:
 
 
 def load_model(robot: Robot) -> Any:
-    """Return the Pinocchio model with the bodies by which loads are known."""
+    """Return the Pinocchio model with the bodies that give the loads."""
     if not robot.reference:
         return robot.model
     model = robot.model.copy()

@@ -17,7 +17,7 @@ from identifiability.robot import Robot
 
 from .effect import Effect, Family, Law, joint_places
 
-#: Modules that workers have, or that are sent to them with what is defined there.
+#: Modules that workers have, or that are sent to them with the definitions in them.
 _WITH_WORKERS = ("identifiability", "__main__")
 
 E = TypeVar("E", bound=Effect)
@@ -62,7 +62,7 @@ def register(family: Family) -> Family:
 def declare(
     title: str, places: Callable[[Robot], tuple[str, ...]] = joint_places, **facts: Any
 ) -> Callable[[type[E]], type[E]]:
-    """Register the family of an effect's class, with what else `Family` has as `facts`."""
+    """Register the family of an effect's class; `facts` are further fields of `Family`."""
 
     def decorate(effect: type[E]) -> type[E]:
         register(Family(effect(), title, places, **facts))
@@ -129,10 +129,10 @@ def title_of(name: str) -> str:
 
 
 def default_effects(robot: Robot, names: Iterable[str]) -> tuple[str, ...]:
-    """Return the effects of a default model, where the sidecar says that they are.
+    """Return the effects of a default model, at the places that the sidecar states.
 
-    What the sidecar places is there alone, and Coulomb friction so with one level or with two.
-    The others are everywhere, and what files state is added.
+    Effects that the sidecar places stay at those places; so does Coulomb friction with one level or
+    with two. Effects without a place act everywhere, and effects that files state are added.
 
     Parameters
     ----------

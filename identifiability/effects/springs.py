@@ -25,9 +25,9 @@ def _springs(robot: Robot) -> bool:
 class JointStiffness(AlongAxes):
     """``τ = K (q − q_rest)``: a spring, a cable or a hose along the joint.
 
-    It is relaxed where the robot file says, else at home; another neutral position adds a torque
-    offset. Passive joints have one where the file states it. Over small angles it looks like
-    gravity.
+    Its rest position is stated by the robot file, or is the home position; another neutral position
+    adds a torque offset. Passive joints have one where the file states it. Over small angles it
+    looks like gravity.
     """
 
     name = "joint_stiffness"
@@ -42,7 +42,7 @@ class JointStiffness(AlongAxes):
         return [*robot.axes, *(a for a in robot.passive_axes if a.name in robot.rest)]
 
     def curves(self, at: Along) -> list[Array]:
-        """Return how far the axis is from where its spring is relaxed."""
+        """Return the distance of the axis from the rest position of its spring."""
         return [at.position - rest_along(at.robot, at.axis)]
 
 
@@ -66,9 +66,9 @@ class AlongEveryAxis(AlongAxes):
 class ConstantForce(AlongEveryAxis):
     """``τ = F₀`` along a joint or a tendon: a constant-force spring, a weight on a rope.
 
-    Along an actuated joint it is a torque offset; along a motor that mixes joints (a tendon) and
-    along a passive joint it is a force of its own, which the mechanism turns into torques that
-    change with its pose.
+    Along an actuated joint it is a torque offset; along a passive joint, or a motor that mixes
+    joints (a tendon), it is a separate force. The mechanism turns it into torques that change with
+    its pose.
     """
 
     name = "constant_force"
@@ -125,8 +125,8 @@ class GravitySpring(AlongEveryAxis):
     """``τ = k sin(q − q₀) = ks sin q + kc cos q``: a spring that balances gravity about a joint.
 
     Of a zero-free-length spring between a lever and the frame k is its stiffness times both arms;
-    of a counterweight it is m g r. ``k² = ks² + kc²`` and ``tan q₀ = −kc / ks``. Where the gravity
-    of what the joint carries depends on its angle alone, it looks exactly like that.
+    of a counterweight it is m g r. ``k² = ks² + kc²`` and ``tan q₀ = −kc / ks``. It looks like
+    gravity where the gravity torque of the joint depends on its angle alone.
 
     A counterweight that is fixed to a link needs no effect: it is part of that body's mass and
     first moments. One behind a gear, a belt or a rod that turns with a joint is this, and its
@@ -180,12 +180,12 @@ def cubic_piece(away: Array) -> Array:
 class PositionTorque(Shaped):
     """``τ = Σ cₖ Bₖ(q)``: cubic B-splines on an even grid along the joint, from home on.
 
-    Cables, hoses, springs over levers, cams: what has no equation of its own here. Its shape is the
-    distance of the knots [rad or m], by default an eighth of the joint's limits (a circle or two
-    metres about home where there are none). Beyond the limits it goes on as at the end. A
-    diagnosis chooses the distance that predicts motion best that was not fitted, and holds
-    neighbours to a straight line as closely as the motion says. Springs and the gravity of a joint
-    are among its curves: what the model has already stays with the model.
+    Cables, hoses, springs over levers, cams: forces without an equation of their own in this
+    package. Its shape is the distance of the knots [rad or m], by default an eighth of the joint's
+    limits (a circle or two metres about home where there are none). Beyond the limits it keeps the
+    value at the end. A diagnosis chooses the distance of knots that best predicts unseen motion. It
+    holds neighbours to a straight line as closely as the motion says. Springs and the gravity of a
+    joint are among its curves: the model keeps those that it has already.
     """
 
     name = "position_torque"
@@ -269,9 +269,9 @@ class PositionTorque(Shaped):
 class PositionFriction(PositionTorque):
     """``τ = Σ cₖ Bₖ(q) sign(q̇)``: misaligned bearings, bent screws, worn teeth.
 
-    The levels are cubic B-splines along the joint, as those of `position_torque`: what is added
-    to the Coulomb friction that is there, of either sign. Its shape is the distance of the knots
-    [rad or m].
+    The levels are cubic B-splines along the joint, as those of `position_torque`: they add to the
+    Coulomb friction of the model, with either sign. Its shape is the distance of the knots [rad or
+    m].
     """
 
     name = "position_friction"

@@ -1,4 +1,4 @@
-"""What gears, belts and screws do: play, presliding, friction that grows with load, and ripple."""
+"""Effects of gears, belts and screws: play, presliding, friction that grows with load, ripple."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .effect import POSTURES, Along, AlongAxes, Shaped, Span, split_runs
 from .nominal import needs_masses, rigid_torque
 from .registry import declare
 
-# What a joint remembers of its way since it turned: play and stop [Brokate & Sprekels 1996].
+# Memory of a joint for its path since it turned: play and stop [Brokate & Sprekels 1996].
 #
 # Both hang on the path alone, not on time. Where samples are missing, and at the first of a
 # stretch, the joint is taken to have come a long way in the direction that it moves in.
@@ -44,7 +44,7 @@ def follow_with_play(x: Array, width: float, way: float) -> Array:
 
 
 def stretch_of_springs(motion: Motion, position: Array, speed: Array, width: float) -> Array:
-    """Return how far a spring is stretched that slips beyond ``width``, (N,), −1 … 1.
+    """Return the relative deflection of a spring that slips beyond ``width``, (N,), −1 … 1.
 
     Parameters
     ----------
@@ -79,9 +79,9 @@ ELEMENTS = tuple(2.0**k for k in range(3))
 class Hysteresis(Shaped):
     """``τ = Σ Hₖ zₖ``, springs that slip: generalised Maxwell slip, linear in its levels.
 
-    Each element is a spring that slips when it is stretched by rₖ: z goes with the way from −1
-    to 1 after a reversal. The three ways are the shape r [rad or m] times 1, 2 and 4. Beyond them
-    it is Coulomb friction.
+    Each element is a spring that slips when it is stretched by rₖ: z moves from −1 to 1 with the
+    distance after a reversal. The three ways are the shape r [rad or m] times 1, 2 and 4. Beyond
+    them it is Coulomb friction.
     """
 
     name = "hysteresis"
@@ -93,7 +93,7 @@ class Hysteresis(Shaped):
     stated_as = ("frictionloss",) * len(ELEMENTS)  # beyond their ways
 
     def curves(self, at: Along) -> list[Array]:
-        """Return how far each spring is stretched."""
+        """Return the relative deflection of each spring."""
         r = self.shape(at.robot, at.axis)
         return [stretch_of_springs(at.motion, at.travel, at.speed, r * k) for k in ELEMENTS]
 
@@ -102,14 +102,14 @@ class Hysteresis(Shaped):
 
 
 def carried_load(load: Array, at: Along) -> Array:
-    """Return what an axis alone would carry of the torque of the joints (N, n), (N,)."""
+    """Return the load (N,) of an axis that alone carries joint torques (N, n)."""
     row = at.load
     carried: Array = (load * row).sum(1) / np.maximum((row * row).sum(-1), TINY**2)
     return without_rounding(carried[:, None], load)[:, 0]
 
 
 def rigid_load(at: Along) -> Array:
-    """Return what an axis alone would carry by the known masses, (N,)."""
+    """Return the load (N,) of an axis that alone carries the torque of the nominal masses."""
     return carried_load(rigid_torque(at.robot, at.motion), at)
 
 
@@ -153,9 +153,9 @@ class LoadDependentFriction(AlongAxes):
 class Backlash(Shaped):
     """``τ = −Bl τ_load min(1, 10 (1 − |z|))``: an indicator of play, not a model of it.
 
-    After each reversal the motor crosses the play of its gear, where teeth do not touch and none
-    of the load is felt; z goes from −1 to 1 meanwhile, over twice the shape w [rad or m]. The load
-    is by the fitted masses. A log of the motor alone does not say more.
+    After each reversal the motor crosses the play of its gear, where teeth do not touch and none of
+    the load is felt; z moves from −1 to 1 after a reversal, over twice the shape w [rad or m]. The
+    load is by the fitted masses. A log of the motor alone does not contain more.
     """
 
     name = "backlash"
@@ -219,7 +219,7 @@ class PositionRipple(Shaped):
 
 
 def gear_ratio(robot: Robot, place: str) -> float:
-    """Return the turns of a motor for one of its joint [1 or rad/m]; nan where nothing says it."""
+    """Return the turns of a motor for one of its joint [1 or rad/m]; nan where it is unknown."""
     gears = robot.transmission
     if gears is not None:
         for name, row, ratio in zip(gears.motors, gears.coupling, gears.ratio, strict=True):
@@ -254,8 +254,8 @@ def _unknown(robot: Robot, place: str) -> str:
 class GearRipple(PositionRipple):
     """``τ = Rs sin(2π q/λ) + Rc cos(2π q/λ)`` with λ a turn of the motor, or a part of it.
 
-    Its shape is λ [rad or m] at the joint; the gear ratio says it. It is far below what a
-    diagnosis of `position_ripple` tries.
+    Its shape is λ [rad or m] at the joint; the gear ratio determines it. It is far shorter than the
+    wavelengths that a diagnosis of `position_ripple` tries.
     """
 
     name = "gear_ripple"

@@ -1,4 +1,4 @@
-"""Every parameter that a model of a robot can have, by name, and what its file holds of them."""
+"""Every parameter that a model of a robot can have, by name, and the values that its file holds."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .effect import AlongAxes, Family
 from .friction import complete_coulomb_levels
 from .registry import FAMILIES
 
-# What a robot file holds of a model's parameters, as their effects say it.
+# Values of a model's parameters that a robot file holds, as their effects state them.
 #
 # Masses (a payload is part of its body), where gravity points, and at each joint viscous and
 # Coulomb friction with one level for both directions; an MJCF also has the inertia of a rotor, a
@@ -34,13 +34,13 @@ def file_kinds(robot: Robot) -> tuple[Kind, Kind]:
 
 
 def joint_numbers(kind: Kind) -> tuple[str, ...]:
-    """Return what a file of a format can state of a joint of one degree of freedom."""
+    """Return the attributes that a file format can state of a joint with one degree of freedom."""
     every = ("damping", "frictionloss", "armature", "stiffness")
     return every if kind == "mjcf" else every[:2]
 
 
 def biased_places(robot: Robot, kind: Kind) -> tuple[str, ...]:
-    """Return what has an actuator in a file of a format that can hold a torque offset."""
+    """Return the joints or actuators with a torque offset in a file format."""
     if kind == "urdf":
         return ()
     return tuple(robot.offsets) if robot.mjcf else robot.motor_joints
@@ -64,7 +64,7 @@ def _stated(robot: Robot, families: tuple[Family, ...], kind: Kind) -> tuple[Par
 def values_in_file(
     robot: Robot, values: Mapping[str, float], kind: Kind | None = None
 ) -> dict[str, float]:
-    """Return the values of a model's parameters of which only the robot file's part is left.
+    """Return the values that a robot file of a format keeps.
 
     Parameters
     ----------
@@ -89,16 +89,16 @@ def values_in_file(
 
 
 def file_values(robot: Robot, values: Mapping[str, float]) -> list[dict[str, float]]:
-    """Return what a file holds of values: one of the robot's own format, and one of the other."""
+    """Return the values that each file format can store, that of the robot first."""
     return [values_in_file(robot, values, kind) for kind in file_kinds(robot)]
 
 
 def merge_springs(robot: Robot, values: Mapping[str, float]) -> tuple[Robot, dict[str, float]]:
     """Return robot and values with springs of unknown rest as files state them: K and a rest.
 
-    A constant force, or a torque offset, beside a spring shifts where it is relaxed: so it stays
-    when actuators are exchanged. A spring that pushes away is none that a file states, and neither
-    is a constant force alone.
+    With a spring, a constant force or a torque offset shifts the rest position: so it stays when
+    actuators are exchanged. A spring that pushes away is none that a file states, and neither is a
+    constant force alone.
 
     Parameters
     ----------
@@ -172,8 +172,8 @@ def complete_values(
 ) -> dict[str, float]:
     """Return all nominal values of a robot that has some other ones.
 
-    Payloads become part of their bodies, and every Coulomb level stands there as one for both
-    directions and as one for each.
+    Payloads become part of their bodies. Every Coulomb level is given for both directions together
+    and for each.
 
     Parameters
     ----------
@@ -193,7 +193,7 @@ def complete_values(
 
 
 def stated_numbers(robot: Robot, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
-    """Return what a file states of each joint, and tendon that is an axis: attributes by name."""
+    """Return the numbers that a file states of each joint and each tendon axis, by attribute."""
     every = (*robot.tree.single, *robot.tendon_axes)
     kind = file_kinds(robot)[0]
     out = {joint: dict.fromkeys(joint_numbers(kind), 0.0) for joint in every}
@@ -219,7 +219,7 @@ def read_back(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
 def every_parameter(
     robot: Robot, shapes: Mapping[str, float] | None = None
 ) -> dict[str, Parameter]:
-    """Return what every effect has where it is by itself, and where a model may place it.
+    """Return every parameter of every effect, by name, at its default places and at all others.
 
     Of two effects with the same parameter the first has it; `Parameter.group` says which.
 
@@ -227,7 +227,7 @@ def every_parameter(
     ----------
     robot : Robot
     shapes : mapping, optional
-        Shapes of effects by ``<joint>.<effect>``, beside those that the robot has.
+        Shapes of effects by ``<joint>.<effect>``, in addition to those of the robot.
     """
     robot = replace(robot, shapes={**robot.shapes, **(shapes or {})})
     effects = [family.effect for family in reversed(FAMILIES.values())]

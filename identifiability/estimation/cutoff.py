@@ -1,10 +1,10 @@
-"""Which cut-off predicts unseen torque best, among those that spectra of the motion allow.
+"""Choice of the cut-off that best predicts unseen torque, as far as motion spectra allow.
 
 The spectra state the widest cut-off (`identifiability.logs.spectrum`). They cannot tell noise from
 motion where a joint shakes, nor how much noise of each joint matters. The torque can. So narrower
 cut-offs are tried as well: each is fitted to most of a log, and predicts the torque of the rest as
 it was measured. All cut-offs are judged at the same rows, in one band: that of the raw torque. A
-joint counts by its share of torque. Held-out logs have no say.
+joint counts by its share of torque. Held-out logs are not used.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ FURTHER = 3
 
 @frozen
 class CutoffTrial:
-    """How well a cut-off predicts the measured torque of folds that it was not fitted to.
+    """Prediction of the measured torque of folds, under one cut-off.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class CutoffTrial:
 
     @property
     def most(self) -> float:
-        """Squared error up to which another cut-off may stand for this one."""
+        """Squared error up to which another cut-off is as good as this one."""
         return self.clean + ((1.0 + LEVELS.rise) ** 2 - 1.0) * self.error**2
 
 
@@ -90,7 +90,7 @@ class Window:
     log : Log
         On the joint side; of a long log one of its windows.
     origin : int
-        Row of its first sample in the whole log.
+        Row of its first sample in its log.
     plan : Plan
         How its motion is derived.
     at : slice
@@ -111,7 +111,7 @@ class Window:
 
     @staticmethod
     def of(robot: Robot, log: Log, origin: int, plan: Plan, step: int) -> Window:
-        """Return every so many rows of a log."""
+        """Return every n-th row of a log."""
         joints = joint_log(robot, plan.mend(log, origin))
         at = slice(None, None, step)
         dq = plan.derive(joints, origin)[1]
@@ -129,8 +129,9 @@ class Window:
     def derive(self, cutoff: float, band: float) -> Array:
         """Return position, velocity and acceleration of the rows below a cut-off, (3, m, n).
 
-        Torque and columns are kept up to a band [Hz]. So is acceleration, which makes most of the
-        noise of columns: what lies above changes no fit and no prediction.
+        Torque and columns are kept up to a band [Hz]. Acceleration is kept up to the same band,
+        because it makes most of the noise of columns: frequencies above the band change neither
+        fits nor predictions.
         """
         plan = replace(self.plan, cutoff=cutoff)
         q, dq, ddq = plan.derive(self.log, self.origin)
@@ -142,7 +143,7 @@ class Window:
 def add_white_noise(log: Log, dt: float) -> Log:
     """Return a log with as much white noise once more on positions and velocities.
 
-    White noise is what the highest tenth of the frequencies has: a joint may shake below.
+    White noise has the density of the highest tenth of the frequencies: a joint may shake below.
     """
     rng = np.random.default_rng(0)
 
@@ -181,7 +182,7 @@ def tune_cutoff(
 ) -> Preparation:
     """Return a preparation with the cut-off that predicts unseen torque of the fitted logs best.
 
-    One that was set by hand stays, beside the advice which one is better.
+    A cut-off that was set by hand stays; the result then advises if another one is better.
 
     Parameters
     ----------
@@ -213,7 +214,7 @@ def tune_cutoff(
 
 
 def has_choice(robot: Robot, logs: Sequence[Log], how: Preparation) -> bool:
-    """Return whether motion is low-passed, and torque was measured that may say how."""
+    """Return whether motion is low-passed, and measured torque exists to choose its cut-off."""
     low_passed = isinstance(how, CommonPreparation) and how.band is not None
     measured = all(log.torque and not log.motion_alone for log in logs)
     return low_passed and measured and robot.base is None
@@ -252,7 +253,7 @@ def advise(
 
 
 def choose_trial(trials: Sequence[CutoffTrial]) -> CutoffTrial:
-    """Return the widest cut-off whose error rises by next to nothing above the least.
+    """Return the widest cut-off whose error is not clearly above the least.
 
     Parameters
     ----------
@@ -279,7 +280,7 @@ def make_windows(robot: Robot, logs: Sequence[Log], how: Preparation) -> list[Wi
 def try_cutoffs(
     structure: Structure, windows: Sequence[Window], how: CommonPreparation
 ) -> list[CutoffTrial]:
-    """Return how well cut-offs predict, from the widest downwards until none is better.
+    """Return the trials of cut-offs, from the widest downwards until none is better.
 
     Raises
     ------
@@ -314,7 +315,7 @@ def list_cutoffs(windows: Sequence[Window], how: CommonPreparation) -> Iterator[
 def try_cutoff(
     structure: Structure, windows: Sequence[Window], cutoff: float, band: float
 ) -> CutoffTrial:
-    """Return how well a cut-off [Hz] predicts the measured torque of each fold.
+    """Return the trial of a cut-off [Hz]: its prediction of the measured torque of each fold.
 
     Parameters
     ----------

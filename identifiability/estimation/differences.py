@@ -1,10 +1,11 @@
-"""`Differences`: what differs between logs of one robot, or between parts of a log.
+"""`Differences`: hypotheses about differences between logs of one robot, or between parts of a log.
 
-It is what a model may lack (`Missing`) in some rows alone: a group of the mixed model × a pattern.
-A load on a body, friction, an offset or the gain of a torque column acts in logs of one side, in a
-single log, or between two instants of one, and competes with smooth functions that the model may
-lack in all rows alike. Friction differs a little between any two logs: that is no change but a
-nuisance of every comparison. Values that are known beforehand have their covariance as a prior.
+A difference is a `Missing` effect that acts in some rows only: a group of the mixed model × a
+pattern. A load on a body, friction, an offset or the gain of a torque column may change. It acts in
+the logs of one side, in a single log, or between two instants of a log. Smooth functions that the
+model lacks in all rows are competing hypotheses. Friction differs a little between any two logs:
+that is no change but a nuisance of every comparison. Values that are known beforehand have their
+covariance as a prior.
 """
 
 from __future__ import annotations
@@ -35,9 +36,10 @@ CHANGES = np.geomspace(0.01, 1.0, 20)
 EXCERPT = (24_000, 12, 2_000)
 #: Functions that the model may lack in all logs alike.
 LACKS = ("function_of_velocity", "function_of_load", "function_of_position")
-#: A direction whose torque may be so many times that of its joints is not told.
+#: A direction whose torque may be so many times that of its joints is not identifiable.
 UNTOLD: Tolerance = 10.0
-#: What families are that are no friction; and in words, where their titles say what is missing.
+#: Kinds of families other than friction; and words for them where their titles name a missing
+#: effect.
 KIND_OF = {"payload": "load", "torque_offset": "offset", "torque_scale": "gain"}
 WORDS = {"payload": "load", "torque_scale": "torque gain"}
 
@@ -52,7 +54,7 @@ class Known:
 
     @staticmethod
     def of(base: Array, M: Array, covariance: Array, unknown: Array) -> Known:
-        """Return values base = M x of which x has a covariance, and directions that are open."""
+        """Return values base = M x with the covariance of x as prior, and the open directions."""
         sd = np.sqrt(np.diag(covariance))
         unit = np.outer(sd, sd)
         size, turn = np.linalg.eigh(np.divide(covariance, unit, where=unit > 0, out=0 * unit))
@@ -65,18 +67,18 @@ class Known:
 
     @staticmethod
     def nothing(M: Array, base: Array) -> Known:
-        """Return values about which nothing is known."""
+        """Return values without a prior."""
         return Known(base=base, directions=M, precision=np.zeros(M.shape[1]))
 
 
 @frozen
 class Differing(Candidate):
-    """What may differ in some logs, or be missing in all of them.
+    """A candidate that acts in some logs, or that all logs may lack.
 
     Attributes
     ----------
     logs : tuple of float, (L,)
-        How much of it each log has.
+        Amount of the change in each log.
     pattern : str
         "0" for logs that are asked about together, further numbers for one log each, "drift" for a
         nuisance; empty where all logs have it.
@@ -103,36 +105,36 @@ class Differing(Candidate):
 
     @property
     def title(self) -> str:
-        """What differs, in words, without a place."""
+        """Title of the difference, without its place."""
         return WORDS.get(self.family.name) or self.family.title
 
     def odd(self, names: Sequence[str]) -> str:
-        """Return in which log alone it is; nothing where it is in those that are asked about."""
+        """Return the only log in which it is; nothing for the logs that are asked about."""
         return names[int(np.argmax(self.logs))] if self.pattern > "0" else ""
 
 
 @frozen
 class Compared(Excerpt):
-    """Rows of logs beside what is known.
+    """Rows of logs minus the torque of known parameters.
 
     Attributes
     ----------
     torque : (N, n) [N·m or N]
-        Of which a gain is a share.
+        Torque that a gain scales.
     """
 
     torque: Array
 
     @staticmethod
     def about(seen: Excerpt, known: Known) -> Compared:
-        """Return rows beside what is known."""
+        """Return rows minus the torque of known parameters."""
         torque = seen.X @ known.base
         own = {**vars(seen), "X": seen.X @ known.directions, "y": seen.y - torque}
         return Compared(**own, torque=torque)
 
     @cached_property
     def centre(self) -> Array:
-        """Zero, (p,): the torque is less what is known as it is."""
+        """Zero, (p,): the torque of known parameters is subtracted already."""
         return np.zeros(self.X.shape[2])
 
     def entries(self, candidates: Sequence[Candidate]) -> Entries:
@@ -165,19 +167,20 @@ def weigh_logs(information: Information, data: np.ndarray) -> Information:
 
 @frozen(kw_only=True)
 class Differences:
-    """What may differ between logs, beside what they have in common.
+    """Candidate differences between logs, given all that the logs share.
 
     Attributes
     ----------
     missing : Missing
-        What differs, or is missing in all rows alike, of C columns together; drifts come first.
+        Effects that differ between logs, or are missing in all rows, with C columns together;
+        drifts come first.
     information : Information
         About p columns of the model, then a sums of columns that every hypothesis has, then C.
     known : Known
     names : tuple of (b,) str
         Of the base parameters, where columns are these.
     always : (C, a)
-        These sums: next to nothing is known of their values beforehand.
+        These sums: their values have almost no prior.
     """
 
     missing: Missing
@@ -195,7 +198,7 @@ class Differences:
         patterns: Sequence[Array],
         names: tuple[str, ...] = (),
     ) -> Differences:
-        """Return what may differ between logs, or be missing in all of them.
+        """Return the candidate differences between logs, and the candidates that all logs may lack.
 
         Parameters
         ----------
@@ -244,9 +247,9 @@ class Differences:
         return [(c, name.replace(".scale", ".gain"), unit.get(name, "")) for c, name in named]
 
     def levels(self, base: Array) -> Array:
-        """Return how much there is of what each column says the change of, (C,); 0 if unknown.
+        """Return the level of the quantity that each column changes, (C,); 0 if unknown.
 
-        Friction by base parameters (b,), of both directions the mean; all of what a gain scales.
+        Friction by base parameters (b,), of both directions the mean; 1 for a gain.
         """
         known = list(zip(self.names, base.tolist(), strict=False))
         out = list[float]()
@@ -258,19 +261,19 @@ class Differences:
 
     @cached_property
     def scale(self) -> Array:
-        """What makes columns as large as the friction that there is, or as the torque, (C,)."""
+        """Scale, (C,), at which columns are as large as the friction or the torque."""
         size = np.abs(self.levels(self.known.base))
         return np.where(size > 0, 1.0 / or_one(size), self.missing.scale)
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
-        """What may differ, in which logs, or be missing: these, and places of each, share odds."""
+        """Groups of candidates and logs; groups, and the places of each, share prior odds."""
         more = self.always.shape[1]
         own = self.missing.groups
         return tuple(replace(g, members=tuple(at + more for at in g.members)) for g in own)
 
     def whose(self, term: Term) -> Differing:
-        """Return what a term is, at its first place."""
+        """Return the candidate of a term, at its first place."""
         return self.columns[int(self.at(term)[0])][0]
 
     def at(self, term: Term) -> np.ndarray:
@@ -282,7 +285,7 @@ class Differences:
         """The mixed model of the rows."""
         own = self.information
         drifts = sum(c.pattern == "drift" for c, *_ in self.columns)
-        # A load may have a hundred times the torque that is still told.
+        # A load may have a hundred times the smallest identifiable torque.
         sizes = np.linalg.norm(self.scale[:, None] * self.always, axis=0) / (100 * UNTOLD)
         levels = np.abs(self.levels(self.known.base)[:drifts])
         drift = DRIFT * np.maximum(levels, ROUNDOFF)
@@ -290,7 +293,7 @@ class Differences:
         fixed = len(precision)
         every = np.arange(fixed)
         diagonal = own.between(every, every)
-        none = np.where(diagonal > 0, 0.0, np.finfo(float).eps)  # what does not act is no value
+        none = np.where(diagonal > 0, 0.0, np.finfo(float).eps)  # an inactive one is no value
         length = np.sqrt(or_one(diagonal))
         scale = np.concatenate([length[: fixed - drifts], self.scale])
         prior = np.diag(precision + none)

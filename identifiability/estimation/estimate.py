@@ -24,7 +24,7 @@ from .rules import RULES, Thresholds
 Method = str | Estimator
 
 #: ``ols`` reproduces the literature (one variance for all actuators); ``wls`` is the better one
-#: whenever joints differ in size or in what their noise remembers.
+#: whenever joints differ in size or in the memory of their noise.
 ESTIMATORS: dict[str, Estimator] = {e.name: e for e in (Estimator(weighted=False), Estimator())}
 
 
@@ -51,9 +51,9 @@ def estimate_noise(estimator: Estimator, whole: Information) -> Estimator:
     """Return the estimator with the noise of the logs, for all models of them.
 
     A model that leaves something out leaves it in the residual, where it looks like noise, slow
-    noise above all: a constant torque remembers for ever. Noise is a property of the logs, so it is
-    measured once, beside all columns. Where too few outputs are independent to fit all columns each
-    model measures its own.
+    noise above all: a constant torque has an infinite memory. Noise is a property of the logs, so
+    it is measured once, with all columns in the model. Where too few outputs are independent to fit
+    all columns each model measures its own.
 
     Parameters
     ----------
@@ -78,9 +78,10 @@ def fit_whole(estimator: Estimator, whole: Information) -> Estimate | None:
 
 
 def with_known(information: Information, known: Array, noise: Noise | None = None) -> Information:
-    """Return the information with what is known of the values beforehand.
+    """Return the information with the prior of the values.
 
-    Random effects are no larger than they are known to be, however little the rows say of them.
+    The prior limits the size of random effects, even where the rows have little information on
+    them.
 
     Parameters
     ----------
@@ -94,7 +95,7 @@ def with_known(information: Information, known: Array, noise: Noise | None = Non
         return replace(information, prior=None)
     if noise is None:
         noise = Estimator().fit(information).noise
-    unit = np.sqrt(np.mean(noise.variance * noise.times))  # what noise of weight 1 is on average
+    unit = np.sqrt(np.mean(noise.variance * noise.times))  # average of noise of weight 1
     prior = unit * np.column_stack([known, np.zeros(len(known))])
     return replace(information, prior=prior)
 
@@ -112,26 +113,26 @@ def estimate(information: Information, method: Method = "wls") -> Estimate:
     return find_estimator(method).fit(information)
 
 
-# Outlying stretches of time: weighed down as far as they are farther from the model than chance.
+# Outlying stretches of time: their weight falls with their excess distance from the model.
 #
 # In a stretch in which the robot was touched, hit a stop, or a sensor failed for longer than a
 # sample the residual is far beyond that of all others, and least squares follows it. The mean
-# square of what a fit leaves of each block of time and actuator is compared with the usual one of
-# its log; Huber's weight of it [Huber 1964], one up to a limit and its inverse beyond, makes what
-# lies far out count by its own variance, so that it moves the less the farther out it lies. The
-# limit is what the largest of so many blocks is by chance, so logs without outliers are as they
-# were. Iterated to convergence from `Information` alone.
+# square of the residual of each block of time and actuator is compared with the usual one of its
+# log. Huber's weight of it [Huber 1964] is one up to a limit and its inverse beyond. So an outlying
+# block counts by its variance, and moves the fit less the farther out it lies. The limit is the
+# largest mean square of so many blocks by chance, so logs without outliers are unchanged. Iterated
+# to convergence from `Information` alone.
 #
-# Far from the model is also what the model leaves out: where a joint turns round, say, again and
-# again. Such blocks are no accident but the only ones that say how the robot moves there, and
-# other motion has them, too. So the weights stand only where the fit with them predicts the torque
-# of blocked folds, all of it, no worse than the fit without. An accident is in one fold, whose
-# fits have not seen it, and spoils all others.
+# Omitted effects are far from the model as well, for example at each reversal of a joint. Such
+# blocks are no accident. Only they have information on that motion, and other motion has them, too.
+# So the weights stand only where the fit with them predicts the torque of blocked folds, all of it,
+# no worse than the fit without. An accident is in one fold, whose fits have not seen it, and spoils
+# all others.
 
 
 @frozen
 class Outliers:
-    """Blocks of which an actuator's torque is weighed down.
+    """Blocks with a reduced weight of an actuator's torque.
 
     Attributes
     ----------
@@ -140,12 +141,12 @@ class Outliers:
     first, last : (m,) int
         Its outputs [first, last) in that log.
     beyond : (m, n)
-        Mean square of each actuator's residual there, in those of the usual block.
+        Mean square of each actuator's residual there, relative to that of a usual block.
     weight : (m,)
         The least of its actuators' weights.
     moved : (k,)
-        By how much each value moves with their whole weight, in the standard deviations that the
-        scatter of all blocks gives.
+        Change of each value if the blocks had their full weight, in standard deviations by the
+        scatter of all blocks.
     share : float
         Largest residual of these blocks, root mean square, over that of the actuator's torque.
     """
@@ -159,7 +160,7 @@ class Outliers:
     share: float = 1.0
 
     def below(self, weight: float = 0.1) -> Outliers | None:
-        """Return those that have less weight; None if there are none.
+        """Return the blocks with a reduced weight; None if there are none.
 
         Bursts of 7 to 30 rows weigh at most .05, the worst rows of twelve sound logs .16.
         """
@@ -171,7 +172,7 @@ class Outliers:
 def weigh_outliers(
     information: Information, estimator: Estimator
 ) -> tuple[Information, Outliers | None]:
-    """Return the information with Huber weights of its blocks, and those that lie out, if any.
+    """Return the information with Huber weights of its blocks, and the outlying blocks, if any.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""`Estimate`, and the `Estimator` that made it and is asked whatever follows from it.
+"""`Estimate`, and the `Estimator` that made it and computes its refits, loss and projections.
 
 Least squares on `Information`, ordinary or weighted by actuator, by instruments where there are
-any. How long the noise of each actuator remembers is measured in what a fit leaves of blocks.
+any. The autocorrelation time of each actuator's noise is measured in the residuals of blocks.
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ class Estimate:
 
 
 def clip_signs(information: Information, fit: Estimate, nonnegative: np.ndarray) -> Array:
-    """Return the values (k,) with those at zero that only rounding took below it.
+    """Return the values (k,), with negative ones at zero if the difference is rounding.
 
     Parameters
     ----------
@@ -155,20 +155,20 @@ def clip_signs(information: Information, fit: Estimate, nonnegative: np.ndarray)
 # Noise in q, dq and ddq makes the columns of W noisy. Least squares takes that for motion and pulls
 # values towards zero, and more data do not help. Instruments V, the same columns along a second
 # record of the motion whose noise is another one, are correlated with the motion and not with the
-# noise: ``(Vᵀ W)⁻¹ Vᵀ τ`` converges to what noise-free columns would give [Janot, Vandanjon,
-# Gautier 2014]. They are worth as much as they are correlated with W, which canonical correlations
-# say direction by direction. The difference to least squares is the bias that would have been
-# believed [Hausman 1978].
+# noise: ``(Vᵀ W)⁻¹ Vᵀ τ`` converges to the values of noise-free columns [Janot, Vandanjon, Gautier
+# 2014]. Their value depends on their correlation with W; canonical correlations measure it
+# direction by direction. The difference to least squares is the bias that would have been believed
+# [Hausman 1978].
 
 
-#: Directions that follow noise-free columns by less than this share stay with least squares: what
-#: is known of the noise is not enough to multiply them by more.
+#: Directions that follow noise-free columns by less than this share stay with least squares: the
+#: noise is not known well enough for a larger factor.
 WEAK: Tolerance = 0.5
 
 
 @frozen
 class Combined:
-    """Instruments combined so that each stands for one direction of W.
+    """Instruments, combined so that each belongs to one direction of W.
 
     Attributes
     ----------
@@ -183,7 +183,7 @@ class Combined:
         Variance of noise of weight 1.
     bias : (weak, k)
         Root mean square of the bias that least squares may have in each direction that stays with
-        it: what instruments would change, as far as noise of that variance lets it be known.
+        it: the change by instruments, as far as noise of that variance makes it certain.
     root : (k, k)
         D, ``scale (DᵀD)⁻¹`` being the covariance of the values with their bias.
     """
@@ -242,10 +242,10 @@ def combine(information: Information, plain: Estimate) -> Combined:
     return remember(information.made, key, make, 4)
 
 
-# What a block of time does to a fit, as if it had not pulled the fit towards itself.
+# Effect of a block of time on a fit, as if it had not pulled the fit towards itself.
 
 
-#: What a block leaves of a direction that it determines almost alone is raised to this.
+#: The residual of a block in a direction that it determines almost alone is raised to this.
 ALONE: Tolerance = 0.05
 
 
@@ -270,28 +270,28 @@ def correct_leverage(scores: Array, shares: Array) -> Array:
 
 
 def _inverse(root: Array) -> Array:
-    """Return the inverse of a triangular factor (k, k), of what it determines.
+    """Return the inverse of a triangular factor (k, k), on the space that it determines.
 
-    A fold of a short log need not determine what the whole does.
+    A fold of a short log may determine fewer directions than all rows together.
     """
     scale = or_one(np.linalg.norm(root, axis=0))
     return np.linalg.pinv(root / scale, rcond=RANK_TOLERANCE) / scale[:, None]
 
 
-# How long the noise of each actuator remembers, from what a fit leaves of the blocks of time.
+# Memory of the noise of each actuator, from the residuals of blocks of time.
 #
-# Slow noise makes the sums of residuals over blocks of time scatter more than white noise does.
-# How much more, with the blocks before and after, is the integrated autocorrelation time κ: ``σ²
-# κ`` is what the noise weighs in an average over many samples, so 1/(σ² κ) is the weight of an
-# actuator [Aitken 1936, with a noise that is slow beside the columns].
+# Slow noise makes the sums of residuals over blocks of time scatter more than white noise does. How
+# much more, with the blocks before and after, is the integrated autocorrelation time κ: ``σ² κ`` is
+# the effect of the noise on an average over many samples, so 1/(σ² κ) is the weight of an actuator
+# [Aitken 1936, with a noise that is slow beside the columns].
 #
-# Slow noise is also what a fit swallows first, so that what is left looks small and forgetful: of
-# 750 samples with a correlation of .98 from each to the next, 39 columns leave a residual that
-# seems to remember 30 samples, and not 99. So the scatter is not compared with the number of
-# samples, but with what the columns leave of noise of the weights' own size: each lag less its
-# part of the projection, which sums of columns over blocks tell. On a six-axis arm with 58 columns
-# that gives 19 to 21 where 19 is true (the residual alone 9 to 13), and half of what is true where
-# 750 samples remember 99.
+# A fit absorbs slow noise first, so that the residual looks small and white: of 750 samples with a
+# correlation of .98 from each to the next, 39 columns leave a residual that seems to remember 30
+# samples, and not 99. So the scatter is not compared with the number of samples. It is compared
+# with the residual of noise of the weights' size: each lag minus its part of the projection, by
+# sums of columns over blocks. On a six-axis arm with 58 columns that gives 19 to 21 where 19 is
+# true (the residual alone 9 to 13), and half of the true value where 750 samples have a memory of
+# 99.
 #
 # The residual sample by sample says no more than that and would cost a pass over all logs, and for
 # long ones their regressor, before the fit.
@@ -323,7 +323,7 @@ def measure_memory(information: Information, fit: Estimate) -> Noise:
     known = np.full(information.actuators, np.inf)
     for a, ((own, turned), rss) in enumerate(zip(part.of_actuators(change), fit.rss, strict=True)):
         if rss <= rounding[a]:
-            continue  # what rounding left has no memory to speak of
+            continue  # rounding errors have no memory
         sums = own.sums @ turned
         scatter = _sum_lags(sums[:, k:], information.log)
         left = own_rows[a] - fit.weights[a] * _sum_lags(sums[:, :k], information.log)
@@ -332,7 +332,7 @@ def measure_memory(information: Information, fit: Estimate) -> Noise:
         apart = (np.arange(B) + 0.5) * N / B
         enough = apart >= RULES.memories * scatter / rss
         summed = int(enough.argmax()) + 1 if enough.any() else B
-        # The largest on the way: what a fit swallowed makes later lags negative.
+        # The largest along the lags: noise that a fit absorbed makes later lags negative.
         slow[a] = ratio[:summed].max()
         known[a] = B / (2 * summed - 1)
     variance = (fit.rss + slow * taken) / own_rows
@@ -382,13 +382,13 @@ def _sum_lags(x: Array, log: np.ndarray) -> Array:
 # Least squares on `Information`: ordinary, or weighted per actuator.
 #
 # What to use when: ``ols`` reproduces the literature (one variance for all actuators); ``wls``
-# weights each actuator by the variance of its noise times how long that remembers, and is the
-# better estimate whenever joints differ in size or in what their noise remembers.
+# weights each actuator by the variance of its noise times its memory. It is the better estimate
+# whenever joints differ in size or in the memory of their noise.
 
 
 @frozen
 class Estimator:
-    """A way from information to values, and what it says of blocks of time.
+    """A method of estimation, with the equations that it implies for blocks of time.
 
     Refits keep the weights of the fit.
 
@@ -398,8 +398,8 @@ class Estimator:
         Whether each actuator weighs ``1/(σ² κ)`` of its noise, σ² being its variance and κ its
         autocorrelation time: what the noise weighs in an average.
     instruments : bool
-        Whether instruments take the bias of noise in the motion away, in the directions in which
-        they are strong; information without any is fitted by least squares.
+        Whether instruments remove the bias of noise in the motion, in the directions in which they
+        are strong; information without any is fitted by least squares.
     noise : Noise or None
         That of the logs, where it is known (`estimate.estimate_noise`); else it is measured in what
         each fit leaves.
@@ -411,14 +411,15 @@ class Estimator:
 
     @property
     def name(self) -> str:
-        """Word by which `analyze`, `prune` and the command line know it."""
+        """Name for `analyze`, `prune` and the command line."""
         return "iv" if self.instruments else "wls" if self.weighted else "ols"
 
     def fit(self, information: Information) -> Estimate:
-        """Return the estimate; one by instruments says what least squares gives.
+        """Return the estimate; one by instruments keeps the weights and noise of least squares.
 
-        What a model leaves out is no noise, but an error of its equations all the same: an actuator
-        whose torque it cannot explain must not decide what others need, however quiet that is.
+        Effects that a model omits are not noise, but errors of its equations: an actuator whose
+        torque the model cannot explain must not decide parameters that others need, however quiet
+        it is.
         """
         plain = self._fit_plain(information)
         if not (self.instruments and information.instrumented and plain.kept):
@@ -426,7 +427,7 @@ class Estimator:
         kept = list(plain.kept)
         part = information.select(kept)
         found = combine(part, plain)
-        # Under independent residuals, whatever the weights know.
+        # Under independent residuals, for any weights.
         Z = part.joint.factor(plain.weights / plain.times)[:, : 2 * part.size] @ found.left
         value = plain.value.copy()
         spread = plain.covariance.copy()
@@ -469,7 +470,7 @@ class Estimator:
         if not k:
             return values
         start, to_x, both = self.equations(information.select(kept), fit)
-        # What was known beforehand counts once in each.
+        # The prior counts once in each.
         counts = np.pad(counts, ((0, 0), (0, len(both) - counts.shape[1])), constant_values=1.0)
         flat = both.reshape(len(both), -1)
         for at in few_at_once(len(counts), flat[:1].nbytes):
@@ -478,7 +479,7 @@ class Estimator:
         return values
 
     def influence(self, information: Information, fit: Estimate) -> Array:
-        """Return by how much each block moves the values, (B, k) [unit of each parameter].
+        """Return the change of the values by each block, (B, k) [unit of each parameter].
 
         The squares, summed over independent blocks, are the variance of the values: leverage is
         allowed for [Bell & McCaffrey 2002]. Columns that `fit` dropped are zero.
@@ -494,8 +495,8 @@ class Estimator:
     def equations(self, part: Information, fit: Estimate) -> tuple[Array, Array, Array]:
         """Return values (k,), coordinates (k, k) and equations of blocks in these, (B, k, k + 1).
 
-        Their unknowns are what comes on top of the values, so the large part of τ that these
-        explain never enters a difference of squares. What is known beforehand is a block more.
+        Their unknowns are corrections to the values. So the large part of τ that the values explain
+        never enters a difference of squares. A prior is one more block.
         """
         if self.instruments:
             found = combine(part, fit)
@@ -515,9 +516,10 @@ class Estimator:
     def loss(self, information: Information, fit: Estimate) -> Array:
         """Return upper triangular F, (k + 1, k + 1) [torque]: ``|F (x, -1)|²`` is least at the fit.
 
-        The distance in which the nearest real robot is nearest, and the likelihood of posteriors.
-        By instruments it is what these see of the residual: the estimate's distance in the unit of
-        its own covariance, on top of the residual sum of squares.
+        The physically consistent projection minimises this distance, and posteriors use it as
+        likelihood. By instruments it measures the projection of the residual on them: the
+        estimate's distance in the unit of its own covariance, on top of the residual sum of
+        squares.
         """
         if not self.instruments:
             return information.factor(fit.weights)
@@ -531,7 +533,7 @@ class Estimator:
         return triangular_factor(F)
 
     def project(self, information: Information, fit: Estimate, M: Array) -> Array:
-        """Return what the fit finds of torque without noise, for each of b parameters, (k, b).
+        """Return the fitted values (k, b) for a unit of each of b parameters, without noise.
 
         Parameters
         ----------
@@ -547,7 +549,7 @@ class Estimator:
 
 
 def measure_noise(information: Information, plain: Estimate) -> Noise:
-    """Return the noise in what a fit of equal weights leaves.
+    """Return the noise in the residual of a fit with equal weights.
 
     Large or slow noise at one actuator leaks into the residuals of the others. So the noise is
     measured twice more, each time after a fit with weights by the noise that was measured before.

@@ -1,10 +1,10 @@
-"""`Evidence`: is A a better account of this robot than B? One judge, asked by everybody.
+"""`Evidence`: is A a better account of this robot than B? All choices and statements use it.
 
-Accounts are compared by what they predict of motion that did not choose them. Three steps::
+Accounts are compared by their predictions of motion that was not used to choose them. Three steps::
 
-    folds = Folds.of(information, memory)              # who tests what, whose rest is fitted
+    folds = Folds.of(information, memory)              # test rows and training rows
     held = Held.of(information, noise, folds)          # sums over each fold, whitened; once
-    a = held.score(held.refit(fit), held.roots(fit))   # `Score` of a model: what it predicts
+    a = held.score(held.refit(fit), held.roots(fit))   # `Score` of a model's predictions
     M = submodel.M                                     # of one that has fewer parameters
     b = held.score(held.refit(smaller, M, submodel.fixed), held.roots(smaller, M))
     Evidence.of(a, b).limits                           # of the gain, in which A is better
@@ -12,24 +12,24 @@ Accounts are compared by what they predict of motion that did not choose them. T
 What to use when:
 
 - *A choice* (a model, a weight of a prior, an estimator) is made on blocked folds of the fitted
-  logs. `HeldOut.refit` asks the estimator for its fits to each fold's rest; `score` takes
-  values ``(F, k)`` that somebody else has fitted to these (`Folds.train`), over the k columns of
-  the regression, so a reduced model's are ``fixed + M x``. The smallest of those that may stand for
-  the best (`near_best`) is used.
+  logs. `HeldOut.refit` asks the estimator for its fits to each fold's rest; `score` takes values
+  ``(F, k)`` that somebody else has fitted to these (`Folds.train`), over the k columns of the
+  regression, so a reduced model's are ``fixed + M x``. The smallest model that is as good as the
+  best (`near_best`) is used.
 - *A veto or a statement* on logs that are held out: ``HeldOut.of(validation, noise)`` and
   ``score(value)``: one model for all folds, and folds do not share data.
 
-The predictive log density of a fold is that of its torque under ``τ ~ N(W φ, S + W Σ Wᵀ)`` with
-the values φ that were fitted to its rest and their errors Σ, where these are given; noise ``S = σ²
-κ`` of each joint (its memory κ tempers the likelihood as the weights of the fit do), up to a
-constant that accounts with the same noise share: judge both with the noise of the richer. Without
-the errors one fold in which the motion is another decides how much of a file is believed. Each fold
-leaves out the noise's memory on both sides.
+The predictive log density of a fold is that of its torque under ``τ ~ N(W φ, S + W Σ Wᵀ)``. The
+values φ were fitted to the other folds, and Σ is the covariance of their errors, if given; noise
+``S = σ² κ`` of each joint is tempered by its autocorrelation time κ, as in the weights of the fit.
+Constants are the same for all accounts with the same noise: judge both with the noise of the
+richer. Without the errors one fold with another motion would decide the weight of the file. Each
+fold leaves out one autocorrelation time on both sides.
 
 A gain is ``Σ ln p_A - ln p_B`` [nats], or ``ln(e_B / e_A)`` of the error over each joint's own
-scale, so that A against B is minus B against A. Folds share the data of their fits, and standard
-errors know it: ``SE² = s² (1/K + n_test/n_train)`` of the mean over K folds [Nadeau & Bengio 2003].
-Limits are those of Student's t of K - 1; those of n joints hold together [Bonferroni].
+scale. So A against B is minus B against A. Folds share the data of their fits, and standard errors
+know it: ``SE² = s² (1/K + n_test/n_train)`` of the mean over K folds [Nadeau & Bengio 2003]. Limits
+are those of Student's t of K - 1; those of n joints hold together [Bonferroni].
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ from .noise import Noise
 
 @frozen
 class Levels:
-    """What evidence is called; `report/answers/words.toml` says it in words.
+    """Levels by which evidence gets its words; `report/answers/words.toml` says it in words.
 
     Attributes
     ----------
@@ -63,8 +63,8 @@ class Levels:
     rise : float
         *As good* if neither, and the error surely rises by less than this share.
     nats : float
-        Of models the smallest within so many nats of the best predictive log density is used, or
-        one that is as good as the best.
+        The smallest model within so many nats of the best predictive log density is used, or one
+        that is as good as the best.
     folds, fewest : int
         Folds of a choice, and the fewest with which one is made.
     draws : int
@@ -91,7 +91,7 @@ class Folds:
     test : (B,) int
         Fold in which a block is predicted.
     train : (F, B) bool
-        Blocks that the fit of each fold rests on: all others but those within the memory of it.
+        Blocks that the fit of each fold rests on: all blocks but those within its memory.
     ends : (B,) int
         Sample, over all logs, at which each block ends.
     ratio : float
@@ -165,7 +165,7 @@ class Folds:
 
 
 def _divide(lengths: np.ndarray, memory: float) -> np.ndarray:
-    """Return how many folds each log makes, (L,)."""
+    """Return the number of folds of each log, (L,)."""
     if len(lengths) >= LEVELS.fewest:
         return np.ones(len(lengths), int)
     most = np.maximum(lengths // max(memory, 1.0), 1).astype(int)
@@ -175,7 +175,7 @@ def _divide(lengths: np.ndarray, memory: float) -> np.ndarray:
 
 @frozen
 class Score:
-    """What an account predicts of F folds that its values have not seen.
+    """Predictions of F folds by an account that has not seen them.
 
     Attributes
     ----------
@@ -185,9 +185,9 @@ class Score:
         Sums of squared errors.
     variation : (n,) [(N·m)² or N²]
         Sum of squares of each joint's torque about its mean, over all folds: its own scale. A joint
-        without any has no say.
+        without any does not count.
     ratio : float
-        Samples predicted over samples fitted; 0 where nothing was fitted anew.
+        Samples predicted over samples fitted; 0 where nothing was refitted.
     """
 
     density: Array
@@ -289,7 +289,7 @@ class HeldOut:
         return self.tests.products(1.0 / self.noise, one, one)
 
     def score(self, values: Array, roots: Array | None = None) -> Score:
-        """Return what an account predicts.
+        """Return the score of an account.
 
         Parameters
         ----------
@@ -329,7 +329,7 @@ class Gain:
     se: float
 
     def limits(self, folds: int) -> tuple[float, float]:
-        """Return the limits of Student's t at the confidence of `LEVELS`, by so many folds."""
+        """Return the limits of Student's t at the confidence of `LEVELS`, for a number of folds."""
         if folds < 2:
             return -np.inf, np.inf
         tail = 0.5 * (1.0 - LEVELS.confidence)
@@ -339,7 +339,7 @@ class Gain:
 
 @frozen
 class Evidence:
-    """What prediction says of account A against account B.
+    """Predictive evidence for account A against account B.
 
     Attributes
     ----------
@@ -368,7 +368,7 @@ class Evidence:
 
     @property
     def replaceable(self) -> bool:
-        """Whether A may stand for B: its error surely rises by next to nothing."""
+        """Whether A can replace B: its error surely rises by next to nothing."""
         return bool(self.limits[0] > -np.log1p(LEVELS.rise))
 
 
@@ -388,21 +388,21 @@ def _error_gain(a: Array, b: Array, ratio: float) -> Gain:
     sums = np.maximum([a.sum(), b.sum()], ROUNDOFF**2)
     if (sums == ROUNDOFF**2).all():
         return Gain(0.0, 0.0)
-    each = 0.5 * (b / sums[1] - a / sums[0])  # what each fold does to the logarithm
+    each = 0.5 * (b / sums[1] - a / sums[0])  # effect of each fold on the logarithm
     return Gain(0.5 * float(np.log(sums[1] / sums[0])), _sum_gain(each, ratio).se)
 
 
 def near_best(scores: Sequence[Score]) -> np.ndarray:
-    """Return which of M models may stand for the best of them, (M,) bool."""
+    """Return which of M models are as good as the best of them, (M,) bool."""
     best = scores[int(np.argmax([s.density.sum() for s in scores]))]
     return np.array([may_stand(score, best) for score in scores])
 
 
 def may_stand(score: Score, best: Score) -> bool:
-    """Return whether a model may stand for the best one.
+    """Return whether a model is as good as the best one.
 
-    Its predictive log density is within some nats; or its error surely rises by next to nothing: of
-    many samples nats tell apart what no error shows.
+    Its predictive log density is within some nats; or its error surely rises by next to nothing:
+    with many samples, nats distinguish models whose errors are equal.
     """
     near = score.density.sum() >= best.density.sum() - LEVELS.nats
     return bool(near) or Evidence.of(score, best).replaceable

@@ -1,8 +1,8 @@
-"""`Fit`: what is known of a model's parameters, and what is not, term by term.
+"""`Fit`: the values of a model's parameters, and each term of their uncertainty.
 
-Noise is seen by the scatter of scores over stretches of time, with refits on resampled blocks
-stated beside it; what scatters between logs, and what a model leaves out, are terms of their own.
-All from `Information` alone.
+Noise is measured by the scatter of scores over stretches of time. Refits on resampled blocks are
+reported as a second estimate; scatter between logs, and omitted effects, are separate terms. All
+from `Information` alone.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def merge_blocks(information: Information, length: float) -> Information:
 
 
 def merge_stretches(information: Information, time: float) -> Information:
-    """Return the information in stretches of several memories, or as many as tell a scatter.
+    """Return the information in stretches of several memories, with enough stretches for a scatter.
 
     Parameters
     ----------
@@ -105,15 +105,15 @@ def bootstrap(
 
 # Standard deviations from the scatter of scores over stretches of time, column by column.
 #
-# Residuals remember, but not every parameter suffers alike: what counts is how long the *score* of
-# a column (column times residual) remembers. Sums of scores over stretches longer than that are
-# independent, and the scatter of what they do to the values is the variance of the estimate [Liang
-# & Zeger 1986]; how much that is, the estimator says.
+# Residuals remember, but not every parameter suffers alike: the memory of the *score* of a column
+# (column times residual) counts. Sums of scores over stretches longer than that are independent,
+# and the scatter of their effects on the values is the variance of the estimate [Liang & Zeger
+# 1986]. The estimator computes these effects.
 #
 # How many independent outputs such a standard deviation rests on differs from parameter to
-# parameter: a few stretches may determine one almost alone, and what a fit takes of noise there is
-# gone from the residual. These are the degrees of freedom of its Student's t [Bell & McCaffrey
-# 2002], so intervals grow smoothly where logs get too short for a model, direction by direction.
+# parameter: a few stretches may determine one almost alone, and the residual lacks the noise that a
+# fit absorbs there. These are the degrees of freedom of its Student's t [Bell & McCaffrey 2002], so
+# intervals grow smoothly where logs get too short for a model, direction by direction.
 
 
 @frozen
@@ -211,13 +211,13 @@ def count_freedom(information: Information, fit: Estimate) -> Array:
     return freedom
 
 
-# Do several logs give the same values? What scatters between them enters every interval.
+# Do several logs give the same values? Scatter between them enters every interval.
 #
-# What a model leaves out is no noise while one motion lasts: it moves the values by as much in
-# every stretch of a log, and by something else in the next log. So the values of each log by itself
-# are compared, a parameter at a time [Bonferroni]. Two or three logs say next to nothing
-# about one parameter's excess, so it is one ratio of variance for each kind of parameter (bodies,
-# each friction, offsets …): model errors, like noise, move most what a motion shows least.
+# Omitted effects are no noise during one motion: they shift the values equally in every stretch of
+# a log, and differently in the next log. So the values of each log by itself are compared, a
+# parameter at a time [Bonferroni]. Two or three logs say next to nothing about one parameter's
+# excess, so it is one ratio of variance for each kind of parameter (bodies, each friction, offsets
+# …): model errors, like noise, affect the least excited parameters most.
 
 
 #: Blocks that are independent are no shorter than so many autocorrelation times.
@@ -226,7 +226,7 @@ LEAST_MEMORIES: Tolerance = 2.0
 
 @frozen
 class Motions:
-    """What L logs say of each other about k parameters.
+    """Agreement of L logs about k parameters.
 
     Attributes
     ----------
@@ -256,7 +256,7 @@ class Motions:
 
 
 def compare_motions(information: Information, fit: Estimate, time: float) -> Motions | None:
-    """Return what logs say of each other; None where fewer than two can be fitted.
+    """Return the agreement of logs about each parameter; None where fewer than two can be fitted.
 
     Parameters
     ----------
@@ -274,7 +274,7 @@ def compare_motions(information: Information, fit: Estimate, time: float) -> Mot
     for log in logs:
         part = information.take(information.log == log)
         dof = float(np.sum(part.rows_each / fit.times)) - len(fit.kept)
-        if dof < RULES.stretches_fewest:  # it determines nothing, and rounding would say what
+        if dof < RULES.stretches_fewest:  # it determines nothing, and its values would be rounding
             continue
         alone = fit.estimator.fit(part)
         found.append((int(log), alone.value, alone.sigma * np.sqrt(time), dof))
@@ -316,21 +316,21 @@ def _differ(values: Array, sd: Array, dof: Array) -> tuple[Array, Array, Array]:
     return ratio, np.where(free > 0, fdtrc(np.maximum(free, 1), dof.sum(), ratio), 1.0), free
 
 
-# What a reduced model's numbers stand for, and how far that is from their labels.
+# Effective combinations of a reduced model's values, and their distance from the labels.
 #
 # A parameter that is left out although it is not zero does not vanish: the survivors take it over.
 # With base parameters β, a model ``β = held + M x`` and its fit ``x = P (β - held)`` of torque
 # without noise, P is the pseudo-inverse of M in the distance that the fit minimises, or of its
-# instruments. A label means ``M⁺ (β - held)`` instead; the difference ``D (β - held)``, ``D = P -
-# M⁺``, is no noise, so no interval of the residual holds it. How large it can be is what the robot
-# file knows of bodies, their masses and where these lie to ± `body_share`, and what the logs say of
-# the parameters that are left out: the residual of the model holds what they do and no kept
-# parameter can take over. Both together are a normal posterior. Friction, rotors and offsets are
-# taken to be as the file says.
+# instruments. A label means ``M⁺ (β - held)`` instead; the difference ``D (β - held)``,
+# ``D = P - M⁺``, is no noise, so no interval of the residual holds it. Its possible size follows
+# from two sources. The robot file states masses and places of bodies to ± `body_share`. The logs
+# have information on omitted parameters: the residual has the part of their torque that no kept
+# parameter absorbs. Both together are a normal posterior. Friction, rotors and offsets are taken to
+# be as the file says.
 #
-# A file can be further from the robot than that, and the logs can leave out what no file states.
-# The unpruned model knows: where its own interval for a label does not reach that of the model, σ
-# grows until it does, and the verdict says so.
+# A file can be further from the robot than that, and a model may omit effects that no file states.
+# The unpruned model shows it: where its own interval for a label does not reach that of the model,
+# σ grows until it does, and the verdict says so.
 
 
 _M = GROUPED_KINDS.index("m")
@@ -339,7 +339,7 @@ _DIAGONAL = tuple(GROUPED_KINDS.index(k) for k in ("Ixx", "Iyy", "Izz"))
 
 @frozen
 class LeftOut:
-    """What the parameters that a model leaves out do to the k that it keeps.
+    """Effect of the omitted parameters on the k parameters of a model.
 
     Attributes
     ----------
@@ -352,7 +352,7 @@ class LeftOut:
         Each value as the combination that it is, such as ``slider1.Jr + 0.02·platform.m``; empty
         where it is its label.
     unknown : bool
-        Whether something is left out of which the robot file knows nothing.
+        Whether the model omits a parameter without a value in the robot file.
     disputed : (k,)
         What the unpruned model finds for the label, where that contradicts what file and logs make
         likely; NaN elsewhere.
@@ -366,9 +366,9 @@ class LeftOut:
 
 
 def body_scatter(structure: Structure) -> Array:
-    """Return how far the bodies' parameters may lie from the file's, (p,) [their units].
+    """Return the possible distance of the bodies' parameters from the file's, (p,) [their units].
 
-    Zero for what is no body's, and for bodies of which the file states no mass.
+    Zero for columns that belong to no body, and for bodies without a mass in the file.
     """
     scatter = np.zeros(len(structure.columns))
     rows = structure.inertial
@@ -390,7 +390,7 @@ def find_left_out(
     fit: Estimate,
     full: Estimate | None = None,
 ) -> LeftOut:
-    """Return what the left-out parameters do to those that a model keeps.
+    """Return the effect of the omitted parameters on those that a model keeps.
 
     Parameters
     ----------
@@ -401,7 +401,7 @@ def find_left_out(
     fit : Estimate
         Of the model.
     full : Estimate, optional
-        Of all base parameters, which says what the logs know of those that are left out; by default
+        Of all base parameters, with the information of the logs on the omitted ones; by default
         only the file does.
     """
     kept = list(fit.kept)
@@ -445,7 +445,9 @@ def find_left_out(
 def _widen_disputed(
     meant: Array, submodel: Submodel, fit: Estimate, full: Estimate, sigma: Array
 ) -> tuple[Array, Array]:
-    """Return σ that reaches what the unpruned model finds, and that, where it had to grow, (k,).
+    """Return σ that covers the values of the unpruned model, (k,), and these values.
+
+    The values are NaN where σ was large enough.
 
     Parameters
     ----------
@@ -488,10 +490,10 @@ def _learn(left: Array) -> tuple[Array, Array]:
 
 
 def _combination(name: str, members: Sequence[str], coefficients: Array, size: Array) -> str:
-    """Return a parameter with the left-out ones that it stands for, the largest first."""
+    """Return a parameter with the omitted ones in its effective combination, the largest first."""
     share = np.abs(coefficients) * size
     least = Thresholds.negligible_share * np.linalg.norm(share)
-    # Members of what a number stands for that a sentence names.
+    # Most members of an effective combination that a sentence lists.
     shown = [j for j in np.argsort(-share, kind="stable")[:3] if share[j] > least]
     signs = ["−" if coefficients[j] < 0 else "+" for j in shown]
     parts = [f"{abs(coefficients[j]):.2g}·{members[j]}" for j in shown]
@@ -499,12 +501,12 @@ def _combination(name: str, members: Sequence[str], coefficients: Array, size: A
     return "" if not shown else f"{told} + …" if np.count_nonzero(share) > len(shown) else told
 
 
-# `Fit`: the terms of what is not known.
+# `Fit`: the terms of uncertainty.
 
 
 @frozen(kw_only=True)
 class Fit:
-    """A model that was fitted: its k values, and what is not known of them, term by term.
+    """A model that was fitted: its k values, and each term of their uncertainty.
 
     Attributes
     ----------
@@ -521,15 +523,16 @@ class Fit:
     note : str
         Why blocks are too few, if they are.
     motions : Motions or None
-        What logs say of each other; None of one log, or of too short ones.
+        Agreement of the logs; None of one log, or of too short ones.
     shared : mapping of str to (w, k)
-        What moves all samples alike, which none of them can show. ``noise``: the error that the
-        preparation of positions leaves, which is like noise but not white. ``delay``: one standard
-        deviation of the delay of each log's commands. ``bias``: of the bias that noise in the
-        motion leaves. ``prior``: how far the nearest real robot lies, where the estimate does not
-        surely predict better (of two that are not told apart, labels hold over both).
+        Errors that move all samples alike, so that no residual can show them. ``noise``: the error
+        that the preparation of positions leaves, which is like noise but not white. ``delay``: one
+        standard deviation of the delay of each log's commands. ``bias``: of the bias that noise in
+        the motion leaves. ``prior``: distance of the nearest physically consistent values, where
+        the estimate does not surely predict better. If the data cannot decide between the two,
+        labels hold for both.
     left_out : LeftOut or None
-        What the parameters that the model leaves out do to its own.
+        Effect of the omitted parameters on those of the model.
     alternatives : LabelAlternatives or None
         What groups that may be missing do to them.
     """
@@ -549,7 +552,7 @@ class Fit:
     def of(
         information: Information, fit: Estimate, rng: np.random.Generator, replicates: int
     ) -> Fit:
-        """Return what noise and logs leave open of an estimate.
+        """Return an estimate with the uncertainty from noise and from differences between logs.
 
         Parameters
         ----------
@@ -583,9 +586,9 @@ class Fit:
 
     @property
     def noise(self) -> Array:
-        """What scores scatter by, which allows for autocorrelation, (k,).
+        """Standard deviations by the scatter of scores, which allows for autocorrelation, (k,).
 
-        Infinite where scores could not be asked: a formula is believed only as far as its model of
+        Infinite where there are too few scores: a formula is believed only as far as its model of
         the noise, and few samples do not show that.
         """
         wide = np.inf if self.scores is None else self.scores.widened
@@ -593,7 +596,7 @@ class Fit:
 
     @property
     def terms(self) -> dict[str, Array]:
-        """Standard deviations of the labels by what they come from, (k,) each."""
+        """Standard deviations of the labels by source, (k,) each."""
         none = np.zeros(len(self.estimate.columns))
         found = dict.fromkeys(TERMS, none) | {"noise": self.noise}
         if self.motions is not None:
@@ -608,19 +611,19 @@ class Fit:
 
     @property
     def together(self) -> Array:
-        """What moves all samples alike, which none of them can show, (w, k)."""
+        """Joint deviations that move all samples alike, and that no residual can show, (w, k)."""
         none = np.empty((0, len(self.estimate.columns)))
         return np.vstack([none, *self.shared.values()])
 
     @property
     def robust(self) -> Array:
-        """Standard deviations of the values, for whatever they stand for, (k,)."""
+        """Standard deviations of the values, for their effective combinations, (k,)."""
         terms = self.terms
         return np.linalg.norm([terms[name] for name in OF_VALUES], axis=0)
 
     @property
     def value(self) -> Array:
-        """Values of the labels: beside functions that are missing, without a known bias, (k,)."""
+        """Values of the labels: corrected for missing functions, and for a known bias, (k,)."""
         value = self.estimate.value
         if self.estimate.bias is None and "bias" in self.shared:
             value = value - self.shared["bias"][0]
@@ -628,11 +631,11 @@ class Fit:
 
     @property
     def sigma(self) -> Array:
-        """Standard deviations from what the labels say, (k,)."""
+        """Standard deviations of the labelled parameters, (k,)."""
         return np.linalg.norm(list(self.terms.values()), axis=0)
 
     def why_unjudged(self, rules: Thresholds) -> tuple[str, ...]:
-        """Return why nothing can be said of each parameter, or nothing where it can, (k,).
+        """Return why a parameter cannot be judged, or "" where it can, (k,).
 
         Parameters
         ----------
@@ -647,13 +650,13 @@ class Fit:
         )
 
 
-#: What the interval of a label is made of, and what of it is the value's own.
+#: Terms of the interval of a label, and those that are the value's own.
 TERMS = ("noise", "logs", "alternatives", "omitted", "delay", "bias", "prior")
 OF_VALUES = ("noise", "logs", "delay", "bias", "prior")
 
 
 def remembering_covariance(information: Information, fit: Estimate) -> Array:
-    """Return the covariance of the kept columns under noise that remembers, (kept, kept).
+    """Return the covariance of the kept columns under autocorrelated noise, (kept, kept).
 
     Parameters
     ----------

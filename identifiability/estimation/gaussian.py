@@ -1,9 +1,9 @@
 """The Gaussian algebra: values, likelihood and predictions of a linear model by its products.
 
-Of whitened rows normal equations ``P x = h`` say all: P are products of columns, with the precision
-that is known beforehand, h those with the torque. What is asked of a linear model anywhere (values,
-their covariance, how likely the torque is with the values averaged over, what is predicted) is
-asked here.
+The normal equations ``P x = h`` of whitened rows contain all information: P are products of
+columns, with the precision of the prior, and h those with the torque. This module answers all
+questions about a linear model: values, their covariance, the marginal likelihood of the torque, and
+predictions.
 """
 
 from __future__ import annotations
@@ -67,5 +67,5 @@ class Normal:
 
     @property
     def evidence(self) -> float:
-        """Log-likelihood of the torque, values averaged over, but for what all models share."""
+        """Marginal log-likelihood of the torque, up to a constant that all models share."""
         return float(0.5 * self.half @ self.half - np.log(np.diag(self.factor)).sum())

@@ -1,8 +1,8 @@
-"""What a robot model may lack, as groups of a mixed model: every family at every place.
+"""Effects that a robot model may lack, as groups of a mixed model: every family at every place.
 
 A group has the columns of its family's whole grid of shapes. Friction is rarely in one joint only,
-so each family is a group everywhere, too; functions of which nothing is known but what they depend
-on are families as well, and return to zero where there were no data.
+so each family is a group everywhere, too; smooth functions of known coordinates are families as
+well, and return to zero where there were no data.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ from .mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms, whitened_in
 from .noise import ARNoise, JointNoise, JointRuns, Runs, rich_noise, split_runs
 from .rules import RULES
 
-#: What a compact load of 1 kg has of each inertial parameter, by its radius [m].
+#: Inertial parameters of a compact load of 1 kg, by its radius [m].
 RADIUS: Tolerance = 0.1
 LOAD = {kind: RADIUS ** min(k, 1 + (k > 3)) for k, kind in enumerate(INERTIAL_KINDS)}
 
@@ -60,7 +60,7 @@ LOAD = {kind: RADIUS ** min(k, 1 + (k > 3)) for k, kind in enumerate(INERTIAL_KI
 EXCERPT = (6_000, 6, 1_000)
 #: Share of the largest pulse at reversals from which rows are of one.
 TURNS: Tolerance = 0.05
-#: Numbers that columns of what may be missing may be, where all act at all joints.
+#: Largest number of values in the columns of candidates, where all act at all joints.
 NUMBERS = 2**27
 #: Families of bodies, with typical values of their kinds.
 BODIES = {"rigid_body": LOAD, "payload": {f"payload_{kind}": x for kind, x in LOAD.items()}}
@@ -103,7 +103,7 @@ class Excerpt:
 
     @staticmethod
     def of(regression: Regression, most: tuple[int, int, int] | None = None) -> Excerpt:
-        """Return the rows of a regression by least squares, an excerpt of more than so many."""
+        """Return the rows of a regression, without instruments; an excerpt if there are many."""
         plain = regression
         if regression.instruments is not None:
             plain = replace(regression, instruments=None)
@@ -118,7 +118,7 @@ class Excerpt:
             chunks += part.shown()
             start = part.start
             decimation = part.samples.decimation
-            # Pieces overlap by what the decimation filter draws on.
+            # Pieces overlap by the width of the decimation filter.
             reach = 1 if decimation is None else decimation.reach
             for piece in part.samples.pieces(max(PIECE, REACHES * reach)):
                 stop = start + len(piece.motion.t[piece.at])
@@ -143,8 +143,8 @@ class Excerpt:
     def centre(self) -> Array:
         """Values of the model by least squares, (p,), each joint by the size of its torque.
 
-        Torque less that of these values is as small as what the model lacks. Products of all of the
-        torque would hold that to half of their digits only.
+        The torque minus that of these values is as small as the effects that the model lacks.
+        Products of all of the torque would hold that to half of their digits only.
         """
         torque = self.torque_norm
         weight = np.divide(1.0, torque, out=np.zeros_like(torque), where=torque > 0)
@@ -160,7 +160,7 @@ class Excerpt:
         return np.linalg.norm(self.raw * self.data, axis=0)
 
     def residual(self, values: Array) -> Array:
-        """Return the torque less that of some values of the model, (N, n) [N·m or N]."""
+        """Return the torque minus that of some values of the model, (N, n) [N·m or N]."""
         return self.y - self.X @ values
 
     def entries(self, candidates: Sequence[Candidate]) -> Entries:
@@ -172,7 +172,7 @@ class Excerpt:
 
 @frozen
 class Missing:
-    """What may be missing beside a model, along some logs.
+    """Candidates that a model may lack, along some logs.
 
     Attributes
     ----------
@@ -196,7 +196,7 @@ class Missing:
 
     @staticmethod
     def of(regression: Regression, families: Sequence[Family], present: Present) -> Missing:
-        """Return the candidates of families beside what a model has."""
+        """Return the candidates of families that a model does not have."""
         seen = Excerpt.of(regression)
         motions = [piece.motion for piece in seen.pieces]
         listed, _ = list_candidates(seen.robot, families, present, motions, fixed=False)
@@ -219,10 +219,10 @@ class Missing:
 
     @cached_property
     def scale(self) -> Array:
-        """What makes columns of candidates as large as the torque of their joint, (c,).
+        """Scale at which columns of candidates are as large as the torque of their joint, (c,).
 
-        Pieces of one curve are alike, reached or not: beyond the data it returns to zero. Those of
-        a body are as a compact one has them.
+        Pieces of one curve are alike, reached or not: beyond the data it returns to zero. Columns
+        of a body are scaled as those of a compact one.
         """
         square = self._squares.sum(0)
         for c in self.candidates:
@@ -236,14 +236,15 @@ class Missing:
 
     @cached_property
     def noise(self) -> ARNoise:
-        """Noise beside all that may be missing and would hide in it."""
+        """Noise of each joint, with all candidates in the model that would hide in it."""
         return self.given or tuple(map(self.noise_of, range(self.seen.y.shape[1])))
 
     def beside(self, named: Sequence[Term]) -> Missing:
-        """Return the same with the noise beside what is named, or nearly so, too.
+        """Return a copy whose noise is measured with the named terms, or near rivals, in the model.
 
-        Functions have a price that a name need not pay, and have not what passive joints, or the
-        way that led to a state, add: noise measured without would have it for its own.
+        Smooth functions have a price that a named effect need not pay. They also lack effects of
+        passive joints and of the path to a state: without the named terms these would count as
+        noise.
         """
         columns = [k for t in named for k in (t.columns - self.fixed).tolist()]
         noise = list(self.noise)
@@ -254,7 +255,7 @@ class Missing:
     def noise_of(
         self, joint: int, named: Sequence[int] = (), *, functions: bool = True
     ) -> JointNoise:
-        """Return the noise of a joint beside some columns of candidates, and functions."""
+        """Return the noise of a joint, given some columns of candidates, and functions."""
         X = self.seen.X[:, joint]
         random = list[Array]()
         model = [X[:, X.any(0)]]
@@ -265,7 +266,7 @@ class Missing:
         return self._measure(joint, self.seen.runs[joint], [np.column_stack(model), *random])
 
     def noise_within(self, joint: int, runs: Runs) -> JointNoise:
-        """Return the noise of a joint in some stretches, beside the model alone."""
+        """Return the noise of a joint in some stretches, with the plain model alone."""
         X = self.seen.X[:, joint]
         return self._measure(joint, runs, [X[:, X.any(0)]])
 
@@ -275,14 +276,15 @@ class Missing:
 
     @cached_property
     def torque(self) -> Array:
-        """Torque of the fitted rows less that of the centre, (N, n) [N·m or N]."""
+        """Torque of the fitted rows minus that of the centre, (N, n) [N·m or N]."""
         return self.seen.residual(self.seen.centre)
 
     @cached_property
     def _beside_noise(self) -> list[tuple[bool, list[int]]]:
-        """Columns of smooth functions, beside which noise is measured, unnamed ones first.
+        """Columns of the smooth functions for the measurement of noise, nonparametric ones first.
 
-        How logs of a session differ says nothing of the memory within them, and is of the model.
+        Differences between logs of a session have no information on the memory within them, so they
+        belong to the model.
         """
         found: dict[tuple[str, str], list[Candidate]] = defaultdict(list)
         for c in self.candidates:
@@ -311,7 +313,7 @@ class Missing:
         return out
 
     def under(self, noise: Sequence[JointNoise]) -> Missing:
-        """Return the same beside other noise."""
+        """Return a copy that uses another noise model."""
         other = replace(self, given=tuple(noise))
         same = ("entries", "scale", "sets", "groups")
         vars(other).update({name: vars(self)[name] for name in same if name in vars(self)})
@@ -347,7 +349,7 @@ class Missing:
         noise : ARNoise, optional
             Other than theirs.
         among : tuple of Term, optional
-            Of which other rows have columns, beside what every hypothesis has.
+            Terms whose columns are computed for other rows, with those of every hypothesis.
         together : bool
             Whether products of all joints are added up.
         """
@@ -414,8 +416,8 @@ class Missing:
     def model(self) -> MixedModel:
         """Return the mixed model of the fitted rows.
 
-        What every hypothesis has, friction at reversals, is a part of its fixed columns, with the
-        variance that it has beside the model.
+        Friction at reversals belongs to every hypothesis. It is a part of the fixed columns, with
+        the variance that it has given the model.
         """
         own = self.products(together=True)
         p = self.fixed
@@ -440,7 +442,7 @@ class Missing:
         )
 
     def values(self) -> Array:
-        """Return the values of the model's columns where nothing is missing, (p,)."""
+        """Return the values of the model's columns if nothing is missing, (p,)."""
         model = self.model()
         centre = self.seen.centre
         return (model.solve().value / model.scale[: model.fixed])[: len(centre)] + centre
@@ -451,7 +453,7 @@ def with_reversals(
 ) -> tuple[Candidate, ...]:
     """Return friction at reversals where there is dry friction, then candidates that fit a model.
 
-    What refines a part that it does not have does not.
+    Effects that refine another effect fit only a model with that effect.
     """
     kinds = tuple(kind for kind, *_ in ReversalFriction.units)
     columns = tuple(range(len(kinds)))
@@ -473,11 +475,11 @@ def list_members(sets: Sequence[Sequence[Candidate]], first: int) -> tuple[np.nd
     return tuple(members)
 
 
-# `MissingEffects`: what may be missing beside a model, and what that does to its labels.
+# `MissingEffects`: effects that a model may lack, and their effect on its labels.
 #
 # An effect that nobody named leaves its trace in the parameters that resemble it, and no interval
-# of the residual holds that. So every group that a model may lack counts by its probability: what
-# is named is taken off the labels, and of the others one more may be there all the same.
+# of the residual holds that. So every group that a model may lack counts by its probability: the
+# shift by named groups is subtracted from the labels, and one more of the others may be present.
 
 
 #: Groups that a sentence says; a table has them all.
@@ -490,14 +492,14 @@ def place_of(term: Term) -> str:
 
 
 def describe_term(term: Term) -> str:
-    """Return what a group is and where, such as "Stribeck friction in joint_2"."""
+    """Return the title and place of a group, such as "Stribeck friction in joint_2"."""
     title = title_of(term.group.family)  # of the base it says where
     return title if term.group.place == BASE else f"{title} in {place_of(term)}"
 
 
 @frozen
 class Share:
-    """What a group does to the torque, where it is there.
+    """Contribution of a group to the torque, if the group is present.
 
     Attributes
     ----------
@@ -521,7 +523,7 @@ class Share:
 
 @frozen
 class MissingEffects:
-    """Groups that may be missing beside a model, and what they say of its values.
+    """Groups that a model may lack, and their effect on its values.
 
     Attributes
     ----------
@@ -543,14 +545,14 @@ class MissingEffects:
 
     @property
     def functions(self) -> tuple[str, ...]:
-        """What is named, in words."""
+        """Titles and places of the named effects."""
         return tuple(describe_term(t) for t in self.named)
 
     @property
     def statement(self) -> str:
-        """What the model seems to miss, and how sure that is, for before ": diagnose".
+        """Effects that the model seems to lack, with their odds, as the start of a sentence.
 
-        It is said from 20 to 1 on, by fitted and unseen rows together.
+        It is reported from odds of 20 to 1 on, by fitted and unseen rows together.
         """
         odds = {describe_term(t): t.odds + t.unseen for t in self.named}
         sure = {name: x for name, x in odds.items() if x >= RULES.name + RULES.keep}
@@ -561,7 +563,7 @@ class MissingEffects:
         return f"{told} {'seems' if len(order) == 1 else 'seem'} to be missing"
 
     def of_labels(self, submodel: Submodel, fit: Estimate) -> LabelAlternatives | None:
-        """Return what the groups do to the values of a model; None where there is none."""
+        """Return the effect of the groups on the values of a model; None where there is none."""
         if not self.shares:
             return None
         kept = list(fit.kept)
@@ -593,7 +595,7 @@ class MissingEffects:
 
 @frozen
 class LabelAlternatives:
-    """What groups that may be missing do to the k values of a model.
+    """Effect of groups that may be missing on the k values of a model.
 
     Attributes
     ----------
@@ -616,14 +618,14 @@ class LabelAlternatives:
 NO_MISSING_EFFECTS = MissingEffects((), (), np.empty((0, 0, 0)), np.empty((0, 0, 0)))
 
 
-#: Share of the only log that may refute names, and of either part that is left out where the log is
-#: divided: noise has a memory.
+#: Share of the only log that may refute names, and share of either part that is omitted at the
+#: division, because noise has a memory.
 LAST: Tolerance = 0.25
 PAUSE: Tolerance = 0.05
 
 
 def divide(rows: int) -> tuple[int, int]:
-    """Return where the fitted part of the only log ends, and where that begins which may refute."""
+    """Return the end of the fitted part of the only log, and the start of the held-out part."""
     end = (1 - LAST) * rows
     return int((1 - PAUSE) * end), int(np.ceil(end + PAUSE * (rows - end)))
 
@@ -635,10 +637,10 @@ def find_missing(
     *,
     commanded: bool = False,
 ) -> MissingEffects:
-    """Return what may be missing beside all columns of a regression.
+    """Return the effects that a model with all columns of a regression may lack.
 
-    Rows that were held out may only take a name away: those of the last log or of the last part of
-    the only one, where there are no others.
+    Rows that were held out may only take a name away: these are the last log, or the last part of
+    the only one, if no other rows were held out.
     """
     if regression.instruments is not None:
         regression = replace(regression, instruments=None)
@@ -668,10 +670,10 @@ def find_missing(
 
 
 def _search(missing: Missing) -> tuple[MixedModel, Terms]:
-    """Return the model of what may be missing, and what is.
+    """Return the mixed model of missing effects, and the terms that it finds.
 
     A wrong scale of one joint's torque is nearly the model itself, at any size: its prior alone
-    would widen every label. So it may only be what a function of the load seems to be.
+    would widen every label. So it is a candidate only if a function of the load was found.
     """
     every = missing.model()
     usual = tuple(g for g in every.groups if g.family != TorqueScale.name)

@@ -1,14 +1,14 @@
-"""`MixedModel`: what a robot model may lack is a random effect, whose size the torque tells.
+"""`MixedModel`: effects that a robot model may lack, as random effects.
 
 ``y = X b + Σ Z_g u_g + noise, u_g ~ N(0, s_g² I)``: X are the columns of the model that is fitted,
-a group g is a family of effects at a place, or everywhere. A size of zero means that the group is
-not there. It is the textbook's mixed model [Henderson 1975; Patterson & Thompson 1971], searched
-as sparse Bayesian learning does [Tipping & Faul 2003]: what gains most is added while the odds for
-it are large enough.
+a group g is a family of effects at a place, or everywhere. The torque determines the sizes; a size
+of zero means that the group is not there. It is the textbook's mixed model [Henderson 1975;
+Patterson & Thompson 1971], searched as sparse Bayesian learning does [Tipping & Faul 2003]: the
+group with the largest gain is added while its odds are large enough.
 
-Rows are whitened once, before the search, by noise that was measured beside all that may be
-missing, the same for every hypothesis. What is asked afterwards reads one `Information`, and
-costs the same however many rows there were.
+Rows are whitened once, before the search. The noise is measured with all candidates in the model,
+and is the same for every hypothesis. Later questions read one `Information`, and cost the same for
+any number of rows.
 """
 
 from __future__ import annotations
@@ -57,8 +57,8 @@ def whitened_information(
     edges : sequence of int
         Rows at which blocks begin and end.
     together : bool
-        Whether products of all joints may be added up, as they are where that takes less memory:
-        where most columns act in most joints.
+        Whether products of all joints may be summed; they are where that takes less memory: where
+        most columns act in most joints.
     """
     parts = []
     size = columns[0][-1] + 1
@@ -85,12 +85,12 @@ def whitened_information(
     return Information(tuple(names), tuple(parts), counts, data, np.zeros(len(counts), int))
 
 
-# Groups, and what of them is in a model.
+# Groups, and the terms of a model.
 
 
 @frozen
 class Group:
-    """A family of effects at a place, or everywhere: what may be missing.
+    """A family of effects at a place, or everywhere: a hypothesis about a missing effect.
 
     Attributes
     ----------
@@ -135,7 +135,7 @@ class Term:
     odds : float
         Log odds of the group beside the others, averaged over members and sizes, less its price.
     unseen : float [nat]
-        What it gains on rows that were held out. It warns and refutes, and chooses nothing.
+        What it gains on rows that were held out. It warns and refutes, and is not used for choices.
     """
 
     group: Group
@@ -156,7 +156,7 @@ class Term:
 
     @property
     def size(self) -> int:
-        """How many columns it has."""
+        """Number of its columns."""
         return len(self.columns)
 
 
@@ -197,8 +197,8 @@ class MixedModel:
         What is known of the fixed columns' values without the rows: the inverse of their
         covariance; none where it is empty.
     mean : (p,)
-        What these values are known to be, less the values that the torque was taken about; of no
-        account where nothing is known.
+        What these values are known to be, less the values that the torque was taken about; without
+        effect where nothing is known.
     sizes : (s,)
         That a group may have, each as likely.
     """
@@ -234,7 +234,7 @@ class MixedModel:
     def _solve(self, terms: Terms, columns: np.ndarray, P: Array, target: Array) -> Solution:
         """Return the solution of products of columns (c, c) among themselves and with the torque.
 
-        What all models of the same rows have in common is left out of the likelihood.
+        Terms that all models of the same rows share are left out of the likelihood.
         """
         sizes = np.concatenate([np.full(t.size, t.variance) for t in terms] or [np.empty(0)])
         first = self.fixed
@@ -249,7 +249,10 @@ class MixedModel:
         return Solution(x.factor, x.half, columns, likelihood)
 
     def beside(self, terms: Terms) -> list[Group]:
-        """Return the groups that may come beside some terms: what is everywhere has no place."""
+        """Return the groups that may join some terms.
+
+        A family that is everywhere has no single place, and the other way round.
+        """
         taken = {t.key for t in terms}
         families = {t.group.family for t in terms}
         whole = {t.group.family for t in terms if t.group.place == EVERYWHERE}
@@ -260,10 +263,11 @@ class MixedModel:
         ]
 
     def gains(self, terms: Terms = (), among: Sequence[Group] | None = None) -> list[Term]:
-        """Return further groups with their log odds beside some terms, the likeliest first.
+        """Return further groups with their log odds, given some terms, the likeliest first.
 
-        Each is averaged over its members and sizes, and stands with the likeliest of both. Levels
-        that physics wants positive gain what their sign tells: ``ln 2 P(sign | data)``.
+        Each is averaged over its members and sizes, and is returned with the likeliest of both.
+        Levels that physics requires to be positive also gain by their sign:
+        ``ln 2 P(sign | data)``.
 
         Parameters
         ----------
@@ -297,11 +301,11 @@ class MixedModel:
             member, size = np.unravel_index(int(np.argmax(each)), each.shape)
             odds = float(np.logaddexp.reduce(each.ravel()) - np.log(each.size)) - g.price
             out.append(Term(g, int(member), float(self.sizes[size] ** 2), odds))
-        # What is as likely stands as it came, whatever rounding says.
+        # Ties keep their order in spite of rounding.
         return sorted(out, key=lambda t: -round(t.odds, 6))
 
     def rise(self, S: Array, part: Array, left: Array) -> tuple[Array, Array]:
-        """Return the rise of the log-likelihood by sets of columns, and what signs add.
+        """Return the rise of the log-likelihood by sets of columns, and the gain by their signs.
 
         Both by size, (s, sizes).
 
@@ -325,17 +329,17 @@ class MixedModel:
         return rise, np.log(2.0) + log_ndtr(mean / np.sqrt(variance))
 
     def update_terms(self, terms: Terms) -> Terms:
-        """Return terms with the member, size and odds that each has beside the others."""
+        """Return terms with the member, size and odds that each has given the others."""
         for k in range(len(terms)):
             (again,) = self.gains(_without(terms, k), [terms[k].group])
             terms = (*terms[:k], again, *terms[k + 1 :])
         return terms
 
     def search(self, most: int = 12) -> Terms:
-        """Return what is missing: the best is added, what no longer gains is taken out.
+        """Return the missing terms: add the best group, and remove groups that no longer gain.
 
-        Of what is as good the simplest goes first: what is flexible would take the evidence of a
-        name, and take the name with it where it fails on unseen rows.
+        Of groups that are about as good the simplest is added first: a flexible group would absorb
+        the evidence of a named effect, and remove that effect if it fails on unseen rows.
         """
         terms: Terms = ()
         gone: set[tuple[str, str]] = set()
@@ -366,16 +370,17 @@ class MixedModel:
         return self._solve(terms, columns, both, aim).log_likelihood - before
 
     def news(self, terms: Terms, unseen: Information) -> list[float]:
-        """Return what each term gains on unseen rows beside the others [nat]."""
+        """Return the gain of each term on unseen rows, given the others [nat]."""
         full = self.evidence(terms, unseen)
         rest = (_without(terms, k) for k in range(len(terms)))
         return [full - self.evidence(other, unseen) for other in rest]
 
     def confirm(self, terms: Terms, unseen: Information) -> Terms:
-        """Return the terms that unseen rows let stand, with their gains; the worst goes first.
+        """Return the terms that unseen rows confirm, with their gains; the worst goes first.
 
-        With fitted rows they must gain what names and keeps a name. By themselves they are the odds
-        against it where they are below zero, and need what names to refute it.
+        Together with the fitted rows, terms must gain the limits for naming and keeping an effect.
+        On their own, unseen rows count as odds against a term where its gain is negative. They
+        refute it at the limit for naming.
         """
         while terms:
             gains = self.news(terms, unseen)
@@ -388,7 +393,7 @@ class MixedModel:
         return terms
 
     def left_out(self, terms: Terms, blocks: Information, sets: Sequence[Collection[int]]) -> Array:
-        """Return what sets of terms gain beside the others on blocks of rows, (sets,) [nat].
+        """Return the gain of sets of terms, given the others, on blocks of rows, (sets,) [nat].
 
         Each block is predicted from all other blocks, with all terms and without those of a set.
         """
@@ -403,14 +408,14 @@ class MixedModel:
         return gains
 
     def rivals(self, terms: Terms, which: int) -> list[Term]:
-        """Return what would do as well in the place of a term: "A or B", the likeliest first."""
+        """Return the competing explanations of a term ("A or B"), the likeliest first."""
         own = terms[which]
         rest = _without(terms, which)
         among = [g for g in self.beside(rest) if g.key != own.key]
         return [t for t in self.gains(rest, among) if t.odds > own.odds - RULES.rival]
 
     def alternatives(self, terms: Terms = ()) -> list[tuple[Term, float]]:
-        """Return groups of which one more may be there, each with its probability."""
+        """Return groups of which one more may be present, each with its probability."""
         found = [t for t in self.gains(terms) if t.odds > RULES.unlikely]
         weights = softmax([0.0, *(t.odds for t in found)])[1:].tolist()
         return list(zip(found, weights, strict=True))

@@ -1,10 +1,10 @@
 """Which record of the motion is fitted with: as it was measured, or a series through it.
 
 Noise in the motion biases least squares [Fuller 1987]. A series through the measured motion has
-less noise (`identifiability.logs.series`), but a wrong one would lack part of the motion. So it is
-decided by planted truth, on the user's own motion with its own noise: a robot that is known moves
-along the series, noise like the one that was measured is added, and each record is fitted with.
-The series is used if it finds the planted values better, and if the measured torque agrees.
+less noise (`identifiability.logs.series`), but a wrong one would lack part of the motion. So
+planted truth decides, on the user's motion with its measured noise: a robot that is known moves
+along the series, noise like the one that was measured is added, and each record is fitted with. The
+series is used if it finds the planted values better, and if the measured torque agrees.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ BETTER: Tolerance = 0.9
 
 @frozen
 class MotionTrial:
-    """How well a record of the motion finds planted values.
+    """Errors of planted values under one record of the motion.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class MotionChoice:
     logs: tuple[Log, ...] = ()
 
     def tell(self, other: Derivatives) -> Finding:
-        """Return why a series is used, and by which setting the measured motion is."""
+        """Return why a series is used, and the setting that keeps the measured motion."""
         measured, series = self.trials
         errors = {"series": series.error, "measured": measured.error}
         return Finding("motion", what=phrase("motion", self.record), other=other, **errors)
@@ -100,7 +100,7 @@ class MotionChoice:
 def read_records(
     robot: Robot, logs: Sequence[Log], how: Preparation, asked: Preparation | None
 ) -> tuple[Record, ...]:
-    """Return the motion of logs and the splines through it; nothing where nothing is to decide.
+    """Return the motion of logs and the splines through it; nothing if there is no choice.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def read_records(
     how : Preparation
         As the logs are prepared by default.
     asked : Preparation or None
-        What the user asked for: who asked for derivatives or a band has chosen.
+        What the user asked for: a user who asked for derivatives or a band has chosen.
     """
     chosen = asked is not None and (asked.derivatives != "auto" or asked.cutoff or asked.outputs)
     unfit = any(x.long or x.rollout is not None or x.motion_alone for x in logs)
@@ -132,7 +132,7 @@ def choose_motion(structure: Structure, records: Sequence[Record]) -> MotionChoi
         return MotionChoice()
     kind = preferred_kind(records)
     # Computed derivatives are low-passed with torque and columns, which takes most of their noise.
-    # What is sharper than a series can follow is then lost in vain, unless it averages periods.
+    # A series would then lose sharper motion without a gain, unless it averages periods.
     derived = any(r.log.ddq is None for r in records)
     if derived and not (kind == "fourier" and all(r.repeats for r in records)):
         return MotionChoice()
@@ -190,7 +190,7 @@ class Record:
 
     @property
     def repeats(self) -> bool:
-        """Whether the log goes through the period of its Fourier series twice at least."""
+        """Whether the log repeats the period of its Fourier series at least twice."""
         period = self.series["fourier"].period
         assert period is not None
         return bool(2 * period <= self.log.t[-1] - self.log.t[0] + 2 * self.plan.step)
@@ -207,7 +207,7 @@ class Record:
         return all(bool(np.all(share <= RULES.small)) for share in shares)
 
     def samples(self, motion: Sequence[Array], step: int, speeds: Array | None) -> Dataset:
-        """Return every so many rows along a motion, closed; standing joints are no data.
+        """Return every n-th row along a motion, closed; standing joints are no data.
 
         Parameters
         ----------
@@ -228,14 +228,14 @@ class Record:
         return Dataset(self.log.name, found, tau, None, (), "", weight=weight)
 
     def measured(self, log: Log, step: int) -> Dataset:
-        """Return every so many rows of a log with this motion, as prepared by default."""
+        """Return every n-th row of a log with this motion, as prepared by default."""
         return self.samples(self.plan.derive(log), step, self.plan.smooth_speed(log))
 
 
 def try_records(
     structure: Structure, records: Sequence[Record], kind: Kind
 ) -> tuple[MotionTrial, MotionTrial]:
-    """Return how well the motion as measured and a series of it find planted values.
+    """Return the errors of planted values by the motion as measured, and by its Fourier series.
 
     Raises
     ------
@@ -283,7 +283,7 @@ def _judge(
     truth: Information,
     torque: Array,
 ) -> MotionTrial:
-    """Return how well a record finds planted values.
+    """Return the errors of planted values under a record.
 
     Parameters
     ----------
@@ -342,6 +342,6 @@ def _torque(samples: Sequence[Dataset]) -> Array:
 
 
 def _share(squares: Array, torque: Array) -> float:
-    """Return the root mean over actuators of squares over those of their torque."""
+    """Return the root mean over actuators of relative squares of their torque."""
     moved = torque > 0
     return float(np.sqrt(np.mean(squares[moved] / torque[moved]))) if moved.any() else 0.0

@@ -1,6 +1,6 @@
 """What noise remembers: autocorrelation times, autoregression, restricted likelihood.
 
-`ARNoise` is fitted to each joint beside whatever columns explain.
+`ARNoise` is fitted to the residual of each joint, given all columns that explain it.
 """
 
 from __future__ import annotations
@@ -21,20 +21,19 @@ from identifiability.regression.regression import Chunk
 
 from .rules import RULES
 
-# What residuals say about the noise: autocorrelation and what it does to σ.
+# Noise from residuals: its autocorrelation and the effect on σ.
 
 
-#: White noise that is taken to be there beside the residual, as a share of its variance: logs
-#: that were filtered before they were stored have empty bands, which whitening would blow up.
+#: White noise that is assumed in addition to the residual, as a share of its variance: logs that
+#: were filtered before they were stored have empty bands, which whitening would amplify.
 FLOOR: Tolerance = 1e-2
-#: What is left of a direction of unit columns beside the model; below it there is none.
+#: Smallest part of a unit column that is outside the model; below it the column is absent.
 THIN: Tolerance = 1e-6
-#: Precisions of what may be missing that are tried beside the noise, in that of its innovations,
-#: the last of what is not there, and rounds in which those of all functions and the noise take
-#: turns.
+#: Trial precisions of candidates, in units of that of the innovations; the last is that of absent
+#: ones. Then the rounds in which the precisions of all functions and the noise are updated in turn.
 PRECISIONS = np.append(np.geomspace(1e-6, 1e5, 12), np.inf)
 ROUNDS = 4
-#: Most columns of what may be missing beside which the noise is measured.
+#: Most columns of candidates in the model when the noise is measured.
 DIRECTIONS = 120
 
 
@@ -137,22 +136,23 @@ def whiten_chunk(chunk: Chunk, noise: ARNoise) -> Chunk:
     )
 
 
-# Restricted likelihood of autoregressive noise beside columns that are fitted with it.
+# Restricted likelihood of autoregressive noise, with columns that are fitted together with it.
 
 
 #: Highest order that is tried.
 HIGHEST_ORDER = 4
-#: Partial autocorrelations are held below tanh(this): slower noise cannot be told from a drift.
+#: Partial autocorrelations are held below tanh(this): slower noise is not distinguishable from a
+#: drift.
 BOUND: Tolerance = 3.5
 
 
 @frozen
 class LaggedProducts:
-    """Products of rows with those a few samples later: what whitening by a short memory needs.
+    """Products of rows with rows a few samples later, for whitening by a short memory.
 
-    Rows are met once, however many noises are tried. A series of n ≥ p samples that is whitened
-    by the filter a = (1, -φ) has the products ``Σ a_i a_j Σ_t z_(i+t) z_(j+t), t < n - i - j``
-    [Box & Jenkins 1976, A7.5].
+    Rows are read once for any number of noise models. Let a = (1, -φ) be a filter that whitens a
+    series of n ≥ p samples. The whitened series has the products
+    ``Σ a_i a_j Σ_t z_(i+t) z_(j+t), t < n - i - j`` [Box & Jenkins 1976, A7.5].
 
     Attributes
     ----------
@@ -168,7 +168,7 @@ class LaggedProducts:
 
     @staticmethod
     def of(Z: Array, runs: Runs) -> LaggedProducts:
-        """Return those of rows (N, m) in stretches."""
+        """Return the lagged products of rows (N, m) in stretches."""
         P, m = HIGHEST_ORDER, Z.shape[1]
         runs = [(a, b) for a, b in runs if b - a >= P]
         first, stop = np.array(runs, int).reshape(-1, 2).T
@@ -183,7 +183,7 @@ class LaggedProducts:
         return LaggedProducts(out, int((stop - first).sum()), len(runs))
 
     def among(self, columns: np.ndarray) -> LaggedProducts:
-        """Return those of some columns."""
+        """Return the lagged products of a subset of columns."""
         own = self.products[:, :, columns][..., columns]
         return replace(self, products=np.ascontiguousarray(own))
 
@@ -203,8 +203,8 @@ def whitening_filter(pacf: Array) -> Array:
 class RestrictedLikelihood:
     """Restricted likelihood of autoregressive noise.
 
-    What is random has a precision, in that of the innovations, infinite of what is not there; what
-    is fixed has none.
+    Random columns have a precision in units of that of the innovations; it is infinite for absent
+    ones; fixed columns have none.
 
     Parameters
     ----------
@@ -244,12 +244,12 @@ class RestrictedLikelihood:
         """Return products of columns and y that a filter leaves white."""
         G: Array = np.tensordot(np.outer(a, a), lagged.products)
         G[-1, -1] += self.floor * float(a**2 @ lagged.white)
-        # Slow noise leaves of slow columns what rounding leaves of their products.
+        # Slow noise reduces slow columns to the rounding of their products.
         G.ravel()[:: len(G) + 1][:-1] += TINY * np.diag(lagged.products[0, 0])[:-1]
         return G
 
     def profile(self, values: Array) -> Callable[[Array], tuple[float, Array, float]]:
-        """Return what takes transformed partial autocorrelations (p,), sigma profiled out.
+        """Return a function of transformed partial autocorrelations (p,), with sigma profiled out.
 
         It gives minus twice the log-likelihood, its slope (p,) and sigma.
 
@@ -318,7 +318,7 @@ class RestrictedLikelihood:
                 own = np.append(self.owner == k, True)
                 prior = np.append(np.append(values, 0.0)[self.owner], none)
                 beside = np.isfinite(prior) & ~own
-                # What all others leave of it and of y, then by its principal directions.
+                # Residual of it and of y after all others, then its principal directions.
                 A = G[np.ix_(beside, beside)] + np.diag(prior[beside])
                 B = G[np.ix_(beside, own)]
                 S = G[np.ix_(own, own)] - B.T @ np.linalg.solve(A, B)
@@ -336,13 +336,13 @@ class RestrictedLikelihood:
         return deviance + float(paid), JointNoise(np.tanh(best), sigma)
 
 
-# `ARNoise`: autoregressive noise of each joint, fitted beside whatever the dictionary explains.
+# `ARNoise`: autoregressive noise of each joint, fitted together with the whole dictionary.
 #
-# Residuals of a fit look whiter than the noise was, because slow noise is swallowed by the
-# columns. The likelihood of what is left after projection (REML [Harville 1977]) has no such bias:
-# it is fitted beside the base model and the whole dictionary, so that a large slow effect is not
-# taken for slow noise either. Coefficients are held as partial autocorrelations, which keeps every
-# model stationary [Monahan 1984].
+# Residuals of a fit look whiter than the noise was, because the columns absorb slow noise. The
+# likelihood of the residual after projection (REML [Harville 1977]) has no such bias. It is fitted
+# together with the base model and the whole dictionary, so that a large slow effect is not taken
+# for slow noise either. Coefficients are held as partial autocorrelations, which keeps every model
+# stationary [Monahan 1984].
 
 
 @frozen
@@ -367,7 +367,7 @@ ARNoise = tuple[JointNoise, ...]
 
 @frozen
 class Noise:
-    """How much noise n joints have, and how long it remembers.
+    """Size and memory of the noise of n joints.
 
     Attributes
     ----------
@@ -393,23 +393,23 @@ def principal_columns(X: Array) -> tuple[Array, Array]:
 
 
 def span_columns(X: Array, most: int) -> Array:
-    """Return an orthonormal basis (N, k) of columns: so many directions that stand out at most."""
+    """Return an orthonormal basis (N, k) of the largest directions of columns, at most `most`."""
     columns, squares = principal_columns(X)
     basis: Array = (columns / np.sqrt(squares))[:, :most]
     return basis
 
 
 def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs, least: float = 0.0) -> JointNoise:
-    """Return the noise of a joint by restricted likelihood beside all that may be missing.
+    """Return the noise of a joint by restricted likelihood, with all candidates in the model.
 
-    Beside the model alone what is missing would count as noise, and hide itself; without the
-    restriction slow noise would be taken for what is missing.
+    With the plain model alone, missing effects would count as noise, and hide themselves; without
+    the restriction, slow noise would count as a missing effect.
 
     Parameters
     ----------
     blocks : sequence of (N, k)
-        Columns of the model, then of what may be missing, what must not be left out first; zero
-        between the stretches.
+        Columns of the model, then of candidates, the most important first; zero between the
+        stretches.
     y : (N,)
     runs : Runs
     least : float, optional [N·m or N]
@@ -436,7 +436,7 @@ def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs, least: float = 0.0
 
 
 def _choose_parts(parts: Sequence[Array], room: int) -> list[Array]:
-    """Return those of some parts (N, k) that together have no more columns than there is room."""
+    """Return the first parts (N, k) whose columns fit into `room` together."""
     chosen = list[Array]()
     for part in parts:
         if 0 < part.shape[1] <= room:

@@ -1,6 +1,6 @@
-"""`Prediction`: torque predicted along logs in one pass, and how far it is from the measured.
+"""`Prediction`: torque predicted along logs in one pass, and its error.
 
-`TorqueUncertainty` says how far it may lie from the truth and from a sample.
+`TorqueUncertainty` bounds its distance from the truth and from a sample.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ from .fit import Fit, remembering_covariance
 
 # `TorqueUncertainty`: how far predicted torque may lie from the truth and from a sample.
 #
-# Two intervals. That of the *mean* holds the torque of the model with its true values: what the
-# parameters do not know. That of a *new sample* adds what a measured torque scatters about it,
-# which no longer log makes smaller. Residuals remember: with an autocorrelation time κ, N samples
+# Two intervals. That of the *mean* holds the torque of the model with its true values: the
+# uncertainty of the parameters. That of a *new sample* adds the scatter of measured torque about
+# it, which longer logs do not reduce. Residuals remember: with an autocorrelation time κ, N samples
 # count as N/κ for both, so that the fit swallows κ times more of the noise than of white noise.
 
 
 @frozen(kw_only=True)
 class TorqueUncertainty:
-    """What is not known of predicted torque.
+    """Uncertainty of predicted torque.
 
     Attributes
     ----------
     covariance : (k, k)
         Of the values, with what the noise remembers; zero for columns that were not fitted.
     unknown : (k, d)
-        Directions of which the fitted motion says nothing, as long as their columns were large.
+        Directions that the fitted motion does not determine, scaled by the size of their columns.
     low, raw : (n,) [N·m or N]
         Standard deviation of low-passed and of measured torque about the prediction.
     dof : (n,)
@@ -57,15 +57,15 @@ class TorqueUncertainty:
     def reach(self, W: Array) -> tuple[Array, Array, Array]:
         """Return half widths of 95 % intervals of the mean, a low-passed and a raw sample, (N, n).
 
-        Infinite where the motion acts on what the fitted motion never showed.
+        Infinite where the motion excites directions that the fitted motion never showed.
 
         Parameters
         ----------
         W : (N, n, k)
         """
         variance = np.maximum(np.einsum("anj,jk,ank->an", W, self.covariance, W), 0.0)
-        # A direction that the fitted motion never showed acts if it makes this share of what its
-        # columns made there.
+        # A direction that the fitted motion never showed acts above this share of the torque of its
+        # columns there.
         variance[(np.abs(W @ self.unknown) > 1e-5).any(2)] = np.inf
         few = stdtrit(self.dof, ENDS[1])
         low, raw = (few * np.sqrt(variance + sd**2) for sd in (self.low, self.raw))
@@ -75,7 +75,7 @@ class TorqueUncertainty:
 def measure_spread(
     information: Information, known: Fit, rms: tuple[Array, Array], unseen: tuple[Array, Array]
 ) -> TorqueUncertainty:
-    """Return what is not known of the torque that a fit predicts.
+    """Return the uncertainty of the torque that a fit predicts.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def measure_spread(
 def measure_errors(
     information: Information, fit: Estimate, wider: float = 1.0
 ) -> tuple[Array, Array]:
-    """Return the covariance (k, k) of the values of a fit, and what it never saw, (k, d).
+    """Return the covariance (k, k) of the values of a fit, and its unseen directions, (k, d).
 
     Parameters
     ----------
@@ -120,11 +120,11 @@ def measure_errors(
 
 
 def widening(information: Information, known: Fit) -> float:
-    """Return by how much variances differ from those by formula, as resampling and scores say.
+    """Return the ratio of the variances by resampling and scores to those by formula.
 
-    One factor for all of them keeps how they depend on each other: what few parameters do not know
-    of each other, torque may know well. It is below 1 where noise swings back from sample to
-    sample, as steps of encoders do behind a derivative.
+    One factor for all of them keeps their correlations: few parameters may leave their mutual
+    differences open, while the torque determines them well. It is below 1 where noise swings back
+    from sample to sample, as steps of encoders do behind a derivative.
     """
     fit = known.estimate
     kept = list(fit.kept)
@@ -156,9 +156,9 @@ def _never_shown(information: Information, fit: Estimate) -> Array:
 
 
 def loaded_joints(rms: Array) -> list[int]:
-    """Return the joints whose torque there is something to say of; all where there is none.
+    """Return the joints with torque; all where there is none.
 
-    What nothing drives, as a base, has none along most motions.
+    Joints without a drive, such as a base, have none along most motions.
     """
     loaded = np.flatnonzero(rms > 0)
     return (loaded if len(loaded) else np.arange(len(rms))).tolist()
@@ -252,13 +252,13 @@ class Prediction:
 
     @property
     def _rows(self) -> np.ndarray:
-        """How many samples are data of each joint, (n,), one at least."""
+        """Number of valid samples of each joint, (n,), one at least."""
         return np.maximum(self.data.sum(0), 1)
 
     def apart(
         self, at: np.ndarray | slice = slice(None), axis: int | None = None, *, raw: bool = False
     ) -> Array:
-        """Return how far torque of some samples is from its mean, over all joints or over each.
+        """Return the distance of torque from its mean, summed over all joints or over each.
 
         Zero where torque is no data, or there is nothing to explain; (N, n).
         """
@@ -279,7 +279,7 @@ class Prediction:
         Parameters
         ----------
         log : int, optional
-            Of one log by itself, relative to how much its own torque varies.
+            Of one log alone, relative to the variation of its torque.
         raw : bool
             Of the torque as it was measured, not as it was low-passed.
         """
@@ -290,7 +290,7 @@ class Prediction:
         return _ratio(errors, self.apart(at, raw=raw).sum())
 
     def constant_error(self) -> float:
-        """Return ε_RA of predicting each joint's mean torque: what any model must beat."""
+        """Return ε_RA of predicting each joint's mean torque: the baseline of every model."""
         own, every = (self.apart(axis=axis).sum() for axis in (0, None))
         return float(_ratio(own, every))
 
@@ -330,8 +330,8 @@ class Prediction:
     def error_over_joints(self) -> Array:
         """Return the error over each joint's own scale, root mean square over the joints, (m,).
 
-        Zero is perfect, one as good as each joint's mean. Joints whose torque never varies have no
-        say; NaN where there is nothing to explain.
+        Zero is perfect, one as good as each joint's mean. Joints whose torque never varies do not
+        count; NaN where there is nothing to explain.
         """
         each = self.joint_error() ** 2
         known = each[np.isfinite(each).all(1)]
@@ -384,7 +384,7 @@ def predict(regression: Regression, values: Array) -> Prediction:
 def predict_all(regression: Regression, tasks: Sequence[Task]) -> list[Prediction]:
     """Return several predictions of the same logs, going through their windows once.
 
-    What was kept when their information was gathered is not computed again.
+    Chunks that were kept when their information was gathered are not computed again.
     """
     surveys = [s.survey for s in regression.samples]
     starts = np.cumsum([0, *(s.outputs for s in surveys)])

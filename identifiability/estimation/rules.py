@@ -31,7 +31,7 @@ class Thresholds(RuleTable):
 
 @frozen
 class Rules(RuleTable):
-    """Limits and levels by which models are estimated, judged and told from each other."""
+    """Limits and levels by which models are estimated, judged and compared."""
 
     paper_factor: Annotated[
         float, "σ% over the smallest of a model [Khalil 2002] at most, literature"

@@ -1,4 +1,4 @@
-"""`Verdict`: what may be said of each parameter of a fitted model, and why (`judge`)."""
+"""`Verdict`: the verdict on each parameter of a fitted model, with its reason (`judge`)."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Class(StrEnum):
 
 
 class Flag(StrEnum):
-    """What is said beside a verdict; the value is the public word."""
+    """Qualification of a verdict; the value is the public word."""
 
     NEGLIGIBLE = "negligible"
     IN_DOUBT = "model in doubt"
@@ -47,11 +47,11 @@ class Verdict:
     ----------
     name, label, unit : str
     value, sigma : float
-        Estimate of what the label says, and its standard deviation under white noise.
+        Estimate of the labelled parameter, and its standard deviation under white noise.
     terms : mapping of str to float
         Standard deviations by what they come from (`fit.TERMS`): the interval is of their sum.
     sigma_bootstrap : float
-        Standard deviation over resampled logs, beside those; NaN without.
+        Standard deviation over resampled logs, for comparison; NaN without.
     share : float
         Torque that the parameter makes, rms, relative to the measured torque's.
     paper_rule : bool
@@ -99,17 +99,17 @@ class Verdict:
 
     @property
     def sure(self) -> bool:
-        """Whether its sign is certain, and nothing casts doubt on it."""
+        """Whether its sign is certain, and no flag applies."""
         return self.verdict is not Class.NOT_IDENTIFIABLE and not self.flags
 
     @property
     def open(self) -> bool:
-        """Whether the data leave open what bodies that can exist, or a prior, may narrow."""
+        """Whether physical consistency or a prior may still narrow the value."""
         return self.verdict is not Class.IDENTIFIABLE and set(self.flags) <= {Flag.STRUCTURAL}
 
     @property
     def interval95(self) -> tuple[float, float]:
-        """The 95 % interval that the verdict rests on, for what the label says."""
+        """The 95 % interval behind the verdict, for the labelled parameter."""
         if self.believed is not None:
             return self.believed
         half = REACH * self.sigma_label
@@ -117,18 +117,18 @@ class Verdict:
 
     @property
     def data_interval95(self) -> tuple[float, float]:
-        """The 95 % interval that the data alone leave, for what the value stands for."""
+        """The 95 % interval from the data alone, for the effective combination."""
         half = REACH * self.sigma_robust
         return self.value - half, self.value + half
 
     @property
     def sigma_robust(self) -> float:
-        """Standard deviation of the value, for whatever it stands for."""
+        """Standard deviation of the value as an effective combination."""
         return float(np.linalg.norm([self.terms.get(name, 0.0) for name in OF_VALUES]))
 
     @property
     def sigma_label(self) -> float:
-        """Standard deviation from what the label says: of noise and of what is missing."""
+        """Standard deviation of the labelled parameter, by noise and by missing effects."""
         return float(np.linalg.norm(list(self.terms.values())))
 
     @property
@@ -153,7 +153,7 @@ class Verdict:
 
 
 def narrow(v: Verdict, flag: Flag, text: str, ends: tuple[float, float] | None) -> Verdict:
-    """Return a verdict with what else narrows the value, and the interval that is believed then."""
+    """Return a verdict with a further qualification, and the interval that then holds."""
     return replace(v, flags=(flag, *v.flags), reason=f"{v.reason} {text}", believed=ends)
 
 
@@ -165,7 +165,7 @@ def withdraw(verdicts: Sequence[Verdict], why: str) -> tuple[Verdict, ...]:
 
 
 def to_row(written: Mapping[str, Any]) -> Row:
-    """Return what `Verdict.to_row` wrote (live, or read from JSON) as a row."""
+    """Return the record of `Verdict.to_row` (live, or read from JSON) as a row."""
     own = ("name", "value", "interval95", "unit", "verdict", "reason")
     terms = [np.inf if term is None else term for term in written["terms"].values()]
     low, high = (np.nan if end is None else end for end in written["interval95"] or (None, None))
@@ -184,7 +184,7 @@ def to_row(written: Mapping[str, Any]) -> Row:
 def name_rows(
     chosen: Sequence[Mapping[str, Any]], full: Sequence[Mapping[str, Any]]
 ) -> Iterator[Row]:
-    """Yield the rows of the model to use, then those that the unpruned model alone has."""
+    """Yield the rows of the model to use, then those of the unpruned model alone."""
     yield from map(to_row, chosen)
     names = {written["name"] for written in chosen}
     for written in full:
@@ -220,7 +220,7 @@ def judge(
     torque : float [N·m or N]
         Root mean square of the measured torque.
     aliases : sequence of str
-        What each parameter cannot be told from, where the motion leaves it open.
+        Parameters that the motion does not separate from each parameter.
     forbidden : (k,) bool
         Whether physics forbids the sign of the value.
     nominal : (k,), optional
@@ -233,7 +233,7 @@ def judge(
     if all(unjudged):  # values that no verdict stands on are those of the fit
         fit = replace(fit, alternatives=None)
     without: tuple[Verdict, ...] | None = None
-    if fit.alternatives is not None:  # what would be said if nothing were missing
+    if fit.alternatives is not None:  # the verdict without missing effects
         plain = replace(fit, alternatives=None)
         without = judge(plain, labels, units, torque, aliases, forbidden, nominal, rules)
     value = fit.value
@@ -286,7 +286,7 @@ def _rule_alone(
     unjudged: Sequence[str],
     rules: Thresholds,
 ) -> Iterator[Ruling]:
-    """Yield the ruling on each value by its own error."""
+    """Yield the ruling on each value by its error alone."""
     sigma = fit.sigma
     determined = fit.estimate.determined
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -327,7 +327,7 @@ def _remark(fit: Fit, k: int, ruling: Ruling, robust: float) -> str:
 
 
 def _say_missing(fit: Fit, k: int, without: Verdict, percent: float) -> str:
-    """Return why a parameter loses the verdict that it would have if nothing were missing."""
+    """Return why a parameter loses the verdict that it would have without missing effects."""
     assert fit.alternatives is not None
     told = {"what": fit.alternatives.names[k], "value": without.value, "share": percent / 100}
     told |= {"known": without.sigma_label_percent / 100, "word": without.word}
@@ -336,7 +336,7 @@ def _say_missing(fit: Fit, k: int, without: Verdict, percent: float) -> str:
 
 
 def _decide(certain: bool, percent: float, effect: float, rules: Thresholds) -> Ruling:
-    """Return the ruling on a value of which enough is known to judge."""
+    """Return the ruling on a value with a known standard error."""
     kind = Class.NOT_IDENTIFIABLE
     flags = tuple[Flag, ...]()
     said = "unsure"
@@ -353,7 +353,7 @@ def _decide(certain: bool, percent: float, effect: float, rules: Thresholds) -> 
 
 
 def _condition(fit: Fit, k: int, robust: float) -> str:
-    """Return what a verdict owes to the model that it is made in, if anything."""
+    """Return how a verdict depends on the reduced model, if it does."""
     left = fit.left_out
     if left is None:
         return ""

@@ -12,5 +12,5 @@ _ABOVE = {"save_robot": "workflows.export.workflow", "find_presenter": "report.a
 
 
 def handed(name: str) -> Any:
-    """Return what a room above has under a name."""
+    """Return an object of a higher room by its name."""
     return getattr(import_module(f"identifiability.{_ABOVE.get(name, 'report.results')}"), name)

@@ -21,7 +21,7 @@ Kind = Literal["text", "number", "error", "bar", "badge", "code"]
 
 @frozen
 class Cell:
-    """What stands in a row and a column.
+    """The content of one row and column of a table.
 
     Attributes
     ----------
@@ -52,23 +52,23 @@ Look: TypeAlias = Kind | Callable[[Any], str]
 
 @frozen
 class Column:
-    """A column of a table: what it is called, and how its cells come from what the rows are of.
+    """A column of a table: its title, and where each row has the value of its cell.
 
     Attributes
     ----------
     title : str
     look : {"text", "number", "error", "bar", "badge", "code"} or callable
-        Numbers stand right, errors left (so that they meet at ±), bars have a `Cell.share`. A
-        function makes numbers into text.
+        Numbers are aligned right and errors left, so that they meet at ±. Bars have a `Cell.share`.
+        A function formats numbers as text.
     get : str or None
-        What of a row stands here: the key of a mapping, or an attribute (with dots for one of an
-        attribute); None for the element of the row at the column's own place.
+        Where the value is in a row: the key of a mapping, or an attribute (with dots for one of an
+        attribute); None for the element of the row at the column's index.
     hint : str
-        One sentence that says what the column is.
+        One sentence on the meaning of the column.
     detail : bool
-        Whether it is shown only to who asks for statistics in detail.
+        Whether it is shown only with detailed statistics.
     quiet : bool
-        Whether that holds for the small print of its cells; it is said where the pointer is.
+        Whether that holds for the small print of its cells, which then shows on hover.
     """
 
     title: str
@@ -84,7 +84,7 @@ class Column:
         return "number" if callable(self.look) else self.look
 
     def cell(self, row: Any, place: int) -> Cell:
-        """Return what of a row stands in this column, which is the one at `place`."""
+        """Return the cell of a row in this column, whose index is `place`."""
         if self.get is None:
             value = row[place]
         elif isinstance(row, Mapping):
@@ -99,7 +99,7 @@ class Column:
 
 @frozen
 class Table:
-    """A table that sorts by click and, where asked for, filters by the words of one column.
+    """A table that sorts by click and can filter by the words of one column.
 
     Attributes
     ----------
@@ -126,13 +126,13 @@ class Table:
     def of(
         cls, caption: str, columns: Sequence[Column], rows: Iterable[Any], **options: Any
     ) -> Table:
-        """Return the table of some rows: mappings, objects, or tuples with an element a column.
+        """Return the table of some rows: mappings, objects, or tuples in the order of columns.
 
         Parameters
         ----------
         caption : str
         columns : sequence of Column
-            Say what of each row they show, and how.
+            Define the values of a row that they show, and their format.
         rows : iterable
         options
             `filter_by`, `marked` and `long`.
@@ -141,7 +141,7 @@ class Table:
         return cls(caption, tuple(columns), tuple(cells), **options)
 
     def brief(self, most: int | None = None) -> Table:
-        """Return it without what is detail, with at most so many of its first rows."""
+        """Return the table without columns of details, with at most `most` rows."""
         shown = [k for k, c in enumerate(self.columns) if not c.detail]
         rows = tuple(tuple(row[k] for k in shown) for row in self.rows[:most])
         marked = self.marked if (self.marked or 0) < len(rows) else None
@@ -151,7 +151,7 @@ class Table:
         return replace(self, columns=columns, rows=rows, marked=marked, filter_by=filter_by)
 
     def text(self, width: int = 80) -> str:
-        """Return it without what is detail as text of so many columns, in blocks if it is wider."""
+        """Return the table as text without detail columns; a wide table is split into blocks."""
         own = self.brief()
         cells = [[shorten(cell.text, width // 3) for cell in row] for row in own.rows]
         frame = pd.DataFrame(cells, columns=[column.title for column in own.columns])
@@ -225,14 +225,14 @@ class Note:
 
 @frozen
 class Answer:
-    """A question that every reader has, its answer in a few words, and what is said of it.
+    """A question that every reader has, its answer in a few words, and an explanation.
 
     Attributes
     ----------
     question, short, text : str
     tone : str
-    commands : tuple of (what, command)
-        Lines for the terminal, ready to copy, with what each is for.
+    commands : tuple of (purpose, command)
+        Lines for the terminal, ready to copy, each with its purpose.
     """
 
     question: str

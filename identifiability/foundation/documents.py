@@ -46,18 +46,18 @@ Span = Annotated[tuple[float, float], AfterValidator(rising)]
 
 
 def key(said: str, default: Any = ..., example: Any = None, **limits: Any) -> Any:
-    """Return a key of a schema with what it is, in words.
+    """Return a key of a schema with its description.
 
     Parameters
     ----------
     said : str
         A sentence, with the unit.
     default : any
-        Without it the key must stand in the file.
+        Without it the file must state the key.
     example : any
-        A value as a file writes it, where its type does not show it.
+        A value as a file writes it, if the type does not make it clear.
     **limits
-        Of the value, and an alias, as `pydantic.Field` takes them.
+        Limits of the value, and an alias, for `pydantic.Field`.
     """
     examples = None if example is None else [example]
     return Field(default, description=said, examples=examples, **limits)
@@ -76,12 +76,12 @@ def read_document(
     ----------
     path : path
     schema : pydantic model
-        What may stand in the document.
+        Schema of the document.
     form : {"TOML", "JSON"}
     what : str
-        What the document is, such as ``ladder``.
+        Kind of the document, such as ``ladder``.
     error : type
-        What to raise: the sentence names the file, the key and what was expected.
+        Error to raise. Its sentence names the file, the key and the expected value.
     """
 
     def refused(part: str, **more: object) -> IdentifiabilityError:
@@ -134,7 +134,7 @@ def first_problem(error: ValidationError, schema: type[BaseModel]) -> str:
 
 
 def _keys_of(place: tuple[str | int, ...]) -> tuple[str | int, ...]:
-    """Return the keys that lead to a place, without the types of which it may be any."""
+    """Return the keys that lead to a place, without the alternative types of its value."""
     return tuple(part for part in place if not (isinstance(part, str) and _TYPE.fullmatch(part)))
 
 

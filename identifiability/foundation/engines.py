@@ -1,8 +1,8 @@
-"""Where long work runs: in this process, in several, or on a cluster, with or without a memory.
+"""Engines for long computations: this process, several processes, a cluster, stored results.
 
-What to use when: `Serial` for work of seconds and for debugging, `Processes` on one machine,
-`Dask` for more than one, `Resumed` around any of them for hours of work. All do one thing: one
-function over many items, in their order, one thread each.
+What to use when: `Serial` for seconds of computation and for debugging; `Processes` on one machine;
+`Dask` on several machines; `Resumed` around any of them for hours of computation. Each engine calls
+one function on many items, in their order, with one thread each.
 """
 
 from __future__ import annotations
@@ -47,11 +47,10 @@ NUMERICS = ("numpy", "scipy", "pin", "mujoco", "cvxpy", "clarabel", "emcee")
 
 
 def one_thread(of: Literal["blas", "openmp"] | None = None) -> AbstractContextManager[Any]:
-    """Return a context in which libraries have one thread: those of one kind, or all.
+    """Return a context with one thread for libraries of one kind, or for all.
 
-    Threads fight over the small matrices of this project, and sums over several threads differ in
-    the last bits from sums over one. Looking for the libraries takes milliseconds, and only an
-    import brings new ones.
+    Threads slow down the small matrices of this project, and sums over several threads differ in
+    the last bits. The search for libraries takes milliseconds. Only an import adds new ones.
     """
     limits: AbstractContextManager[Any] = _controller(len(sys.modules)).limit(limits=1, user_api=of)
     return limits
@@ -63,7 +62,7 @@ def _controller(_modules: int) -> ThreadpoolController:
 
 
 def run_limited(function: Callable[[Item], Result], item: Item) -> Result:
-    """Return what a function makes of an item, with one thread of BLAS."""
+    """Call a function on an item with one thread of BLAS, and return its result."""
     with one_thread("blas"):
         return function(item)
 
@@ -74,7 +73,7 @@ def _read(function: bytes | Path) -> Any:
 
 
 def run_pickled(function: bytes | Path, item: Any) -> Any:
-    """Do the same with a function that was pickled, or is in a file; it is read once."""
+    """Do the same with a pickled function, or with one in a file, which is read once."""
     return run_limited(_read(function), item)
 
 
@@ -88,7 +87,7 @@ def in_order(submit: Callable[[Item], Any], items: Sequence[Item], workers: int)
 
 
 class Engine(AbstractContextManager["Engine"]):
-    """Runs one function over many items; the results do not depend on which engine it is.
+    """Runs one function over many items; the results do not depend on the engine.
 
     Use it in a ``with`` block: workers end with it.
     """
@@ -100,22 +99,22 @@ class Engine(AbstractContextManager["Engine"]):
         *,
         progress: Steps | None = None,
     ) -> Iterator[Result]:
-        """Give the results in the order of the items, each as soon as those before it are there.
+        """Yield the results in the order of the items, each as soon as all before it are ready.
 
         Parameters
         ----------
         function : callable
             Any that cloudpickle can send, with the arguments bound to it.
         items : sequence
-            All that tells one from another must be in them: a function that draws random numbers
-            gets its seed as part of the item.
+            An item must contain all its inputs: a function that draws random numbers gets its seed
+            from the item.
         progress : callable, optional
             ``(done, total)``.
 
         Raises
         ------
         Exception
-            The first that the function raises, by the order of the items.
+            The first error of the function, in the order of the items.
         """
         for done, result in enumerate(self._run(function, items), 1):
             if progress is not None:
@@ -126,7 +125,7 @@ class Engine(AbstractContextManager["Engine"]):
         return (run_limited(function, item) for item in items)
 
     def close(self) -> None:
-        """End what works for the engine."""
+        """Release the workers of the engine."""
 
     def __exit__(self, *error: object) -> None:
         self.close()
@@ -139,13 +138,14 @@ class Serial(Engine):
 class Processes(Engine):
     """Runs items in worker processes of this machine.
 
-    They are joblib's (loky): fresh interpreters that import what they need. The function reaches
-    each of them once, through a file.
+    They are joblib's (loky): fresh interpreters that import the modules of the function. The
+    function is sent once to each of them, through a file.
 
     Parameters
     ----------
     workers : int, optional
-        By default one for each core, started once the first item has said that this is faster.
+        Number of processes; by default one for each core. They start when the time of the first
+        item shows that they save time.
     """
 
     def __init__(self, workers: int | None = None) -> None:
@@ -184,7 +184,7 @@ class Processes(Engine):
                 self.close()
 
     def _started(self) -> Callable[..., Any]:
-        """Return what sends work to the processes."""
+        """Return the function that sends items to the processes."""
         from joblib.externals.loky import ProcessPoolExecutor  # noqa: PLC0415 - heavy
 
         if self._pool is None:
@@ -199,7 +199,7 @@ class Processes(Engine):
         return submit
 
     def close(self) -> None:
-        """End the processes, whatever they are doing."""
+        """End the processes at once, also while they work."""
         pool = self._pool
         self._pool = None
         if pool is not None:
@@ -223,10 +223,10 @@ def _start_worker(parent: int) -> None:
 
 
 class Dask(Engine):
-    """Runs items on the workers of a Dask cluster; what a lost one did is done by another.
+    """Runs items on the workers of a Dask cluster; items of a lost worker are run again.
 
-    Workers need this package in the same version; modules of a study go with what is sent where
-    the study has registered them (`cloudpickle.register_pickle_by_value`).
+    Workers need this package in the same version. The modules of a study are sent to them if the
+    study has registered them (`cloudpickle.register_pickle_by_value`).
 
     Parameters
     ----------
@@ -286,7 +286,7 @@ class Dask(Engine):
             raise EngineError(Finding("cluster.died", self.scheduler)) from None
 
     def close(self) -> None:
-        """Leave the cluster, which goes on."""
+        """Leave the cluster, which keeps running."""
         with suppress(CancelledError, OSError):
             self.client.close()
 
@@ -294,11 +294,11 @@ class Dask(Engine):
 class Resumed(Engine):
     """An engine that keeps the results of finished items and does not do them again.
 
-    A result is found again only by a hash of what led to it: the function with its arguments, the
-    item, the program text and the versions of numerics. Files are written whole or not at all:
-    after an interruption at most the items that were under way are lost. They are pickles, which
-    can run any program: the folder is the user's own, as scripts are. What an item stands for must
-    be part of it: of a file, not only its name but a digest of its content.
+    A stored result is found by a hash of its inputs: the function with its arguments, the item, the
+    program text and the versions of the numerical libraries. Files are written whole or not at all.
+    An interruption loses at most the items that were running. The files are pickles, which can run
+    any program, so the folder must belong to the user. An item must contain all data that it refers
+    to. An item about a file needs a digest of its content, not only its name.
 
     Parameters
     ----------
@@ -339,12 +339,12 @@ class Resumed(Engine):
             yield (old or _read_back(path))[0]
 
     def close(self) -> None:
-        """End what does the work; what was finished stays."""
+        """End the wrapped engine; stored results stay."""
         self.engine.close()
 
 
 def _read_back(path: Path) -> tuple[Any, ...]:
-    """Return the result of a file; nothing where it is missing or damaged."""
+    """Return the result of a file in a tuple; an empty tuple if it is missing or damaged."""
     with suppress(OSError, EOFError, ValueError, pickle.UnpicklingError):
         return (pickle.loads(path.read_bytes()),)
     return ()
@@ -366,7 +366,7 @@ def fingerprint(function: Callable[..., Any], item: Any = None) -> str:
 
 @cache
 def source_digest(name: str) -> str:
-    """Return a hash of the text of a module or package; empty where there is none."""
+    """Return a hash of the text of a module or package; empty without a text."""
     path = Path(getattr(sys.modules.get(name), "__file__", None) or "")
     files = sorted(path.parent.rglob("*.py")) if path.name == "__init__.py" else [path]
     texts = [(f.relative_to(path.parent).as_posix(), f.read_bytes()) for f in files if f.is_file()]
@@ -375,7 +375,7 @@ def source_digest(name: str) -> str:
 
 @cache
 def find_version(name: str) -> str:
-    """Return the version of an installed package; empty if it is not there."""
+    """Return the version of an installed package; empty if it is not installed."""
     with suppress(metadata.PackageNotFoundError):
         return metadata.version(name)
     return ""

@@ -1,4 +1,4 @@
-"""Sentences for the user: what was given, what was expected, what to do."""
+"""Sentences for the user: the given input, the expected input, and the remedy."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ LONGEST = 4000
 
 
 class IdentifiabilityError(Exception):
-    """Bad input, said in one sentence that the user can act on.
+    """Bad input, with one sentence that tells the user how to correct it.
 
     Attributes
     ----------
     key : str
-        What it is, where its sentence is a `Finding`; else empty.
+        Key of its sentence if that is a `Finding`; else empty.
     """
 
     def __init__(self, sentence: str = "") -> None:
@@ -56,8 +56,8 @@ class EngineError(IdentifiabilityError):
 def legible(sentence: str) -> str:
     """Return a sentence whose quotations a terminal can print on one line.
 
-    What comes from files may hold line ends, other control characters, halves of letters, and
-    thousands of them.
+    Text from files may hold line ends, other control characters and halves of letters, in any
+    number.
     """
     line = for_terminal(sentence)
     line = re.sub(rf"[^' ]{{{_LONG},}}", lambda m: f"{m[0][:_HEAD]}…{m[0][-_TAIL:]}", line)
@@ -71,7 +71,7 @@ def near_match(name: str, known: Iterable[str]) -> str:
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
-    """Return the known name that is spelt nearly alike; None if none is."""
+    """Return the known name with a similar spelling; None if there is none."""
     # Case slips are the commonest typos and difflib counts them as full substitutions.
     folded = {k.casefold(): k for k in known}
     close = difflib.get_close_matches(name.casefold(), list(folded), n=1, cutoff=0.6)
@@ -84,7 +84,7 @@ def with_article(noun: str) -> str:
 
 
 def listing(names: Iterable[str], most: int = 12, between: str = ", ") -> str:
-    """Return the names as ``a, b, c`` and say how many were left out past `most`."""
+    """Return the names as ``a, b, c``; beyond `most`, state the number of omitted names."""
     names = list(names)
     text = between.join(names[:most])
     return text if len(names) <= most else f"{text} and {len(names) - most} more"

@@ -1,7 +1,7 @@
-"""`Finding`: what was noticed or done, by key; the sentences of all stand in `findings.toml`.
+"""`Finding`: an observation or an action, by key; `findings.toml` has the sentences of all keys.
 
-A finding *is* its sentence, so that whoever only shows it takes it for text; whoever asks what it
-is asks for its key, and never for a part of its text.
+A finding *is* its sentence, so code that only shows it can treat it as text. Code that needs its
+kind reads its key, and never a part of its text.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def fill(text: str, holes: Mapping[str, Any]) -> str:
 def sentences() -> Mapping[str, Mapping[str, str]]:
     """Return the one table of sentences: by key ``level``, ``says``, ``means``, ``do`` and parts.
 
-    ``done`` is what a check did with the rows that it names, for the ledger. ``decides`` marks
+    ``done`` states for the ledger how a check treated the rows that it names. ``decides`` marks
     findings that are always printed.
     """
     return tomllib.loads(Path(__file__).with_name("findings.toml").read_text(encoding="utf-8"))
@@ -80,16 +80,16 @@ def phrase(key: str, part: str, /, **numbers: Any) -> str:
 
 
 class Finding(str):
-    """A sentence with what it was made of.
+    """A sentence with its key, its subject and its numbers.
 
     Attributes
     ----------
     key : str
-        What it is, a key of `sentences`.
+        Its kind, a key of `sentences`.
     subject : str
-        Log, joint or file that it is about; empty where it is about all.
+        Log, joint or file that it is about; empty if it is about all.
     numbers : mapping
-        What fills its sentence; ``rows`` and ``columns`` are what the ledger says was touched.
+        Values in its sentence; the ledger shows ``rows`` and ``columns`` as changed.
 
     Example
     -------
@@ -117,27 +117,27 @@ class Finding(str):
 
     @property
     def level(self) -> Level:
-        """How grave it is."""
+        """Return its severity."""
         return Level(sentences()[self.key].get("level", Level.REFUSAL))
 
     @property
     def decides(self) -> bool:
-        """Whether it changes a decision: it is always printed, and lowers the answers."""
+        """Return whether it changes a decision: it is always printed, and lowers the answers."""
         return "decides" in sentences()[self.key]
 
     @property
     def told(self) -> bool:
-        """Whether it is always printed without lowering the answers: a choice with its reason."""
+        """Return whether it is always printed, but does not lower the answers, as a choice does."""
         return "told" in sentences()[self.key]
 
     @property
     def remedy(self) -> str:
-        """What to do about it; empty where its sentence says it."""
+        """Return the remedy; empty if its sentence contains it."""
         return str(sentences()[self.key].get("do", "")).strip()
 
     @property
     def done(self) -> str:
-        """What was done, as a participle; empty where it is only said."""
+        """Return the action as a participle; empty if there was none."""
         return str(sentences()[self.key].get("done", ""))
 
     def to_dict(self) -> dict[str, Any]:
@@ -179,14 +179,14 @@ def _of_all_subjects(found: Sequence[Finding]) -> Finding:
 
 
 def ledger(said: Iterable[str], *, every: bool = False) -> tuple[Table, ...]:
-    """Return the table of what checks did with the rows of logs; none where nothing was done.
+    """Return the table of actions of the checks on the rows of logs; none without actions.
 
     Parameters
     ----------
     said : iterable of str
-        Hints and notes of a result, of which findings are asked.
+        Hints and notes of a result; only findings count.
     every : bool
-        Whether what was only said stands in it, too.
+        Whether findings without an action are rows, too.
     """
     from .answers import Column, Table  # noqa: PLC0415 - pandas
 

@@ -1,4 +1,4 @@
-"""`Row`: what a result says of one parameter; `Keyed`: results whose rows are found by name."""
+"""`Row`: the result for one parameter; `Keyed`: results whose rows are found by name."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .values import frozen
 
 @frozen(kw_only=True)
 class Row:
-    """One row of a result: an estimate with its uncertainty, and what to think of it.
+    """One row of a result: an estimate with its uncertainty and its verdict.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class Row:
     verdict : str
         Word of the verdict, such as ``identifiable``; empty where the result gives none.
     reason : str
-        Why the verdict is what it is.
+        Reason of the verdict.
     details : mapping
         All further columns of the same row of ``to_frame()``, by column.
     """
@@ -52,7 +52,7 @@ class Row:
 def name_estimates(
     estimates: Iterable[tuple[str, float, float, str]], **told: Any
 ) -> Iterator[Row]:
-    """Yield rows of names, estimates, standard errors and units, with what else is told of all."""
+    """Yield rows of names, estimates, standard errors and units; `told` are fields of all rows."""
     from .rounding import REACH  # noqa: PLC0415 - SciPy
 
     for name, value, error, unit in estimates:
@@ -84,7 +84,7 @@ class Keyed:
         return ()
 
     def explain_absence(self, name: str) -> str:
-        """Return why a name that the robot knows has no row; empty if nothing is known of it."""
+        """Return why a known name has no row; empty if the reason is unknown."""
         del name
         return ""
 
@@ -119,7 +119,7 @@ class Keyed:
         return name in self.row_names()
 
     def _ipython_key_completions_(self) -> list[str]:
-        """Return what a notebook completes after ``result["``."""
+        """Return the names that a notebook completes after ``result["``."""
         return list(self.row_names())
 
     #: A result is no sequence: rows are asked for by name.

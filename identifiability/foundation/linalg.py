@@ -37,7 +37,7 @@ def or_one(sizes: Array) -> Array:
 
 
 def few_at_once(count: int, nbytes: int) -> Iterator[slice]:
-    """Yield which of many matrices of so many bytes to work on at a time."""
+    """Yield slices of many matrices of `nbytes` bytes, to process within the limit of memory."""
     size = max(1, MOST_BYTES // max(nbytes, 1))
     yield from (slice(at, at + size) for at in range(0, count, size))
 
@@ -59,7 +59,7 @@ def filter_from_rest(denominator: Array, x: Array) -> Array:
     Parameters
     ----------
     denominator : (K + 1,)
-        Coefficients a_0 … a_K, of which the first is 1.
+        Coefficients a_0 … a_K with a_0 = 1.
     x : (N,) or (N, m)
 
     Returns
@@ -96,7 +96,7 @@ def scan_columns(unit: Array, order: Sequence[int]) -> list[int]:
 
 
 def solve_each(equations: Array) -> Array:
-    """Return the solutions of equations (R, k, k + 1), (R, k); NaN where there is none."""
+    """Return the solutions of equations (R, k, k + 1), (R, k); NaN without a solution."""
     try:
         return np.asarray(np.linalg.solve(equations[:, :, :-1], equations[:, :, -1:])[..., 0])
     except np.linalg.LinAlgError:
@@ -121,13 +121,13 @@ def unit_coordinates(R: Array) -> Array:
 
 
 def without_rounding(torque: Array, of: Array) -> Array:
-    """Return torque (N, n) of which columns of rounding are zero: scaled up they look like noise.
+    """Return torque (N, n) with zeros in columns of rounding errors, which scaling would amplify.
 
     Parameters
     ----------
     torque : (N, n) [N·m or N]
     of : (N, m) [N·m or N]
-        Torque that it is computed from.
+        Torque from which it is computed.
     """
     most = np.abs(torque).max(axis=0, initial=0.0)
     kept: Array = torque * (most > ROUNDOFF * np.abs(of).max(initial=0.0))

@@ -9,10 +9,10 @@ from contextlib import contextmanager
 
 @contextmanager
 def loading() -> Iterator[None]:
-    """Import libraries without a search for garbage, and never search what they made.
+    """Import libraries without garbage collection, and exempt their objects from it.
 
-    Nearly everything that an import makes stays. The search takes a tenth of the time of all
-    imports, and later searches would visit these objects again.
+    Nearly all objects that an import makes stay. Collection takes a tenth of the time of all
+    imports, and later collections would visit these objects again.
     """
     searched = gc.isenabled()
     gc.disable()

@@ -1,6 +1,6 @@
 """The names, units and sign constraints of parameters: one grammar, ``<owner>.<kind>``.
 
-`Renames` say how names in one place become names in another.
+`Renames` maps names of one source to names of another.
 """
 
 from __future__ import annotations
@@ -42,14 +42,14 @@ _INERTIAL_UNITS = {"m": "kg", "mx": "kg·m", "my": "kg·m", "mz": "kg·m"}
 
 @frozen
 class Parameter:
-    """One parameter of a model: what a column of the regressor multiplies.
+    """One parameter of a model: the factor of one column of the regressor.
 
     Attributes
     ----------
     owner : str
         Body or joint that the parameter belongs to.
     kind : str
-        What it is: ``m``, ``mx``, ``Ixx``, ``Fv``, ``Fc+``, ``Ia`` …
+        Its kind: ``m``, ``mx``, ``Ixx``, ``Fv``, ``Fc+``, ``Ia`` …
     unit : str
         SI unit.
     group : str
@@ -59,11 +59,11 @@ class Parameter:
     nonnegative : bool
         Whether physics forbids a value below zero.
     stated_as : str
-        By what a robot file can state it: an inertial kind of its body, or ``damping``,
+        How a robot file can state it: an inertial kind of its body, or ``damping``,
         ``frictionloss``, ``armature``, ``stiffness`` or ``offset`` of its joint; empty if by
         nothing.
     sd : float
-        About zero, of what is known of its value on any robot.
+        Standard deviation of its prior about zero, which holds for any robot.
     """
 
     owner: str
@@ -87,27 +87,27 @@ class Parameter:
 
 
 def is_pattern(text: str) -> bool:
-    """Whether a text stands for several names: ``*`` is any letters, ``?`` is one."""
+    """Return whether a text is a pattern for names: ``*`` is any letters, ``?`` is one."""
     return "*" in text or "?" in text
 
 
 def specificity(text: str) -> tuple[bool, int]:
-    """Return what sorts patterns, those with more letters of their own later, before names."""
+    """Return a sort key: patterns before names, and patterns with more letters later."""
     return not is_pattern(text), len(text) - text.count("*") - text.count("?")
 
 
 def numbered(count: int) -> tuple[str, ...]:
-    """Return what joints are called of which only the order is known."""
+    """Return default names 1 … n, for joints of which only the order is known."""
     return tuple(str(k + 1) for k in range(count))
 
 
 def find_named(text: str, names: Iterable[str]) -> list[str]:
-    """Return the names that a name or a pattern such as ``wrist_*.K`` stands for, in their order.
+    """Return the names that fit a name or a pattern such as ``wrist_*.K``, in their order.
 
     Parameters
     ----------
     text : str
-        A name that is there is itself, whatever letters it has.
+        A text that equals a name means only that name.
     names : iterable of str
     """
     known = list(dict.fromkeys(names))
@@ -123,13 +123,13 @@ _PARTS = re.compile(r"[A-Za-z]+|\d|[^A-Za-z\d]+")
 
 
 def find_patterns(names: Iterable[str], others: Iterable[str]) -> list[str]:
-    """Return few names and patterns that stand for all of some names and for no other.
+    """Return few names and patterns that fit all of some names and no other.
 
     Parameters
     ----------
     names : iterable of str
     others : iterable of str
-        Names for which no pattern may stand.
+        Names that no pattern may fit.
 
     Example
     -------
@@ -156,7 +156,7 @@ def find_patterns(names: Iterable[str], others: Iterable[str]) -> list[str]:
 
 
 def _patterns_of(name: str) -> Iterator[str]:
-    """Yield patterns that stand for a name: with its beginning, its end, or without digits."""
+    """Yield patterns that fit a name: with its beginning, its end, or without digits."""
     parts = _PARTS.findall(name) if len(name) <= LONGEST else []
     for k in range(1, len(parts)):
         yield "".join([*parts[:k], "*"])
@@ -238,11 +238,11 @@ class Renames:
         return bool(self.rules)
 
     def before(self, others: Renames) -> Renames:
-        """Return these rules and, where none of them fits, others."""
+        """Return these rules, followed by others for names that fit none of these."""
         return Renames((*self.rules, *others.rules))
 
     def apply(self, name: str) -> str:
-        """Return what a name becomes; itself where no rule fits."""
+        """Return the new name of a column; the name itself if no rule fits."""
         for old, new in self.rules:
             if name == old:
                 # Groups have no text here: the rule means itself.
@@ -274,7 +274,7 @@ def name_rule(old: str, new: str) -> str:
 
 
 def shorten_paths(paths: Sequence[str]) -> list[str]:
-    """Return paths without the folders that are not needed to tell each from the others.
+    """Shorten paths by the folders that are not needed to distinguish them.
 
     Example
     -------

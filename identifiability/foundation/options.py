@@ -1,9 +1,9 @@
-"""Options of public functions, checked once, at the border, against the function's own signature.
+"""Options of public functions, checked once against the signature of the function.
 
 ``@checked`` reads the annotations: choices are a `Literal`, and `Annotated[int, at_least(2)]` is a
-range. What is wrong is said in one sentence that names what is valid. Nothing is converted: what
-passes reaches the function as it was given. (pydantic's ``validate_call`` copies sequences,
-rebuilds dataclasses, refuses NumPy's numbers and has a complaint for each member of a union.)
+range. An error is one sentence that names the valid values. Nothing is converted: the function
+receives each argument as it was given. (pydantic's ``validate_call`` copies sequences, rebuilds
+dataclasses, refuses NumPy's numbers and reports an error for each member of a union.)
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ R = TypeVar("R")
 
 
 class OptionError(IdentifiabilityError):
-    """An argument is none of those that a function takes."""
+    """An argument has a value that the function does not allow."""
 
 
 @frozen
 class Expected:
-    """What an annotation allows, in words, and a condition beyond its type."""
+    """The range of an annotation in words, and a condition beyond its type."""
 
     words: str
     holds: Callable[[Any], bool] = lambda value: True
@@ -115,7 +115,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     Raises
     ------
     OptionError
-        When it is called; the sentence names the argument, what is valid, and what was given.
+        At a call; the sentence names the argument, the valid values, and the given one.
     """
     shape = signature(function)
 
@@ -139,9 +139,9 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def check_fields(options: Any, what: str = "") -> None:
-    """Check the fields of a dataclass against their annotations; for its ``__post_init__``.
+    """Check the fields of a dataclass against their annotations, in its ``__post_init__``.
 
-    `what` goes before their names, ``noise level``.
+    `what` precedes their names in messages, such as ``noise level``.
 
     Raises
     ------
@@ -165,7 +165,7 @@ def check_option(name: str, value: Any, kind: Any) -> None:
 
 
 def check_choice(name: str, value: Any, known: Sequence[str]) -> None:
-    """Refuse a word that is none of those that are known.
+    """Refuse a word that is not one of the known ones.
 
     Raises
     ------
@@ -213,7 +213,7 @@ def choices(kind: Any) -> list[str]:
 
 
 def expected(kind: Any) -> str:
-    """Return in words what an annotation allows."""
+    """Return the values that an annotation allows, in words."""
     words = list(dict.fromkeys(_words(kind)))
     return " or ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
 
@@ -242,5 +242,5 @@ def _shown(value: Any) -> str:
 
 
 def resolve_count(given: int | None, usual: int, less: int, *, quick: bool) -> int:
-    """Return how often something random is repeated: as said, else as usual, or less if quick."""
+    """Return the number of random repetitions: the given one, else `usual`, or `less` if quick."""
     return given if given is not None else less if quick else usual

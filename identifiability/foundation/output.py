@@ -77,7 +77,7 @@ def check_ending(path: FilePath, *endings: str) -> None:
 
 
 def check_apart(outputs: Iterable[str | Path], inputs: Iterable[str | Path]) -> None:
-    """Refuse to write over what is read, or one file twice.
+    """Refuse to overwrite an input, and to write one file twice.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def check_apart(outputs: Iterable[str | Path], inputs: Iterable[str | Path]) -> 
 
 
 def real(path: str | Path) -> Path:
-    """Return where a path leads; one whose links go in a ring leads to itself."""
+    """Return the target of a path; links in a ring lead to the path itself."""
     return Path(os.path.realpath(path))
 
 
@@ -154,7 +154,7 @@ def write_together(files: Sequence[tuple[Path, bytes]]) -> None:
 
 
 def _sweep(folder: Path) -> None:
-    """Remove the half files that killed programs left in a folder a day ago or before."""
+    """Remove partial files that killed programs left in a folder at least a day ago."""
     for left in folder.glob(f"{HALF}*.tmp"):
         with suppress(OSError):
             # A day, in seconds.

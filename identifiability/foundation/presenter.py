@@ -1,4 +1,4 @@
-"""`Presenter`: how a result is said and shown; the room of reports has one for each verb."""
+"""`Presenter`: the words and tables of a result; the room of reports has one for each verb."""
 
 from __future__ import annotations
 

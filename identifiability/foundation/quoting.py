@@ -68,7 +68,7 @@ def for_shell(text: str, *, always: bool = False) -> str:
 
 
 def _shell_letter(letter: str) -> str:
-    """Return a character as it stands between the quotes of ``$'…'``."""
+    """Return a character as it is written between the quotes of ``$'…'``."""
     if letter in _ACTIVE or is_unseen(letter):
         # Half a letter is a byte of a file's name that is not UTF-8; others are no text at all.
         half = "\udc80" <= letter <= "\udcff"
@@ -105,7 +105,7 @@ def option_for_shell(option: str, value: str, *, always: bool = False) -> str:
 
 
 def for_terminal(text: str, keep: str = "") -> str:
-    r"""Return text in which characters that cannot be seen are escapes.
+    r"""Return text with escapes instead of invisible characters.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def for_python(value: Any, width: int | None = None) -> str:
     ----------
     value : str, float, bool, None, list, tuple or dict
     width : int, optional
-        Longest line [characters]; without it the expression stands on one line.
+        Longest line [characters]; without it the expression has one line.
 
     Examples
     --------
@@ -181,7 +181,7 @@ def for_link(path: str) -> str:
 
 
 def fits_xml(text: str) -> bool:
-    """Return whether XML can hold a text as it stands."""
+    """Return whether XML can hold a text without changes."""
     return _NOT_XML.search(text) is None
 
 
@@ -197,7 +197,7 @@ def for_xml(element: ElementTree.Element) -> str:
 
 
 def for_xml_comment(text: str) -> str:
-    """Return a text as it stands between the marks of an XML comment, which it cannot end.
+    """Return a text for the inside of an XML comment, which it cannot end.
 
     Examples
     --------
@@ -235,7 +235,7 @@ def _toml_letter(found: re.Match[str]) -> str:
 
 
 def toml_key(name: str) -> str:
-    """Return a key of a TOML table, in quotes where it needs them.
+    """Return a key of a TOML table, quoted if necessary.
 
     Examples
     --------
@@ -254,13 +254,13 @@ def toml_comment(text: str) -> str:
 
 
 def for_svg(name: str, most: int = 28) -> str:
-    r"""Return a name as text of a figure: on one line, short, and no mathematics.
+    r"""Return a name as one line of text for a figure: shortened, and not read as mathematics.
 
     Parameters
     ----------
     name : str
     most : int
-        Letters that are drawn; the middle of a longer name is left out.
+        Most letters to draw; the middle of a longer name is omitted.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""`Result`: what every answer can do: a statement, tables, JSON, a page, values by name."""
+"""`Result`: the methods of every result: a statement, tables, JSON, a page, values by name."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ if TYPE_CHECKING:
 
 
 def shown(statement: str, frame: pd.DataFrame | None = None, more: str = "") -> str:
-    """Return what a notebook shows: sentences and a table in the style of the reports."""
+    """Return the HTML of a notebook cell: sentences and a table in the style of the reports."""
     html: str = handed("notebook_piece")(statement, frame, more)
     return html
 
 
 def by_name(frame: pd.DataFrame, column: int = 0) -> pd.DataFrame:
-    """Return a table whose rows are found by what stands in a column, which stays."""
+    """Return a table indexed by the values of a column, which is kept."""
     return frame.set_index(frame.iloc[:, column].rename(None), drop=False)
 
 
 class Result(Keyed, ABC):
-    """An answer; `schema` names its kind in JSON and finds its page.
+    """A result; `schema` names its kind in JSON and finds its page.
 
-    A presenter says and shows it (`report/answers`): methods and properties of this class that
-    return words or tables call its presenter's of the same names.
+    A presenter writes its words and tables (`report/answers`). Methods and properties of this class
+    that return words or tables call those of the presenter with the same names.
     """
 
     schema: ClassVar[str]
@@ -60,27 +60,27 @@ class Result(Keyed, ABC):
     @property
     @presented
     def heading(self) -> tuple[str, str, str]:
-        """Title of its page, what kind of page it is, and what it is about."""
+        """Return the title of its page, the kind of the page, and its subject."""
         raise NotImplementedError
 
     @presented
     def answers(self) -> tuple[Answer, ...]:
-        """Return what every reader asks first, answered."""
+        """Return the answers to the first questions of every reader."""
         raise NotImplementedError
 
     @presented
     def cautions(self) -> tuple[Note, ...]:
-        """Return what is to be kept in mind, gravest first."""
+        """Return the warnings, gravest first."""
         raise NotImplementedError
 
     @presented
     def tables(self) -> tuple[Table, ...]:
-        """Return the tables that page, terminal and notebook show alike."""
+        """Return the tables, which are the same on page, terminal and notebook."""
         raise NotImplementedError
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What was noticed and done, by key: its hints, and what its logs were prepared by."""
+        """Return the findings of the result: its hints, and the notes of its prepared logs."""
         prepared = (getattr(self, name, ()) for name in ("samples", "validation", "records"))
         notes = (text for logs in prepared for one in logs for text in one.notes)
         return tuple(of_key([*getattr(self, "hints", ()), *notes]))
@@ -99,7 +99,7 @@ class Result(Keyed, ABC):
 
     @presented
     def ledger(self) -> tuple[Table, ...]:
-        """Return the table of what checks did with the logs; none where nothing was done."""
+        """Return the table of actions of the checks on the logs; none without actions."""
         raise NotImplementedError
 
     def summary(self) -> str:
@@ -108,7 +108,7 @@ class Result(Keyed, ABC):
         return "\n\n".join([*said, *(table.text() for table in self.tables())])
 
     def next(self) -> tuple[tuple[str, str], ...]:
-        """Return what to do next: what for, and the line to type."""
+        """Return the next steps: the purpose and the line to type of each."""
         return next((a.commands for a in self.answers() if a.commands), ())
 
     def figures(self) -> dict[str, Figure]:
@@ -135,7 +135,7 @@ class Result(Keyed, ABC):
         return write_json(written, {**self.to_dict(), **shown})
 
     def note_written(self, kind: str, path: Path) -> Path:
-        """Remember where the result was written as ``"json"``, ``"model"`` …; return that."""
+        """Record the path of a written result as ``"json"``, ``"model"`` …; return the path."""
         vars(self).setdefault("_written", {})[kind] = str(path)
         return path
 
@@ -150,7 +150,7 @@ class Result(Keyed, ABC):
         return written
 
     def __dir__(self) -> list[str]:
-        """What completion offers: what is asked of results, not what they are made of."""
+        """Return the names for completion: those that users need, without internals."""
         asked = {"answers", "figures", "findings", "from_json", "next", "statement", "tables"}
         asked |= {"row_names", "chosen", "hints", "models", "play", "predict", "robot", "summary"}
         asked |= {"warnings"}

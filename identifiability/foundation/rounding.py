@@ -1,7 +1,7 @@
-"""Numbers as text, the only place where they are rounded, and shares.
+"""Format numbers as text, with the only rounding of the program, and estimate shares.
 
-Shares of simulated experiments
-have binomial intervals where trials are independent, clustered ones where they are not.
+Shares of simulated experiments have binomial intervals if trials are independent, and clustered
+intervals otherwise.
 """
 
 from __future__ import annotations
@@ -70,14 +70,14 @@ def measured(value: float, half: float, unit: str = "") -> str:
 
 
 def format_number(value: float | None, digits: int = 4, *, pad: bool = False) -> str:
-    """Return a number with some significant digits, with a power of ten where it is far from 1.
+    """Return a number with some significant digits; far from 1 it has a power of ten.
 
     Parameters
     ----------
     value : float or None
     digits : int
     pad : bool
-        Keep zeros at the end, so that numbers below each other end at comparable digits.
+        Whether to keep trailing zeros, so that numbers in a column end at comparable digits.
 
     Examples
     --------
@@ -133,7 +133,7 @@ rough_percent, error_text = partial(percent, count=2), partial(percent, pad=True
 def stated_text(stated: float | None, sigma: float = math.nan) -> str:
     """Return a stated value; sums that cancel leave a rounding error, which is zero.
 
-    Beside an estimate it ends where that does, by its σ.
+    With an estimate's σ, the value has as many decimals as that estimate.
 
     Examples
     --------
@@ -202,14 +202,14 @@ REACH, ENDS = 1.96, (0.025, 0.975)
 
 @frozen
 class Share:
-    """A share that was counted.
+    """A share estimated from counts.
 
     Attributes
     ----------
     value : float
-        NaN where there was nothing to count.
+        NaN without trials.
     low, high : float
-        Interval within which the true share lies.
+        Interval of the true share.
     """
 
     value: float
@@ -236,11 +236,11 @@ def exact_share(count: float, total: float, level: float = LEVEL) -> Share:
 
 
 def clustered_share(events: Array, among: Array, related: Array) -> Share:
-    """Return the share of events among what was looked at, several in each experiment.
+    """Return the share of events in trials, of which each experiment has several.
 
-    Events of one experiment come together, so the count is worth that of fewer independent ones
-    [Korn & Graubard 1998]. Where events are rare, how much they come together is taken from
-    related events that are not.
+    Events of one experiment are correlated, so the effective number of trials is smaller [Korn &
+    Graubard 1998]. Related events that are more frequent also estimate this correlation; the larger
+    design effect counts.
 
     Parameters
     ----------
@@ -255,7 +255,7 @@ def clustered_share(events: Array, among: Array, related: Array) -> Share:
 
 
 def design_effect(events: Array, among: Array) -> float:
-    """Return by how much the variance of a share exceeds that of independent events, or 0."""
+    """Return the ratio of the variance of a share to that of independent events; else 0."""
     trials = len(events)
     size = among.sum(1).astype(float)
     count = (events & among).sum(1).astype(float)

@@ -1,8 +1,9 @@
 """`RuleTable`: every number by which a room decides, in one frozen table that is printed.
 
 A room's table is `rules.py`: each field is ``name: Annotated[float, "meaning [unit], basis"]``.
-What decides nothing stands where it is used, with its reason: how much is done at once (whole
-numbers), and how finely one looks (a `Tolerance`, where several places share it).
+Numbers that decide nothing stand where they are used, with their reason. They are sizes of pieces
+of work (whole numbers) and resolutions of a search. A `Tolerance` is a resolution that several
+places share.
 """
 
 from __future__ import annotations
@@ -18,12 +19,12 @@ Tolerance: TypeAlias = float
 
 @frozen
 class RuleTable:
-    """A room's numbers: each is a field, whose annotation says what it means.
+    """A room's numbers: each is a field, whose annotation gives its meaning.
 
     Raises
     ------
     OptionError
-        If a number is none that its annotation allows.
+        If a number is out of the range of its annotation.
     """
 
     #: What its numbers decide.

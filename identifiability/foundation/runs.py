@@ -1,4 +1,4 @@
-"""`Run`: how a call computes: where, with which seed, and how it reports its progress."""
+"""`Run`: the settings of a call's computation: engine, seed and progress callback."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ def share(say: Progress, text: str, start: float, stop: float) -> Steps:
 
 @frozen
 class Run:
-    """How a call computes. No case and no result keeps it.
+    """Settings of a call's computation; no case and no result keeps them.
 
     Attributes
     ----------
     say : callable(str, float)
-        Receives what is being done and the share that is done.
+        Receives the current step and the finished share.
     engine : Engine
-        Where stretches of logs that are too long for memory are worked on.
+        Processes stretches of logs that are too long for memory.
     seed : int
-        Of every random choice.
+        Seed of all random numbers.
     """
 
     say: Progress = quiet

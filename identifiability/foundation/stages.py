@@ -15,12 +15,11 @@ _BY_VALUE = (str, int, float, bool, bytes, Path, Enum, type(None))
 
 
 class Stages:
-    """A memory of stages.
+    """A cache of results of stages.
 
     Inputs of a stage are results of earlier stages, which are frozen: the same object means the
-    same content. Objects with a `stage_key` are the same if their keys are equal. The memory keeps
-    its inputs alive, so that no identity is used twice. It is not pickled: whoever receives a copy
-    computes anew.
+    same content. Objects with a `stage_key` are the same if their keys are equal. The cache keeps
+    its inputs alive, so that no identity is used twice. It is not pickled: a copy starts empty.
     """
 
     def __init__(self) -> None:
@@ -54,7 +53,7 @@ class Stages:
 
 
 def _identity(value: Any) -> Any:
-    """Return what two equal inputs have in common."""
+    """Return a key that two equal inputs share."""
     if isinstance(value, _BY_VALUE):
         return type(value), value
     if isinstance(value, tuple):

@@ -1,4 +1,4 @@
-"""`frozen`: what passes between stages, frozen in fact; `last`: what was made last is kept."""
+"""`frozen`: immutable dataclasses that stages exchange; `last`: a cache of the last result."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from typing import Any, TypeVar, dataclass_transform
 def frozen(cls: Any = None, *, kw_only: bool = False) -> Any:
     """Make a frozen dataclass with read-only arrays and a short `repr`.
 
-    With arrays among its fields it equals only itself and can be hashed; without any, it is equal
-    to what holds the same. The arrays that were given stay writable for whoever made them. With
-    ``@frozen(kw_only=True)`` its own fields are given by keyword. Every object has its own copy of
-    a default that can change, such as a table or an array.
+    An object with arrays equals only itself and can be hashed. Objects without arrays are equal if
+    their fields are. The caller's arrays stay writable. With ``@frozen(kw_only=True)`` the fields
+    of the class are given by keyword. Every object has a copy of a mutable default, such as a table
+    or an array.
     """
     if cls is None:
         return partial(frozen, kw_only=kw_only)
@@ -54,7 +54,7 @@ def frozen(cls: Any = None, *, kw_only: bool = False) -> Any:
 
 
 def _state(self: Any) -> dict[str, Any]:
-    """Return what is its own: what follows is neither sent to workers nor part of keys."""
+    """Return the fields without derived values: workers and keys need only these."""
     kind = type(self)
     own = (k for k in vars(self) if not isinstance(getattr(kind, k, None), cached_property))
     return {k: vars(self)[k] for k in own}
@@ -73,7 +73,7 @@ V = TypeVar("V")
 
 
 def remember(kept: dict[K, V], key: K, make: Callable[[], V], most: int) -> V:
-    """Return what is kept under a key, or is made now; of more than `most` the oldest goes."""
+    """Return the value of a key, or make it; if more than `most` are kept, drop the oldest."""
     if key not in kept:
         made = make()
         while len(kept) >= most:

@@ -12,7 +12,7 @@ __all__ = ["Log"]
 
 
 def __getattr__(name: str) -> Any:
-    """Import `Log` when it is first used: who only looks at columns does not wait for it."""
+    """Import `Log` when it is first used; code that only needs columns does not load it."""
     if name != "Log":
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
     value = import_module(f"{__name__}.log").Log

@@ -1,9 +1,9 @@
-"""How a base that floats moved, from whatever a log has of it: what an ideal sensor there reads.
+"""Reconstruct the motion of a floating base: the readings of an ideal inertial sensor there.
 
-An inertial sensor (`base.acc.x` … `base.gyro.z`), or a pose (`base.x`, `base.qw` …, odometry),
-which is differentiated, become one record: proper acceleration and angular velocity along the axes
-of the base, where up is, which contacts are closed, and what pushes on the robot as far as it was
-measured.
+The source is an inertial sensor (`base.acc.x` … `base.gyro.z`) or a pose (`base.x`, `base.qw` …,
+odometry), which is differentiated. The result is one record: proper acceleration and angular
+velocity along the axes of the base, the upward direction, closed contacts, and measured external
+forces.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def find_base(columns: Sequence[str], base: Base, renames: Renames) -> dict[str,
 
 
 def _key(name: str, base: Base) -> str:
-    """Return what a column says of the base, as `find_base` has it; empty if nothing."""
+    """Return the quantity of a base column, as `find_base` names it; empty if there is none."""
     parts = [p for p in re.split(r"[\[\]()./ ]+", name) if p]
     owners = {*OWNERS, base.body.lower(), base.title.lower()}
     at = [k for k, p in enumerate(parts) if p.lower() in owners]
@@ -80,8 +80,9 @@ def _stack(values: Values, keys: Sequence[str]) -> Array | None:
 def read_base(base: Base, t: Array, values: Values, source: str) -> tuple[Array, str]:
     """Return the record of a base, (N, 9 + c + 6 w), and how it was read, half a sentence.
 
-    Proper acceleration [m/s²] and angular velocity [rad/s] of its origin along its own axes, where
-    up is, whether each contact is closed, and every measured wrench [N, N·m].
+    The columns are the proper acceleration [m/s²] of its origin and its angular velocity [rad/s],
+    both along its axes. The upward direction, the state of each contact and every measured wrench
+    [N, N·m] follow.
 
     Parameters
     ----------
@@ -89,12 +90,12 @@ def read_base(base: Base, t: Array, values: Values, source: str) -> tuple[Array,
     t : (N,) [s]
     values : mapping of str to (N,)
     source : str
-        What sentences call the log.
+        Name of the log in messages.
 
     Raises
     ------
     LogError
-        If the log does not say how the base moved, or lacks a column that the sidecar names.
+        If the log lacks the motion of the base, or a column that the sidecar names.
     """
     acc, gyro, place = (
         _stack(values, [f"{kind}.{a}" for a in "xyz"]) for kind in ("acc", "gyro", "pos")
@@ -143,12 +144,12 @@ def read_base(base: Base, t: Array, values: Values, source: str) -> tuple[Array,
 
 
 def _orientation(values: Values, source: str) -> scipy.spatial.transform.Rotation | None:
-    """Return how the base is turned in the world, where a log says it.
+    """Return the orientation of the base in the world, if a log has it.
 
     Raises
     ------
     LogError
-        If it is no unit quaternion.
+        If it is not a unit quaternion.
     """
     quat = _stack(values, [f"quat.{a}" for a in "xyzw"])
     if quat is None:
@@ -166,7 +167,7 @@ def _orientation(values: Values, source: str) -> scipy.spatial.transform.Rotatio
 
 
 def _spin(turn: scipy.spatial.transform.Rotation, step: float) -> Array:
-    """Return the angular velocity of an orientation along its own axes, (N, 3)."""
+    """Return the angular velocity of an orientation along the axes of the base, (N, 3)."""
     quat = turn.as_quat()
     flips = np.cumsum(np.concatenate([[0], (quat[1:] * quat[:-1]).sum(1) < 0]))
     quat = quat * np.where(flips % 2, -1.0, 1.0)[:, None]
@@ -182,10 +183,10 @@ def _spin(turn: scipy.spatial.transform.Rotation, step: float) -> Array:
 def _mean_acceleration(
     acc: Array, omega: Array, t: Array
 ) -> tuple[scipy.spatial.transform.Rotation, Array]:
-    """Return how the base turned since the start, and its slow acceleration in axes from then.
+    """Return the rotation of the base since the start, and its slow acceleration in axes from then.
 
-    In axes that turn back with the gyroscope gravity stands still, but for its drift, and what
-    moves the base to and fro has no mean.
+    The gyroscope turns the acceleration back into these axes. Gravity is constant there, except for
+    the drift of the gyroscope. Oscillations of the base have zero mean.
     """
     step = signals.sampling_step(t)
     rotation = scipy.spatial.transform.Rotation
@@ -199,7 +200,7 @@ def _mean_acceleration(
 
 
 def _check_gravity(base: Base, t: Array, slow: Array, source: str) -> None:
-    """Refuse an inertial sensor that does not feel gravity: whatever does not fall away does.
+    """Refuse an inertial sensor that does not measure gravity; a base that does not fall must.
 
     Raises
     ------
@@ -219,7 +220,7 @@ def _check_gravity(base: Base, t: Array, slow: Array, source: str) -> None:
 
 
 def _closed(contact: Contact, t: Array, values: Values, source: str) -> Array:
-    """Return whether a contact is said to be closed, (N,)."""
+    """Return the state of a contact by its flag, (N,): closed or open."""
     if not contact.flag:
         return np.ones(len(t))
     if contact.flag not in values:

@@ -26,12 +26,12 @@ CHANNELS = ("q", "dq", "ddq", "tau", *COMMANDS)
 
 
 class Numbers:
-    """Turns the pieces of a column into floats and remembers what is wrong with them.
+    """Converts the pieces of a column to floats and records their errors.
 
     Parameters
     ----------
     column, source : str
-        Its name, and the file it stands in.
+        Name of the column, and name of its file.
     """
 
     def __init__(self, column: str, source: str) -> None:
@@ -42,7 +42,7 @@ class Numbers:
         self._large: tuple[int, float] | None = None
 
     def add(self, given: pd.Series) -> Array:
-        """Return the next piece as floats, (N,); what is no number is NaN.
+        """Return the next piece as floats, (N,); other values become NaN.
 
         Raises
         ------
@@ -110,7 +110,7 @@ class Numbers:
 
 
 def to_floats(given: pd.Series) -> Array:
-    """Return a column as floats, (N,); NaN for what is no number."""
+    """Return a column as floats, (N,); other values become NaN."""
     import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
 
     if given.dtype == float:  # there is nothing to parse
@@ -124,7 +124,7 @@ def to_floats(given: pd.Series) -> Array:
 
 @frozen
 class Clock:
-    """What is to be known of the times of a log.
+    """Properties of the times of a log.
 
     Attributes
     ----------

@@ -22,12 +22,12 @@ FEWEST_BITS, REGISTER = 8, 16
 
 @frozen
 class Code:
-    """How unsigned numbers stand for signed ones.
+    """The encoding of signed numbers as unsigned ones.
 
     Attributes
     ----------
     bits : int
-        Of a number and its sign.
+        Bits of a number with its sign.
     sign_bit : bool
         Whether the highest bit is the sign of a magnitude; else it is two's complement.
     """
@@ -37,7 +37,7 @@ class Code:
 
     @property
     def name(self) -> str:
-        """What it is called."""
+        """Return a short description of the code."""
         if self.sign_bit:
             return f"numbers with their sign in bit {self.bits - 1}"
         return f"{self.bits}-bit numbers in two's complement"
@@ -49,7 +49,7 @@ class Code:
         return np.where(values >= half, negative, values)
 
     def removes_jumps(self, values: Array) -> bool:
-        """Return whether nearly all jumps of values (N,) vanish where they are decoded."""
+        """Return whether decoding removes nearly all jumps of values (N,)."""
         half = 2.0 ** (self.bits - 1)
         before, after = (
             int((np.abs(np.diff(x)) > 0.5 * half).sum()) for x in (values, self.decode(values))
@@ -99,7 +99,7 @@ def find_codes(values: Mapping[str, Array], shown: Mapping[str, Code]) -> dict[s
 
 
 def describe_codes(codes: Mapping[str, Code]) -> Sequence[str]:
-    """Return which columns are read as which codes, half a sentence a code."""
+    """Return the columns of each code, half a sentence for each code."""
     groups: dict[str, list[str]] = {}
     for column, code in codes.items():
         groups.setdefault(code.name, []).append(f"'{column}'")
@@ -107,7 +107,7 @@ def describe_codes(codes: Mapping[str, Code]) -> Sequence[str]:
 
 
 def find_code(values: Array) -> Code | None:
-    """Return the code of a column (N,); None where it is none, or does not show."""
+    """Return the code of a column (N,); None if there is none, or the data do not show it."""
     known = values[np.isfinite(values)]
     if len(known) < RULES.fewest or not is_unsigned(known, 64):
         return None
@@ -126,7 +126,7 @@ def is_negative(values: Array) -> bool:
 
 
 def is_unsigned(values: Array, bits: int) -> bool:
-    """Return whether values (N,) are unsigned integers of so many bits."""
+    """Return whether values (N,) are unsigned integers of `bits` bits."""
     known = values[np.isfinite(values)]
     whole = (known == np.rint(known)) & (known >= 0) & (known < 2.0**bits)
     return bool(whole.all())

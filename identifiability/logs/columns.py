@@ -1,8 +1,9 @@
-"""Which column of a table is what: its joint and channel, and what makes SI units of it.
+"""Assign the columns of a table: joint, channel, and conversion to SI units.
 
-By names, by numbers (``q1`` … ``q6``, ``position[0]``), or as the user maps them.
-Units are those that the log states, else what the sidecar says; torque columns may hold currents or
-torques of motors, times any unit or dates. What is missing is said with the remedy ready to copy.
+Columns are assigned by names, by numbers (``q1`` … ``q6``, ``position[0]``), or by the user's map.
+The log's units override those of the sidecar. Torque columns may hold currents or torques of
+motors. Times may have any unit or be dates. An error about a missing column contains a remedy that
+can be copied.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ _CHANNELS_SAY = {*KINDS, *COMMANDED, "ff"}
 
 @frozen
 class Naming:
-    """What a log takes from a table.
+    """The columns that a log takes from a table.
 
     Attributes
     ----------
@@ -66,13 +67,13 @@ class Naming:
         In the order of the table.
     joints : tuple of str
     notes : tuple of str
-        What is read otherwise than literally, half a sentence each.
+        Renamed columns and converted units, half a sentence each.
     locked : tuple of Column
         Positions of joints that are locked, which a log may contradict.
     made : tuple of str
-        Torque for which zeros stand, where motion or commands are all that a table is to hold.
+        Torque columns filled with zeros, because only motion or commands are needed.
     commands : tuple of str
-        Columns of commands that stand for torque.
+        Columns of commands that replace torque.
     codes : mapping of str to Code
         Codes that the table shows, by the kind of column.
     """
@@ -104,27 +105,28 @@ def name_columns(
     units: Mapping[str, str] | None = None,
     first: Mapping[str, str] | None = None,
 ) -> Naming:
-    """Return what a log takes from the columns of a table.
+    """Return the columns that a log takes from a table.
 
-    Where all documented names are there, no others count; without a robot only these are read.
+    If all documented names are present, no other names count. Without a robot only documented names
+    are read.
 
     Parameters
     ----------
     found : sequence of str
-        What the table calls them.
+        Their names in the table.
     source : str
-        What sentences call the table.
+        Name of the table in messages.
     known : Conventions
     units : mapping of str to str, optional
-        Units of the table's own row of them.
+        Units in the table's row of units.
     first : mapping of str to str, optional
         Texts in the first row, by column.
 
     Raises
     ------
     LogError
-        If there is no time, a column that is needed is missing, there twice or ambiguous, or its
-        unit is none of its channel's.
+        If there is no time, a needed column is missing, repeated or ambiguous, or its unit does not
+        suit its channel.
     """
     names = {name: rename(name.strip(), known) for name in found}
     guesses = _guess(names, known)
@@ -162,7 +164,7 @@ def name_columns(
 
 
 def _refuse_twice(found: Sequence[str], guesses: Sequence[Column], source: str) -> None:
-    """Refuse a table that has a column twice that says something."""
+    """Refuse a table with a needed column that is there twice."""
     called = Counter(column.strip() for column in found)
     for column in sorted(g.source.strip() for g in guesses):
         if called[column] > 1:
@@ -172,9 +174,9 @@ def _refuse_twice(found: Sequence[str], guesses: Sequence[Column], source: str) 
 def _find_candidates(
     guesses: Sequence[Column], known: Conventions, needed: Sequence[str], *, torque: bool
 ) -> list[Column]:
-    """Return the columns of what was measured, then those of commands.
+    """Return the columns of measurements, then those of commands.
 
-    Beside torque only commands count that are called as here.
+    If there is torque, only commands with documented names count.
     """
     every = known.commands or not torque
     commands = [g for g in guesses if g.kind in COMMANDS and (every or g.literal)]
@@ -191,7 +193,7 @@ def _find_candidates(
 
 
 def _guess(names: Mapping[str, str], known: Conventions) -> list[Column]:
-    """Return what columns are, as far as their names say so."""
+    """Return the columns whose names identify their channel."""
     joints = tuple(dict.fromkeys((*known.motors, *known.joints, *known.locked)))
     if not known.joints:
         joints = tuple({split_unit(n)[0].rpartition(".")[0]: 0 for n in names.values()})
@@ -200,7 +202,7 @@ def _guess(names: Mapping[str, str], known: Conventions) -> list[Column]:
 
 
 def _has_torque(names: Mapping[str, str], guesses: Sequence[Column]) -> bool:
-    """Whether any column that is no command tells by its name that it is torque or current."""
+    """Return whether any column but commands names torque or current."""
     commands = {g.source for g in guesses if g.kind in COMMANDS}
     others = (words_of(f"{c} {n}") for c, n in names.items() if c not in commands)
     return any(KINDS.get(word) in ("tau", "current") for words in others for word in words)
@@ -265,7 +267,7 @@ def is_stamp(column: str) -> bool:
 
 
 def _state_time(guesses: Sequence[Column], time: Column) -> list[str]:
-    """Return which of several times was taken, half a sentence; nothing where `t` says it."""
+    """Return a note on the selected column of time; empty if it is called `t`."""
     others = [f"'{g.source}'" for g in guesses if g.kind == "t" and g.source != time.source]
     if time.literal or not others:
         return []
@@ -275,9 +277,9 @@ def _state_time(guesses: Sequence[Column], time: Column) -> list[str]:
 def _unmeasured(
     names: Mapping[str, str], taken: Mapping[str, Column], known: Conventions
 ) -> list[str]:
-    """Return the torques that a table lacks of joints whose positions it has.
+    """Return the torques that a table lacks, for joints whose positions it has.
 
-    None where it has no torque of any joint, or a column that may be one of them.
+    The result is None if the table has no torque at all, or a column that may be one of them.
     """
     joints = known.motors if any(f"{m}.q" in taken for m in known.motors) else known.joints
     lacking = [j for j in joints if f"{j}.q" in taken and f"{j}.tau" not in taken]
@@ -297,12 +299,12 @@ def _free(names: Mapping[str, str], taken: Mapping[str, Column]) -> list[str]:
 
 
 def _in_si(column: Column, units: Mapping[str, str], source: str, known: Conventions) -> Column:
-    """Return a column with what makes SI units of its values.
+    """Return a column with its conversion to SI units.
 
     Raises
     ------
     LogError
-        If it states a unit that is not known, or none of its channel's.
+        If it states an unknown unit, or one that does not suit its channel.
     """
     name = column.source.strip()
     unit = column.unit or find_unit(units.get(column.source, "")) or split_unit(name)[1]
@@ -380,7 +382,7 @@ def _tell_angles(joints: Sequence[str], known: Conventions) -> list[str]:
 def _tell(
     names: Mapping[str, str], own: Sequence[Column], wanted: Sequence[str], how: str
 ) -> list[str]:
-    """Return what is read otherwise than literally, half a sentence each."""
+    """Return notes on renamed columns and converted units, half a sentence each."""
     used = {c.source for c in own}
     left = [n for column, n in names.items() if column not in used and _kind(n) in CHANNELS]
     told = {
@@ -412,19 +414,19 @@ def resolve_numbers(
     names: Mapping[str, str],
     first: Mapping[str, str],
 ) -> tuple[list[Column], str]:
-    """Return the guesses with joints instead of numbers, as far as that is certain.
+    """Return the guesses with joints instead of numbers, if the assignment is certain.
 
-    Columns beside them may hold the joints' names (``name0``, as recorders of ROS write); else the
+    Other columns may hold the joints' names (``name0``, as recorders of ROS write). Else the
     numbers count the robot's joints in its order, from 0 or from 1.
 
     Parameters
     ----------
     guesses : sequence of Column
     source : str
-        What sentences call the table.
+        Name of the table in messages.
     known : Conventions
     names : mapping of str to str
-        Columns and what they are renamed to.
+        Columns and their new names.
     first : mapping of str to str
         Texts in the first row.
 
@@ -432,12 +434,13 @@ def resolve_numbers(
     -------
     guesses : list of Column
     how : str
-        What a note says of it, to be added to a list of columns.
+        Explanation for a note, which follows the list of columns.
 
     Raises
     ------
     LogError
-        If there are other numbers than joints, or the joints' own numbers have another order.
+        If the numbers do not match the joints, or the numbers in the joints' names have another
+        order.
     """
     told = [g for g in guesses if g.joint or g.kind == "t"]
     loose = [g for g in guesses if g not in told]
@@ -458,7 +461,7 @@ def resolve_numbers(
 
 
 def _labels(names: Mapping[str, str], first: Mapping[str, str]) -> dict[int, str]:
-    """Return the names of joints that stand in the first row, by their number."""
+    """Return the names of joints in the first row, by their number."""
     words = {column: words_of(name) for column, name in names.items() if column in first}
     told = {c: w for c, w in words.items() if len(w) > 1 and w[-2] in words_for("name")}
     return {int(w[-1]): first[c].strip() for c, w in told.items() if w[-1].isdecimal()}
@@ -504,12 +507,12 @@ def resolve_commands(
     *,
     torque: bool,
 ) -> bool:
-    """Return whether commands stand for torque; take out those that are not there of all joints.
+    """Return whether commands replace torque; remove commands that are not there for all joints.
 
     Raises
     ------
     LogError
-        If a robot of servos has neither torque nor command, or nothing says what commands make.
+        If a robot with servos has neither torque nor command, or the law of commands is not known.
     """
     if not known.joints or known.motion_alone:
         return False
@@ -555,7 +558,7 @@ _NO_STAND = (
 def _refuse_missing(
     names: Mapping[str, str], taken: Mapping[str, Column], source: str, known: Conventions
 ) -> NoReturn:
-    """Refuse a log that lacks what is needed, and say what it has instead.
+    """Refuse a log that lacks needed columns, and list the columns that it has.
 
     Raises
     ------
@@ -654,9 +657,9 @@ def rename(name: str, known: Conventions) -> str:
 
 
 def resolve_codes(naming: Naming, first: pd.DataFrame, known: Conventions) -> Naming:
-    """Return what a log takes from a table, with the codes that its first rows show.
+    """Return the columns of a log, with the number codes that its first rows show.
 
-    Where they show none, the codes of other logs hold.
+    If they show none, the codes of other logs hold.
     """
     values = {c.name: to_floats(first[c.source]) for c in naming.columns if c.name != "t"}
     shown = show_codes(values)
@@ -677,7 +680,7 @@ SHOWN = 20_000
 
 
 def resolve_time(naming: Naming, first: pd.DataFrame, source: str, known: Conventions) -> Naming:
-    """Return what a log takes from a table, with its times in seconds.
+    """Return the columns of a log, with the conversion of its times to seconds.
 
     Parameters
     ----------
@@ -685,7 +688,7 @@ def resolve_time(naming: Naming, first: pd.DataFrame, source: str, known: Conven
     first : DataFrame
         Its first rows.
     source : str
-        What sentences call the table.
+        Name of the table in messages.
     known : Conventions
 
 
@@ -719,7 +722,7 @@ def resolve_time(naming: Naming, first: pd.DataFrame, source: str, known: Conven
 
 
 def start_of(naming: Naming) -> float | None:
-    """Return the seconds since 1970 that a log's times count from; None where they do not say."""
+    """Return the origin of a log's times in seconds since 1970; None if it is not known."""
     time = naming.time
     seconds = time.offset * time.factor if time.dates is None else time.dates * 1e-9
     return seconds if _is_dated(seconds) else None
@@ -739,10 +742,10 @@ def _as_iso(date: re.Match[str]) -> str:
 
 
 def as_dates(given: pd.Series, start: int) -> pd.Series | None:
-    """Return dates, durations or texts of such in ns after `start`, as whole numbers.
+    """Return dates, durations, or texts of either, in ns after `start`, as integers.
 
-    Texts are of ISO 8601, dates with points (the day first), or times of a day; a comma may stand
-    before fractions of a second. None if some are something else.
+    Texts may be in ISO 8601, dates with points (the day first), or times of a day. Fractions of a
+    second may follow a comma. The result is None if some values are of another kind.
     """
     import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
 
@@ -771,7 +774,7 @@ def as_dates(given: pd.Series, start: int) -> pd.Series | None:
 
 
 def as_times(given: pd.Series, time: Column) -> pd.Series:
-    """Return a column of times in seconds; as it is where it holds what is no time."""
+    """Return a column of times in seconds; unchanged if it does not hold times."""
     import pandas as pd  # noqa: PLC0415 - workers that read Parquet do without it
 
     if time.dates is not None:

@@ -1,8 +1,8 @@
 """Commands of position servos: held between updates, and delayed.
 
-A command is held until the next one comes, so it is a staircase, and a delay shifts the staircase.
-What of it acts at a sample is its mean over the interval around the sample, which depends on the
-delay without jumps. Commands may come on another clock than rows (`Log.commands_since`).
+A command is held until the next one, so commands form a staircase, and a delay shifts it. The
+command that acts at a sample is the mean over the interval around the sample. This mean is
+continuous in the delay. Commands may have another clock than rows (`Log.commands_since`).
 """
 
 from __future__ import annotations
@@ -22,9 +22,10 @@ def held_mean(t: Array, x: Array, at: Array, width: float) -> Array:
     ----------
     t : (N,) [s]
     x : (N, n)
-        Held from one time until the next; before the first and after the last as there.
+        Values, each held until the next time. They are constant before the first and after the
+        last.
     at : (m,) [s]
-        Middles of the intervals.
+        Centres of the intervals.
     width : float [s]
         Their length.
 
@@ -46,10 +47,11 @@ def _integral(t: Array, x: Array, area: Array, at: Array) -> Array:
 
 
 def acting(log: Log, servo: Servo, at: Array, width: float, delay: float) -> Array:
-    """Return the targets that act at some times, (m, n): positions with all else in them.
+    """Return the targets that act at some times, (m, n): positions that include all commands.
 
-    τ = kp (target − q) − kv dq is the servo's law, with dq_cmd and τ_ff in the target; of servos
-    without kp it is a velocity, and τ = kv (target − dq), and without either it is τ_ff.
+    The law of the servo is τ = kp (target − q) − kv dq, with dq_cmd and τ_ff included in the
+    target. Without kp the target is a velocity, and τ = kv (target − dq). Without both gains it is
+    τ_ff.
 
     Parameters
     ----------
@@ -78,10 +80,10 @@ def acting(log: Log, servo: Servo, at: Array, width: float, delay: float) -> Arr
 
 
 def has_commands(log: Log) -> bool:
-    """Whether a log holds positions or velocities that servos were told."""
+    """Return whether a log holds commanded positions or velocities."""
     return log.q_ref is not None or log.dq_ref is not None
 
 
 def of_commands(log: Log) -> bool:
-    """Whether the torque of a log is what servos made of commands."""
+    """Return whether the torque of a log was computed from commands of servos."""
     return log.servo_delay is not None

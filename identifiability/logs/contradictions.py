@@ -1,6 +1,6 @@
-"""Columns that can be seen to be wrong: by the joints' limits, by derivatives that do not fit.
+"""Find wrong columns: positions beyond limits, and derivatives that do not fit.
 
-A change of unit or sign is refused; what merely contradicts is left out (`quality.mends`).
+A change of unit or sign is refused. Other contradictory derivatives are left out (`quality.mends`).
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ _LENGTHS = {"mm": 1e3, "cm": 1e2}
 
 
 def check_units(robot: Robot, windows: Sequence[Log]) -> None:
-    """Refuse degrees given as radians and millimetres given as metres, where they can be seen.
+    """Refuse degrees given as radians and millimetres given as metres, if the data show it.
 
     Parameters
     ----------
     robot : Robot
     windows : sequence of Log
-        Stretches of one log, or all of it as one.
+        Windows of one log, or one window with all of it.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def _fits(q: Array, low: float, high: float, factor: float) -> bool:
 
 
 def _check_angles(robot: Robot, windows: Sequence[Log]) -> None:
-    """Refuse degrees where most joints that turn, and have limits, show them."""
+    """Refuse degrees if most revolute joints with limits show them."""
     bounded = [
         k
         for k, dof in enumerate(robot.actuated)
@@ -112,16 +112,16 @@ def _span(joint: str, q: Array) -> str:
 
 @frozen
 class Contradiction:
-    """A given derivative that does not fit what it is derived from.
+    """A measured derivative that does not fit its integral.
 
     Attributes
     ----------
     joint, kind, of : str
-        Whose, which channel, and of which it should be the derivative.
+        The joint, the channel, and the channel that it should be the derivative of.
     explained : float
-        Share of the variance of what it is derived from that its integral explains.
+        Share of the variance of channel `of` that the integral explains.
     slope : float
-        With this factor.
+        Factor of the integral in this fit.
     """
 
     joint: str
@@ -146,15 +146,15 @@ class Contradiction:
 
     @property
     def in_unit(self) -> bool:
-        """Whether it is the derivative, but in another unit or of another sign."""
+        """Return whether it is the derivative in another unit or with another sign."""
         return self.explained > 1 - RULES.unexplained and not 0.5 < self.slope < 2
 
 
 def contradictions(log: Log) -> list[Contradiction]:
-    """Return every given derivative that does not fit what it is derived from.
+    """Return the measured derivatives that do not fit their channel.
 
-    It finds columns of other joints, of desired motion, delayed or filtered too much. They are
-    compared by integration, which forgives noise where differentiation would not.
+    They may belong to another joint or to the desired motion, or be delayed or filtered too much.
+    The comparison integrates the derivative, because differentiation would amplify noise.
     """
     found = []
     least = 1 - RULES.unexplained
@@ -174,9 +174,9 @@ def contradictions(log: Log) -> list[Contradiction]:
 
 
 def _compare(t: Array, x: Array, rate: Array) -> tuple[float, float] | None:
-    """Return by how much the integral of a rate (N,) must be multiplied, and what it leaves.
+    """Return the best factor of the integral of a rate (N,), and its unexplained variance.
 
-    None if the motion does not stand out from the noise.
+    The variance is relative to that of `x`. The result is None if noise hides the motion.
     """
     dt = np.diff(t)
     whole = dt < RULES.gap * np.median(dt)

@@ -1,6 +1,6 @@
-"""`Conventions`: what is known of logs of a robot before one is read, from sidecar and options.
+"""`Conventions`: facts on the logs of a robot before one is read, from sidecar and options.
 
-It goes from the robot to whoever reads: `read_recordings`, `Log.read`, `Log.from_frame`.
+The robot gives it to all readers: `read_recordings`, `Log.read`, `Log.from_frame`.
 """
 
 from __future__ import annotations
@@ -19,36 +19,36 @@ from .codes import Code
 
 @frozen
 class Conventions:
-    """What columns of a log are called and mean. Without any a log is read as it is.
+    """Names and meanings of the columns of a log; without any, a log is read literally.
 
     Attributes
     ----------
     joints : tuple of str
-        Actuated joints in the robot's order; of no others anything is needed.
+        Actuated joints in the robot's order; other joints need no columns.
     motors : tuple of str
         Motors that a log may have instead (coupled transmissions).
     columns : Renames
-        From columns, or joints, of a log to those of the robot: ``[columns]`` and ``--map``.
+        Rules from columns or joints of a log to those of the robot: ``[columns]`` and ``--map``.
     scales : mapping
         Joint or motor to scale and offset of its positions and commands: ``[columns]``.
     time_unit : str
-        Unit of its times, ``[time]`` and ``--set time_unit``; empty if nobody said.
+        Unit of its times, ``[time]`` and ``--set time_unit``; empty if not stated.
     torque : MeasuredTorque
-        What its torque columns hold: ``[torque]``.
+        Contents of its torque columns: ``[torque]``.
     degrees : tuple of str
         Joints and motors whose angles and rates are in degrees: ``angles`` and ``--set angles``.
     motion_alone : bool
-        Take a log without any torque: motion is all that is needed of it.
+        Whether to accept a log without torque, because only motion is needed.
     locked : mapping
-        Joint that does not move to where it is held [rad or m].
+        Locked joint to its position [rad or m].
     servo : Servo or None
-        What makes torque of commands, where logs hold no torque.
+        Servos that compute torque from commands, if logs hold no torque.
     commands : bool
-        Whether commands are read beside torque, too.
+        Whether commands are read in addition to torque.
     base : Base or None
-        What floats, of whose motion logs have columns.
+        The floating base; logs contain its motion.
     passive : tuple of str
-        Joints that no motor drives, of which logs need no columns.
+        Joints without a motor, which need no columns.
     codes : mapping of str to Code
         Codes that other logs show, by the kind of column.
     """
@@ -70,7 +70,7 @@ class Conventions:
 
     @staticmethod
     def of(robot: Robot) -> Conventions:
-        """Return what a robot's sidecar, and what was said when it was loaded, tell of its logs."""
+        """Return the conventions of a robot's logs, from its sidecar and its loading options."""
         gear = robot.transmission
         motors = gear.motors if gear else ()
         turns = [j for j in robot.motor_joints if not robot.is_prismatic(robot.dof_index(j))]

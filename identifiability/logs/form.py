@@ -1,6 +1,6 @@
-"""`Form`: how a table of text was written: separators, decimal commas, units, comments.
+"""`Form`: the format of a text table: separators, decimal commas, units, comments.
 
-It is decided once, on the first lines, before anything is read as a number.
+The first lines decide it once, before any number is read.
 """
 
 from __future__ import annotations
@@ -36,24 +36,24 @@ _COMMA = re.compile(r"[-+]?(\d+,\d*|,\d+)([eE][-+]?\d+)?")
 
 @frozen
 class Form:
-    """How a table was written.
+    """The format of a text table.
 
     Attributes
     ----------
     encoding : str
     separator : str
-        A blank stands for any number of blanks.
+        Separator of columns; a blank means any number of blanks.
     decimal : str
     comment : str
-        Mark of lines that are passed over; empty if there are none.
+        Mark of lines that are skipped; empty if there are none.
     columns : tuple of str
         Names in the header.
     units : tuple of str
         The row of units under the header; empty if there is none.
     lines : int
-        Before the first row of numbers.
+        Number of lines before the first row of numbers.
     notes : tuple of str
-        What is read otherwise than literally, half a sentence each.
+        Interpretations that are not literal, half a sentence each.
     """
 
     encoding: str = "utf-8"

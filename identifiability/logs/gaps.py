@@ -1,6 +1,6 @@
-"""Samples that are not there: repeated because nothing new had arrived, or lost.
+"""Missing samples: repeated because no new value had arrived, or lost.
 
-Which steps of a clock are gaps, which are bridged, where a log is split.
+Steps of a clock are classified as gaps. Short gaps are bridged, and long ones split a log.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ NAMES = {"q": "position", "dq": "velocity", "ddq": "acceleration", "tau": "torqu
 
 @frozen
 class StaleRule:
-    """What counts as a repeated value, by channel.
+    """Thresholds for repeated values, by channel.
 
     Attributes
     ----------
     steps : dict of str to (n,)
-        Smallest change of every joint's value: the step of its encoder, or next to nothing.
+        Smallest change of every joint's value: the step of its encoder, or nearly zero.
     share : dict of str to float
-        Share of the samples that repeat the one before, where there are any.
+        Share of the samples that repeat the previous one, if there are any.
     """
 
     steps: dict[str, Array]
@@ -72,7 +72,7 @@ class StaleRule:
 
     @property
     def note(self) -> str:
-        """What was found and done, for the report; nothing if nothing was."""
+        """Return the report's note on repeated values; empty if there are none."""
         found = [
             phrase(
                 "repeated",
@@ -86,7 +86,7 @@ class StaleRule:
 
 
 def smallest_change(x: Array) -> Array:
-    """Return the smallest change from sample to sample of x (N, n), (n,); 0 where there is none."""
+    """Return the smallest change between samples of x (N, n), (n,); 0 if nothing changes."""
     change = np.abs(np.diff(x, axis=0))
     found = np.where(change > 0, change, np.inf).min(0, initial=np.inf)
     return np.where(np.isfinite(found), found, 0.0)
@@ -142,21 +142,21 @@ class Gaps:
     Attributes
     ----------
     name : str
-        Of the log.
+        Name of the log.
     step : float [s]
         The usual step.
     usual : float
-        What 95 % of the steps without a gap deviate by, as a share of the usual one.
+        95 % quantile of the deviation of steps without a gap, as a share of the usual step.
     jitter : float
-        What no step without a gap deviates by more, but for usual ones.
+        Largest deviation of steps without a gap, as a share of the usual step.
     rows : (m,) int
         Rows after which samples are missing.
     t : (m,) [s]
         Their times.
     length : (m,) [s]
-        From there to the next sample.
+        Length of the gap.
     drift : float
-        By how much the mean of the other steps differs from the usual one, as a share of it.
+        Relative difference of the mean of the other steps from the usual step.
     """
 
     name: str
@@ -211,7 +211,7 @@ class Gaps:
         return count
 
     def divide(self, longest: float, least: int = 1) -> Grid | None:
-        """Return where a log is split, if gaps up to `longest` [s] are bridged; None without gaps.
+        """Return the grid of a log that bridges gaps up to `longest` [s]; None without gaps.
 
         Parameters
         ----------
@@ -222,7 +222,7 @@ class Gaps:
         Raises
         ------
         LogError
-            If so many samples are missing that they cannot be lost ones.
+            If too many samples are missing to be lost ones.
         """
         if not len(self):
             return None
@@ -230,7 +230,7 @@ class Gaps:
         return Grid(self.rows[split] + 1, self.rows[~split], self.lost[~split], least)
 
     def check(self, samples: int) -> None:
-        """Refuse a clock that is so uneven that nobody knows which samples are missing.
+        """Refuse a clock that is too uneven to identify missing samples.
 
         Raises
         ------
@@ -258,7 +258,7 @@ class Gaps:
 
 @frozen
 class Grid:
-    """How the rows of a log with gaps lie in time.
+    """The times of the rows of a log with gaps.
 
     Attributes
     ----------
@@ -267,7 +267,7 @@ class Grid:
     after : (m,) int
         Rows after which samples are bridged.
     lost : (m,) int
-        How many.
+        Number of samples that are bridged after each.
     least : int
         Fewest samples of a stretch; shorter ones are left out.
     """
@@ -291,10 +291,10 @@ class Grid:
         return at
 
     def left_out(self, start: int, stop: int) -> Array:
-        """Return which of the rows [start, stop) are left out, (stop - start,) bool.
+        """Return a mask of the rows [start, stop) that are left out, (stop - start,) bool.
 
-        They are the first sample of every stretch but the first, so that rows tell of the gap, and
-        stretches that are too short for the filter.
+        These are stretches that are too short for the filter. The first sample of every later
+        stretch is also left out, so that the rows show the gap.
         """
         out = np.zeros(stop - start, bool)
         for a, b in self.stretches(start, stop):
@@ -315,9 +315,9 @@ def fill(x: Array, at: Array) -> Array:
 
 
 def _late(rows: Array, ratio: Array) -> Array:
-    """Return which odd steps stand beside others that make up for them, (m,) bool.
+    """Return the odd steps that neighbouring steps compensate, (m,) bool.
 
-    Nothing is missing there: samples were stamped too late or too early.
+    No sample is missing there. The stamps are too late or too early.
     """
     if not len(rows):
         return np.zeros(0, bool)

@@ -1,9 +1,10 @@
 """`Log`: measured motion and torque of the actuated joints, read from CSV, Parquet or a DataFrame.
 
-One row a sample: ``t`` [s], ``<joint>.q`` and ``<joint>.tau`` for every actuated joint, optional
-``<joint>.dq`` and ``<joint>.ddq``, and what was commanded, ``<joint>.q_ref`` (or ``.cmd``),
-``.dq_ref`` and ``.tau_ff``; SI units (rad or m, N·m or N). A log that is too long for memory stays
-in its file, which is checked once and then read by ranges of rows: `Log.pieces`, `Log.windows`.
+Each row is a sample: ``t`` [s], and ``<joint>.q`` and ``<joint>.tau`` of every actuated joint.
+Optional columns are ``<joint>.dq`` and ``<joint>.ddq``, and the commands ``<joint>.q_ref`` (or
+``.cmd``), ``.dq_ref`` and ``.tau_ff``. Units are SI (rad or m, N·m or N). A log that is too long
+for memory stays in its file. The file is checked once and then read by ranges of rows:
+`Log.pieces`, `Log.windows`.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ Numbers = Annotated[
 
 
 def too_long(name: str) -> LogError:
-    """Return what is said of a log whose rows are asked for all at once."""
+    """Return the error for a request of all rows of a long log at once."""
     return LogError(
         f"{name} is too long to be held in memory, which this needs; give a stretch of it."
     )
@@ -58,42 +59,41 @@ def too_long(name: str) -> LogError:
 
 @frozen
 class Log:
-    """One recording, in memory, or in its file where it is too long for that.
+    """One recording, in memory, or in its file if it is too long.
 
     Attributes
     ----------
     name : str
-        What it is called in print: its path, as short as it differs from those beside it.
+        Name in messages: its path, shortened as far as it differs from other logs.
     joints : tuple of str
         Joints (or motors) in column order.
     t : (N,) [s]
     q, tau : (N, n) [rad or m; N·m or N]
     dq, ddq, q_ref, dq_ref, tau_ff : (N, n) or None
-        Derivatives, and commanded positions, velocities and torques (fed forward by a servo),
-        where the log has them for every joint.
+        Derivatives, and commanded positions, velocities and torques (feed-forward of a servo), if
+        the log has them for every joint.
     sha256 : str
         Hash of the file, or of the values for a DataFrame.
     notes : tuple of str
-        What was read otherwise than literally, half a sentence each.
+        Interpretations that are not literal, half a sentence each.
     motion_alone : bool
-        Whether it came without torque, for which zeros stand.
+        Whether it has no torque; `tau` is then zero.
     unmeasured : (N, n) bool or None
-        Where torque was not measured, for which what lies between its neighbours stands, or zeros;
-        None where all was.
+        Mask of unmeasured torque, which is interpolated or zero in `tau`; None if all was measured.
     servo_delay : float or None [s]
-        Of the commands, where torque is what servos make of them; None where it was measured.
+        Delay of the commands, if torque was computed from them; None if torque was measured.
     rollout : (N, n) or None [rad or m]
-        Positions to which the commands take a simulated robot: a record without sensors.
+        Positions of a simulated robot under the commands: a record without sensors.
     start : float or None [s]
-        What its times count from, on a clock that other logs share, such as seconds since 1970.
+        Origin of its times on a clock that other logs share, such as seconds since 1970.
     base : (N, k) or None
-        How a base that floats moved and what touches it, as `identifiability.logs.base.read_base`
-        has it.
+        Motion and contacts of a floating base, as `identifiability.logs.base.read_base` returns
+        them.
     path : str
-        The path that was given, behind which a bag names its topic; empty for arrays.
+        The given path, with the topic of a bag; empty for arrays.
     speed_error : (n,) or None [rad/s or m/s]
-        Standard deviation of its velocities, if its motion is a series through what was measured;
-        None of a motion as it was measured.
+        Standard deviation of its velocities if its motion is a fitted series; None for measured
+        motion.
     codes : mapping of str to Code
         Codes of signed numbers that its table shows, by the kind of column.
     """
@@ -130,7 +130,7 @@ class Log:
 
     @cached_property
     def commands_since(self) -> Array:
-        """Since when the commands of each row are held, (N,) [s]: they may have another clock."""
+        """Return the time since which the commands of each row are held, (N,) [s]."""
         told = [x for x in (self.q_ref, self.dq_ref, self.tau_ff) if x is not None]
         changes = np.zeros(len(self), bool)
         for x in told:
@@ -145,13 +145,12 @@ class Log:
         Parameters
         ----------
         conventions : Conventions, optional
-            What is known of logs of its robot, ``Conventions.of(robot)``; by default it is read
-            as it is.
+            Conventions of its robot, ``Conventions.of(robot)``; by default it is read literally.
 
         Raises
         ------
         LogError
-            If the file is missing, is no table, lacks columns or holds values that cannot be.
+            If the file is missing, is no table, lacks columns or holds impossible values.
         """
         reader = TableReader(str(path), conventions or Conventions())
         log = _read_log(reader, read_pieces(Path(path), reader.known))
@@ -203,16 +202,16 @@ class Log:
         t : (N,) [s]
         q, tau : (N, n) or, of one joint, (N,) [rad or m; N·m or N]
         dq, ddq : (N, n), optional
-            Velocity and acceleration, where they were measured.
+            Velocity and acceleration, if they were measured.
         joints : sequence of str, optional
-            Which joint each column is about; by default the robot's actuated joints in its order.
+            Joint of each column; by default the robot's actuated joints in its order.
         name : str
-            What reports call it.
+            Name of the log in reports.
 
         Raises
         ------
         LogError
-            If the arrays do not fit each other, or hold what no log can.
+            If the arrays do not fit each other, or hold impossible values.
 
         Example
         -------
@@ -234,7 +233,7 @@ class Log:
         )
 
     def windows(self) -> list[tuple[int, Log]]:
-        """Return stretches on which what holds for all of it is decided, and where each begins."""
+        """Return the stretches that decide for the whole log, with the first row of each."""
         return [(a, self.rows(a, b)) for a, b in spread_windows(len(self))]
 
     @property
@@ -243,19 +242,19 @@ class Log:
         return join_logs([window for _, window in self.windows()])
 
     def changed(self, change: Callable[[Log, int], Log]) -> Log:
-        """Return the log with its rows changed, each by itself.
+        """Return the log after a change of its rows.
 
         Parameters
         ----------
         change : callable(Log, int) -> Log
-            Of some rows, of which the first has that number.
+            Function of some rows and the index of the first; it changes each row by itself.
         """
         pieces = (change(self.rows(a, b), a)._arrays for a, b in divide_rows(len(self)))
         return replace(self, **gather(pieces))
 
     @property
     def _arrays(self) -> dict[str, Any]:
-        """What it has a row of for every sample."""
+        """Return the arrays that have a row for every sample, by name."""
         names = ("t", *self.channels, "rollout", "base", "unmeasured")
         found = {name: getattr(self, name) for name in names}
         return {name: x for name, x in found.items() if x is not None}
@@ -273,7 +272,7 @@ class Log:
         return {name: spikes for name, spikes in found.items() if spikes}
 
     def each(self, change: Callable[[Array], Array], **others: Any) -> Log:
-        """Return the log with all its channels changed alike, and other fields as given."""
+        """Return the log with one change for all its channels, and with the given other fields."""
         arrays = {name: change(x) for name, x in self._arrays.items() if name != "t"} | others
         if self.unmeasured is not None:
             arrays["unmeasured"] = arrays["unmeasured"] > 0
@@ -286,7 +285,7 @@ class Log:
 
     @cached_property
     def clock(self) -> Clock:
-        """What is to be known of its times."""
+        """Return the properties of its times."""
         return Clock.of(self.t)
 
     @property
@@ -296,7 +295,7 @@ class Log:
 
     @property
     def commanded(self) -> bool:
-        """Whether it holds commands, and no torque of its own."""
+        """Return whether it holds commands, and no measured torque."""
         commands = self.q_ref is not None or self.dq_ref is not None
         return commands and (self.motion_alone or self.servo_delay is not None)
 
@@ -446,10 +445,10 @@ def _same(one: Log, other: Log) -> bool:
 
 
 def share_clock(logs: Sequence[Log]) -> list[Log]:
-    """Return logs whose starts count from where the first of them begins, or all without a start.
+    """Return logs with starts relative to the first log, or all without a start.
 
-    A robot records one log at a time: logs of which two overlap are not of one clock, and where one
-    does not say when it began, nothing is known of the order of all.
+    A robot records one log at a time, so logs that overlap do not share a clock. If one log has no
+    start, the order of all is unknown.
     """
     spans = [
         (log.start + log.clock.first, log.start + log.clock.last)
@@ -463,12 +462,12 @@ def share_clock(logs: Sequence[Log]) -> list[Log]:
 
 
 def refuse_silent(logs: Sequence[Log]) -> None:
-    """Refuse joints that neither move nor show torque in any log: free, they hide what moves.
+    """Refuse joints without motion and torque in any log: as free joints they hide others.
 
     Raises
     ------
     LogError
-        With what locks each where it stands, as a gripper's fingers should be.
+        If there are such joints. The error lists locks that hold them, as for a gripper's fingers.
     """
     gone = [log.unmeasured for log in logs if log.unmeasured is not None]
     if len(gone) < len(logs) or len({log.joints for log in logs}) > 1:

@@ -1,8 +1,8 @@
-"""Turn long tables, with a row for each joint and time, into tables with one row a time.
+"""Convert long tables, with a row for each joint and time, to tables with a row for each time.
 
-A long table has a column that names the joint, and one column a channel: time, joint, position,
-velocity, effort. Rows of one time may stand together, or all rows of one joint. The first kind is
-turned piece by piece, so that a table of any length can be read. The second is held in memory.
+A long table has a column with the joint, and one column for each channel: time, joint, position,
+velocity, effort. Its rows are sorted by time or by joint. The first kind is converted piece by
+piece, so its length is not limited. The second kind is held in memory.
 """
 
 from __future__ import annotations
@@ -139,7 +139,7 @@ def find_layout(frame: pd.DataFrame, known: Conventions) -> Layout | None:
 
 
 def _choose_label(frame: pd.DataFrame, labels: Sequence[str]) -> str:
-    """Return the column that names joints: one of text goes before one of numbers."""
+    """Return the column that names joints; text is preferred to numbers."""
     texts = [c for c in labels if frame[c].dtype.kind not in "biuf"]
     return [*texts, *labels][0]
 
@@ -161,7 +161,7 @@ def _is_label(name: str) -> bool:
 
 
 def _name_channels(channels: Mapping[str, Column], names: Mapping[str, str]) -> dict[str, str]:
-    """Return the names of channels: the documented one where one column alone may be it."""
+    """Return the names of channels: the documented name, if only one column fits it."""
     out: dict[str, str] = {}
     for kind in dict.fromkeys(g.kind for g in channels.values()):
         columns = [c for c, g in channels.items() if g.kind == kind]
@@ -173,12 +173,12 @@ def _name_channels(channels: Mapping[str, Column], names: Mapping[str, str]) -> 
 
 
 def find_joints(labels: pd.Series) -> list[str]:
-    """Return the names of joints in a column, in the order in which they appear."""
+    """Return the names of joints in a column, in the order of their first rows."""
     return list(dict.fromkeys(_as_texts(labels)))
 
 
 def _as_texts(labels: pd.Series) -> list[str]:
-    """Return labels as texts; whole numbers have no decimals, and empty cells are left out."""
+    """Return labels as texts; whole numbers have no decimals, and empty cells are omitted."""
     given = labels.dropna()
     if given.dtype.kind == "f" and (given == given.round()).all():
         given = given.astype(np.int64)
@@ -218,14 +218,14 @@ def _blocks(frames: Iterable[pd.DataFrame], layout: Layout, source: str) -> Iter
 
 
 def _is_sorted_by_joint(labels: pd.Series) -> bool:
-    """Return whether all rows of a joint stand together."""
+    """Return whether the rows of each joint are contiguous."""
     texts = np.array(_as_texts(labels), dtype=object)
     changes = int((texts[1:] != texts[:-1]).sum())
     return changes < len(set(texts.tolist()))
 
 
 def _time_keys(times: pd.Series) -> Array:
-    """Return numbers in the order of times (N,); NaN for what is no time."""
+    """Return sortable numbers for times (N,); other values become NaN."""
     dates = as_dates(times, 0)
     return to_floats(times) if dates is None else dates.to_numpy()
 

@@ -1,12 +1,11 @@
-"""What names and units of columns usually mean: drivers, recorders, toolboxes have habits.
+"""Interpret names and units of columns as drivers, recorders and toolboxes write them.
 
-`words.toml` has words and the channel that they are of, and units and how much one of them is.
-Units stand in a row under the header or in the names.
+`words.toml` lists words with their channels, and units with their factors. Units stand in a row
+under the header or in the names.
 
 A name is cut into words and numbers, ``/joint_states/panda_joint1/position`` into *joint, states,
-panda, joint, 1, position*. It is taken for a channel of a joint if it holds the joint's name or its
-number, one word for the channel, and beside these only words that say nothing. A command is no
-measurement.
+panda, joint, 1, position*. It is a channel of a joint if it holds the joint's name or number and
+one word for the channel. All its other words must be neutral. A command is no measurement.
 """
 
 from __future__ import annotations
@@ -69,11 +68,11 @@ class Unit:
     Attributes
     ----------
     text : str
-        As it is written.
+        Its spelling in the log.
     dimension : str
-        What it measures.
+        Quantity that it measures.
     factor : float
-        How much of the SI unit one is.
+        Its value in the SI unit.
     """
 
     text: str
@@ -81,7 +80,7 @@ class Unit:
     factor: float
 
     def check(self, kind: str, column: str, source: str) -> None:
-        """Refuse a unit in which a channel cannot be measured.
+        """Refuse a unit that does not suit a channel.
 
         Raises
         ------
@@ -97,7 +96,7 @@ class Unit:
 
 
 def find_unit(text: str) -> Unit | None:
-    """Return the unit that a text is, with brackets or without; None if it is none."""
+    """Return the unit of a text, with or without brackets; None if it is no unit."""
     if len(text) > LONGEST_UNIT:
         return None
     inner = _BRACKETS.fullmatch(text)
@@ -110,7 +109,7 @@ def find_unit(text: str) -> Unit | None:
 
 
 def is_no_unit(text: str) -> bool:
-    """Whether a cell of a row of units says that its column has none."""
+    """Return whether a cell of a row of units means a column without a unit."""
     if len(text) > LONGEST_UNIT:
         return False
     inner = _BRACKETS.fullmatch(text.strip())
@@ -142,13 +141,13 @@ def are_units(row: Sequence[str]) -> bool:
 
 
 def bracketed(name: str) -> str:
-    """Return what stands in brackets at the end of a name, nothing if there are none."""
+    """Return the text in brackets at the end of a name; empty if there is none."""
     inner = _BRACKETS.search(name)
     return inner[1] if inner else ""
 
 
 def split_unit(name: str) -> tuple[str, Unit | None]:
-    """Return the name of a column and the unit that stands in brackets at its end.
+    """Return the name of a column, and the unit in brackets at its end.
 
     Example
     -------
@@ -190,30 +189,30 @@ INDEX = "__index_level_0__"
 
 @frozen
 class Column:
-    """What a column of a table is, and what makes SI units of its values.
+    """A column of a table: its joint, its channel and its conversion to SI units.
 
     Attributes
     ----------
     source : str
-        What the table calls it.
+        Its name in the table.
     kind : str
         ``t``, a channel, ``current`` or `BARE`.
     joint : str
-        Empty if it is told by a number, or not at all.
+        Empty if a number identifies the joint, or nothing does.
     number : int
-        −1 if there is none.
+        Number in its name; −1 if there is none.
     unit : Unit or None
-        As far as the log states it.
+        The unit that the log states, if any.
     literal : bool
-        Whether it is called as it is here.
+        Whether it has a documented name.
     current : bool
-        Whether it is the current of a motor, in the place of a torque.
+        Whether it holds the current of a motor instead of torque.
     factor, offset : float
-        From its values, less the offset, to SI units.
+        The SI value is factor × (value − offset).
     dates : int or None
-        Of times that are dates, the first one [ns since 1970]; None for numbers.
+        First date of a column of dates [ns since 1970]; None for numbers.
     code : Code or None
-        Which unsigned numbers stand for signed ones; None where they are as they are.
+        How unsigned numbers encode signed ones; None if they do not.
     """
 
     source: str
@@ -230,7 +229,7 @@ class Column:
 
     @property
     def name(self) -> str:
-        """What it is called here."""
+        """Return its documented name."""
         return f"{self.joint}.{self.kind}" if self.joint else self.kind
 
     def scale(self, values: Array) -> Array:
@@ -256,20 +255,20 @@ def words_of(name: str) -> list[str]:
 
 @cache
 def _compounds() -> dict[str, tuple[str, str]]:
-    """Return what two words of the table are together, as German and lazy typists write them."""
+    """Return pairs of known words by the compound that joins them, as in German names."""
     known = {w for words in WORDS.values() for w in words.split() if w.isalpha() and len(w) > 2}
     return {a + b: (a, b) for a in known for b in known if a + b not in known}
 
 
 def guess_column(source: str, name: str, joints: Sequence[str]) -> Column | None:
-    """Return what a column is; None if its name does not say so.
+    """Return the column that a name describes; None if the name is not clear.
 
-    With a word for what was wanted in its name it is a command.
+    If the name has a word for a desired value, the column is a command.
 
     Parameters
     ----------
     source, name : str
-        What the table calls it, and its name after renaming.
+        Its name in the table, and after renaming.
     joints : sequence of str
         Of the robot.
     """
@@ -305,9 +304,9 @@ def guess_column(source: str, name: str, joints: Sequence[str]) -> Column | None
 
 
 def unread_unit(name: str, joints: Sequence[str]) -> str:
-    """Return what stands in brackets at the end of a name as a unit that is not known, or nothing.
+    """Return the text in brackets at the end of a name if it seems an unknown unit; else empty.
 
-    Numbers, names of joints and words that say nothing of a unit are none.
+    Numbers, names of joints and neutral words are not units.
 
     Example
     -------
@@ -336,10 +335,9 @@ def _guess_time(source: str, words: list[str], unit: Unit | None) -> Column | No
 
 
 def take_joint(words: list[str], joints: Sequence[str]) -> tuple[str, list[str]]:
-    """Return the joint whose name stands among some words, and the words without it.
+    """Return the joint whose name is among some words, and the remaining words.
 
-    Words that say nothing may be left out of a name, as in "FL_hip" for "FL_hip_joint", as long as
-    a word is left.
+    Neutral words may be missing from a name, as in "FL_hip" for "FL_hip_joint", if a word remains.
     """
     for brief in (False, True):
         found = []

@@ -50,7 +50,7 @@ def ask_which(source: str, candidates: Mapping[str, Sequence[Column]]) -> Findin
 
 
 def _question(kind: str, joints: Mapping[str, Sequence[Column]]) -> str:
-    """Return what the columns of a channel may be, for its first joint and the number of others."""
+    """Return the possible columns of a channel, for its first joint, and the number of joints."""
     joint, columns = next(iter(joints.items()))
     what = "the time" if kind == "t" else f"'{joint}.{kind}'"
     names = listing([c.source for c in columns], 6)
@@ -101,7 +101,7 @@ def _patterns(
 def _new_ends(
     kind: str, joints: Sequence[str], middles: Sequence[str], *, numbered: bool
 ) -> Iterator[tuple[str, str]]:
-    """Yield what stands before and behind the group in the new names of columns."""
+    """Yield the parts before and after the group in the new names of columns."""
     head, _, tail = joints[0].partition(middles[0])
     if [f"{head}{m}{tail}" for m in middles] == [*joints]:
         yield head, f"{tail}.{kind}"
@@ -110,7 +110,7 @@ def _new_ends(
 
 
 def split_names(names: Sequence[str]) -> tuple[str, list[str], str]:
-    """Return what names have in common at both ends, and the different parts between.
+    """Return the common start of names, their different parts, and their common end.
 
     Example
     -------
@@ -142,12 +142,12 @@ def _settles(rule: MapRule, names: Mapping[str, str], others: set[str]) -> bool:
 
 
 def _plain(text: str) -> str:
-    """Return a text as it stands in what a rule makes of a name."""
+    """Return a text with escaped backslashes, for the replacement of a rule."""
     return text.replace("\\", r"\\")
 
 
 def _literal(column: str) -> str:
-    """Return a column as the left side of a rule."""
+    """Return a column name as the left side of a rule."""
     try:
         re.compile(column)
     except re.error:

@@ -34,7 +34,7 @@ _MAPS: WeakSet[mmap.mmap] = WeakSet()
 
 
 def is_long(rows: int) -> bool:
-    """Whether so many rows stay on the disk, mapped from a file."""
+    """Return whether `rows` rows stay on the disk, mapped from a file."""
     return rows > LONG
 
 
@@ -50,9 +50,9 @@ def spread_windows(rows: int) -> list[tuple[int, int]]:
 
 
 def divide_rows(rows: int, size: int = PIECE) -> Iterator[tuple[int, int]]:
-    """Yield pieces (start, stop) of rows, in order: all of them, or so many a piece of a long log.
+    """Yield pieces (start, stop) of rows, in order: all rows, or about `size` of a long log.
 
-    What was read of mapped rows is let go of behind each.
+    After each piece, the memory of mapped rows is released.
     """
     count = max(1, rows // size) if is_long(rows) else 1
     for start, stop in pairwise(np.linspace(0, rows, count + 1).astype(int).tolist()):
@@ -113,6 +113,6 @@ def _mapped(file: Any, rows: int, like: Array) -> Array:
 
 
 def forget() -> None:
-    """Let go of what was read of mapped rows: they are on the disk."""
+    """Release the memory of mapped rows, which stay on the disk."""
     for stored in tuple(_MAPS):
         stored.madvise(mmap.MADV_DONTNEED)

@@ -1,13 +1,13 @@
-"""The motion of a log as a finite series: what its channels agree on, without most of their noise.
+"""The motion of a log as a finite series, fitted to all its channels to reduce noise.
 
 Noise in the motion biases least squares, and more data do not help. A series with few coefficients
-that is fitted to all measured channels together (positions, velocities, accelerations) averages the
-noise of many samples. Two kinds are known: splines, for any motion; Fourier series, for a motion
-that repeats, which average over its periods, too. The number of coefficients is chosen by Akaike's
-criterion [Akaike 1974] with as many samples as are independent.
+is fitted to all measured channels together (positions, velocities, accelerations), so it averages
+the noise of many samples. There are two kinds. Splines suit any motion. Fourier series suit
+periodic motion and also average over its periods. Akaike's criterion [Akaike 1974], with the number
+of independent samples, selects the number of coefficients.
 
-What to use when: `smooth_log` for a log whose motion is to be replaced; `find_series` for the
-series themselves; `resample` for noise like that which a series left.
+What to use when: `smooth_log` replaces the motion of a log; `find_series` returns the series;
+`resample` draws noise that resembles the residuals of a series.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class MotionSeries:
 
     @property
     def note(self) -> str:
-        """What it is, for the report."""
+        """Return the report's description of the series."""
         told = "the motion is a spline through all that was measured of it, of "
         if self.period is not None:
             told = (
@@ -93,7 +93,7 @@ class MotionSeries:
         return f"{told}{self.coefficients} coefficients a joint"
 
     def left_of(self, log: Log) -> dict[str, Array]:
-        """Return what the series leaves of each measured channel, (N, n) each."""
+        """Return the residuals of each measured channel, (N, n) each."""
         pairs = zip(("q", "dq", "ddq"), self.motion, strict=True)
         channels = ((name, getattr(log, name), own) for name, own in pairs)
         return {name: x - own for name, x, own in channels if x is not None}
@@ -148,7 +148,7 @@ def with_series(log: Log, series: MotionSeries) -> Log:
 
 
 def plant(log: Log, series: MotionSeries, rng: np.random.Generator) -> Log:
-    """Return a log that moves as a series, with noise like what the series leaves."""
+    """Return a log that moves as a series, with noise that resembles its residuals."""
     true = dict(zip(("q", "dq", "ddq"), series.motion, strict=True))
     left = series.left_of(log)
     noisy: dict[str, Any] = {name: true[name] + resample(x, rng) for name, x in left.items()}
@@ -217,10 +217,10 @@ def refit(series: MotionSeries, log: Log) -> MotionSeries:
 
 
 def resample(left: Array, rng: np.random.Generator) -> Array:
-    """Return noise like what a series left, (N, n): stretches of it with signs by chance.
+    """Return noise that resembles residuals, (N, n): their segments with random signs.
 
-    Stretches are several times as long as the noise remembers, so that it remembers as long; its
-    size along the motion stays, as that of noise in proportion to the speed.
+    A segment is several autocorrelation times long, so the noise keeps its autocorrelation. The
+    noise also keeps its size along the motion, for example in proportion to the speed.
     """
     # A stretch of five correlation times loses a tenth of the correlation at its ends.
     length = max(1, int(np.ceil(5 * np.median(autocorrelation_time(left) - 1.0))))
@@ -321,7 +321,7 @@ def _best(
 
 
 def _score(series: MotionSeries, channels: Sequence[Array], memory: Sequence[Array]) -> float:
-    """Return Akaike's criterion: samples count as far as they are independent."""
+    """Return Akaike's criterion; it uses the number of independent samples."""
     N, joints = channels[0].shape
     score = 2.0 * series.coefficients * joints
     for x, own, times in zip(channels, series.motion, memory, strict=False):
@@ -412,7 +412,7 @@ def _refine(t: Array, channels: Sequence[Array], noise: Sequence[Array], period:
 def _misfit(
     t: Array, channels: Sequence[Array], noise: Sequence[Array], harmonics: int, period: float
 ) -> float:
-    """Return what a Fourier series leaves of all channels, in squares of their noise."""
+    """Return the sum of squared residuals of a Fourier series, in units of the noise."""
     bases = signals.fourier_bases(t, period, harmonics)
     motion = _solve("fourier", bases, channels, noise, period).motion
     total = 0.0

@@ -1,11 +1,10 @@
 """Filter, differentiate and decimate sampled motion (arrays in, arrays out).
 
-What to use when: `fit_fourier` for periodic motion (derivatives are then analytic);
-`differentiate` for everything else (zero-phase Butterworth before it: it is exact in the band that
-is kept, up to a fifth of the sampling rate, and amplifies what lies above);
-`Decimation` whenever torque is low-passed: it must act on every column of the regressor as it
-acts on the torque (parallel filtering [Gautier 1997]), or sharp friction steps are smoothed on
-one side of the equation only.
+What to use when: `fit_fourier` for periodic motion (derivatives are then analytic); `differentiate`
+for all other motion, after a zero-phase Butterworth filter; `Decimation` if torque is low-passed.
+`differentiate` is exact up to a fifth of the sampling rate and amplifies higher frequencies.
+`Decimation` must act alike on torque and on every column of the regressor (parallel filtering
+[Gautier 1997]). Else sharp friction steps are smoothed on one side of the equation only.
 """
 
 from __future__ import annotations
@@ -30,18 +29,18 @@ def sampling_step(t: Array) -> float:
 
 
 def held_since(t: Array, changes: Array) -> Array:
-    """Return since when the values of each row are held, (N,) [s].
+    """Return the time since which the values of each row are held, (N,) [s].
 
-    Rows show a value that comes on another clock late, by up to a row, and by another part of a row
-    each time. Where values come regularly their numbers tell when they came: at the latest times on
-    a line over them that no row precedes. Where they come with rows, these are those of rows.
+    A value on another clock appears in the rows late, by a varying part of a row. If values arrive
+    regularly, their arrival times lie on a line over their numbers. The line is the latest one that
+    no row precedes. If values arrive with rows, the times are those of the rows.
 
     Parameters
     ----------
     t : (N,) [s]
-        Of rows, evenly.
+        Times of rows, evenly spaced.
     changes : (N,) bool
-        Which rows hold another value than the one before.
+        Mask of rows whose value differs from the previous one.
     """
     (rows,) = np.nonzero(changes)
     if len(rows) < RULES.fewest:
@@ -86,7 +85,7 @@ def is_constant(low: Array, high: Array, size: float = 0.0) -> Array:
 
 
 def never_moves(low: Array, high: Array) -> Array:
-    """Return which joints stand still, from the range of their positions [rad or m], (n,) bool."""
+    """Return a mask of joints that never move, by the range of positions [rad or m], (n,) bool."""
     return is_constant(low, high, 1.0)
 
 
@@ -133,8 +132,8 @@ def butterworth_poles(share: float) -> Array:
 def lowpass(x: Array, dt: float, cutoff: float) -> Array:
     """Return x (N, …) filtered forwards and backwards by a Butterworth low-pass (no phase).
 
-    It is of fourth order each way; beyond its ends x goes on point-symmetrically, and before that
-    it is as if it had always been as there.
+    It is of fourth order each way. Beyond its ends, x is extended by point reflection, and beyond
+    that by a constant.
     """
     poles = butterworth_poles(2 * cutoff * dt)
     pad = min(len(x) - 1, int(3 / (cutoff * dt)))
@@ -165,9 +164,10 @@ def _filter_once(x: Array, poles: Array) -> Array:
 
 
 def settling_rows(dt: float, cutoff: float) -> int:
-    """Return after how many samples `lowpass` has forgotten where its input began.
+    """Return the number of samples after which `lowpass` has forgotten the start of its input.
 
-    Its slowest pole has decayed to 1e-14 then, which twice differentiated is small beside 1e-8.
+    Its slowest pole has decayed to 1e-14 by then. Differentiated twice, this is small compared with
+    1e-8.
     """
     slowest = np.abs(butterworth_poles(2 * cutoff * dt)).max()
     return int(np.ceil(np.log(1e-14) / np.log(slowest)))
@@ -333,9 +333,8 @@ def fit_fourier(
     rates : (N, n) or None
         Measured velocities and accelerations.
     noise : sequence of (n,), optional
-        Standard deviations by which channels are weighed, joint by joint; by default they are what
-        a series of its own leaves of each: one of positions alone knows little of accelerations
-        that were measured.
+        Standard deviations that weight the channels, for each joint. By default each is the
+        residual of a series that is fitted to that channel alone.
     """
     origin = q.mean(0)  # small numbers, small rounding
     channels = {k: x for k, x in enumerate((q - origin, *rates)) if x is not None}

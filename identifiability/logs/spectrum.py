@@ -2,11 +2,11 @@
 
 Derivatives multiply noise by the frequency. The cut-off of their low-pass has two limits. It must
 leave the motion alone, which takes 5 to 10 times the bandwidth of the motion [Gautier 1997]. And
-the noise that it lets into the acceleration must stay small against the acceleration itself.
+the noise that passes into the acceleration must be small compared with the acceleration.
 
-What to use when: `Spectrum.of` for a log; `choose_band` for all logs that are judged together;
-`bandwidth_of_windows` where the band alone is wanted. The band of `choose_band` is the widest one:
-the torque may ask for less (`identifiability.estimation.cutoff`).
+What to use when: `Spectrum.of` for a log; `choose_band` for all logs that share a cut-off;
+`bandwidth_of_windows` for the bandwidth alone. The band of `choose_band` is the widest one: torque
+may need a narrower one (`identifiability.estimation.cutoff`).
 """
 
 from __future__ import annotations
@@ -41,19 +41,18 @@ LEFT = 256
 
 @frozen
 class Spectrum:
-    """Power of what is differentiated, and the noise in it.
+    """Power spectrum of the signal to differentiate, and its noise.
 
     Attributes
     ----------
     rate : float [Hz]
-        At which it was sampled.
+        Sampling rate.
     f : (K,) [Hz]
         Frequencies, evenly spaced from zero to half the rate, or less for a coarse encoder.
     power : (K, n) [(rad or m)²/Hz, or of a velocity]
         One-sided density of each joint.
     order : int
-        Times that it is differentiated to become an acceleration: 2 for positions, 1 for
-        velocities.
+        Number of differentiations to acceleration: 2 for positions, 1 for velocities.
     """
 
     rate: float
@@ -132,10 +131,10 @@ class Spectrum:
 
 
 def _average_steps(windows: Sequence[Array], dt: float) -> tuple[Sequence[Array], float]:
-    """Return windows in which a coarse encoder changes about every time, and their step.
+    """Return averages in which a coarse encoder changes nearly every time, and their step.
 
-    A staircase whose steps last many samples is no smooth motion with noise at any frequency
-    below that of its steps; means over its steps are.
+    Steps of the encoder that last many samples are not white noise. Averages over these steps are a
+    smooth motion with noise.
     """
     changes = [np.flatnonzero(x) for w in windows for x in np.diff(w, axis=0).T]
     # The median does not see rests.
@@ -148,9 +147,9 @@ def _average_steps(windows: Sequence[Array], dt: float) -> tuple[Sequence[Array]
 
 
 def spectra_of(windows: Sequence[Array], dt: float, order: int = 2) -> list[Spectrum]:
-    """Return one spectrum of windows of equal length, or one for each length of unequal ones.
+    """Return one spectrum of windows of equal length; for unequal ones, one for each length.
 
-    Those that are less than half as long as the longest are left out: they show no slow motion.
+    Windows below half the longest length are left out, because they show no slow motion.
     """
     lengths = sorted({len(x) for x in windows}, reverse=True)
     used = [n for n in lengths if 2 * n > lengths[0]]
@@ -158,12 +157,12 @@ def spectra_of(windows: Sequence[Array], dt: float, order: int = 2) -> list[Spec
 
 
 def bandwidth_of_windows(windows: Sequence[Array], dt: float) -> float:
-    """Return the band of a motion [Hz]: 99 % of the velocity's energy of every joint lie below.
+    """Return the bandwidth of a motion [Hz], with 99 % of the velocity's energy of every joint.
 
     Parameters
     ----------
     windows : sequence of (N, n) [rad or m]
-        Positions; the longest windows tell.
+        Positions; windows below half the longest length are ignored.
     dt : float [s]
     """
     return max(float(s.bandwidths().max(initial=0.0)) for s in spectra_of(windows, dt))
@@ -171,16 +170,16 @@ def bandwidth_of_windows(windows: Sequence[Array], dt: float) -> float:
 
 @frozen
 class BandAdvice:
-    """The cut-off that predicts unseen torque of the fitted logs best, beside one set by hand.
+    """The cut-off with the best prediction of unseen torque, compared with one set by hand.
 
     Attributes
     ----------
     cutoff : float [Hz]
-        Of the motion.
+        Cut-off of the motion.
     outputs : float [Hz]
-        Up to where torque and columns would be kept.
+        Upper limit of the kept band of torque and columns.
     error : float
-        Of the torque of unseen blocks with this cut-off, over that torque.
+        Relative error of the torque of unseen blocks with this cut-off.
     given : float
         The same with the cut-off that was set.
     """
@@ -193,31 +192,32 @@ class BandAdvice:
 
 @frozen
 class Band:
-    """The low-pass of computed derivatives, up to where torque is kept, and what comes through.
+    """The low-pass of computed derivatives, the band of torque, and the band of the motion.
 
-    Torque and columns pass the filter of decimation alike, the motion one more. Where that ends in
-    the same band what is sharp differs, as when dry friction turns: inertia lacks what its filter
-    takes, and the sign of a smoothed speed turns at another time. So the motion is low-passed where
-    its noise begins to count, and what is kept ends well below.
+    Torque and columns pass the same decimation filter; the motion passes one more. If both filters
+    end in the same band, sharp events such as reversals of dry friction differ. The second filter
+    removes part of the inertia torque, and the sign of a smoothed speed changes at another time. So
+    the motion is low-passed where its noise begins to matter, and the kept band ends well below.
 
     Attributes
     ----------
     cutoff : float [Hz]
         Of the motion.
     outputs : float [Hz]
-        Up to where torque and columns are kept.
+        Upper limit of the kept band of torque and columns.
     bandwidth : float [Hz]
-        Of the motion, of the fastest joint and log.
+        Bandwidth of the motion, for the fastest joint and log.
     limit : float [Hz]
-        Up to here noise has at most `noise_share` of the power of every acceleration.
+        Largest frequency at which noise has at most `noise_share` of the power of every
+        acceleration.
     noise : float
-        Share of the power of an acceleration that noise has at the cut-off, of the worst joint.
+        Share of noise in the power of an acceleration at the cut-off, for the worst joint.
     reason : str
-        Why outputs end there, for the report; nothing where the cut-off was given.
+        Reason of the limit of outputs, for the report; empty if the cut-off was given.
     rate : float [Hz]
-        At which the slowest log was sampled.
+        Sampling rate of the slowest log.
     advice : BandAdvice or None
-        A better cut-off than the one that was set by hand; None where none was set, or tried.
+        A better cut-off than the one set by hand; None if none was set, or tried.
     """
 
     cutoff: float
@@ -241,22 +241,22 @@ def choose_band(
     sliding: Sequence[bool] = (),
     cutoff: float | None = None,
 ) -> Band:
-    """Return the low-pass for all logs that are judged together.
+    """Return the low-pass for all logs that share a cut-off.
 
-    Torque and columns are kept up to ten times the band of the motion, at least `cutoff_lowest`;
-    less where noise would have more than `small` of the power of an acceleration, but never less
-    than twice the band of the motion; and a fifth of the sampling rate at most. The motion is
-    low-passed there, or wherever above that noise and the rate of samples that columns are
-    computed of allow.
+    Torque and columns are kept up to ten times the bandwidth of the motion, and at least up to
+    `cutoff_lowest`. The limit is lower if noise would have more than `small` of the power of an
+    acceleration. It is never below twice the bandwidth, and at most a fifth of the sampling rate.
+    The motion is low-passed at this limit, or above it as far as noise and the sampling rate of
+    computed columns allow.
 
     Parameters
     ----------
     spectra : sequence of Spectrum
-        Of each log, with the same joints.
+        Spectrum of each log, with the same joints.
     sliding : (n,) bool
-        Which joints are prismatic: accelerations are compared within a kind.
+        Mask of prismatic joints: accelerations are compared within a kind.
     cutoff : float or None [Hz]
-        One that was given; None chooses it.
+        A given cut-off; None chooses it.
     """
     band = max(float(s.bandwidths().max(initial=0.0)) for s in spectra)
     rate = min(s.rate for s in spectra)
@@ -317,7 +317,7 @@ def noise_level(x: Array, t: Array | None = None) -> Array:
 
 
 def _rough(x: Array, t: Array | None) -> Array:
-    """Return differences that leave noise as large as it is, and of smooth signals nothing."""
+    """Return differences that keep the size of noise and remove smooth signals."""
     differences = np.diff(x, ORDER, axis=0)
     if t is not None:
         gaps = np.concatenate([[0], np.cumsum(signals.has_gap(t))])
@@ -328,7 +328,7 @@ def _rough(x: Array, t: Array | None) -> Array:
 
 
 def resolution(x: Array) -> Array:
-    """Return the step of which signals (N, n) are whole multiples, (n,); 0 where none is seen."""
+    """Return the step of which signals (N, n) are integer multiples, (n,); 0 if there is none."""
     steps = np.abs(np.diff(x, axis=0))
     found = np.zeros(x.shape[1])
     for k, own in enumerate(steps.T):
@@ -342,7 +342,8 @@ def resolution(x: Array) -> Array:
 def noise_at_rest(x: Array) -> Array:
     """Return the variance of white noise on smooth signals x (N, n) near zero, (n,).
 
-    It is that of a fifth of the samples, where signals are least: noise may be a share of them.
+    The fifth of the samples with the smallest values decides, because noise may be in proportion to
+    the signal.
     """
     if len(x) <= ORDER:
         return np.zeros(x.shape[1])

@@ -46,14 +46,14 @@ REACH, FILTERS = NEAR + 3 * WIDEST, 2 * WIDEST
 
 @frozen
 class Spike:
-    """A wrong sample.
+    """An outlying sample.
 
     Attributes
     ----------
     row : int
-        Of the column.
+        Row in the column.
     value, instead : float
-        What it says, and what its neighbours say.
+        The measured value, and the interpolated one.
     """
 
     row: int
@@ -116,9 +116,9 @@ def _find(x: Array, *, first: bool, last: bool) -> list[Spike]:
 
 
 def _foretell(x: Array, k: int, wrong: set[int]) -> float:
-    """Return the cubic through the nearest two right samples on each side, at a sample.
+    """Return the cubic interpolation at a sample, from two valid samples on each side.
 
-    At an end of the column it is the line through those on one side.
+    At an end of the column it is linear extrapolation from one side.
     """
     near = range(max(0, k - REACH), min(len(x), k + REACH + 1))
     right = [i - k for i in near if i not in wrong and np.isfinite(x[i])]
@@ -128,7 +128,7 @@ def _foretell(x: Array, k: int, wrong: set[int]) -> float:
 
 
 def _extend(x: Array, count: int) -> Array:
-    """Return x with so many samples before it: the same ones turned around a robust mean."""
+    """Return x with `count` more samples at its start, reflected at a robust mean."""
     if not count:
         return x
     middle = float(np.median(x[: count + 1]))
@@ -136,7 +136,7 @@ def _extend(x: Array, count: int) -> Array:
 
 
 def _usual(height: Array, k: int) -> float:
-    """Return how high spikes are around a sample, without its own and the highest few."""
+    """Return the usual height of spikes around a sample, without the highest few."""
     low = max(0, min(k - NEAR, len(height) - 2 * NEAR - 1))
     around = np.arange(low, min(low + 2 * NEAR + 1, len(height)))
     others = np.sort(height[around[np.abs(around - k) > WIDEST]])
@@ -164,14 +164,14 @@ TURN = 2 * np.pi
 
 @frozen
 class Wraps:
-    """Where a column jumps by a turn.
+    """The jumps of a column by full turns.
 
     Attributes
     ----------
     rows : (k,) int
         First row after each jump.
     turns : (k,) [rad]
-        What is added from there on.
+        Angle that is added from there on.
     """
 
     rows: Array

@@ -1,7 +1,7 @@
-"""`TableReader`: reads a table piece by piece, and finds what its columns are.
+"""`TableReader`: reads a table piece by piece, and identifies its columns.
 
-Columns may have rates of their own: merged topics leave cells empty, loggers repeat what they
-know.
+Columns may have different rates. Merged topics leave cells empty, and loggers repeat the last
+value.
 """
 
 from __future__ import annotations
@@ -47,12 +47,12 @@ LEAST = 3
 
 
 def unify_rates(values: Mapping[str, Array]) -> tuple[dict[str, Array], str]:
-    """Return columns at the same times, and a note on what was done; none if nothing was.
+    """Return columns at the same times, and a note on the changes; empty if there were none.
 
     Parameters
     ----------
     values : mapping of str to (N,)
-        ``t`` and columns of channels; NaN where a cell is empty.
+        ``t`` and columns of channels; NaN for empty cells.
     """
     known = {name: np.isfinite(x) for name, x in values.items() if name != "t"}
     t = values["t"]
@@ -87,9 +87,9 @@ def unify_rates(values: Mapping[str, Array]) -> tuple[dict[str, Array], str]:
 
 
 def _fresh(x: Array) -> Array:
-    """Return which rows of a channel (N, n) hold new values, (N,) bool; all if they are not held.
+    """Return a mask of rows of a channel (N, n) with new values, (N,); all if values are not held.
 
-    In a standstill of the values every so-manieth counts as new.
+    If values stay constant, one row for each usual interval counts as new.
     """
     every = np.ones(len(x), bool)
     new = np.concatenate([[True], (np.diff(x, axis=0) != 0).any(1)])
@@ -130,7 +130,7 @@ def _resample(t: Array, x: Array, at: Array, name: str) -> Array:
 
 
 def with_index(frame: pd.DataFrame) -> pd.DataFrame:
-    """Return a table with its index as a column where it may be the time."""
+    """Return a table with its index as a column, if that may be the time."""
     index = frame.index
     name = INDEX if index.name is None else str(index.name)
     timed = index.nlevels == 1 and (index.dtype.kind in "fmM" or index.name is not None)
@@ -156,26 +156,26 @@ def _as_tables(pieces: Iterable[Whole], source: str) -> Iterator[Whole]:
 
 
 class TableReader:
-    """What is found as a table is read, piece by piece.
+    """Collects the data of a table, piece by piece.
 
     Parameters
     ----------
     source : str
-        What sentences call the table.
+        Name of the table in messages.
     known : Conventions
-        What is known of it before.
+        Known facts on its columns.
 
     Attributes
     ----------
     naming : Naming
-        Which columns are which; empty before the first rows.
+        Assignment of the columns; empty before the first rows.
     sha256 : str
-        Of the whole.
+        Hash of the whole table.
     beside : mapping of str to (N,)
-        In the end, what the table says of a base that floats, by the keys of `find_base`, at the
-        times of the log: on straight lines where it came at other times.
+        At the end, the table's data on a floating base, by the keys of `find_base`. Data at other
+        times are interpolated linearly at the times of the log.
     start : float or None [s]
-        As of a `Log`: what the times count from, by themselves or as the table says (``attrs``).
+        Origin of the times, as in a `Log`, from the times or from the table's ``attrs``.
     """
 
     def __init__(self, source: str, known: Conventions) -> None:
@@ -192,7 +192,7 @@ class TableReader:
         self.beside: dict[str, Array] = {}
 
     def read(self, pieces: Iterable[Whole]) -> dict[str, Array]:
-        """Return times (N,) and the channels (N, n) that there are of every joint.
+        """Return times (N,) and the channels (N, n) that every joint has.
 
         Raises
         ------
@@ -222,7 +222,7 @@ class TableReader:
         return values
 
     def _take(self, frame: pd.DataFrame, form: Form, digest: str) -> dict[str, Array]:
-        """Return the next rows of what a log is made of, with checks of each value."""
+        """Return the arrays of the next rows, with checks of each value."""
         start = frame.attrs.get("start")
         frame.attrs = {}  # pandas would copy them, deeply, with each column
         self._form = form
@@ -248,7 +248,7 @@ class TableReader:
         return out | stack_channels(self.naming.joints, columns)
 
     def _hold_commands(self, frame: pd.DataFrame) -> pd.DataFrame:
-        """Return a table with the commands that stand for torque held until the next comes.
+        """Return a table in which commands that replace torque are held until the next one.
 
         Rows before the first command are left out.
         """
@@ -261,7 +261,7 @@ class TableReader:
         return frame.assign(**{str(c): held[c] for c in held}).dropna(subset=sources)
 
     def _begin(self, frame: pd.DataFrame) -> None:
-        """Decide which columns are which, by the first rows."""
+        """Assign the columns by the first rows."""
         texts = [k for k, dtype in enumerate(frame.dtypes) if dtype.kind not in "biufcmM"]
         first = {frame.columns[k]: str(frame.iat[0, k]) for k in texts if len(frame)}
         columns = list(frame.columns)
@@ -280,7 +280,7 @@ class TableReader:
         self._lacks = {c: x for c, x in torque.items() if c not in self._numbers}
 
     def _check_locked(self, locked: Mapping[str, Array]) -> Iterator[str]:
-        """Refuse a lock that the positions contradict; say where the joint stands elsewhere.
+        """Refuse a lock that contradicts the positions, and report where the joint stands.
 
         Raises
         ------
@@ -307,7 +307,7 @@ class TableReader:
                 )
 
     def _check(self, values: Mapping[str, Array]) -> None:
-        """Refuse what cannot be."""
+        """Refuse impossible values."""
         numbers = self._numbers
         torques = [x for c, x in numbers.items() if c.endswith(".tau")]
         if torques and all(x.lost and x.bad == x.rows for x in torques):
@@ -323,7 +323,7 @@ class TableReader:
         Clock.of(values["t"]).check(self.source)
 
     def _unify(self, values: dict[str, Array]) -> tuple[dict[str, Array], str]:
-        """Bring columns at rates of their own to the same times, if all that is wrong is that."""
+        """Bring columns with different rates to the same times, if that alone makes cells empty."""
         if self._numbers["t"].bad or not all(x.clean for x in self._numbers.values()):
             return values, ""
         joints = self.naming.joints

@@ -1,4 +1,4 @@
-"""Where logs come from: CSV, Parquet, bags and containers, read some thousand rows at a time."""
+"""Read logs from CSV, Parquet, bags and containers, some thousand rows at a time."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ BEGINNING = 1 << 18
 
 
 def is_parquet(path: Path) -> bool:
-    """Whether the name of a file says that it is Parquet."""
+    """Return whether the name of a file is that of a Parquet file."""
     return path.suffix.lower() in PARQUET
 
 
@@ -66,7 +66,7 @@ def write_table(path: str | Path, frame: pd.DataFrame) -> Path:
 
 @contextmanager
 def parsing(path: Path) -> Iterator[None]:
-    """Turn whatever a parser raises into one sentence.
+    """Turn any error of a parser into one sentence.
 
     Raises
     ------
@@ -92,15 +92,15 @@ def read_pieces(path: Path, known: Conventions | None = None) -> Iterator[Whole]
         A CSV or Parquet file, a container of arrays, a bag (``bag:/topic``), or an episode of a
         LeRobot dataset (``dataset:3``).
     known : Conventions, optional
-        Which joints are asked for where messages of a bag tell of different ones.
+        Conventions with the joints to read if messages of a bag have different ones.
 
     Yields
     ------
     frame : DataFrame
     form : Form
-        How it was written.
+        Format of the text.
     sha256 : str
-        Of the whole.
+        Hash of the whole file.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def read_pieces(path: Path, known: Conventions | None = None) -> Iterator[Whole]
 
 
 def read_table(path: str | Path) -> pd.DataFrame:
-    """Read a CSV or Parquet file, or the joint states of a bag, as it is.
+    """Read a CSV or Parquet file, or the joint states of a bag, without interpretation.
 
     Raises
     ------
@@ -196,9 +196,10 @@ def _read_csv(path: Path) -> Iterator[tuple[pd.DataFrame, Form]]:
 
 
 def _parse(path: Path, form: Form, lines: list[str], row: int) -> pd.DataFrame:
-    """Return the rows in some lines of a CSV, the first of which has that number.
+    """Return the rows in some lines of a CSV; `row` is the number of the first one.
 
-    The names are the header's: pandas would rename repeated columns and shift long rows.
+    The names are those of the header, because pandas would rename repeated columns and shift long
+    rows.
     """
     import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
 

@@ -1,8 +1,8 @@
-"""Physical consistency: which parameter vectors a real robot can have, and the nearest of them.
+"""Physical consistency: the physically consistent parameter vectors, and the nearest of them.
 
 What to use when:
 
-- `pseudo_inertia.check_body` says whether ten numbers are a body, and in words why not;
+- `pseudo_inertia.check_body` checks whether ten numbers are a body, and explains why not;
 - `fitted_model.PhysicalSet` holds all constraints of a robot (bodies, signs, bounds);
 - `feasibility.certify` proves that base parameters are feasible, or that they are not;
 - `project.project` gives the feasible parameters nearest to the data (`project.Projection` for many

@@ -1,7 +1,7 @@
 """A nominal robot as a prior on the cone: the log-det divergence of each body.
 
-Bodies are those of the robot file, and others where it states none; whether bodies weigh what such
-bodies can.
+Bodies are those of the robot file; a body without values in the file is replaced by a ball;
+`state_mass` checks whether the total mass of the bodies is plausible.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ from .rules import RULES
 
 
 #: Weights [σ²] of the path on which predictions choose, the heaviest first. At 10 a body three
-#: times as heavy as the file's costs what a 3 σ deviation does, at 0.01 what 0.1 σ does: it breaks
-#: ties and no more. Without any, bodies of which the logs say nothing weigh anything.
+#: times as heavy as the file's costs as much as a 3 σ deviation, at 0.01 as much as 0.1 σ: it
+#: breaks ties and no more. Without any, undetermined bodies may have any mass.
 WEIGHTS = tuple(10.0**k for k in range(5, -3, -1))
 
 #: The one where nothing chooses.
@@ -115,9 +115,9 @@ def thick_inertia(theta: Array, name: str) -> Array:
 #
 # With J0 = P Pᵀ, a body is P (1 + E)(1 + E)ᵀ Pᵀ, E upper triangular: entries of E of standard
 # deviation s make a body that is s heavier or lighter, and moves its mass by as much of its own
-# size. To first order S = P⁻¹ (J - J0) P⁻ᵀ = E + Eᵀ, of variance 4 s² on the diagonal and s² beside
+# size. To first order S = P⁻¹ (J - J0) P⁻ᵀ = E + Eᵀ, of variance 4 s² on the diagonal and s² off
 # it; the log-det divergence is ½ ‖S‖², so the weight 1 / (2 s²) is that prior on the diagonal and a
-# little wider beside it.
+# little wider off it.
 
 
 def share_weight(share: float) -> float:
@@ -135,7 +135,7 @@ def resolve_prior(
     share, cad_weight : float or None
         As asked for.
     commanded : bool
-        Whether torque comes from commands: then there is a share where nobody says otherwise.
+        Whether torque comes from commands: a default share then applies if none is given.
 
     Raises
     ------
@@ -151,14 +151,14 @@ def resolve_prior(
 
 @frozen
 class WithFile:
-    """What log and file together say of the m parameters of a model.
+    """Joint estimate of the m parameters of a model from log and file.
 
     Attributes
     ----------
     share : float
         Within which the bodies are the file's.
     mean, sd : (m,)
-        Infinite sd where neither says anything.
+        Infinite sd where neither log nor file determines a value.
     p_value : float
         Of the log, if the bodies are.
     """
@@ -170,7 +170,7 @@ class WithFile:
 
     @property
     def words(self) -> str:
-        """What is believed of the file."""
+        """The prior belief about the file, in words."""
         if not self.share:
             return "what the sidecar states of bodies and parameters"
         return f"that bodies are within {100 * self.share:g} % of the robot file's"
@@ -188,18 +188,19 @@ class WithFile:
 
 
 def state_rows(structure: Structure, share: float, weight: float = 0.0) -> tuple[Array, Array]:
-    """Return what is believed beside a log as rows about standard parameters, each of variance 1.
+    """Return the priors in addition to a log, as rows about standard parameters of variance 1.
 
-    Bodies are the file's within a share, or within that which the sidecar states of one, and
-    parameters are what its ``[prior]`` says.
+    Bodies lie within a share of the file's, or within the share that the sidecar states of one.
+    Parameters follow the sidecar's ``[prior]``.
 
     Parameters
     ----------
     structure : Structure
     share : float
-        0 for none of bodies of which nothing is stated.
+        0 for no prior on bodies without a stated share.
     weight : float
-        Of a divergence from the file's bodies that counts besides: what it says is left out.
+        Of a divergence from the file's bodies that is already in use: its share of the prior is
+        subtracted.
 
     Returns
     -------
@@ -230,7 +231,7 @@ def state_rows(structure: Structure, share: float, weight: float = 0.0) -> tuple
 def combine_with_file(
     structure: Structure, A: Array, aim: Array, to_x: Array, share: float
 ) -> WithFile:
-    """Return what a log says of a model's parameters together with the file's bodies.
+    """Return the estimate of a model's parameters from a log together with the file's bodies.
 
     Parameters
     ----------
@@ -243,7 +244,7 @@ def combine_with_file(
     """
     B, prior = state_rows(structure, share)
     size = np.linalg.norm(np.vstack([A, B]), axis=0)
-    size[size == 0] = 1.0  # of what neither says anything about
+    size[size == 0] = 1.0  # of columns that neither determines
     U, s, Vt = np.linalg.svd(np.vstack([A, B]) / size, full_matrices=False)
     known = s > ROUNDOFF * s[0]
     root = (Vt[known].T / s[known]) / size[:, None]
@@ -253,7 +254,7 @@ def combine_with_file(
     lost = np.linalg.norm(unknown, axis=1) > np.sqrt(ROUNDOFF) * np.linalg.norm(to_x * size, axis=1)
     off = B @ phi - prior
     squares = float(off @ off + np.sum((A @ phi - aim) ** 2))
-    # What both say is the only that can disagree.
+    # Only common statements of both can disagree.
     ranks = [np.linalg.matrix_rank(rows / size, tol=ROUNDOFF) for rows in (A, B)]
     dims = int(sum(ranks) - known.sum())
     return WithFile(
@@ -270,8 +271,8 @@ def load_by_fit(
 ) -> Structure:
     """Return the structure with loads as a fit has them: the file may be wrong of its robot.
 
-    What logs do not say of bodies is the file's. Where no effect depends on loads nothing changes,
-    unless one may be `named`.
+    Combinations of the bodies that the logs do not determine keep the file's values. Where no
+    effect depends on loads nothing changes, unless an effect may be `named`.
     """
     loaded = is_loaded(structure.parameters)
     before = np.empty(0)
@@ -289,7 +290,7 @@ def load_by_fit(
         if loaded:
             regression = structure.regression(regression.samples)
         x = fit.value
-        # Settled to a tenth of an error; other loads may let more base parameters be told.
+        # Settled to a tenth of an error; other loads may make more base parameters identifiable.
         if x.shape == before.shape and np.all(np.abs(x - before) <= 0.1 * fit.sigma):
             break
         before = x
@@ -297,7 +298,7 @@ def load_by_fit(
 
 
 def with_loads(structure: Structure, loads: Mapping[str, float]) -> Structure:
-    """Return a structure whose loads are those of standard parameters."""
+    """Return a structure whose loads follow standard parameters."""
     robot = replace(structure.robot, reference=loads)
     # Columns that do not depend on loads have the same groupings.
     if is_loaded(structure.parameters):
@@ -310,12 +311,12 @@ def with_loads(structure: Structure, loads: Mapping[str, float]) -> Structure:
 
 @lru_cache(maxsize=4)
 def draw_bodies(structure: Structure) -> tuple[Array, str]:
-    """Return the bodies to which a structure's prior draws, and what stands in for some, in words.
+    """Return the bodies at the centre of a structure's prior, and a sentence on replaced bodies.
 
-    They are standard parameters (p,), of bodies that all can exist and have extent. A body that
-    the file does not state is a ball about the origin of its frame, as light as the lightest stated
-    body; if its mass alone is stated, it has that mass and is where the file says. A load is as the
-    body that carries it.
+    They are standard parameters (p,), of bodies that are all physically consistent and have extent.
+    A body that the file does not state is a ball about the origin of its frame, as light as the
+    lightest stated body; if its mass alone is stated, it has that mass and is where the file says.
+    A load is as the body that carries it.
     """
     phi = structure.nominal.copy()
     bodies = structure.bodies
@@ -357,14 +358,15 @@ def _ball(theta: Array, mass: float, length: float) -> Array:
     return np.array([*entries, *(mass * centre), mass])
 
 
-# Whether the bodies of a real robot weigh what bodies like those of the robot file can.
+# Whether the bodies of a physically consistent robot have plausible masses, compared with the robot
+# file.
 
 
 def state_mass(robot: Robot, parameters: Mapping[str, float], cad_weight: float = 0.0) -> str:
-    """Return what is wrong with the total mass of a robot, and the remedy; nothing if it is right.
+    """Return a warning about the total mass of a robot, with its remedy; empty if it is plausible.
 
-    It is the first thing that is said of a robot: one that is many times too heavy or too light
-    may predict torque well along the motion that was fitted, and moves wrongly in a simulator.
+    Reports state this warning first. A robot that is many times too heavy or too light may predict
+    torque well along the fitted motion, and still move wrongly in a simulator.
 
     Parameters
     ----------
@@ -394,7 +396,7 @@ def mass_rows(robot: Robot, parameters: Mapping[str, float]) -> list[dict[str, A
     ----------
     robot : Robot
     parameters : mapping
-        Standard parameters by name; empty where no real robot was found.
+        Standard parameters by name; empty where no physically consistent values were found.
     """
     return [
         {"body": b, "mass": sum(own), "mass_file": float(robot.nominal.get(f"{b}.m", 0.0))}
@@ -415,14 +417,14 @@ def real_robot_dict(
     samples: Sequence[Dataset] = (),
     cad_weight: float = 0.0,
 ) -> dict[str, Any]:
-    """Return a real robot as plain values, as `export` reads them.
+    """Return a physically consistent robot as plain values, as `export` reads them.
 
     Parameters
     ----------
     structure : Structure
         Of the robot whose file it is written to.
     parameters : mapping
-        Standard parameters by name; empty where no real robot was found.
+        Standard parameters by name; empty where no physically consistent values were found.
     errors : (5,)
         ε_RA on the fitted logs, of all parameters and of what a robot file holds of them: one of
         the robot's own format, and one of the other. Then of such files as the robot is stated.
@@ -457,11 +459,11 @@ def real_robot_dict(
 def _measure_errors(
     structure: Structure, samples: Sequence[Dataset], values: Mapping[str, float]
 ) -> Sequence[float]:
-    """Return ε_RA of a robot, its base be it tilted, and of what a file of either format holds.
+    """Return ε_RA of a robot, of its values in each file format, and of the nominal ones, (5,).
 
-    Then of files that hold what is stated of the robot, (5,); unknown of a tilted base, which they
-    do not state. Gravity pulls at the bodies that were found, along where it points; the columns of
-    a tilt are those of the file's bodies, and to first order.
+    Nominal values are also those in each file format. Their errors are NaN for a tilted base, which
+    files do not state. Gravity pulls at the bodies that were found, along where it points; the
+    columns of a tilt are those of the file's bodies, and to first order.
 
     Parameters
     ----------

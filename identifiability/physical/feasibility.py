@@ -1,4 +1,4 @@
-"""From a fitted model to a real robot: is there one that has its values, and which is nearest."""
+"""Physical consistency of a fitted model, and the nearest physically consistent values."""
 
 from __future__ import annotations
 
@@ -41,30 +41,32 @@ from .rules import RULES
 
 @frozen
 class PhysicalResult:
-    """What physics says of a fitted model.
+    """Physical consistency of a fitted model.
 
     Attributes
     ----------
     region : PhysicalSet
     value : (m,)
-        Values of the model's parameters of the nearest real robot; NaN where there is none.
+        Values of the model's parameters of the nearest physically consistent robot; NaN where there
+        is none.
     base : (b,)
-        Its base parameters, with what of the model's left-out ones its bodies cannot do without.
+        Its base parameters, including omitted ones that its bodies require.
     in_files : (2, b)
-        Those of what a robot file holds of it without a sidecar: one of the robot's own format,
-        and one of the other.
+        Base parameters that a robot file without a sidecar can represent: one of the robot's own
+        format, and one of the other.
     sentence : str
         The certificate in words.
     certificate : Certificate or None
-        Whether a real robot has the estimated base parameters; None where the motion leaves some
-        of them undetermined.
+        Whether the estimated base parameters are physically consistent; None where the motion
+        leaves some of them undetermined.
     nearest : FeasibleEstimate or None
-        The real robot nearest to the data under the model; None where the solver found none.
+        The physically consistent values nearest to the data under the model; None where the solver
+        found none.
     cad_weight : float
-        Of the prior around the robot file that the nearest real robot was sought with.
+        Weight of the prior around the robot file in the search for these values.
     as_good : bool
-        Whether the estimate does not surely predict stretches of the fitted logs that it has not
-        seen better than the nearest real robot does.
+        Whether the estimate does not surely predict unseen stretches of the fitted logs better than
+        the physically consistent values do.
     """
 
     region: PhysicalSet
@@ -79,7 +81,7 @@ class PhysicalResult:
 
     @property
     def feasible(self) -> bool:
-        """Whether a real robot has the estimated base parameters."""
+        """Whether the estimated base parameters are physically consistent."""
         return self.certificate is not None and self.certificate.feasible
 
     @property
@@ -88,14 +90,14 @@ class PhysicalResult:
         return float("nan") if self.certificate is None else self.certificate.margin
 
     def parameters(self) -> dict[str, float]:
-        """Return the standard parameters of the nearest real robot by name."""
+        """Return the standard parameters of the nearest physically consistent robot by name."""
         if self.nearest is None:
             return {}
         return {n: float(v) for n, v in zip(self.region.columns, self.nearest.phi, strict=True)}
 
 
 def leave_undecided(structure: Structure, submodel: Submodel) -> PhysicalResult:
-    """Return what physics says before anything is found."""
+    """Return the result before the solvers have run, with NaN for all values."""
     value = np.full(len(submodel), np.nan)
     found = np.full((3, len(submodel.M)), np.nan)
     return PhysicalResult(physical_set(structure), value, found[0], found[1:], "")
@@ -109,7 +111,7 @@ def check_bodies(robot: Robot) -> dict[str, str]:
 
 
 def find_impossible_bodies(robot: Robot) -> str:
-    """Return one sentence on all bodies of the robot file that cannot exist, or nothing.
+    """Return one sentence on all impossible bodies of the robot file, or "".
 
     It quotes the numbers of the file. MuJoCo refuses, or corrects, such bodies of an MJCF itself.
     """
@@ -129,7 +131,7 @@ def find_impossible_bodies(robot: Robot) -> str:
 
 
 def certify_model(model: FittedModel) -> tuple[Certificate | None, str]:
-    """Say whether a real robot has the estimated parameters; None if that is open, and why."""
+    """Return whether the estimates are physically consistent (None if open), and a reason."""
     try:
         if model.determined:
             clipped = clip_signs(model.information, model.estimate, model.submodel.nonnegative)
@@ -142,19 +144,20 @@ def certify_model(model: FittedModel) -> tuple[Certificate | None, str]:
 
 @frozen
 class PriorChoice:
-    """How strongly the nearest real robot is drawn to the robot file, by what it predicts.
+    """Weight of the prior around the robot file, chosen by predictive likelihood.
 
     Attributes
     ----------
     weight : float
         Of the prior [σ²].
     values : (F, b)
-        Base parameters of the nearest real robot under it, found from each fold's rest.
+        Base parameters of the nearest physically consistent robot under it, found from the other
+        folds.
     score : Score
         What they predict.
     as_good : bool
-        Whether the free fit is not surely better. Of two that are not told apart the one is right
-        that can exist.
+        Whether the free fit is not surely better. If the data cannot decide between the two, the
+        physically consistent one is used.
     """
 
     weight: float
@@ -176,7 +179,8 @@ def choose_prior(
     free : Score
         Of the model without a prior, on the same folds.
     weights : sequence of float
-        Among which, the heaviest first; of a single one only whether it predicts as well is asked.
+        Among which, the heaviest first; of a single weight, only whether it predicts as well is
+        checked.
 
     Returns
     -------
@@ -246,7 +250,7 @@ def scale_bodies(structure: Structure, whole: Information) -> Array:
 
 
 def _projection(model: FittedModel, cad_weight: float) -> Projection:
-    """Return the program of the nearest real robot of a model.
+    """Return the program that finds the physically consistent values nearest to a model's estimate.
 
     Raises
     ------
@@ -265,7 +269,7 @@ def _projection(model: FittedModel, cad_weight: float) -> Projection:
 
 
 def find_nearest(model: FittedModel, cad_weight: float = WEAK) -> PhysicalResult:
-    """Find the nearest real robot, without asking whether it is the estimate itself."""
+    """Find the nearest physically consistent values, without a certificate of the estimate."""
     structure = model.structure
     data = _believe(model, cad_weight)
     found = replace(leave_undecided(structure, model.submodel), cad_weight=cad_weight)
@@ -291,7 +295,7 @@ def find_nearest(model: FittedModel, cad_weight: float = WEAK) -> PhysicalResult
 
 
 def _believe(model: FittedModel, cad_weight: float) -> LeastSquares:
-    """Return what a fit says, with what is left out and what the sidecar states beside it.
+    """Return the least squares of a fit with rows for left-out parameters and the sidecar's priors.
 
     Bodies that are better known than by the divergence of that weight are held tighter.
     """
@@ -319,11 +323,11 @@ class Certificate:
         is not
         asked for.
     phi : (p,)
-        Full parameters with these base parameters that attain it: a real robot when `feasible`,
-        else the least impossible one.
+        Full parameters with these base parameters that attain it: consistent values when
+        `feasible`, else the values that violate the conditions least.
     combination : (b,)
-        Coefficients over the base parameters, zero when feasible: no real robot has
-        ``combination @ beta`` below zero.
+        Coefficients over the base parameters, zero when feasible: no physically consistent robot
+        has ``combination @ beta`` below zero.
     value : float
         What was found of it.
     level : float
@@ -338,11 +342,14 @@ class Certificate:
 
     @property
     def feasible(self) -> bool:
-        """Whether a real robot has these base parameters; bodies without volume have margin 0."""
+        """Whether these base parameters are physically consistent.
+
+        Bodies without volume have margin 0.
+        """
         return self.margin >= -BOUNDARY
 
     def sentence(self, names: Sequence[str]) -> str:
-        """Say the certificate in words.
+        """Return the certificate in words.
 
         Parameters
         ----------
@@ -362,7 +369,7 @@ class Certificate:
 
 
 def certify(base_map: Array, beta: Array, region: PhysicalSet) -> Certificate:
-    """Decide whether base parameters can belong to a real robot.
+    """Decide whether base parameters can be physically consistent.
 
     Parameters
     ----------
@@ -403,7 +410,7 @@ def certify(base_map: Array, beta: Array, region: PhysicalSet) -> Certificate:
 def _most_room(
     rows: Array, slack: Array, maps: Array, at: Array
 ) -> tuple[Array, float, Array, Array]:
-    """Return the u of most room t, t, and what rows and matrices press with.
+    """Return the u of the largest margin t, t, and the multipliers of rows and matrices.
 
     maximise t ≤ 1 over ``rows @ u + slack ≥ t`` and ``maps @ u + at ⪰ t 1``
 

@@ -1,7 +1,7 @@
-"""What bodies can be, and the problem that a fitted model poses in their standard parameters.
+"""The set of possible bodies, and the problem of a fitted model in their standard parameters.
 
-What the data say is a compressed least-squares problem; what a model leaves out, holds or ties is
-known to it.
+The data enter as a compressed least-squares problem; parameters that a model omits, fixes or ties
+enter as constraints.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ from .pseudo_inertia import BASIS, entry_scale, natural_scale, scale_matrix
 
 _MASS, _FIRST = GROUPED_KINDS.index("m"), [GROUPED_KINDS.index(kind) for kind in ("mx", "my", "mz")]
 
-#: A row (p,) of parameters and what its product may not fall below, in units of the width between
-#: two bounds.
+#: A row (p,) of parameters and the lower limit of its product, in units of the width between two
+#: bounds.
 Bound = tuple[Array, float]
 
 
 @frozen
 class PhysicalSet:
-    """Parameter vectors of a real robot.
+    """The set of physically consistent parameter vectors.
 
     Scaled parameters are ``phi / scale``: programs are solved in them.
 
@@ -54,7 +54,7 @@ class PhysicalSet:
     columns : (p,) str
         Parameter names, for sentences.
     mass, length : (nb,) [kg], [m]
-        Scale in which margins are measured; take them from CAD or leave 1 kg and 0.1 m.
+        Scale of the margins; take them from CAD or leave 1 kg and 0.1 m.
     bounds : tuple of Bound
         What is known of masses and centres of mass.
     functions : tuple of (k,) int
@@ -121,7 +121,7 @@ class PhysicalSet:
 
     @cached_property
     def signed(self) -> np.ndarray:
-        """Columns (m,) int that may not be negative, whatever the bodies; J ⪰ 0 says the rest."""
+        """Columns (m,) int that may not be negative, without those that J ⪰ 0 implies."""
         others = self.nonnegative.copy()
         others[self.bodies] = False  # J ⪰ 0 implies m ≥ 0 and Ixx ≥ 0
         return np.flatnonzero(others)
@@ -133,17 +133,20 @@ class PhysicalSet:
 
     @cached_property
     def scaled_rows(self) -> Array:
-        """(m, p), the same of scaled parameters: what has a sign alone is of scale 1."""
+        """(m, p), the same of scaled parameters.
+
+        Parameters that have only a sign are of scale 1.
+        """
         return self.rows * self.scale
 
     @cached_property
     def least(self) -> Array:
-        """What the m rows may not fall below."""
+        """Lower limits of the m rows."""
         return np.array([0.0] * len(self.signed) + [least for _, least in self.bounds])
 
     @cached_property
     def constraints(self) -> tuple[str, ...]:
-        """What holds each body, and each of the m rows, (nb + m,) str."""
+        """Names of the constraints of each body and of each of the m rows, (nb + m,) str."""
         own = [*zip(self.names, self.bodies, strict=True)]
         within = [" + ".join(name for name, at in own if row[at].any()) for row, _ in self.bounds]
         signs = [f"{self.columns[k]} ≥ 0" for k in self.signed]
@@ -169,7 +172,7 @@ class PhysicalSet:
         return pseudo_inertia.margin(theta, self.mass, self.length)
 
     def contains(self, phi: ArrayLike, tolerance: float = 1e-9) -> np.ndarray:
-        """Whether parameter vectors belong to a real robot, up to rounding.
+        """Whether parameter vectors are physically consistent, up to rounding.
 
         Parameters
         ----------
@@ -188,7 +191,7 @@ class PhysicalSet:
 
 @lru_cache(maxsize=4)
 def physical_set(structure: Structure) -> PhysicalSet:
-    """Return the parameter vectors that a real robot of this structure can have."""
+    """Return the set of physically consistent parameter vectors of this structure."""
     theta = structure.nominal[structure.inertial]
     stated = (theta[:, 9] > 0) & (theta[:, [0, 3, 5]].sum(1) > 0)  # a file may state no mass at all
     mass, length = natural_scale(theta)
@@ -206,7 +209,7 @@ def physical_set(structure: Structure) -> PhysicalSet:
 
 
 def _stated_bounds(structure: Structure, mass: Array) -> Iterator[Bound]:
-    """Yield what the sidecar of a robot says of masses and centres, over a model's parameters.
+    """Yield the bounds of a sidecar on masses and centres, over a model's parameters.
 
     The mass ``m`` and the first moment ``h = m c`` are parameters, so that a bound of the mass and
     a box around the centre are linear. A payload is no part of its body here. Bodies that the
@@ -248,7 +251,7 @@ def _between(
         yield row, sign * end / width if constant else 0.0
 
 
-# What the data say about the parameters: a compressed least-squares problem.
+# The loss of the data in the parameters: a compressed least-squares problem.
 
 
 @frozen
@@ -276,7 +279,7 @@ class LeastSquares:
 
     @staticmethod
     def of_fit(information: Information, estimate: Estimate) -> LeastSquares:
-        """Return the loss that an estimate made least, in its own k parameters.
+        """Return the loss that an estimate minimises, in its k parameters.
 
         Parameters
         ----------
@@ -302,14 +305,14 @@ class LeastSquares:
 
     @staticmethod
     def of_normal(mean: Array, covariance: Array, unknown: Array) -> LeastSquares:
-        """Return what a normal distribution says, in units of its standard deviations.
+        """Return the least squares of a normal distribution, in units of its standard deviations.
 
         Parameters
         ----------
         mean : (p,)
         covariance : (p, p)
         unknown : (p, d)
-            Directions of which it says nothing.
+            Directions that it does not determine.
         """
         C = np.where(np.isfinite(covariance), covariance, 0.0)
         scale = or_one(np.sqrt(np.diag(C)))
@@ -322,7 +325,7 @@ class LeastSquares:
         return LeastSquares(rows, rows @ mean, 1e-12, 1.0)
 
     def through(self, to_x: Array) -> LeastSquares:
-        """Return the problem in other parameters phi, of which these are ``to_x (p, q) phi``."""
+        """Return the problem in phi, where the present parameters are ``to_x (p, q) phi``."""
         return replace(self, R=self.R @ to_x)
 
     def beside(self, rows: Array, aim: Array) -> LeastSquares:
@@ -340,7 +343,10 @@ class LeastSquares:
 
     @property
     def unit(self) -> float:
-        """Residual that counts as one: the noise sd [torque], or what rounding leaves."""
+        """Residual that counts as one.
+
+        The noise sd [torque], or the rounding error if that is larger.
+        """
         rounding = ROUNDOFF * np.linalg.norm(self.z)
         return float(max(np.sqrt(self.variance), rounding, np.finfo(float).tiny))
 
@@ -350,7 +356,7 @@ class LeastSquares:
         return np.einsum("...r,...r->...", residual, residual) + self.rss_min
 
 
-# What a model leaves out, holds or ties, as a projection knows it.
+# Parameters that a model omits, fixes or ties, as constraints of a projection.
 #
 # Base parameters are ``G phi``, and the model says that they are ``value + M x``.
 
@@ -370,7 +376,7 @@ class Fixed:
 
     @staticmethod
     def none(size: int) -> Fixed:
-        """Return the absence of held combinations of so many parameters."""
+        """Return the absence of fixed combinations, for a number of parameters."""
         return Fixed(np.zeros((0, size)), np.zeros(0))
 
     @cached_property
@@ -392,7 +398,7 @@ class Fixed:
         return out
 
     def span(self, scale: Array) -> tuple[Array, Array]:
-        """Return what is left to scaled parameters ``phi = scale * x``.
+        """Return the remaining freedom of scaled parameters ``phi = scale * x``.
 
         Returns
         -------
@@ -406,7 +412,7 @@ class Fixed:
 
 
 def find_fixed(region: PhysicalSet, G: Array, M: Array, value: Array) -> Fixed:
-    """Return what a model leaves out, holds or ties outside the bodies.
+    """Return the combinations that a model omits, fixes or ties outside the bodies.
 
     Parameters
     ----------
@@ -437,7 +443,7 @@ def find_fixed(region: PhysicalSet, G: Array, M: Array, value: Array) -> Fixed:
                 f"the model holds {region.columns[members[0]]} at {at:g}, and no real robot has "
                 "it below zero."
             )
-        # A sum of what cannot be negative is zero only if every one is.
+        # A sum of nonnegative values is zero only if every one is.
         parts = np.eye(len(row))[members] if signed and at == 0 else row[None]
         found |= {part.tobytes(): (part, float(at)) for part in parts}
     rows = np.array([row for row, _ in found.values()]).reshape(-1, region.size)
@@ -446,21 +452,21 @@ def find_fixed(region: PhysicalSet, G: Array, M: Array, value: Array) -> Fixed:
 
 # A fitted model, and the problem that it poses in the standard parameters of bodies.
 #
-# The information about base parameters becomes a problem in the full standard parameters, ``W_base
-# G phi``, for the nearest real robot and for the posterior alike.
+# The information about base parameters becomes a problem in the full standard parameters,
+# ``W_base G phi``, for the nearest physically consistent values and for the posterior.
 #
-# What a model leaves out is never free. Of friction, rotors and whatever else belongs to no body
-# it is exactly zero (or what it is held at, or equal to what it is tied to). Of bodies that may be
-# impossible: a body whose mass were zero has no first moment. There its torque counts as error in
-# full, and as no help in explaining the log.
+# Omitted parameters are never free. Friction, rotors and other parameters of no body are exactly
+# zero, or at their fixed value, or equal to the parameter that they are tied to. For bodies that
+# may be impossible: a body whose mass were zero has no first moment. There its torque counts as
+# error in full, and as no help in explaining the log.
 
 
 @frozen
 class FittedModel:
-    """A model of a robot that was fitted, and what the fit says of the standard parameters.
+    """A model that was fitted to a robot, and its loss in the standard parameters.
 
     The model says that base parameters are ``fixed + M x``; the part of ``G phi`` outside the span
-    of M is what the model leaves out, and does not enter its prediction.
+    of M is omitted, and does not enter its prediction.
 
     Attributes
     ----------
@@ -499,12 +505,12 @@ class FittedModel:
 
     @cached_property
     def data(self) -> LeastSquares:
-        """The estimate's loss in the standard parameters, of what the model does not leave out."""
+        """The estimate's loss in the standard parameters, without the omitted parts."""
         return LeastSquares.of_fit(self.information, self.estimate).through(self.to_x)
 
     @cached_property
     def fixed(self) -> Fixed:
-        """What the model leaves out, holds or ties outside the bodies.
+        """Combinations that the model omits, fixes or ties outside the bodies.
 
         Raises
         ------
@@ -516,13 +522,16 @@ class FittedModel:
 
     @cached_property
     def region(self) -> PhysicalSet:
-        """What a real robot can have; what is held by itself needs no sign."""
+        """The set of physically consistent values.
+
+        Parameters that are fixed on their own need no sign.
+        """
         region = physical_set(self.structure)
         return replace(region, nonnegative=region.nonnegative & ~self.fixed.parameters)
 
     @cached_property
     def left_out(self) -> tuple[Array, Array]:
-        """Torque of what the model leaves out, ``rows phi − aim``: (b, p) and (b,)."""
+        """Torque of the omitted parts of the model, ``rows phi − aim``: (b, p) and (b,)."""
         R = self.whole.factor(self.estimate.weights)[:-1, :-1]
         M = self.submodel.M
         rest = R @ (np.eye(len(M)) - M @ np.linalg.pinv(M)) if M.size else R

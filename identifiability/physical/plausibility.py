@@ -89,7 +89,7 @@ def least_spread(mass: float) -> float:
 def measure_reach(robot: Robot) -> float:
     """Return the longest way from a first joint along the joints behind it to a centre of mass [m].
 
-    Where the robot stands in its world does not count.
+    The robot's place in its world does not count.
     """
     ways = np.zeros(len(robot.tree.joints))
     for k, joint in enumerate(robot.tree.joints):

@@ -1,4 +1,4 @@
-"""The parameters of a real robot nearest to the data.
+"""The physically consistent parameters nearest to the data.
 
 minimise ‖R phi − z‖² + w Σ_k [tr J_k(phi) − log det J_k(phi) − 4] over J_k(phi) ⪰ margin (every
 body k), signs and bounds, H phi = h
@@ -34,8 +34,8 @@ from .fitted_model import Fixed, LeastSquares, PhysicalSet
 #: per squared column scale, which decides where the data say nothing.
 RIDGE: Tolerance = 1e-8
 
-#: What Clarabel is asked with where it fails: by default it adds a hundred times that to each
-#: pivot, and ends in its first step where refinement does not make up for it.
+#: Options of Clarabel after a failure: by default it adds a hundred times that to each pivot, and
+#: ends in its first step where refinement does not make up for it.
 EXACTER = {"static_regularization_constant": 1e-10}
 
 ADVICE = (
@@ -46,7 +46,7 @@ ADVICE = (
 
 @frozen
 class FeasibleEstimate:
-    """The nearest parameters of a real robot.
+    """The nearest physically consistent parameters.
 
     Attributes
     ----------
@@ -173,7 +173,10 @@ class Projection:
             return self._read(data, program, found)
 
     def _solve_simply(self, program: Program) -> Optimum | None:
-        """Return the optimum where nothing holds it back, or a prior alone; None if it is not."""
+        """Return the optimum without active constraints, or with a prior alone.
+
+        None if it is not.
+        """
         none = np.zeros(len(self.region.constraints))
         found: Optimum | None = Optimum(0 * program.stiff, none)
         if self.prior is not None:
@@ -197,7 +200,7 @@ class Projection:
         """
         import cvxpy as cp  # noqa: PLC0415
 
-        # The solver's accuracy is relative to what feasibility changes, not to the data.
+        # The solver's accuracy is relative to the changes by feasibility, not to the data.
         step = cp.Variable(len(program.free))
         image = cp.Variable(len(program.stiff))
 
@@ -222,9 +225,9 @@ class Projection:
     def follow(self, data: LeastSquares, weights: Sequence[float]) -> Iterator[tuple[Array, Array]]:
         """Yield the optimum (p,) under each weight, and a root (p, q) of its errors.
 
-        As far as they are reached, and accurate enough for predictions. Errors are those of a
-        posterior at its mode [Laplace], of noise with the data's variance, and bounds on centres
-        of mass are not asked for.
+        The path ends where the solver fails; its optima are accurate enough for predictions. Errors
+        are those of a posterior at its mode [Laplace], of noise with the data's variance, and
+        bounds on centres of mass are not asked for.
 
         Parameters
         ----------
@@ -251,10 +254,10 @@ class Projection:
         return self.held.impose(x * program.scale)
 
     def _state(self, data: LeastSquares) -> Program:
-        """Return a data set in scaled parameters, with what pulls where it says nothing.
+        """Return a data set in scaled parameters, with weak rows where the data say nothing.
 
-        A function's values are of one size, that at which its best-seen one makes the whole torque:
-        where few data are a value of more than that is their noise.
+        The values of a function have one scale, at which its best-determined value makes the whole
+        torque: where few data are a value of more than that is their noise.
         """
         norms = np.linalg.norm(data.R, axis=0)
         whole = np.linalg.norm(data.z)
@@ -328,12 +331,12 @@ def _solve_stated(problem: Any) -> bool:
 
 
 def project(data: LeastSquares, region: PhysicalSet, **options: Any) -> FeasibleEstimate:
-    """Parameters of a real robot nearest to the data, once.
+    """Return the physically consistent parameters nearest to the data, once.
 
     Parameters
     ----------
     data : LeastSquares
-        What the data say.
+        The loss of the data.
     region : PhysicalSet
         What is possible.
     **options
@@ -342,13 +345,13 @@ def project(data: LeastSquares, region: PhysicalSet, **options: Any) -> Feasible
     return Projection(region, **options).solve(data)
 
 
-# The nearest real robots under a CAD prior of falling weight, by Newton's method.
+# The nearest physically consistent values under a CAD prior of falling weight, by Newton's method.
 #
 # The divergence keeps bodies inside their cones by itself, so that only rows (signs and bounds)
-# need multipliers, as in an interior-point method. That takes milliseconds, a tenth of what a
-# general solver does. The way to a light weight leads along the optima of heavier ones, as that of
-# an interior point does: a path of weights costs little more than its last one. Under a weight that
-# is next to nothing, and without one, bodies lie at the edges of their cones: the general solver is
+# need multipliers, as in an interior-point method. That takes milliseconds, a tenth of the time of
+# a general solver. The way to a light weight leads along the optima of heavier ones, as that of an
+# interior point does: a path of weights costs little more than its last one. Under a weight that is
+# next to nothing, and without one, bodies lie at the edges of their cones: the general solver is
 # asked.
 
 
@@ -359,11 +362,12 @@ STEPS = 40
 #: Share of the way to the edge that one step goes.
 EDGE: Tolerance = 0.95
 
-#: Each step asks for this share of what the products of slack and multiplier are, and of the
-#: weight, which begins at the size of the cost and ends at the prior's.
+#: Each step reduces the products of slack and multiplier to this share, and the weight as well. The
+#: weight begins at the size of the cost and ends at the prior's.
 LESS: Tolerance = 0.1
 
-#: Rows and columns of the lower triangle of a body, and what makes its squares those of the whole.
+#: Rows and columns of the lower triangle of a body, and the factors that make its squares those of
+#: the whole.
 ROW, COLUMN = np.tril_indices(4)
 TWICE = np.where(ROW == COLUMN, 1.0, np.sqrt(2.0))
 LOWER = 4 * ROW + COLUMN
@@ -372,7 +376,7 @@ LOWER = 4 * ROW + COLUMN
 def follow(
     program: Program, region: PhysicalSet, maps: Array, weights: Sequence[float], near: float = 0.0
 ) -> Iterator[Optimum]:
-    """Yield the optimum under each weight of the prior, as far as they are reached.
+    """Yield the optimum under each weight of the prior, as long as the solver reaches it.
 
     Parameters
     ----------
@@ -383,7 +387,7 @@ def follow(
     weights : sequence of float
         Of the prior [σ²], the heaviest first.
     near : float
-        How near optima are in cost [σ²]; the solver's own where that is less.
+        Tolerance of the cost [σ²]; the solver's tolerance if that is smaller.
     """
     cone = maps @ program.along
     start = maps @ program.free
@@ -449,7 +453,7 @@ def _divergence(cone: Array, J: Array, weight: float) -> tuple[Array, Array]:
     Parameters
     ----------
     cone : (nb, 16, q)
-        How z changes the bodies.
+        Derivative of the bodies by z.
     J : (nb, 4, 4)
         Bodies.
     weight : float [σ²]

@@ -1,4 +1,4 @@
-"""Inertial parameters of a body as a 4×4 pseudo-inertia matrix, and what is wrong with it.
+"""Inertial parameters of a body as a 4×4 pseudo-inertia matrix, and checks of it.
 
 The ten parameters ``[Ixx Ixy Ixz Iyy Iyz Izz mx my mz m]`` (tensor entries, ``Ixy = -∫xy dm``,
 about the origin of the body frame) belong to a real mass distribution exactly when the matrix
@@ -92,7 +92,7 @@ def entry_scale(mass: Array, length: Array) -> Array:
 
 
 def natural_scale(theta: ArrayLike) -> tuple[Array, Array]:
-    """Mass and length by which bodies may be compared: their own mass and radius of gyration.
+    """Mass and length scales for the comparison of bodies: their mass and radius of gyration.
 
     A body without mass or extent falls back to 1 kg and 0.1 m, so that the scale is never zero.
 
@@ -130,12 +130,12 @@ def margin(theta: ArrayLike, mass: ArrayLike = 1.0, length: ArrayLike = 0.1) -> 
 
 
 def check_body(theta: ArrayLike, name: str) -> str:
-    """Say why the parameters of one body belong to no mass distribution; nothing if they do.
+    """State why the parameters of one body belong to no mass distribution; nothing if they do.
 
     Parameters
     ----------
     theta : (10,) [kg m², kg m, kg]
-        A body exists whose margin in its own scale (`natural_scale`) is at least −`BOUNDARY`.
+        A body is possible if its margin in its scale (`natural_scale`) is at least −`BOUNDARY`.
     name : str
     """
     values = np.asarray(theta, float)

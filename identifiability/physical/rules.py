@@ -1,4 +1,4 @@
-"""`Rules`: limits and scales by which it is judged whether bodies can exist."""
+"""`Rules`: limits and scales of the tests for physical consistency."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from identifiability.foundation.values import frozen
 
 @frozen
 class Rules(RuleTable):
-    """Limits and scales by which it is judged whether bodies can exist."""
+    """Limits and scales of the tests for physical consistency."""
 
     body_within: Annotated[float, "bodies of the file are within this share, by hand"] = 0.2
     densest: Annotated[

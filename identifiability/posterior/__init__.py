@@ -3,8 +3,8 @@
 What to use when:
 
 - `target.Target` states the posterior: data, `Prior`, physical set, autocorrelation;
-- `ensemble.sample_posterior` draws from it with emcee, and `diagnostics.diagnose_convergence` says
-  whether the draws may be shown;
+- `ensemble.sample_posterior` draws from it with emcee, and `diagnostics.diagnose_convergence`
+  decides whether the draws may be shown;
 - `diagnostics.measure_prior_sensitivity` asks whether the likelihood decides, or the prior at an
   edge;
 - `exact.ExactSampler` walks without emcee;

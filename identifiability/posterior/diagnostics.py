@@ -22,16 +22,16 @@ from .rules import RULES, Thresholds
 
 # Does the likelihood decide, or the density that the prior happens to have at the edge?
 #
-# What may not be negative has a flat prior up to the edge, and bodies have one up to those that
-# could not exist. That density is nobody's knowledge: flat in the square root of an inertia is as
-# good a choice as flat in the inertia. Far from the edge it does not matter. Near one it does, and
-# where many meet (rotors of which the file says nothing, thin bodies) a flat prior has next to
-# nothing of its volume in the corner and takes other values, which are no edge themselves, along.
+# Nonnegative parameters have a flat prior up to the edge, and bodies up to the limit of physical
+# consistency. That density is nobody's knowledge: flat in the square root of an inertia is as good
+# a choice as flat in the inertia. Far from the edge it does not matter. Near one it does, and where
+# many meet (rotors of which the file says nothing, thin bodies) a flat prior has next to nothing of
+# its volume in the corner and takes other values, which are no edge themselves, along.
 #
-# So a posterior is asked what it would be under priors that differ by powers of the distances to
-# the edges. To first order a mean moves by its covariance with the logarithm of what the prior is
-# multiplied by [Gustafson 1996; Kallioinen 2024]: the draws at hand answer, and none is weighed
-# anew. Intervals get room for that much; where it is more than `prior_sensitivity` none is stated.
+# So the posterior is computed under priors that differ by powers of the distances to the edges. To
+# first order a mean moves by its covariance with the logarithm of the factor of the prior
+# [Gustafson 1996; Kallioinen 2024]: the draws at hand answer, and none is weighed anew. Intervals
+# get room for that much; where it is more than `prior_sensitivity` none is stated.
 
 
 def log_distances(region: PhysicalSet, phi: Array) -> Array:
@@ -58,7 +58,7 @@ def log_distances(region: PhysicalSet, phi: Array) -> Array:
 
 
 def measure_prior_sensitivity(draws: Array, logs: Array) -> Array:
-    """Return how far means may move under other priors, in standard deviations of the draws.
+    """Return the shift of means under other priors, in standard deviations of the draws.
 
     The worst of all priors that differ by `prior_power`. Ensembles are independent, so that
     products of two of them carry no square of their Monte-Carlo error.
@@ -67,7 +67,7 @@ def measure_prior_sensitivity(draws: Array, logs: Array) -> Array:
     ----------
     draws : (E, K, N, m)
     logs : (E, K, N, e)
-        What `log_distances` says of the same draws.
+        Result of `log_distances` for the same draws.
 
     Returns
     -------
@@ -173,7 +173,7 @@ def diagnose_convergence(
 def may_suffice(draws: Array, thresholds: Thresholds | None = None) -> bool:
     """Whether draws (E, K, N, p) are worth the full diagnosis: by their autocorrelation time.
 
-    Parameters that never move are not asked.
+    Parameters that never move are left out.
     """
     limits = thresholds or Thresholds()
     chains = draws.reshape(-1, *draws.shape[2:])

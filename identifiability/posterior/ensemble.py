@@ -73,7 +73,7 @@ def sample_posterior(
         Budget: straight pieces of the longest path, summed over all steps. It counts work and not
         time, so that the same seed gives the same draws on a busy machine.
     enough : callable, optional
-        Asked of the posterior so far, after every `ROUND` draws of a walker.
+        Called with the posterior so far, after every `ROUND` draws of a walker.
     progress : callable, optional
         Called with the number of steps done and to do.
 
@@ -123,7 +123,7 @@ def _spread(sampler: ExactSampler, eta: Array, walkers: int, rng: np.random.Gene
 def _exact_move(sampler: ExactSampler, rng: np.random.Generator) -> Any:
     """Return the exact transition as a proposal, which counts the `pieces` of its paths.
 
-    emcee brings all of scipy.stats along, which nothing else of an analysis needs.
+    emcee imports all of scipy.stats, which nothing else of an analysis needs.
     """
     from emcee.moves import MHMove  # noqa: PLC0415
 

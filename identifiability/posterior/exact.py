@@ -214,11 +214,11 @@ def positive(J: Array) -> np.ndarray:
 
 # Exact draws from a Gaussian inside a convex region: Hamiltonian Monte Carlo with hard walls.
 #
-# A particle flies straight, is kicked by the slope of the density at equal times (leapfrog), and
-# is reflected where it meets the boundary [Afshar 2015]; what the kicks get wrong, the Metropolis
-# rule corrects. Straight paths leave a cone by 4×4 eigenvalues, and velocities may have any scale:
-# with that of the posterior and its boundary, a narrow corner reflects no more often than a wide
-# one. (Between kicks that are exact [Pakman 2014] the path is a circle and the scale that of the
+# A particle flies straight, is kicked by the slope of the density at equal times (leapfrog), and is
+# reflected where it meets the boundary [Afshar 2015]; the Metropolis rule corrects the errors of
+# the kicks. Straight paths leave a cone by 4×4 eigenvalues, and velocities may have any scale: with
+# that of the posterior and its boundary, a narrow corner reflects no more often than a wide one.
+# (Between kicks that are exact [Pakman 2014] the path is a circle and the scale that of the
 # Gaussian alone: up to 230 reflections a draw on seven robots, for 30 here, and each costs more.)
 #
 # Many chains run at once, as rows of the arrays. `cone.Cone` is the region and finds the first
@@ -340,9 +340,8 @@ class Flight:
 # The middle of a posterior with its boundary, and how wide it is there.
 #
 # Both come from the density times a logarithmic barrier [Nesterov 1994]. Where the data push
-# against the boundary at a rate d the barrier's optimum is 1/d away from it and 1/d wide, and so
-# is the posterior; between two walls it is in the middle and a third of the gap wide. No draws are
-# needed.
+# against the boundary at a rate d the barrier's optimum is 1/d away from it and 1/d wide, like the
+# posterior; between two walls it is in the middle and a third of the gap wide. No draws are needed.
 
 
 #: Newton's method stops when it may still gain this much of the logarithm of the density, and
@@ -504,8 +503,9 @@ def build_sampler(target: Target) -> ExactSampler:
     entries = matrices[:, UPPER].reshape(-1, target.size)
     m = len(target.region.rows)
     both = np.vstack([target.region.rows, entries])
-    # What rounding takes outside is inside: rows and diagonals of matrices have this much room.
-    # How far outside is inside, as a share of what a prior standard deviation changes.
+    # Points that are outside by rounding count as inside: rows and diagonals of matrices have this
+    # tolerance. How far outside is inside, as a share of the change by one prior standard
+    # deviation.
     room = TINY * np.abs(both) @ target.proper_prior.sd
     room[m:] *= np.tile(UPPER % 5 == 0, len(entries) // 10)
     room[:m] -= target.region.least

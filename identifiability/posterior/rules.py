@@ -1,4 +1,4 @@
-"""`Thresholds` of posteriors, and `Rules`: limits and scales of what is believed."""
+"""`Thresholds` of posteriors, and `Rules`: limits and scales of posteriors."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from identifiability.foundation.values import frozen
 
 @frozen
 class Thresholds(RuleTable):
-    """What a posterior must satisfy to be shown."""
+    """Conditions under which a posterior is shown."""
 
     rhat: Annotated[
         float, "largest nested R-hat [Vehtari 2021; Margossian 2024] of all, literature"
@@ -23,7 +23,7 @@ class Thresholds(RuleTable):
 
 @frozen
 class Rules(RuleTable):
-    """Limits and scales of what is believed after the logs."""
+    """Limits and scales of priors and posteriors."""
 
     prior_power: Annotated[
         float, "powers differ by so much: from flat to flat in the root, literature"

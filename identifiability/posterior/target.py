@@ -1,6 +1,6 @@
 """The posterior of the parameters, in the coordinates where its Gaussian is diagonal.
 
-A `Prior` is what the user knew before the data: a normal distribution per parameter.
+A `Prior` states the user's knowledge before the data: a normal distribution per parameter.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from identifiability.foundation.values import frozen
 from identifiability.physical.fitted_model import Fixed, LeastSquares, PhysicalSet
 from identifiability.physical.pseudo_inertia import THIN
 
-# What the user knew before the data: a normal distribution per parameter.
+# Prior knowledge of the user: a normal distribution per parameter.
 
 
 #: A body is at least this thick, as a share of its second moment, where a scale is taken from it.
@@ -47,13 +47,13 @@ class Prior:
 
     @classmethod
     def around(cls, phi: Array, bodies: np.ndarray, relative: float, floor: Array) -> Self:
-        """Around a nominal robot, each sd a share of the body's own scale.
+        """Prior around a nominal robot, with each sd a share of the body's scale.
 
-        Moments of inertia and the mass have their own size. Products of inertia and first moments
-        have the most that a body may have: ``√(Σxx Σyy)`` and ``√(m Σxx)`` with the second moment
-        Σ of the material along each axis. A scale alike along all axes would give a rod's prior
-        the width of a ball's: bodies that can exist, around a thin one, are then almost all
-        thicker, and that pulls what the data measure too (1.3 standard deviations on an arm).
+        Moments of inertia and the mass are their own scales. Products of inertia and first moments
+        have the most that a body may have: ``√(Σxx Σyy)`` and ``√(m Σxx)`` with the second moment Σ
+        of the material along each axis. An equal scale along all axes would give a rod's prior the
+        width of a ball's: around a thin body almost all possible bodies are then thicker. That
+        pulls the measured combinations too (1.3 standard deviations on an arm).
 
         Parameters
         ----------
@@ -86,9 +86,9 @@ class Prior:
 
 # The posterior of the parameters, in the coordinates where its Gaussian is diagonal.
 #
-# Likelihood: normal errors whose variance is unknown and marginalised, which leaves a Student-t in
-# ``‖R phi − z‖``, tempered by the integrated autocorrelation time (IACT) κ of the residual, since
-# n correlated samples weigh as n/κ independent ones. With ``v = κ σ²``:
+# Likelihood: normal errors whose variance is unknown and marginalised. This gives a Student-t in
+# ``‖R phi − z‖``, tempered by the integrated autocorrelation time (IACT) κ of the residual, since n
+# correlated samples weigh as n/κ independent ones. With ``v = κ σ²``:
 #
 # v | phi ~ InvGamma((ν + b) / 2, (‖R phi − z‖² + rss_min) / 2), ν = dof / κ, b = rank R phi | v ~
 # Normal (least squares × prior), restricted to the physical set
@@ -172,7 +172,7 @@ class Diagonal:
 
 @frozen
 class Target:
-    """The posterior: what the data say, what was known, what is possible.
+    """The posterior: the likelihood of the data, the prior, and the set of possible robots.
 
     Attributes
     ----------
@@ -186,7 +186,7 @@ class Target:
         Known noise variance of a sample; without it, it is marginalised.
     fixed : Fixed, optional
         Combinations of the p parameters that keep their k values, so that q = p − k coordinates are
-        left; `region` must not bound what is held by itself.
+        left; `region` must not bound parameters that are fixed individually.
     """
 
     data: LeastSquares
@@ -208,7 +208,10 @@ class Target:
 
     @cached_property
     def plane(self) -> tuple[Array, Array]:
-        """What is held: a point (p,) from the prior's mean [prior sd], and what is free (p, q)."""
+        """Plane of the fixed combinations, in scaled coordinates.
+
+        A point (p,) from the prior's mean [prior sd], and the free directions (p, q).
+        """
         prior = self.proper_prior
         fixed = self.fixed or Fixed.none(self.size)
         return Fixed(fixed.rows, fixed.value - fixed.rows @ prior.mean).span(prior.sd)
@@ -306,7 +309,7 @@ def _make_proper(data: LeastSquares, prior: Prior) -> Prior:
         )
     spread = np.linalg.norm(Vt.T / s, axis=1) / norms
     best = Vt.T @ ((U.T @ np.concatenate([data.z / data.unit, known * prior.mean])) / s) / norms
-    # A flat prior is a normal this many times wider than what data and other priors leave.
+    # A flat prior is a normal this many times wider than the data and other priors.
     return Prior(np.where(flat, best, prior.mean), np.where(flat, 1e4 * spread, prior.sd))
 
 

@@ -1,9 +1,9 @@
-"""What is wrong with logs: one registry of checks, in one order, with a ledger of what was done.
+"""Problems of logs: one registry of checks, in one order, with a ledger of their actions.
 
-A check is one function with a key, whose sentences stand in `foundation/findings.toml`; some change
-logs when they are read (`mends`), the others compare prepared logs with robot file, limits and
-physics. What each found or did is a `Finding`, of which `foundation.findings.ledger` makes
-the table.
+A check is one function with a key. Its sentences stand in `foundation/findings.toml`. Some checks
+change logs when they are read (`mends`). The others compare prepared logs with the robot file,
+limits and physics. Each observation or action is a `Finding`; `foundation.findings.ledger` makes a
+table of them.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""What is odd about prepared logs: torque in another unit, what holds a base.
+"""Checks of prepared logs: torque in another unit, the support of a base.
 
-And what the robot file says that cannot be, and joints that say nothing.
+They also find impossible values in the robot file, and joints without information.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def find_left_out_effects(logs: MeasuredLogs) -> list[Finding]:
 
 @check("unit", Does.EXPLAINS)
 def find_torque_scale(logs: MeasuredLogs) -> list[Finding]:
-    """Return torque whose size contradicts the file at all joints where it shows, most of them."""
+    """Return a finding if the scale of torque contradicts the file at every joint that shows it."""
     factors = measure_factors(logs) if logs.weighs else np.empty(0)
     share = factors[np.isfinite(factors)]
     most = np.log(RULES.unit_factor)
@@ -65,7 +65,7 @@ def find_torque_scale(logs: MeasuredLogs) -> list[Finding]:
 
 @check("joint_unit", Does.HINTS)
 def find_joint_unit(logs: MeasuredLogs) -> list[Finding]:
-    """Return each joint whose torque contradicts the file by a factor, where all others agree."""
+    """Return each joint whose torque contradicts the file by a factor, if all others agree."""
     factors = measure_factors(logs) if logs.weighs else np.empty(0)
     known = np.isfinite(factors) & (factors > 0)
     apart = np.abs(np.log(np.where(known, factors, 1.0)))
@@ -91,7 +91,7 @@ def find_joint_unit(logs: MeasuredLogs) -> list[Finding]:
 
 
 def measure_factors(logs: MeasuredLogs) -> Array:
-    """Return measured over predicted torque of each joint, (n,); NaN where it does not show."""
+    """Return measured over predicted torque of each joint, (n,); NaN if the data do not show it."""
     factors = np.full(len(logs.joints), np.nan)
     size = np.sqrt(np.mean(logs.predicted**2, 0))
     units = np.array(logs.robot.torque_units)
@@ -106,7 +106,7 @@ def measure_factors(logs: MeasuredLogs) -> Array:
 
 
 def _slope(predicted: Array, measured: Array, known: Array) -> float:
-    """Return the slope of measured on predicted torque, (N,) each; NaN where it does not show."""
+    """Return the slope of measured on predicted torque, (N,) each; NaN if data do not show it."""
     p = without(predicted, known)
     m = without(measured, known)
     length = float(np.linalg.norm(p))
@@ -180,7 +180,7 @@ def find_assembly(logs: MeasuredLogs) -> list[Finding]:
 
 @check("outside", Does.HINTS, always=True)
 def find_outside(logs: MeasuredLogs) -> list[Finding]:
-    """Return the bodies that were left out."""
+    """Return a finding on the bodies of the scene that were left out."""
     robot = logs.robot
     return [Finding("outside", robot.path.name, bodies=robot.outside)] if robot.outside else []
 
@@ -210,7 +210,7 @@ def find_beyond(logs: MeasuredLogs) -> list[Finding]:
 
 @check("still", Does.HINTS, always=True)
 def find_still(logs: MeasuredLogs) -> list[Finding]:
-    """Return the joints that stand still."""
+    """Return a finding on joints that never move."""
     surveys = [s.survey for s in logs.samples]
     idle = stands_still(surveys)
     rows = np.sum([s.rows for s in surveys], axis=0)
@@ -238,7 +238,7 @@ def find_still(logs: MeasuredLogs) -> list[Finding]:
 
 @check("unheld", Does.MISREADS)
 def find_unheld(logs: MeasuredLogs) -> list[Finding]:
-    """Return what measured forces carry where no contact is closed; nothing if it is the robot."""
+    """Return a finding if neither a closed contact nor a measured force carries the robot."""
     robot = logs.robot
     some = logs.motion
     fall = 0.0 if robot.base is None else float(np.linalg.norm(robot.base.gravity))
@@ -280,10 +280,11 @@ def weigh_rows(
     information: Information,
     estimator: Estimator,
 ) -> tuple[Information, str, Outliers | None]:
-    """Return the information with outliers weighed down; a sentence on them, and these.
+    """Return the information with outliers down-weighted, a sentence, and the outliers.
 
-    The sentence names what would have moved a value out of its interval. Residuals below the share
-    that moves no value are no outliers: a low-pass leaves some at the ends of a log without noise.
+    The sentence names the parameter that outliers would move most, if that is out of its interval.
+    Outliers with negligible residuals are ignored, because a low-pass leaves some at the ends of a
+    log without noise.
 
     Parameters
     ----------
@@ -312,14 +313,14 @@ def weigh_rows(
 def leave_out_rows(
     samples: Sequence[Dataset], found: Outliers, outputs: Sequence[Dataset] = ()
 ) -> tuple[Dataset, ...]:
-    """Return samples in which outlying stretches are no data, as where a joint stands.
+    """Return samples with zero weight in outlier segments, as at rest.
 
     Parameters
     ----------
     samples : sequence of Dataset
     found : Outliers
     outputs : sequence of Dataset, optional
-        The same logs, whose outputs are meant; by default their own.
+        Samples of the same logs whose outputs `found` refers to; by default `samples`.
     """
     out = []
     for k, (s, of) in enumerate(zip(samples, outputs or samples, strict=False)):
@@ -335,7 +336,7 @@ def leave_out_rows(
 
 
 def where_outlying(joints: Sequence[str], samples: Sequence[Dataset], found: Outliers) -> str:
-    """Return where the farthest outlier is, and how far from the model."""
+    """Return the place of the farthest outlier, and its distance from the model."""
     at, worst = divmod(int(found.beyond.argmax()), len(joints))
     log = samples[int(found.log[at])]
     new = (np.diff(found.log) != 0) | (found.first[1:] > found.last[:-1])

@@ -33,16 +33,16 @@ def find_magnitudes(logs: MeasuredLogs) -> list[Finding]:
 
 
 def is_magnitude(columns: Array, torque: Array, predicted: Array) -> bool:
-    """Return whether a torque of both signs leaves half of what a torque of one sign leaves.
+    """Return whether a signed torque has at most half the squared residual of an unsigned one.
 
     Parameters
     ----------
     columns : (N, p)
         Of the parameters of the model.
     torque : (N,) [N·m or N]
-        None of it is negative.
+        Torque without negative values.
     predicted : (N,) [N·m or N]
-        By the masses of the file: the signs from which the search starts.
+        Torque by the masses of the file. The search starts from its signs.
     """
     size = np.linalg.norm(columns, axis=0)
     Q, R = np.linalg.qr(columns[:, size > 0] / size[size > 0])
@@ -54,6 +54,6 @@ def is_magnitude(columns: Array, torque: Array, predicted: Array) -> bool:
 
 
 def residual_square(basis: Array, torque: Array) -> float:
-    """Return the sum of squares of torque (N,) beside an orthonormal basis (N, k)."""
+    """Return the sum of squared residuals of torque (N,) after projection on a basis (N, k)."""
     rest = torque - basis @ (basis.T @ torque)
     return float(rest @ rest)

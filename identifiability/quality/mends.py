@@ -1,7 +1,7 @@
-"""What can be mended in logs: it is mended when they are read, in the registry's order, and said.
+"""Correct logs when they are read, in the order of the registry, and report it.
 
-Torque and rows that stand still in motion, angles within one turn, single wrong samples, commands
-without torque, derivatives of another motion.
+The corrections concern stuck torque and repeated rows in motion, wrapped angles, outlying samples,
+commands without torque, and derivatives of another motion.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from .registry import Does, RawLogs, check, mend_each
 
 @mend_each("silent")
 def find_silent(log: Log) -> tuple[Log, list[Finding]]:
-    """Return a log, and where its torque was not measured: these equations are left out."""
+    """Report rows in which torque was not measured; the fit omits these equations."""
     gone = np.zeros(len(log.joints), int) if log.unmeasured is None else log.unmeasured.sum(0)
     lost = {j: n for j, n in zip(log.joints, gone.tolist(), strict=True) if n}
     if not lost:
@@ -48,7 +48,7 @@ def find_silent(log: Log) -> tuple[Log, list[Finding]]:
 
 @mend_each("stuck")
 def drop_stuck(log: Log) -> tuple[Log, list[Finding]]:
-    """Return a log without rows and torque that stand still in mid-motion, and what was found."""
+    """Return a log without stuck rows and stuck torque, and the findings."""
     if log.motion_alone or log.commanded or len(log) < RULES.stuck:
         return log, []
     # Of a long log no row is dropped.
@@ -82,9 +82,10 @@ def _find_unmeasured(log: Log, low: Array, high: Array) -> list[int]:
 
 
 def _find_stuck(log: Log, low: Array, high: Array) -> Iterator[tuple[int, int, int]]:
-    """Yield where torque stands still, but at a limit or with its joint: (joint, first, last).
+    """Yield runs of stuck torque, except at a limit or at rest: (joint, first, last).
 
-    What goes on by one step of its converter has turned, as torque does in the midst of a motion.
+    If torque then changes by one step of its converter, it was at an extremum. That happens in any
+    motion.
     """
     for k in np.flatnonzero(low < high).tolist():
         change = np.abs(np.diff(log.tau[:, k], append=np.inf))
@@ -135,7 +136,7 @@ def _drop_hung(log: Log) -> tuple[Log, list[Finding]]:
 
 
 def find_runs(x: Array) -> list[tuple[int, int]]:
-    """Return where values (N, c) stand still for longer than they usually do, as [first, last)."""
+    """Return runs of constant values (N, c) that are unusually long, as [first, last)."""
     changes = np.flatnonzero((np.diff(x, axis=0) != 0).any(1)) + 1
     edges = np.concatenate([[0], changes, [len(x)]])
     lengths = np.diff(edges)
@@ -149,7 +150,7 @@ def find_runs(x: Array) -> list[tuple[int, int]]:
 
 @mend_each("wraps")
 def unwrap_log(log: Log) -> tuple[Log, list[Finding]]:
-    """Return a log with the jumps of wrapped angles undone, and what was found."""
+    """Return a log with unwrapped angles, and the findings."""
     found = [find_wraps(x) for x in log.q.T]
     wraps = {j: w for j, w in zip(log.joints, found, strict=True) if w is not None}
     if not wraps:
@@ -174,7 +175,7 @@ def _undo(log: Log, origin: int, found: Sequence[Wraps | None]) -> Log:
 
 @mend_each("spikes")
 def mend_log(log: Log) -> tuple[Log, list[Finding]]:
-    """Return a log with its wrong samples replaced, and what was found; itself if nothing was."""
+    """Return a log with wrong samples replaced, and the findings; the log itself without any."""
     wrong = log.spikes
     if not wrong:
         return log, []
@@ -213,15 +214,15 @@ def _state_wrong(log: Log, wrong: Mapping[str, list[Spike]]) -> Finding:
 
 @check("commands", Does.MENDS)
 def compute_torque(logs: RawLogs) -> RawLogs:
-    """Compute torque of commands; how late they act is found, and said, when they are followed."""
+    """Compute torque from commands; rollouts also estimate and report their delay."""
     return logs if logs.torque is None else logs.having(logs.torque(logs.every))
 
 
 @check("contradictions", Does.MENDS)
 def drop_contradicting(logs: RawLogs) -> RawLogs:
-    """Leave out derivatives that contradict positions; where the given ones are asked for, say so.
+    """Leave out derivatives that contradict positions; only report them if they were requested.
 
-    Those of another unit or sign are left to be refused (`check_units`).
+    Derivatives of another unit or sign stay; `check_units` refuses them.
     """
     asked = logs.how is not None and logs.how.derivatives == "given"
     return logs.each(partial(_drop_contradictions, asked=asked))

@@ -45,16 +45,16 @@ class Recordings:
     hints : tuple of str
         Remarks on converted columns, repeated logs and repaired samples.
     later : tuple of mapping
-        Fitted logs by their place, with commands that act one standard deviation of the delay
-        later, log by log, or with gains that differ by one standard deviation.
+        Variants of the fitted logs, by their index. In each, the commands of one log act later by
+        one standard error of the delay, or gains differ by one standard error.
     rolled : servos.Rollouts or None
         The rollouts by which torque of commands was calibrated.
     verified_on : str
         The held-out motion in words, to follow "on".
     set_aside : bool
-        Whether nobody gave it: it was set aside.
+        Whether the program set it aside, because the user gave none.
     reading : reading.CarriedReading or None
-        Under which the columns stand here; None for the literal one.
+        The reading of the columns; None for the literal one.
     """
 
     fitted: tuple[Log, ...]
@@ -147,16 +147,16 @@ def read_recordings(
     ----------
     logs, validate : Logs
     known : Conventions, optional
-        Of the robot; by default logs are read as they are.
+        Conventions of the robot; by default logs are read literally.
     how : Preparation, optional
-        How they will be prepared: derivatives that contradict the positions are left out, unless
-        it asks for the given ones.
+        Their later preparation. Derivatives that contradict the positions are left out, unless it
+        requests the measured ones.
     commands : bool
         Whether logs may hold commands and no torque.
     learns : bool
         Whether a verb learns from their torque.
     torque : callable, optional
-        Makes torque of commands, if a verb learns from it.
+        Computes torque from commands, if a verb learns from it.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The registry of data-quality checks: what each looks at, in which order, and what follows."""
+"""The registry of data-quality checks: the input, the order and the consequence of each."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ F = TypeVar("F", bound=Find)
 
 
 class Does(StrEnum):
-    """What follows from what a check says."""
+    """The consequence of a check's finding."""
 
     MENDS = "it is mended when logs are read, and said"
     MISREADS = "columns are read as what they are not: no verdict stands"
@@ -47,13 +47,12 @@ class Check:
     Attributes
     ----------
     key : str
-        Of its sentences in `findings.toml`. Their order is that in which mends act, explanations
-        are asked, and all others are said.
+        Key of its sentences in `findings.toml`. The order of keys there is the order of
+        corrections, of explanations, and of all other findings.
     does : Does
     find : callable(MeasuredLogs) -> sequence of Finding, or callable(RawLogs) -> RawLogs
     always : bool
-        Whether it also looks at logs that have nothing to explain; what it says is of the robot
-        file, or of all logs together.
+        Whether it always runs. Its findings concern the robot file, or all logs together.
     """
 
     key: str
@@ -105,9 +104,9 @@ class RawLogs:
     how : Preparation or None
         How they will be prepared.
     torque : callable(logs) -> logs, or None
-        What makes torque of commands where a log has none of its own.
+        Computes torque from commands, for logs without torque.
     hints : tuple of Finding
-        What was mended.
+        Findings on corrections.
     """
 
     fitted: tuple[Log, ...]
@@ -122,7 +121,7 @@ class RawLogs:
         return [*self.fitted, *self.held_out]
 
     def having(self, every: Iterable[Log], hints: Iterable[str] = ()) -> RawLogs:
-        """Return the same of as many other logs, with what is said of them."""
+        """Return a copy with other logs of the same number, and with further hints."""
         logs = tuple(every)
         n = len(self.fitted)
         return replace(
@@ -139,7 +138,7 @@ class RawLogs:
 
 
 def mend_each(key: str) -> Callable[[F], F]:
-    """Register what mends each log by itself: it returns a log, and what it found."""
+    """Register a correction of single logs: it returns a log and its findings."""
 
     def decorate(change: F) -> F:
         check(key, Does.MENDS)(lambda logs: logs.each(change))
@@ -149,7 +148,7 @@ def mend_each(key: str) -> Callable[[F], F]:
 
 
 def mend(logs: RawLogs) -> RawLogs:
-    """Return logs with everything mended that can be, and each mend said."""
+    """Return logs with all corrections of the registry, and a finding for each."""
     for one in CHECKS:
         if one.does is Does.MENDS:
             logs = one.find(logs)
@@ -226,9 +225,9 @@ class MeasuredLogs:
 
     @cached_property
     def stated(self) -> Array:
-        """Torque by every value that the file states, friction and rotors too, (N, n).
+        """Return the torque by all values of the file, with friction and rotors, (N, n).
 
-        NaN at joints whose drive the file says nothing of.
+        It is NaN at joints without a drive in the file.
         """
         structure = self.structure
         W = structure.model.regressor(self.robot, self.motion)
@@ -238,14 +237,14 @@ class MeasuredLogs:
         return np.where(known, tau, np.nan)
 
     def ordinary(self, joint: int) -> Array:
-        """Return what any drive adds at a joint: friction, rotor inertia, offset, (N, 4)."""
+        """Return the columns of any drive at a joint: friction, rotor inertia, offset, (N, 4)."""
         v = self.motion.actuated_v[:, joint]
         a = self.motion.actuated_a[:, joint]
         return np.column_stack([np.ones(len(v)), v, np.sign(v), a])
 
 
 def without(x: Array, known: Array) -> Array:
-    """Return what is left of x (N, …) when known columns (N, k) are projected out."""
+    """Return the residual of x (N, …) after projection on known columns (N, k)."""
     size = np.linalg.norm(known, axis=0)
     Q, R = np.linalg.qr(known / np.where(size > 0, size, 1.0))
     kept = np.abs(np.diag(R)) > ROUNDOFF
@@ -256,16 +255,16 @@ def without(x: Array, known: Array) -> Array:
 
 @frozen
 class Oddities:
-    """What is odd about logs.
+    """The data-quality problems of logs.
 
     Attributes
     ----------
     hints : tuple of Finding
     explains : bool
-        Whether the first of them explains whatever else contradicts.
+        Whether the first of them explains all other contradictions.
     misread : bool
-        Whether it says that columns have the wrong sign, unit or joint: values found from them are
-        those of another robot.
+        Whether columns have the wrong sign, unit or joint, so that the values are those of another
+        robot.
     """
 
     hints: Strings = ()
@@ -274,9 +273,9 @@ class Oddities:
 
 
 def find_oddities(logs: MeasuredLogs, *, explained: bool = False) -> Oddities:
-    """Return what is odd about logs; one explanation is enough, if none is known.
+    """Return the data-quality problems of logs; one explanation is enough, if none is known.
 
-    What says that columns are misread is asked for all the same.
+    Checks for wrong columns run in any case.
     """
     beside = [x for c in CHECKS if c.does is Does.HINTS and not c.always for x in c.find(logs)]
     # Torque that servos made of commands has no column that could be another one.
@@ -290,5 +289,5 @@ def find_oddities(logs: MeasuredLogs, *, explained: bool = False) -> Oddities:
 
 
 def find_always(logs: MeasuredLogs) -> Strings:
-    """Return what is odd about the robot file, and about all logs together, also of silent ones."""
+    """Return the problems of the robot file and of all logs together, in every case."""
     return tuple(text for c in CHECKS if c.always for text in c.find(logs))

@@ -40,14 +40,14 @@ CORRECT_GEARS = 'Correct units in the log, or say side = "motor" and each ratio 
 
 @frozen
 class ReadingCandidates:
-    """The readings of some logs that are tried.
+    """Candidate readings of some logs.
 
     Attributes
     ----------
     logs : MeasuredLogs
     literal : Reading
     turns_gravity : bool
-        Whether torque without gravity can be told from torque with it.
+        Whether the data distinguish torque without gravity from torque with it.
     """
 
     logs: MeasuredLogs
@@ -82,7 +82,7 @@ class ReadingCandidates:
         return self.logs.joints
 
     def is_joint(self, joint: int) -> Array:
-        """Return where a joint is, (n,) bool."""
+        """Return a mask of one joint, (n,) bool."""
         return np.asarray(np.arange(len(self.names)) == joint)
 
     def single_joints(self) -> list[tuple[str, Array]]:
@@ -133,7 +133,7 @@ class ReadingCandidates:
         return list({order.tobytes(): order for order in orders}.values())
 
     def leg_orders(self) -> list[Array]:
-        """Return the orders of joints in which equal legs are permuted, (n,) int each."""
+        """Return the orders of joints that permute equal legs, (n,) int each."""
         legs = list_legs(self.logs.robot)
         if not 2 <= len(legs) <= LEGS:
             return []
@@ -172,7 +172,7 @@ class ReadingCandidates:
             )
 
     def geared(self) -> Iterator[Reading]:
-        """Yield torque of motors, each before its own gear, where the file's masses show that."""
+        """Yield torque of motors, each before its gear, if the file's masses show that."""
         if self.logs.robot.torque.gain or not find_torque_scale(self.logs):
             return
         factors = measure_factors(self.logs)
@@ -190,7 +190,7 @@ class ReadingCandidates:
     def offset(self) -> Iterator[Reading]:
         """Yield torque offsets that differ between logs.
 
-        Where the logs share the clock of a session, offsets are a function of its time instead.
+        If the logs share the clock of a session, offsets are a function of its time instead.
         """
         samples = self.logs.samples
         if len(samples) < 2 or has_session([s.motion for s in samples]):
@@ -264,11 +264,11 @@ class ReadingCandidates:
         )
 
     def _other(self, description: str, remedy: str, **changes: Any) -> Reading:
-        """Return the literal reading with some changes, what they are, and what to do."""
+        """Return the literal reading with some changes, their description, and the remedy."""
         return replace(self.literal, description=description, remedy=remedy, **changes)
 
     def _cycle(self, joints: tuple[int, ...]) -> Array:
-        """Return the order in which each of some joints has the column of the next, (n,) int."""
+        """Return the order that gives each of some joints the column of the next, (n,) int."""
         order = self.literal.order.copy()
         order[list(joints)] = np.roll(joints, -1)
         return np.asarray(order)

@@ -55,14 +55,14 @@ class ReadingEntry(BaseModel):
 
 @frozen
 class CarriedReading:
-    """A reading with the model in whose columns its fitted robot stands.
+    """A reading and the literal model, whose parameters describe its fitted robot.
 
     Attributes
     ----------
     reading : Reading
-        Without torque offsets: those of another log cannot be known.
+        The reading without torque offsets: those of another log are not known.
     structure : Structure
-        Of the literal reading.
+        Structure of the model under the literal reading.
     """
 
     reading: Reading
@@ -78,12 +78,12 @@ class CarriedReading:
 
     @staticmethod
     def of_entry(entry: ReadingEntry | None, robot: Robot) -> CarriedReading | None:
-        """Return the reading that JSON keeps; None for the literal one.
+        """Return the reading in an entry of JSON; None for the literal one.
 
         Raises
         ------
         ModelError
-            If it is none of this robot.
+            If it does not belong to this robot.
         """
         if entry is None:
             return None
@@ -114,7 +114,7 @@ class CarriedReading:
         return values | {"parameters": dict(pairs)}
 
     def turn(self, robot: Robot) -> Robot:
-        """Return a robot without gravity where all torque lacks it; models state a tilt."""
+        """Return a robot without gravity if all torque lacks it; the model states a tilt."""
         weightless = not self.reading.gravity.any()
         return self.reading.robot(robot) if weightless else robot
 
@@ -124,16 +124,16 @@ class CarriedReading:
         return np.column_stack([np.interp(times, log.t, column) for column in torque.T])
 
     def as_logged(self, times: Array, torque: Array, *, width: bool = False) -> Array:
-        """Return torque of the joints as the columns of a log have it, (N, n).
+        """Convert torque of the joints to the columns of a log, (N, n).
 
         Parameters
         ----------
         times : (N,) [s]
-            Of one log.
+            Times of one log.
         torque : (N, n) [N·m or N]
-            Without what the columns lack; or half widths of its intervals.
+            Torque without the part that the columns lack; or half widths of its intervals.
         width : bool
-            Whether it is the latter, which have no sign.
+            Whether `torque` holds half widths, which have no sign.
         """
         reading = self.reading
         factors = np.abs(reading.factor) if width else reading.factor
@@ -146,16 +146,17 @@ class CarriedReading:
         return columns
 
     def known_as_logged(self, times: Array, known: Array) -> Array:
-        """Return where the columns of a log are known, (N, n) bool.
+        """Return a mask of known values in the columns of a log, (N, n) bool.
 
-        A column that is late has the torque of earlier samples. Before the log none is known.
+        A delayed column has the torque of earlier samples. Before the start of the log none is
+        known.
 
         Parameters
         ----------
         times : (N,) [s]
             Of one log.
         known : (N, n) bool
-            Where torque of the joints is known.
+            Mask of known torque of the joints.
         """
         columns = np.empty_like(known)
         for j, column in enumerate(self.reading.order.tolist()):
@@ -173,7 +174,8 @@ class CarriedReading:
     ) -> list[Finding]:
         """Return one finding for each log that the model fits better as its columns are named.
 
-        Values are those of the result. Only what gravity adds to the literal model is fitted.
+        Values are those of the result. Only the values that another gravity adds to the literal
+        model are fitted.
 
         Parameters
         ----------
@@ -199,7 +201,7 @@ class CarriedReading:
         return found
 
     def _literal_model(self, structure: Structure, base: Array) -> tuple[Structure, Array, Array]:
-        """Return the model under the file's gravity, its values, and what is free in them."""
+        """Return the model under the file's gravity, its values, and their free directions."""
         texts = [text for text in structure.model.texts if not text.startswith(GravityTilt.name)]
         literal = Structure.of(self.structure.robot, Model.of(*texts))
         common = [name for name in literal.columns if name in structure.columns]
@@ -212,7 +214,7 @@ class CarriedReading:
 
 
 def _relative_error(structure: Structure, samples: Dataset, base: Array, free: Array) -> float:
-    """Return the error of a model along one log, over each joint's torque (rms).
+    """Return the error of a model along one log, relative to each joint's torque (rms).
 
     Parameters
     ----------

@@ -240,7 +240,7 @@ class TorqueRows:
     def count(self, reading: Reading) -> Array:
         """Return the number of independent rows of each log column under a reading, (n,).
 
-        Rows that base parameters and smooth functions use up say nothing.
+        Rows that base parameters and smooth functions use up do not count.
         """
         gravity, (value, _) = self.weights(reading), self.solve(reading, adjusted=True)
         residuals = []

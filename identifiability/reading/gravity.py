@@ -1,4 +1,4 @@
-"""The direction of gravity that fits the torque best: other bodies act where a base is tilted."""
+"""Fit the direction of gravity: a tilted base loads the bodies differently."""
 
 from __future__ import annotations
 

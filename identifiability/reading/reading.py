@@ -64,7 +64,7 @@ class Reading:
     error_ratio : float
         Error of the model under this reading over that under the literal reading.
     verification : Verification or None
-        What rows say that did not choose its numbers; None of the literal reading.
+        Result on rows that did not choose its numbers; None for the literal reading.
     """
 
     description: str
@@ -101,7 +101,7 @@ class Reading:
 
     @property
     def holds(self) -> bool:
-        """Whether it is used: rows that did not choose its numbers confirm it."""
+        """Return whether it is used: rows that did not choose its numbers confirm it."""
         return self.verification is not None and self.verification.holds
 
     @property

@@ -129,8 +129,8 @@ class ReadingSearch:
     def compare_rows(self, reading: Reading) -> tuple[TorqueRows, TorqueRows]:
         """Return the rows of the literal motion and of a reading's.
 
-        Both are without the smooth functions of both motions: else the reading gains by other
-        functions of what the model lacks.
+        The smooth functions of both motions are projected out of both. Else the reading would gain
+        because its functions explain other effects that the model lacks.
         """
         rows = self.rows_of(reading)
         return self.rows.beside(rows), rows.beside(self.rows)
@@ -219,7 +219,7 @@ class ReadingSearch:
         return describe_numbers(tuned)
 
     def complete(self, reading: Reading) -> Reading:
-        """Return a reading with what `Reading.read` needs: offsets, or the robot that is added."""
+        """Return a reading with the data that `Reading.read` needs: offsets, or the added robot."""
         if reading.separate_offsets:
             return self._fit_offsets(reading)
         if not reading.compensated.any():
@@ -227,7 +227,7 @@ class ReadingSearch:
         return replace(reading, parameters=self._fit_robot(reading))
 
     def _fit_offsets(self, reading: Reading) -> Reading:
-        """Return a reading with the offsets of each log, and say where they differ most."""
+        """Return a reading with the offsets of each log, and describe the largest difference."""
         offsets = self._offsets_by_log()
         offsets = offsets - offsets.mean(0)
         sd = offsets.std(0, ddof=1)
@@ -243,7 +243,7 @@ class ReadingSearch:
     def _offsets_by_log(self) -> Array:
         """Return the torque offset of each joint in each log, (L, n) [N·m or N].
 
-        Rows are whitened: noise of derivatives says little of levels.
+        Rows are whitened, because noise of derivatives hardly affects levels.
         """
         excerpt = self.rows.excerpt
         constant = self.rows.constant
@@ -256,7 +256,7 @@ class ReadingSearch:
         return np.asarray(value[columns:].reshape(joints, logs).T)
 
     def _fit_robot(self, reading: Reading) -> Array:
-        """Return the standard parameters (p,) that fit; the file's where the rows tell nothing."""
+        """Return the fitted standard parameters (p,); the file's where rows give no information."""
         rows = self.rows
         value, share = rows.solve(reading, adjusted=False)
         variance = share * rows.variation * rows.counts / rows.count(reading)
@@ -311,7 +311,7 @@ class ReadingSearch:
     # Step 4: other rows.
 
     def verify(self, reading: Reading) -> Verification:
-        """Return what each of two parts of the rows says of numbers that the other one chose."""
+        """Return how numbers chosen by each half of the rows fit the other half."""
         plain, moved = self.compare_rows(reading)
         independent = moved.count(reading) / np.maximum(moved.counts, 1)
         parts = list(zip(plain.halves(), moved.halves(), strict=True))
@@ -355,7 +355,7 @@ def tune_numbers(rows: TorqueRows, reading: Reading) -> Reading:
 
 
 def thin_samples(logs: MeasuredLogs) -> tuple[Dataset, ...]:
-    """Return every so many samples of each log, in all as many as an excerpt has rows."""
+    """Return every k-th sample of each log, in total as many rows as an excerpt."""
     most = excerpt_size(logs.structure)[0]
     count = len(logs.samples)
     steps = [max(1, len(s.tau) * count // most) for s in logs.samples]

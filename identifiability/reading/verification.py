@@ -1,9 +1,9 @@
-"""`Verification`: rows that did not choose the numbers of a reading say whether it holds.
+"""`Verification`: a test of a reading on rows that did not choose its numbers.
 
 Blocks of all fitted logs form two parts. Each part chooses the numbers of the reading, and the
-other part keeps only these numbers: base parameters are fitted again, beside smooth functions of
-the motion. An effect that the model lacks is such a function. It repeats in both parts, and must
-not vote.
+other part keeps only these numbers. It fits the base parameters again, together with smooth
+functions of the motion. An effect that the model lacks is such a function. It repeats in both
+parts, so it must not count as evidence.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from .rules import RULES
 
 @frozen
 class Verification:
-    """How much a reading gains on rows that did not choose its numbers.
+    """Gain of a reading on rows that did not choose its numbers.
 
     Attributes
     ----------

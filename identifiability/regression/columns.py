@@ -21,7 +21,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.prepare.dataset import Piece
 from identifiability.robot import Motion, Robot
 
-#: What a model has where: families with their places.
+#: Effects of a model by place: families with their places.
 Present = Collection[tuple[str, str]]
 #: Why a family is not tried where it is.
 HAS = "the model has it already"
@@ -111,7 +111,7 @@ def list_candidates(
             continue
         for place in family.places(robot):
             known = (family.name, place) in present
-            # What is added to a level that is there may be of either sign.
+            # A correction to a level of the model may be of either sign.
             free = known or bool(family.effect.supersedes)
             reason = HAS if known and not fixed else family.refuse(robot, place)
             if reason:
@@ -158,7 +158,7 @@ def _at_place(robot: Robot, family: Family, span: Span, column: int, free: bool)
 
 
 def _apart(kinds: Sequence[str]) -> list[tuple[str, ...]]:
-    """Return kinds by what stands before their number."""
+    """Group consecutive kinds that differ only in their number."""
     names = groupby(kinds, key=lambda kind: kind.rstrip("0123456789"))
     return [tuple(own) for _, own in names]
 
@@ -175,7 +175,7 @@ def number(candidates: Sequence[Candidate]) -> list[Candidate]:
 def compute_entries(
     robot: Robot, parts: Sequence[tuple[Part, Sequence[int]]], pieces: Sequence[Piece]
 ) -> Entries:
-    """Return the torque of parts of effects along logs, after decimation, without what is zero.
+    """Return the nonzero torque of parts of effects along logs, after decimation.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""`Information`: all that a regression says about its parameters, independent of its length.
+"""`Information`: the compressed content of a regression, independent of its length.
 
-`ActuatorBlocks` hold what the rows of one actuator say, over the columns that it can see.
+`ActuatorBlocks` hold the rows of one actuator, compressed, over the columns that act in it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from identifiability.logs.prepare.dataset import Dataset
 from .regression import Chunk, LogPart, Regression, map_parts
 from .structure import random_motion
 
-# `ActuatorBlocks`: what the rows of one actuator say, over the columns that it can see.
+# `ActuatorBlocks`: the compressed rows of one actuator, over the columns that act in it.
 #
 # In a tree the torque of a joint depends on the bodies that it moves alone, so most entries of a
 # Gram matrix over all columns would be zeros; and a block of few samples is smaller as rows than
@@ -32,7 +32,7 @@ from .structure import random_motion
 
 @frozen
 class ActuatorBlocks:
-    """Blocks of one actuator's ``[W τ]`` in a basis of its own.
+    """Blocks of one actuator's ``[W τ]`` in a separate basis.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class ActuatorBlocks:
     basis : (r, v + 1) or None
         ``[W τ] = Z basis`` over these columns and the torque; None where Z are these themselves.
     blocks : (B, m, r)
-        Rows Z of each block, filled up with zeros, or a factor of as many columns.
+        Rows Z of each block, padded with zeros, or a factor of as many columns.
     sums : (B, r)
         Sum of the rows Z of each block, which tells what slow noise does.
     """
@@ -64,7 +64,7 @@ class ActuatorBlocks:
 
     @cached_property
     def sums_made(self) -> dict[Any, Any]:
-        """Sums of these blocks that were asked for, of all that is reduced from them."""
+        """Sums of these blocks that were computed, shared by all reductions of them."""
         return {}
 
     @property
@@ -84,8 +84,8 @@ class ActuatorBlocks:
         k, m = np.subtract(map_.shape, 1)
         columns = np.flatnonzero(map_[self.columns, :m].any(0))
         basis = self.coordinates @ map_[np.ix_([*self.columns, k], [*columns, m])]
-        # Blocks stay in a basis that is larger than what is asked of them by up to this
-        # factor: to turn all of them costs more than to look at them many times.
+        # Blocks stay in a basis that is larger than the requested columns by up to this factor: to
+        # turn all of them costs more than to look at them many times.
         if len(basis) > 1.25 * basis.shape[1]:
             Q, basis = np.linalg.qr(basis)
             return ActuatorBlocks(columns, basis, self.blocks @ Q, self.sums @ Q)
@@ -121,14 +121,14 @@ class ActuatorBlocks:
 def factor_each(grams: Array) -> Array:
     """Return a factor of each of some products (B, r, r) of columns about at right angles."""
     r = grams.shape[1]
-    # What is below is rounding of the products.
+    # Values below are rounding of the products.
     least = TINY**1.25 * np.trace(grams, axis1=1, axis2=2) + 1e-300
     raised = grams + least[:, None, None] * np.eye(r)
     return np.linalg.cholesky(raised).swapaxes(1, 2)
 
 
 class _Blocks:
-    """What is gathered of consecutive blocks.
+    """Accumulate the sums of consecutive blocks.
 
     Rows, or a triangular factor of them where the longest block has more than there are columns.
     """
@@ -193,7 +193,7 @@ def _merge(held: Array, first: int, blocks: Iterable[Array]) -> None:
 
 
 def _condition(columns: np.ndarray, blocks: Array, sums: Array) -> ActuatorBlocks:
-    """Return blocks in a basis in which columns have about unit length and right angles."""
+    """Return blocks in a basis whose columns have about unit length and right angles."""
     R = triangular_factor(blocks.reshape(-1, blocks.shape[2]))
     acts = np.asarray(R[:, :-1].any(0))
     R = R[:, np.append(acts, True)]
@@ -209,11 +209,11 @@ def _condition(columns: np.ndarray, blocks: Array, sums: Array) -> ActuatorBlock
 # `Information`: all that a regression says about its parameters, independent of its length.
 #
 # The sufficient statistic of the linear model per block of time and per actuator: factors of
-# ``[W τ]`` (or the rows themselves while they are fewer), over the columns that the actuator can
-# see and in a basis that makes them well conditioned. A basis is a triangular factor of all rows of
-# the actuator, so ``[W τ] basis⁻¹`` has columns of about unit length and right angles, and nothing
-# is lost by squaring sums over blocks (Gram matrices of the rows would lose half the digits).
-# Factors of blocks are merged, so chunks, files and processes make one.
+# ``[W τ]`` (or the rows themselves while they are fewer). They have the columns that act in the
+# actuator, in a basis that makes them well conditioned. A basis is a triangular factor of all rows
+# of the actuator, so ``[W τ] basis⁻¹`` has columns of about unit length and right angles. So sums
+# of squares over blocks lose no digits (Gram matrices of the rows would lose half of them). Factors
+# of blocks are merged, so chunks, files and processes make one.
 #
 # What to use when: `factor` is the loss of least squares for programs and posteriors, `products`
 # are for folds and resampling, ``+`` for logs and workers, `joint` for instruments.
@@ -232,11 +232,11 @@ class Information:
     counts : (B,) int
         Samples in each block.
     data : (B, n) int
-        Those of them at which torque of an actuator is data: its joint does not dwell.
+        Number of rows with valid torque of each actuator: its joint does not dwell.
     log : (B,) int
         Which log a block comes from.
     instrumented : bool
-        Whether the parts hold ``[V W τ]``, with instruments V that stand for the k columns of W.
+        Whether the parts hold ``[V W τ]``, with an instrument V for each of the k columns of W.
     prior : (d, k + 1) or None
         Rows ``[W τ]`` of no log: what is known of the values beforehand, weighed like noise.
     """
@@ -313,7 +313,10 @@ class Information:
 
     @cached_property
     def made(self) -> dict[Any, Any]:
-        """Some of what was made of the sums over all blocks: a fit asks for the same often."""
+        """Cache of quantities computed from the sums over all blocks.
+
+        Fits ask for the same quantities repeatedly.
+        """
         return {}
 
     @property
@@ -322,7 +325,7 @@ class Information:
 
     @cached_property
     def joint(self) -> Information:
-        """The information of ``[V W τ]``, of 2k columns: instruments, then those they stand for.
+        """The information of ``[V W τ]``, of 2k columns: instruments, then their columns.
 
         With its factor ``R``, ``(Vᵀ W)⁻¹ Vᵀ τ`` is ``R[:k, k:2k]⁻¹ R[:k, 2k]`` [Janot 2014].
         """
@@ -400,7 +403,7 @@ class Information:
         p = left.shape[1]
         both = zip(np.sqrt(weights), self.of_actuators(np.hstack([left, right])), strict=True)
         turned = [(part, weight * turn) for weight, (part, turn) in both]
-        # Rows of all actuators beside each other: one product a block, and not one for each.
+        # Rows of all actuators side by side: one product a block, and not one for each.
         own = sum(part.blocks[:1].nbytes for part in self.parts)
         for at in few_at_once(len(out), 2 * (out[:1].nbytes + own)):
             Z = np.concatenate([part.blocks[at] @ turn for part, turn in turned], axis=1)
@@ -434,7 +437,10 @@ class Information:
 
     @cached_property
     def _totals(self) -> list[tuple[Array, np.ndarray]]:
-        """Each actuator's products and where columns stand in them, last of all what it lacks."""
+        """Return the products of each actuator and where columns stand in them.
+
+        Absent columns come last.
+        """
         found = []
         for part in self.parts:
             columns = np.append(part.columns + self.size - self._width, self.size)
@@ -571,7 +577,7 @@ def gather_information(
 def _acting(regression: Regression) -> np.ndarray:
     """Return which columns act in which actuator at random states of the robot, (n, k) bool.
 
-    What acts along a measured motion only is met there.
+    Columns that act along a measured motion only are added there.
     """
     motion = random_motion(regression.robot, np.random.default_rng(0), 50)
     acts = np.asarray(regression.model.regressor(regression.robot, motion).any(0))

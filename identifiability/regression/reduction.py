@@ -1,8 +1,8 @@
 """Ladders of models: files in, models (`Submodel`) over base parameters out.
 
 Each model zeroes, ties or keeps base parameters of the one it starts from. Names are those of base
-parameters (the parameter that represents a group); in every list and in ``hold`` a pattern stands
-for all that fit it (``leg*_lower.Ixx``; ``*`` is any letters, ``?`` one). A model file
+parameters (the parameter that represents a group); in every list and in ``hold`` a pattern means
+all names that fit it (``leg*_lower.Ixx``; ``*`` is any letters, ``?`` one). A model file
 (``model.toml``) is a ladder of one model. ``docs/reference/ladders.md`` is written from the keys.
 """
 
@@ -37,12 +37,12 @@ from .structure import BaseParameters, Structure
 USUAL_EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
 #: The model that a log is analysed with when no ladder is given. An offset and one Coulomb level
-#: span what two levels do, and no sign is forbidden where a sensor is off by more than friction.
+#: span two levels, and no sign is forbidden where a sensor is off by more than friction.
 DEFAULT_EFFECTS = (*USUAL_EFFECTS, "torque_offset")
 
 
 def _held(value: Any) -> Any:
-    """Refuse what is neither a number nor the word, in one sentence instead of one for each."""
+    """Refuse any value that is neither a number nor "nominal", with one message."""
     number = isinstance(value, (int, float)) and abs(value) < LOG_RULES.largest
     if not number and value != "nominal":
         raise ValueError("give a finite number in SI units, or 'nominal'")
@@ -93,7 +93,7 @@ class LadderEntry(BaseModel):
 
 @runtime_checkable
 class HasLadder(Protocol):
-    """A result that is a model, such as that of `prune`."""
+    """A result that contains a model, such as that of `prune`."""
 
     def to_ladder(self) -> LadderEntry:
         """Return the model as a ladder of one model."""
@@ -105,7 +105,7 @@ LadderLike = Annotated[
 ]
 
 
-#: What one model is: for verbs that do not compare several.
+#: A single model: for verbs that do not compare several.
 ModelLike = Annotated[
     Model | HasLadder | Path | str | Sequence[str],
     Expected("a Model, a list of effects, the path of a model file or the result of prune"),
@@ -235,7 +235,7 @@ def default_ladder(robot: Robot) -> LadderEntry:
 
 
 def ladder_path(robot: Robot) -> Path | None:
-    """Return the ladder that stands beside the robot file, if there is one."""
+    """Return the path of the ladder in the folder of the robot file, if there is one."""
     beside = robot.path.with_name("ladder.toml")
     return beside if beside.is_file() else None
 
@@ -376,7 +376,9 @@ def build_ladder(entry: LadderEntry, structure: Structure) -> tuple[Submodel, ..
 
 
 def build_comparison(entry: LadderEntry, structure: Structure) -> tuple[Submodel, ...]:
-    """Return the models of a ladder below the unpruned model, which goes first if it is not there.
+    """Return the models of a ladder below the unpruned model.
+
+    The unpruned model is added if it is absent.
 
     Raises
     ------
@@ -426,9 +428,10 @@ def _build_submodel(item: ModelEntry, start: Submodel, structure: Structure) -> 
 def _find_columns(
     submodel: Submodel, texts: Sequence[str], where: str, grouped: Sequence[str] = ()
 ) -> list[str]:
-    """Return the parameters that names and patterns stand for, each once.
+    """Return the parameters that names and patterns match, each once.
 
-    A pattern may fit none but those that are `grouped` into others: at zero they leave these alone.
+    A pattern may fit only parameters that are `grouped` into others: at zero they leave these
+    alone.
     """
     found: dict[str, None] = {}
     for name in texts:
@@ -443,7 +446,7 @@ def _find_columns(
 
 
 def model_entry(submodel: Submodel, structure: Structure) -> ModelEntry:
-    """Return how a model stands in a ladder file, reduced from the base parameters in one step."""
+    """Return a model's entry in a ladder file, reduced from the base parameters in one step."""
     base = structure.base
     model = structure.model
     names = base.names
@@ -463,13 +466,13 @@ def model_entry(submodel: Submodel, structure: Structure) -> ModelEntry:
     )
 
 
-# Functions that were learned, beside the terms of the model that they contain.
+# Learned functions that contain terms of the model.
 #
 # Splines over the velocity of a joint contain its viscous and Coulomb friction, splines over its
-# position a spring: data never tell how a torque is shared among both. What follows here shares it
-# so that the terms do all that they can, and the function, orthogonal to them on the data, the
-# rest: the terms mean what they mean in a model without the function, and a robot file, which
-# holds terms and no functions, holds as much as it can.
+# position a spring: data never determine the shares of both. The code below gives the terms all
+# that they can explain, and the function, orthogonal to them on the data, the rest: the terms mean
+# what they mean in a model without the function, and a robot file, which holds terms and no
+# functions, holds as much as it can.
 
 
 def list_functions(structure: Structure) -> list[np.ndarray]:
@@ -482,7 +485,7 @@ def list_functions(structure: Structure) -> list[np.ndarray]:
 
 
 def leave_to_terms(structure: Structure, R: Array, phi: Array) -> Array:
-    """Return standard parameters (p,) of the same torque, in which functions do the least.
+    """Return standard parameters (p,) of the same torque, with functions as small as possible.
 
     Parameters
     ----------

@@ -66,7 +66,7 @@ class Model:
         return Model(()).with_effects(_read_effects(names))
 
     def with_effects(self, effects: Iterable[Effect]) -> Model:
-        """Return the model with more effects; what they supersede is left out."""
+        """Return the model with more effects; superseded effects are left out."""
         chosen = list(self.effects)
         for effect in effects:
             if any(e.name == effect.name for e in chosen):
@@ -98,7 +98,7 @@ class Model:
 
     @property
     def stage_key(self) -> tuple[Any, ...]:
-        """What two equal models have in common."""
+        """Key that is the same for equal models."""
         effects = (getattr(e, "stage_key", id(e)) for e in self.effects)
         return (*effects, *sorted(self.random.items()))
 
@@ -115,7 +115,7 @@ class Model:
         return {name: at for e in self.effects for name, at in e.shapes(robot).items()}
 
     def widths(self, robot: Robot) -> list[int]:
-        """Return how many columns each effect has."""
+        """Return the number of columns of each effect."""
         return [len(e.parameters(robot)) for e in self.effects]
 
     def regressor(self, robot: Robot, motion: Motion, widths: Sequence[int] | None = None) -> Array:
@@ -182,9 +182,8 @@ def _split_shape(text: str) -> tuple[str, float | tuple[float, ...] | None]:
 
 # Which samples of logs are looked at one by one: all of short logs, windows of long ones.
 #
-# Whatever is a sum over samples is taken from `Information`, over every sample. What is not (sizes
-# of errors, their memory, pictures) takes rows of the regressor, and 50,000 of them say it to a
-# percent or two.
+# Sums over samples come from `Information`, over every sample. Other quantities (sizes of errors,
+# their memory, pictures) take rows of the regressor, and 50,000 of them give a percent or two.
 
 
 #: Samples of all logs that are looked at one by one; of more only so many windows of so many
@@ -214,9 +213,9 @@ def choose_windows(
         k = np.arange(max(1, round(windows * count / total)))
         own = min(size, count)
         part = count / len(k)
-        # Each window lies this share of what is left of its part later than the one
-        # before, or as much earlier as it would leave the part: no period of a motion is
-        # met at the same phase each time.
+        # Each window lies this share of the rest of its part later than the one before, or as much
+        # earlier as it would leave the part: no period of a motion is met at the same phase each
+        # time.
         starts = (k * part + (((5**0.5 - 1) / 2) * k) % 1.0 * (part - own)).astype(int)
         out.append(np.stack([starts, starts + own], 1))
     return tuple(out)
@@ -236,8 +235,8 @@ def inside(windows: np.ndarray, start: int, stop: int) -> list[tuple[int, slice]
 #: Samples a chunk: the regressor of one chunk stays in the processor's cache.
 CHUNK = 1024
 
-#: Samples a piece in units of what a decimation filter draws on beside them, and what the columns
-#: of such a piece may take [bytes].
+#: Samples a piece in units of the margin of a decimation filter, and the memory for the columns of
+#: such a piece [bytes].
 REACHES, PIECE_BYTES = 12, 32_000_000
 
 
@@ -253,12 +252,12 @@ class Chunk:
         Output of that log at which they begin.
     W : (m, n, p)
     tau, raw : (m, n) [N·m or N]
-        Torque, low-passed like W where that was, and as it was measured.
+        Torque, low-passed if W is, and as measured.
     t : (m,) [s]
     velocity : (m, n) [rad/s or m/s]
         Of the actuated joints.
     instruments : (m, n, p) or None
-        What stands for W where W itself is noisy.
+        Instruments for W where W itself is noisy.
     data : (m, n) bool
         Where torque of each joint is data; elsewhere rows of W, instruments and torque are zero.
     """
@@ -298,7 +297,7 @@ class LogPart:
     regression : Regression
         Of this log or stretch alone.
     log : int
-        Which log of the whole regression.
+        Index of the log in the whole regression.
     start : int
         Output of that log at which the part begins.
     windows : (w, 2) int
@@ -368,9 +367,9 @@ class LogPart:
             yield Chunk(self.log, first, *what)
 
     def _pieces(self, samples: Dataset, widths: Sequence[int]) -> Iterable[Piece]:
-        """Return pieces of so many samples, or of as many as its columns allow."""
+        """Return pieces of a number of samples, or of as many as its columns allow."""
         most = PIECE_BYTES // (8 * len(self.regression.robot.actuated) * sum(widths))
-        # Beside few samples a strong filter would draw on many more, for each piece anew.
+        # With few samples, a strong filter would read many more around them, for each piece anew.
         reach = 1 if samples.decimation is None else samples.decimation.reach
         return samples.pieces(min(max(CHUNK, REACHES * reach), max(most, reach)))
 

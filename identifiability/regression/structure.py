@@ -59,7 +59,7 @@ class BaseParameters:
     ambiguous : bool
         Whether the number of kept columns and the numerical rank disagree.
     order : tuple of int
-        In which labels list the members of a group.
+        Order in which labels list the members of a group.
     """
 
     parameters: tuple[Parameter, ...]
@@ -84,7 +84,7 @@ class BaseParameters:
         s = self.singular_values / self.singular_values[0] if len(self.singular_values) else [0.0]
         last = float(s[self.rank - 1]) if self.rank else 0.0
         dropped = float(s[self.rank]) if self.rank < len(s) else 0.0
-        return last, round(dropped, 12)  # what is below is rounding
+        return last, round(dropped, 12)  # values below are rounding
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -172,7 +172,7 @@ def group_columns(
     parameters : sequence of Parameter
         Of the p columns.
     preference : sequence of int, optional
-        Columns in the order in which they should be kept; by default as they come.
+        Columns in the order of preference; by default as they come.
     """
     preference = list(range(W.shape[1])) if preference is None else list(preference)
     if W.shape[0] > W.shape[1]:
@@ -233,15 +233,15 @@ def find_base_parameters(
 
 
 def known_rows(C: Array, sd: Array) -> Array:
-    """Return rows R (d, b) about ``β = C x`` that say what is known of x, each of variance 1.
+    """Return rows R (d, b) about ``β = C x`` that state the prior of x, each of variance 1.
 
-    ``|R β|²`` is the least ``Σ (x/sd)²`` of all x that make β; what of x is random is ``sd R β``.
+    ``|R β|²`` is the least ``Σ (x/sd)²`` of all x that make β; the random part of x is ``sd R β``.
 
     Parameters
     ----------
     C : (b, p)
     sd : (p,)
-        Standard deviations of x about zero, infinite where nothing is known.
+        Standard deviations of x about zero, infinite without a prior.
     """
     random = np.isfinite(sd)
     if not random.any():
@@ -254,7 +254,7 @@ def known_rows(C: Array, sd: Array) -> Array:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Structure:
-    """A robot under a model; equal only to itself, so that what follows from it can be kept.
+    """A robot under a model; equal only to itself, so that computed properties can be cached.
 
     Attributes
     ----------
@@ -270,9 +270,9 @@ class Structure:
 
     @staticmethod
     def of(robot: Robot, model: Model) -> Structure:
-        """Return the structure with what `find_base_parameters` finds.
+        """Return the structure with the base parameters of `find_base_parameters`.
 
-        Of a model that says where gravity points the robot is one under that gravity.
+        If the model states where gravity points, the robot is turned accordingly.
         """
         robot = model.turn(robot)
         return Structure(robot, model, find_base_parameters(robot, model))
@@ -294,7 +294,10 @@ class Structure:
 
     @cached_property
     def present(self) -> frozenset[tuple[str, str]]:
-        """The model's effects by family and place; where one is, what it supersedes is too."""
+        """The model's effects by family and place.
+
+        An effect also counts as those that it supersedes.
+        """
         own = {(p.group, p.owner) for p in self.parameters}
         return frozenset(own).union(
             (name, place)
@@ -320,7 +323,7 @@ class Structure:
 
     @cached_property
     def known(self) -> Array:
-        """Rows about the base parameters that say how large the model's random ones are, (d, b)."""
+        """Rows of the prior on the model's random parameters, for the base parameters, (d, b)."""
         random = self.model.random
         return known_rows(self.G, np.array([random.get(p.name, p.sd) for p in self.parameters]))
 
@@ -331,7 +334,10 @@ class Structure:
 
     @cached_property
     def bodies(self) -> dict[str, str]:
-        """Bodies of the model, loads among them: how their parameters' names start, and a title."""
+        """Bodies of the model, loads among them.
+
+        The start of their parameters' names, and a title.
+        """
         known = {f"{b}.": b for b in self.robot.bodies}
         known |= {f"{b}.payload_": f"the payload of {b}" for b in self.robot.bodies}
         return {stem: title for stem, title in known.items() if f"{stem}m" in self.columns}
@@ -359,11 +365,11 @@ class Structure:
 
 
 def count_offsets(structure: Structure) -> Structure:
-    """Return a structure whose groupings count the torque offsets that no motion tells apart.
+    """Return a structure whose groupings count the torque offsets that no motion separates.
 
     Along an upright slide, weight and the force of a counterweight are both constant. A model
-    without the offset would call the mass alone identifiable. A structure whose offsets motion
-    tells apart is returned as it is.
+    without the offset would call the mass alone identifiable. A structure whose offsets are
+    separable is returned as it is.
     """
     robot = structure.robot
     model = structure.model
@@ -392,7 +398,7 @@ class OfStructure:
 
     @property
     def base(self) -> BaseParameters:
-        """What the robot's structure allows to determine."""
+        """Base parameters of the robot's structure."""
         return self.structure.base
 
     @property

@@ -1,4 +1,4 @@
-"""The reports on an `Analysis` and on a `Ladder`: the answer first, then what it rests on."""
+"""The reports on an `Analysis` and on a `Ladder`: the answer first, then its evidence."""
 
 from __future__ import annotations
 
@@ -49,13 +49,13 @@ from .skeleton import move_with_torque
 
 
 def analysis_heading(analysis: Analysis) -> tuple[str, str]:
-    """Return what kind of page it is, and what it is about."""
+    """Return the kind of the page and its subject."""
     about = f"{count_joints(analysis.robot)} · {fitted_logs(analysis.samples)}"
     return "Identifiability report", f"{analysis.robot.path.name} · {about}"
 
 
 def fitted_logs(samples: Sequence[Dataset]) -> str:
-    """Return how many logs were fitted, and how many rows of them were prepared."""
+    """Return the number of fitted logs, and of their prepared rows."""
     rows = sum(log.survey.kept for log in samples)
     return f"{format_count(len(samples), 'log')} with {format_count(rows, 'row')}"
 
@@ -68,7 +68,7 @@ def drawn_torque(out: Prediction) -> tuple[Array, Array]:
 
 
 def analysis_moving(analysis: Analysis) -> Moving | None:
-    """Return the robot along unseen motion beside measured and predicted torque."""
+    """Return the robot along unseen motion, with measured and predicted torque."""
     sample = (analysis.validation or analysis.samples)[0]
     out = analysis.held_out
     measured, predicted = drawn_torque(out)
@@ -90,7 +90,7 @@ def analysis_sections(analysis: Analysis) -> list[Section | None]:
     ]
 
 
-# Parameters, and the models beside each other.
+# Parameters, and the models side by side.
 
 
 INERTIAL_KEY = (
@@ -101,7 +101,7 @@ INERTIAL_KEY = (
 
 
 def section_parameters(analysis: Analysis) -> Section:
-    """Return the parameters of the selected model, those that are known first."""
+    """Return the parameters of the selected model, the identifiable ones first."""
     chosen = analysis.chosen
     figure = picture("precision", plot.precision(analysis), model=chosen.name)
     tables = fold_verdicts(parameter_table(chosen), chosen.verdicts)
@@ -127,7 +127,7 @@ def fold_verdicts(table: Table, verdicts: Sequence[Verdict]) -> tuple[Table | Fo
 
 
 def _name_key(analysis: Analysis) -> Fold:
-    """Return what the names of parameters mean."""
+    """Return an explanation of the names of parameters."""
     terms = [Term("NAME.KIND", sentence("analysis.key")), Term(*INERTIAL_KEY)]
     for effect in analysis.structure.model.effects:
         kinds = dict.fromkeys(p.kind for p in effect.parameters(analysis.robot))
@@ -167,7 +167,7 @@ def section_ladder(analysis: Analysis) -> Section:
     )
 
 
-# Torque: measured and predicted, what it is made of, and what is left.
+# Torque: measured and predicted, its contributions, and the residual.
 
 
 def section_prediction(analysis: Analysis) -> Section:
@@ -197,7 +197,7 @@ def section_prediction(analysis: Analysis) -> Section:
 
 
 def _tell_windows(analysis: Analysis) -> str:
-    """Return how many samples errors are of, where they are not of all."""
+    """Return the number of samples behind errors, if it is not all of them."""
     for found in (analysis.held_out, analysis.fitted):
         if len(found.log) < found.total:
             shown = f"{len(found.log):,}"
@@ -233,7 +233,7 @@ def section_correlated(fit: Fit) -> Section:
 
 
 def section_physics(analysis: Analysis) -> Section:
-    """Return the certificate, what bounds the nearest real robot, and what its bodies weigh."""
+    """Return the certificate, the active constraints, and the masses of the bodies."""
     physical = analysis.chosen.physical
     assert physical is not None
     active = () if physical.nearest is None else physical.nearest.active
@@ -244,7 +244,7 @@ def section_physics(analysis: Analysis) -> Section:
 
 
 def mass_table(robot: Robot, parameters: Mapping[str, float]) -> Table | None:
-    """Return what a real robot's bodies weigh beside the robot file's; nothing without masses.
+    """Return the identified masses of bodies and those of the robot file; nothing without masses.
 
     Parameters
     ----------
@@ -261,7 +261,7 @@ def mass_table(robot: Robot, parameters: Mapping[str, float]) -> Table | None:
 
 
 def _how(analysis: Analysis) -> tuple[Section, ...]:
-    """Return how logs were prepared, what terms mean, versions, seed and hashes of the inputs."""
+    """Return the preparation of logs, a glossary, versions, the seed and hashes of the inputs."""
     robot = analysis.robot
     logs = [("fitted", s) for s in analysis.samples]
     logs += [("held out", s) for s in analysis.validation]
@@ -292,11 +292,11 @@ def _log_row(use: str, log: Dataset) -> tuple[str | int, ...]:
     return log.name, use, log.outputs, span, notes
 
 
-# What is believed after the data: the parameters of the model to use by every road.
+# Posterior: the parameters of the model to use by every method.
 
 
 def section_posterior(analysis: Analysis) -> Section:
-    """Return the parameters of the selected model by every road, beside each other."""
+    """Return the parameters of the selected model by every method, side by side."""
     notes = posterior_notes(analysis)
     return section(
         "analysis.posterior",
@@ -333,7 +333,7 @@ def posterior_notes(analysis: Analysis) -> tuple[Note, ...]:
 
 
 def posterior_table(analysis: Analysis) -> Table | None:
-    """Return the posterior of each parameter beside its estimate; none where it may not be shown.
+    """Return the posterior and the estimate of each parameter; none where it may not be shown.
 
     An interval is left out where the prior's density at an edge decides it.
     """
@@ -357,7 +357,7 @@ def posterior_table(analysis: Analysis) -> Table | None:
 
 
 def pruning_heading(ladder: Ladder) -> tuple[str, str]:
-    """Return what kind of page it is, and what it is about."""
+    """Return the kind of the page and its subject."""
     return "Pruning report", f"{ladder.robot.path.name} · {fitted_logs(ladder.samples)}"
 
 

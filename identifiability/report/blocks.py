@@ -1,4 +1,4 @@
-"""What a page is made of: sections of prose, notes, terms, tables, pictures and folds.
+"""Parts of a page: sections of prose, notes, terms, tables, pictures and folds.
 
 Titles, captions and leads come from `words.toml` (`section`, `picture`, `gallery`).
 """
@@ -43,7 +43,7 @@ class Notes:
 
 @frozen
 class Term:
-    """A word and what is said of it; `badge` gives it the mark of a verdict."""
+    """A word and its explanation; `badge` gives it the mark of a verdict."""
 
     word: str
     text: str
@@ -71,7 +71,7 @@ class Picture:
     alt : str
         For readers who cannot see it; by default the caption.
     name : str
-        By which `Result.figures` has it.
+        Its name in `Result.figures`.
     """
 
     figure: Figure
@@ -105,7 +105,7 @@ class Gallery:
 
 @frozen
 class Traces:
-    """Lines over time that can be zoomed and read off where they are.
+    """Curves over time, with zoom and values at the pointer.
 
     Attributes
     ----------
@@ -132,15 +132,15 @@ class Moving:
     lines : tuple of (int, int)
         Points between which bodies are.
     joints : int
-        How many of the points, the first ones, are joints.
+        Number of points that are joints; they come first.
     told : tuple of F texts
-        What is said of each time, for each robot but the first, or for the torque.
+        Text for each time, for each robot but the first, or for the torque.
     size : (int, int) [px]
     caption : str
     torque : Trace or None
         Of one joint, drawn below with a line at the time that is shown.
     misses : (F, J) or None
-        How much of its torque the model misses in each joint, beside the most that it misses.
+        Torque that the model misses in each joint, relative to the largest missed.
     """
 
     names: tuple[tuple[str, str], ...]
@@ -156,12 +156,12 @@ class Moving:
 
     @property
     def frames(self) -> int:
-        """How many times there are."""
+        """Number of times."""
         return len(self.t)
 
     @property
     def data(self) -> str:
-        """What the script draws, as JSON: places to a tenth of a pixel."""
+        """Data for the script of the page, as JSON: places to a tenth of a pixel."""
         robots = [
             [None if np.isnan(frame).any() else frame.ravel().round(1).tolist() for frame in points]
             for points in self.points
@@ -227,7 +227,7 @@ PLOT_TONES = ("grey", "blue", "vermilion")
 
 @frozen
 class Trace:
-    """What is drawn of one joint.
+    """The curves of one joint.
 
     Attributes
     ----------
@@ -255,7 +255,7 @@ class Trace:
         most: int,
         quantity: str = "torque",
     ) -> Trace:
-        """Return the peaks of lines (N,), at most so many of each, broken at gaps."""
+        """Return the peaks of lines (N,), at most a given number of each, broken at gaps."""
         rows = peak_rows(tuple(lines.values()), most)
         times, values = break_gaps(t[rows], [y[rows] for y in lines.values()])
         broken = {n: tuple(y.tolist()) for n, y in zip(lines, values, strict=True)}
@@ -272,7 +272,7 @@ class Trace:
 
 @frozen
 class Answers:
-    """The questions of a page, the drawing of what they are about beside them."""
+    """The questions of a page, with a drawing of the robot or of its values."""
 
     answers: tuple[Answer, ...]
     below: tuple[Block, ...] = ()
@@ -282,7 +282,7 @@ class Answers:
 class Fold:
     """Blocks that open on demand; in print they are open.
 
-    With `detail` they are there only where the reader asked for statistics in detail.
+    With `detail` they appear only if the reader asked for statistics in detail.
     """
 
     summary: str
@@ -291,9 +291,9 @@ class Fold:
 
 
 def check_cell(text: str, passed: bool | None, reason: str = "") -> Cell:
-    """Return a number beside what it should be, for a cell of a DataFrame given to `frame_table`.
+    """Return a number with its check, for a cell of a DataFrame given to `frame_table`.
 
-    `passed` is None where nothing was checked; the reason is the tolerance, or why it differs.
+    `passed` is None if there was no check; the reason is the tolerance, or why it differs.
     """
     word = {True: "pass", False: "differs", None: "not checked"}[passed]
     return Cell(text or word, word, reason, word)
@@ -319,13 +319,13 @@ SHOWN_FIRST = 12
 def fold_rows(table: Table, first: Sequence[bool], those: str) -> tuple[Table | Fold, ...]:
     """Return a table of some rows, and below it one of the others that opens on demand.
 
-    Where there are only some, or only others, the table stays whole.
+    If all rows are of one kind, the table stays whole.
 
     Parameters
     ----------
     table : Table
     first : sequence of bool
-        Which of its rows stand first.
+        Whether each row is among the first.
     those : str
         What these are, for the caption; what the others are say the words to filter by.
     """
@@ -348,7 +348,7 @@ def fold_rows(table: Table, first: Sequence[bool], those: str) -> tuple[Table | 
 
 
 def kind_of(block: object) -> str:
-    """Return the kind of a block, by which templates show it."""
+    """Return the kind of a block, for the choice of its template."""
     return type(block).__name__.lower()
 
 
@@ -400,7 +400,7 @@ def section(
 
 
 def picture(name: str, figure: Figure, /, **holes: Any) -> Picture:
-    """Return a figure with its caption and what it is for those who cannot see it."""
+    """Return a figure with its caption and its description for screen readers."""
     return Picture(figure, **words(f"picture.{name}", **holes), name=name)
 
 
@@ -424,7 +424,10 @@ def traces(
     quantity: str = "torque",
     caption: str = "",
 ) -> Traces:
-    """Return what joints do over time, to zoom: lines (N, n) by their names, NaN where none is."""
+    """Return curves of joints over time, to zoom.
+
+    Lines (N, n) by their names, NaN where none is.
+    """
     groups = []
     most = max(300, LINE_POINTS // (3 * len(joints)))
     for k, (joint, unit) in enumerate(zip(joints, units, strict=True)):
@@ -451,7 +454,7 @@ def motion_traces(
     units: Sequence[str],
     limits: Array | None = None,
 ) -> Traces:
-    """Return what joints do over time, with their limits as a band.
+    """Return curves of joints over time, with their limits as a band.
 
     Parameters
     ----------
@@ -479,13 +482,13 @@ def torque_traces(
     units: Sequence[str],
     log: str,
 ) -> Traces:
-    """Return measured and predicted torque (N, n) along a log, and what is left, to zoom."""
+    """Return measured torque, predicted torque and the residual (N, n) along a log, to zoom."""
     lines = {"measured": measured, "predicted": predicted, "residual": measured - predicted}
     return traces(t, joints, units, lines, caption=sentence("analysis.traces", log=log))
 
 
 def count_joints(robot: Robot) -> str:
-    """Return how many joints have motors, and whether the base floats."""
+    """Return the number of joints with motors, and whether the base floats."""
     motors = len(robot.motor_joints)
     said = [format_count(motors, "actuated joint")] if motors or robot.base is None else []
     return " · ".join([*said, *(["floating base"] if robot.base is not None else [])])

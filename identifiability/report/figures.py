@@ -1,8 +1,8 @@
 """Figures as functions of arrays and labels, in the page's style, and their way to inline SVG.
 
-What to use when: `identifiability.plot` draws those of a result. Here are what a model predicts
-and leaves of torque, how well parameters are known, models beside each other, and what figures
-share: rows with names, scales, legends, labels and whiskers.
+What to use when: `identifiability.plot` draws the figures of a result. This module draws predicted
+torque and residuals, the uncertainty of parameters, comparisons of models, and their common parts:
+rows with names, scales, legends, labels and whiskers.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ _VARIABLE = {colour: f"var(--{name})" for name, colour in COLOURS.items()} | {
 #: Settings that act when a figure is saved, not when it is drawn.
 _SAVED = ("axes.unicode_minus", "path.simplify", "svg.fonttype", "svg.hashsalt")
 
-#: What the identifier of a label begins with that the page links to the row of that name.
+#: Start of the identifiers of labels that the page links to the row of that name.
 MARKED = "row:"
 
 
@@ -91,7 +91,7 @@ class Shown(Figure):
 
 
 def drawn(draw: Callable[P, Figure]) -> Callable[P, Figure]:
-    """Draw in the page's style, whatever the user's Matplotlib settings are."""
+    """Draw in the page's style, independent of the user's Matplotlib settings."""
 
     @wraps(draw)
     def styled(*args: P.args, **kwargs: P.kwargs) -> Figure:
@@ -138,7 +138,7 @@ def label_width(names: Sequence[str]) -> float:
 
 
 def strokes(axes: Axes, starts: Array, ends: Array, colour: str, **style: Any) -> None:
-    """Draw straight strokes between points (N, 2) as one path, whatever their number."""
+    """Draw straight strokes between points (N, 2) as one path, so that many are fast."""
     path = Outline(
         np.stack([starts, ends], 1).reshape(-1, 2),
         np.tile([Outline.MOVETO, Outline.LINETO], len(starts)),
@@ -208,7 +208,7 @@ def break_gaps(t: Array, lines: Sequence[Array]) -> tuple[Array, list[Array]]:
 
 
 def plot_line(axes: Axes, t: Array, y: Array, most: int, **style: Any) -> None:
-    """Draw a line of at most so many points, with its peaks, broken where samples are missing."""
+    """Draw a line of at most `most` points, with its peaks, broken where samples are missing."""
     rows = peak_rows((y,), most)
     times, (values,) = break_gaps(t[rows], [y[rows]])
     axes.plot(times, values, **style)
@@ -249,7 +249,7 @@ def svg(figure: Figure, alt: str = "") -> Markup:
 
 
 def _clean_tag(tag: str, key: str, classes: dict[str, str]) -> str:
-    """Return an SVG tag in the page's terms: short numbers, own identifiers, its colours.
+    """Return an SVG tag in the page's terms: short numbers, separate identifiers, its colours.
 
     Styles that repeat become `classes`, which halves the size of a figure.
     """
@@ -275,7 +275,7 @@ def _clean_tag(tag: str, key: str, classes: dict[str, str]) -> str:
 
 WIDTH = 440
 
-#: Look of limits and of what is compared with.
+#: Look of limits and of references.
 DASHED: Any = {"linewidth": 1, "linestyle": (0, (4, 3))}
 
 
@@ -328,7 +328,7 @@ def row_lines(axes: Axes, count: int) -> None:
 def label_axes(
     axes: Axes, x: str, y: str, title: str = "", most: int = 44, pad: float | None = None
 ) -> None:
-    """Write what the axes are, and a bold title of at most so many letters, `pad` above them."""
+    """Write the labels of the axes, and a bold title of at most `most` letters, `pad` above."""
     axes.set_xlabel(x)
     axes.set_ylabel(y)
     if title:
@@ -384,7 +384,7 @@ class Mark:
     tone : str
         Colour of the colour-blind-safe palette [Okabe & Ito 2008].
     symbol : str
-        Stands before the word.
+        Text in front of the word.
     marker, fill : str
         The same in Matplotlib's terms.
     """
@@ -408,7 +408,7 @@ def mark_of(kind: str) -> Mark:
 # Torque and motion along time.
 
 
-#: Points of a scatter, or of a line beside a moving robot.
+#: Points of a scatter, or of a line next to a moving robot.
 POINTS = 500
 
 #: Colour and name of the model as it was, and of the one with the named effects.
@@ -425,7 +425,7 @@ def draw_torque(
     most: int = 1500,
     width: int = 400,
 ) -> Figure:
-    """Draw measured and predicted torque of one joint, and what is left below.
+    """Draw measured and predicted torque of one joint, and the residual below.
 
     Parameters
     ----------
@@ -486,7 +486,7 @@ def draw_torque(
 
 
 def spread_rows(count: int, most: int) -> np.ndarray:
-    """Return at most so many of the rows 0 … count - 1, evenly spread."""
+    """Return at most a given number of the rows 0 … count - 1, evenly spread."""
     return np.unique(np.linspace(0, max(count - 1, 0), min(most, count)).astype(int))
 
 
@@ -494,7 +494,7 @@ def spread_rows(count: int, most: int) -> np.ndarray:
 def draw_curve(
     x: Array, learned: Array, spread: Array, data: Array, title: str, labels: tuple[str, str]
 ) -> Figure:
-    """Draw what an effect was learned to be, with its 95 % interval, against the data.
+    """Draw the learned curve of an effect, with its 95 % interval, against the data.
 
     Parameters
     ----------
@@ -575,7 +575,7 @@ def draw_forward(t: Array, before: Array, after: Array) -> Figure:
     return figure
 
 
-# Models beside each other.
+# Models side by side.
 
 
 @drawn
@@ -673,7 +673,7 @@ def draw_precision(
     ----------
     names : sequence of str
     white, label : (k,) [%]
-        σ under white noise, and σ from what the label says, relative to the value; infinite where
+        σ under white noise, and σ of the labelled parameter, relative to the value; infinite where
         not determined.
     verdicts : sequence of str
     limit, paper_limit : float [%]

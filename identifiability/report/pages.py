@@ -1,10 +1,10 @@
-"""The pages of results: of each kind what it is called, drawn with its answers, and its sections.
+"""The pages of results: for each kind its title, the drawing at its answers, and its sections.
 
-A page has functions of its result, ``<kind>_heading`` (what kind of page it is and what it is
-about), ``<kind>_moving`` and ``<kind>_below`` (what is drawn with the answers), ``<kind>_notes``
-and ``<kind>_sections``, as far as it needs any: without, a page shows answers and tables alone.
-Those of an `Analysis` and a `Ladder` are in `identifiability.report.analysis`. Verbs are imported
-where they are asked for: a page needs its own alone.
+Functions of a result make the parts of its page. ``<kind>_heading`` returns kind and subject,
+``<kind>_moving`` and ``<kind>_below`` the drawings at the answers, then come ``<kind>_notes`` and
+``<kind>_sections``. All are optional: without, a page shows answers and tables alone. The functions
+of an `Analysis` and a `Ladder` are in `identifiability.report.analysis`. Verbs are imported inside
+the functions: a page needs only its verb.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ if TYPE_CHECKING:
 
 
 def calibration_heading(calibration: Calibration) -> tuple[str, str]:
-    """Return what kind of page it is, and what it is about."""
+    """Return the kind of the page and its subject."""
     return "Calibration", f"{calibration.analysis.robot.path.name} · {calibration.model}"
 
 
@@ -111,12 +111,12 @@ def calibration_sections(calibration: Calibration) -> list[Section]:
 
 
 def comparison_heading(result: Comparison) -> tuple[str, str]:
-    """Return what kind of page it is, and what it is about."""
+    """Return the kind of the page and its subject."""
     return "Comparison report", f"{result.robot.path.name} · {result.submodel.name}"
 
 
 def comparison_moving(result: Comparison) -> Moving | None:
-    """Return the robot along the first log after, over what differs where most changed."""
+    """Return the robot along the first log after, over the torque that changed most."""
     robot = result.robot
     motion = result.motion
     torque = result.torque
@@ -134,17 +134,17 @@ def comparison_sections(result: Comparison) -> list[Section | None]:
     return [section("comparison.changes", changes) if changes.rows else None]
 
 
-# Diagnosis: the answer, the gap before and after, the evidence, what is left.
+# Diagnosis: the answer, the gap before and after, the evidence, the residual.
 
 
 def diagnosis_heading(d: Diagnosis) -> tuple[str, str]:
-    """Return what kind of page it is, and what it is about."""
+    """Return the kind of the page and its subject."""
     about = f"{d.robot.path.name} · model: {', '.join(d.base)}"
     return "What the model misses", f"{about}{' · values fixed' if d.fixed else ''}"
 
 
 def diagnosis_moving(d: Diagnosis) -> Moving | None:
-    """Return the robot along unseen motion beside what is left of its torque, before and after."""
+    """Return the robot along unseen motion, with its residual before and after."""
     sample = (d.validation or d.samples)[0]
     gap = d.gap
     own = gap.log == 0
@@ -156,7 +156,7 @@ def diagnosis_moving(d: Diagnosis) -> Moving | None:
 
 
 def diagnosis_below(d: Diagnosis) -> Picture | None:
-    """Return what the first effect was learned to be."""
+    """Return the learned curve of the first effect."""
     return _curves(d, 1)[0] if d.curves else None
 
 
@@ -171,7 +171,7 @@ def diagnosis_sections(d: Diagnosis) -> list[Section | None]:
     ]
 
 
-# What a diagnosis named, what each effect was learned to be, and how the model moves with it.
+# Named effects, their learned curves, and the motion of the model with them.
 
 
 #: Curves and joints that are drawn.
@@ -179,7 +179,7 @@ SHOWN = 6
 
 
 def section_effects(d: Diagnosis) -> Section:
-    """Return the named effects with their values, the refuted ones, and what may be present."""
+    """Return the named effects with their values, the refuted effects, and the possible ones."""
     rows = []
     for e in d.effects:
         for p in e.placements:
@@ -200,7 +200,7 @@ def section_effects(d: Diagnosis) -> Section:
 
 
 def _curves(d: Diagnosis, most: int) -> list[Picture]:
-    """Return what some effects were learned to be, against the data."""
+    """Return the learned curves of some effects, against the data."""
     pictures = []
     for c in d.curves[:most]:  # a function needs not say that it has no name
         title = f"{c.title.removeprefix('an unnamed ')}, {d.robot.joints[c.joint]}"
@@ -284,7 +284,7 @@ def _odds_row(x: Odds) -> dict[str, Any]:
 
 
 def _sections_method(d: Diagnosis) -> tuple[Section, ...]:
-    """Return all that was asked with its evidence, what was not, and how."""
+    """Return the evidence of all candidates, the refused candidates, and the method."""
     order = sorted(d.evidence, key=lambda x: -x.before)
     table = make_table("evidence", map(_odds_row, order[:SHOWN_FIRST]))
     why: dict[tuple[str, str], list[str]] = {}
@@ -302,7 +302,7 @@ def _sections_method(d: Diagnosis) -> tuple[Section, ...]:
     )
 
 
-# Excitation: the motion to measure, and what it is worth.
+# Excitation: the motion to measure, and its information.
 
 
 TITLES = {
@@ -313,7 +313,7 @@ TITLES = {
 
 
 def excitation_heading(result: Excitation) -> tuple[str, str]:
-    """Return what kind of page it is, and what it is about."""
+    """Return the kind of the page and its subject."""
     return "Excitation report", (
         f"{TITLES[result.criterion.name]} · {format_number(result.trajectory.period)} s, "
         f"{format_count(result.trajectory.samples, 'sample')}"
@@ -329,7 +329,7 @@ def excitation_moving(result: Excitation) -> Moving | None:
 
 
 def excitation_below(result: Excitation) -> Table:
-    """Return how many parameters motions tell, as bars."""
+    """Return the number of identifiable parameters of motions, as bars."""
     size = len(result.after.told)
     rows = []
     for name, merit in ((result.beside, result.before), ("this motion", result.after)):
@@ -339,12 +339,12 @@ def excitation_below(result: Excitation) -> Table:
 
 
 def excitation_notes(result: Excitation) -> list[Note]:
-    """Return what should be known with the answer."""
+    """Return the cautions and hints of the answer."""
     return [*result.cautions(), *map(hint_note, result.hints)]
 
 
 def excitation_sections(result: Excitation) -> list[Section]:
-    """Return the sections of the page: the motion, what it tells, how it was found."""
+    """Return the sections of the page: the motion, its information, and the method."""
     path = result.trajectory
     logs = ", ".join(shorten_paths(result.logs))
     text = words(
@@ -377,11 +377,11 @@ def _motion(result: Excitation) -> list[Traces]:
     return shown
 
 
-# Inspection: what is in logs and odd about them, and what the robot is.
+# Inspection: content and problems of logs, and the robot.
 
 
 def inspection_heading(result: Inspection) -> tuple[str, str]:
-    """Return what kind of page it is, and what it is about."""
+    """Return the kind of the page and its subject."""
     about = [result.robot.path.name, count_joints(result.robot)]
     about += [format_count(len(result.records), "log")] if result.records else []
     kind = "What is in the logs" if result.records else "What the robot file says"
@@ -389,7 +389,7 @@ def inspection_heading(result: Inspection) -> tuple[str, str]:
 
 
 def inspection_moving(result: Inspection) -> Moving | None:
-    """Return the robot along the first log that can be read, beside the largest torque."""
+    """Return the robot along the first log that can be read, with the largest torque."""
     if not result.records or not np.isfinite(result.records[0].q).all():
         return None
     first = result.records[0]
@@ -407,7 +407,7 @@ def inspection_moving(result: Inspection) -> Moving | None:
 
 
 def inspection_sections(result: Inspection) -> list[Section]:
-    """Return the sections of the page: what logs hold comes first, then the robot on demand."""
+    """Return the sections of the page: first the logs, then the robot on demand."""
     own = _robot(result)
     if not result.records:
         return own
@@ -449,7 +449,7 @@ def _recorded(result: Inspection, record: Record) -> tuple[Traces, ...]:
 
 
 def _preparation(record: Record) -> Fold | None:
-    """Return how a log is read and prepared, if there is anything to say."""
+    """Return the reading and preparation of a log, if they differ from the default."""
     told = [f"{text[0].upper()}{text[1:]}." for text in record.notes]
     if record.clock["parts"] > 1:
         told.append(sentence("inspection.windows", parts=record.clock["parts"]))
@@ -458,7 +458,7 @@ def _preparation(record: Record) -> Fold | None:
 
 
 def _robot(result: Inspection) -> list[Section]:
-    """Return what the robot file says of joints, logs and parameters, and what it leaves open."""
+    """Return joints, columns and parameters of the robot file, and the open questions of it."""
     from .answers.inspect import joint_table  # noqa: PLC0415
 
     robot, joints = result.robot, replace(joint_table(result), caption="")
@@ -490,17 +490,17 @@ def _robot(result: Inspection) -> list[Section]:
     return found
 
 
-# Load: mass, centre and inertia of what hangs on a body.
+# Load: mass, centre and inertia of a body in the gripper.
 
 
 def payload_heading(result: Load) -> tuple[str, str]:
-    """Return what kind of page it is, and what it is about."""
+    """Return the kind of the page and its subject."""
     logs = join(shorten_paths(result.logs), 3)
     return "Payload report", f"{result.robot.path.name} · {result.model} · {logs}"
 
 
 def payload_moving(result: Load) -> Moving | None:
-    """Return the robot with its load, over what that adds to the torque of a joint."""
+    """Return the robot with its load, over the torque that the load adds to a joint."""
     if result.gains:  # columns may be in any unit
         return None
     robot = result.robot
@@ -537,13 +537,13 @@ def payload_sections(result: Load) -> list[Section | None]:
 
 
 def prediction_heading(result: TorquePrediction) -> tuple[str, str]:
-    """Return what kind of page it is, and what it is about."""
+    """Return the kind of the page and its subject."""
     count = format_count(len(result.t), "sample")
     return "Predicted torque", f"{result.robot.path.name} · {result.fit.submodel.name} · {count}"
 
 
 def prediction_moving(result: TorquePrediction) -> Moving | None:
-    """Return the robot along the first log beside its torque."""
+    """Return the robot along the first log, with its torque."""
     rows = result.log == 0
     robot = result.robot
     t = result.t[rows]
@@ -580,7 +580,7 @@ TONES = ("blue", "vermilion", "purple")
 
 
 def rollout_heading(result: PositionPrediction) -> tuple[str, str]:
-    """Return what kind of page it is, and what it is about."""
+    """Return the kind of the page and its subject."""
     logs = format_count(len(result.logs), "log")
     return "Predicted positions", f"{' · '.join(run.name for run in result.runs)} · {logs}"
 

@@ -1,9 +1,9 @@
 """The figures of a report one by one, for notebooks and papers.
 
-What to use when: `precision` for how well each parameter is known, `reduction_path` for a
-pruning, `torque` for measured and predicted torque.
-Each takes a result and returns a Matplotlib figure, which nobody else holds: change it, or
-``figure.savefig("a.pdf")``. `Result.figures` gives those of its page.
+What to use when: `precision` for how well each parameter is known, `reduction_path` for a pruning,
+`torque` for measured and predicted torque. Each takes a result and returns a Matplotlib figure,
+which nobody else holds: change it, or ``figure.savefig("a.pdf")``. `Result.figures` returns the
+figures of its page.
 
 Example
 -------
@@ -27,7 +27,7 @@ from identifiability.foundation.options import OptionError
 
 from .figures import draw_ladder, draw_precision, draw_torque
 
-if TYPE_CHECKING:  # every report loads this module, and few need what prunes or diagnoses
+if TYPE_CHECKING:  # every report loads this module, and few need pruning or diagnosis
     from identifiability.workflows.analyze import Analysis
     from identifiability.workflows.predict import TorquePrediction
     from identifiability.workflows.prune import Ladder

@@ -1,4 +1,4 @@
-"""What is shown of a result: its page, found by its schema, its piece of a notebook, its draws."""
+"""Views of a result: its page, found by its schema, its piece of a notebook, its draws."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def _within(blocks: Iterable[Any]) -> Iterator[Any]:
 
 
 def render_page(page: Page) -> str:
-    """Return a page as HTML that loads nothing and runs no script but its own."""
+    """Return a page as HTML that loads no other file and runs only its own script."""
     environment = page_environment()
     kinds = set(map(kind_of, _within((*page.summary, *page.sections))))
     zoomed = "traces" in kinds
@@ -107,7 +107,7 @@ def render_page(page: Page) -> str:
 def write_page(
     title: str, statement: str, sections: Sequence[Section], path: str | Path, **more: Any
 ) -> Path:
-    """Write a page of any content, whole or not at all.
+    """Write a page of any content, completely or not at all.
 
     Parameters
     ----------
@@ -152,8 +152,7 @@ def _powered(found: re.Match[str]) -> str:
 def set_symbols(text: str) -> Markup:
     """Escape a text, set indices of Greek symbols low (``ε_RA``), keep ``5 %`` on one line.
 
-    Numbers of sentences that a terminal prints as well become those of the page, ``−2·10⁻⁵`` of
-    ``-2e-05``.
+    Numbers in sentences of the terminal are typeset for the page: ``-2e-05`` becomes ``−2·10⁻⁵``.
 
     Examples
     --------
@@ -168,7 +167,7 @@ def set_symbols(text: str) -> Markup:
 
 
 def _of_page(result: Result, name: str, usual: Any = None) -> Any:
-    """Return what the page of a result has of its own, as `identifiability.report.pages` says."""
+    """Return the part `name` of a result's page, or `usual` if the page has no such function."""
     kind = result.schema.split("/")[1]
     home = ".analysis" if kind in ("analysis", "pruning") else ".pages"
     module = import_module(home, __package__)
@@ -177,7 +176,7 @@ def _of_page(result: Result, name: str, usual: Any = None) -> Any:
 
 
 def answer_first(result: Result) -> Answers:
-    """Return what the page of a result answers first."""
+    """Return the first answers of a result's page."""
     drawn = (_of_page(result, name) for name in ("moving", "below"))
     return Answers(result.answers(), tuple(filter(None, drawn)))
 
@@ -232,7 +231,7 @@ def draw_figures(result: Any) -> dict[str, Figure]:
 
 
 def write_result(result: Any, path: str | Path) -> Path:
-    """Write the page of a result, whole or not at all; only its own figures are loaded.
+    """Write the page of a result, completely or not at all; only its own figures are loaded.
 
     Raises
     ------
@@ -242,7 +241,7 @@ def write_result(result: Any, path: str | Path) -> Path:
     return write_text(path, render_page(build_page(result)))
 
 
-# What a notebook shows of a result: what its page answers first, and its tables.
+# View of a result in a notebook: first answers and tables.
 
 
 #: Rows that are shown; the rest is counted.
@@ -260,7 +259,7 @@ _PIECE = """{% import "macros.html.j2" as m %}
 
 
 def notebook_result(result: Result) -> str:
-    """Return what the page of a result answers first, with its robot, and its tables."""
+    """Return the first answers of a result's page, with its robot, and its tables."""
     tables = result.tables()
     frame = None if tables else result.to_frame()
     warnings = "\n".join(f"Warning: {text}" for text in result.warnings)
@@ -274,7 +273,7 @@ def notebook_piece(
     answers: Answers | None = None,
     tables: Sequence[Table] = (),
 ) -> str:
-    """Return sentences and a table as HTML that needs nothing and leaves other cells alone.
+    """Return sentences and a table as HTML that loads no other file and leaves other cells alone.
 
     Parameters
     ----------
@@ -283,11 +282,11 @@ def notebook_piece(
     frame : DataFrame, optional
         Of its rows the first `SHOWN`; words of verdicts bear their marks.
     more : str
-        What gives the table as a whole, for the sentence that counts other rows.
+        Expression for the whole table, for the sentence that counts the hidden rows.
     answers : Answers, optional
-        What stands before the sentences.
+        Shown above the sentences.
     tables : sequence of Table
-        Of which what is detail is left out.
+        Tables; those with `detail` are left out.
     """
     rest = 0 if frame is None else max(len(frame) - SHOWN, 0)
     own = [] if frame is None or frame.empty else [frame_table(frame[:SHOWN])]
@@ -325,16 +324,18 @@ KEPT = ("name", "label", "value", "lower", "upper", "unit", "verdict", "effect",
 
 
 class _Content(RootModel[dict[str, Any]]):
-    """What stands in the JSON of a result."""
+    """The content of the JSON of a result."""
 
 
-#: What a result writes beside its own schema.
+#: Files of a result in addition to its schema.
 KEPT_APART = ("findings", "answers", "warnings")
 
 
 @frozen
 class KeptResult(Result):
-    """What the JSON of a result keeps of it, equal to the live one; it has neither robot nor logs.
+    """A result as its JSON keeps it, equal to the live one in all that was written.
+
+    It has neither robot nor logs.
 
     Attributes
     ----------
@@ -353,7 +354,7 @@ class KeptResult(Result):
         return str(self.content["statement"])
 
     def answers(self) -> tuple[Answer, ...]:
-        """Return what every reader asks first, answered."""
+        """Return the answers to every reader's first questions."""
         told = []
         for a in self.content["answers"]:
             lines = tuple((c["what"], c["command"]) for c in a["commands"])
@@ -362,7 +363,7 @@ class KeptResult(Result):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What was noticed and done, by key."""
+        """Findings and actions, by key."""
         known = ({k: x for k, x in f.items() if k != "level"} for f in self.content["findings"])
         return tuple(Finding(f.pop("key"), f.pop("subject"), **f) for f in known)
 
@@ -431,9 +432,9 @@ def build_datatree(result: Analysis) -> DataTree:
 
     Group ``posterior`` holds ``phi`` of the model's parameters, by walker (a chain each) and draw,
     and ``standard`` of the standard parameters that the model does not hold. The coordinate
-    ``ensemble`` says which chains started together, for `arviz_stats.rhat_nested`. Group
-    ``constant_data`` holds the units. The attribute ``trustworthy`` is 0, with the reasons beside
-    it, where the chains have not converged.
+    ``ensemble`` states which chains started together, for `arviz_stats.rhat_nested`. Group
+    ``constant_data`` holds the units. Where the chains have not converged, the attribute
+    ``trustworthy`` is 0, with the reasons in another attribute.
 
     Raises
     ------

@@ -27,12 +27,12 @@ TURN, LIFT = -0.95, 0.42
 def _trace(
     robot: Robot, poses: Array, load: Point | None = None
 ) -> tuple[Array, list[tuple[int, int]]]:
-    """Return points (F, P, 3) [m], joints first, and those between which bodies are.
+    """Return points (F, P, 3) [m], joints first, and the pairs of points that bodies connect.
 
     Where a body carries a load, its centre comes after the joints.
 
-    Of F poses (F, nq). A body goes from its joint to those that hang on it, to the points at which
-    loops close, and, where there are none, to its centre of mass and as far again.
+    Of F poses (F, nq). A body goes from its joint to the joints that it carries, and to the points
+    at which loops close. A body without any of these goes to its centre of mass, and as far again.
     """
     tree = robot.tree
     known = robot.nominal
@@ -55,7 +55,7 @@ def _trace(
         lines += [(k, joint) for joint in hanging]
         lines += [(k, len(points) + at) for at in range(len(ends))]
         points += ends
-    # Those of what stands are (3, 1).
+    # Coordinates of fixed points are (3, 1).
     return np.stack([np.broadcast_to(x.T, (len(poses), 3)) for x in points], 1), lines
 
 
@@ -74,7 +74,7 @@ def move_skeletons(
     caption: str,
     load: Point | None = None,
 ) -> Moving | None:
-    """Return robots along a motion, one over the other; None where nothing can be drawn.
+    """Return robots along a motion, one over the other; None if nothing can be drawn.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def move_skeletons(
     motions : mapping
         Name to tone and configurations (N, nq); NaN where there are none.
     told : callable
-        Gives what is said of rows (F,), for each motion but the first or for the torque.
+        Returns the text for rows (F,), for each motion but the first or for the torque.
     caption : str
     load : Point, optional
         Centre of mass of what hangs on a body.
@@ -138,10 +138,10 @@ def move_with_torque(
     how: str = "",
     load: Point | None = None,
 ) -> Moving | None:
-    """Return the robot as it moved, over torque of a joint; None where there is nothing to show.
+    """Return the robot along its motion, over torque of a joint; None if there is nothing to show.
 
-    With a residual it is the joint of which most is missed, and joints are marked as far as they
-    miss torque; without, the one that is loaded most. A load is marked at its centre of mass.
+    With a residual, the joint with the largest residual is shown, and marks of joints grow with
+    theirs; without, the one that is loaded most. A load is marked at its centre of mass.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def move_with_torque(
     motion : Motion
         Of a log.
     t : (N,) [s]
-        Some of its times, of which the first seconds are shown.
+        Times of the drawing, beginning with the first seconds.
     torque : (N, n)
         What was measured; NaN where it is no data.
     lines : mapping of str to (N, n)
@@ -159,7 +159,7 @@ def move_with_torque(
     residual : (N, n), optional
         What a model leaves of the torque.
     how : str, optional
-        What is said of it (`moving` of the sentences).
+        Key of its text (`moving` of the sentences).
     load : Point, optional
     """
     if len(t) < 2 or not np.isfinite(torque).any():
@@ -221,7 +221,7 @@ def move_with_torque(
 
 
 def _look(points: Array, robot: Robot) -> Callable[[Array], Array]:
-    """Return what takes points (N, 3) to the paper, (N, 2) [px], so that some fill it."""
+    """Return the projection of points (N, 3) to the paper, (N, 2) [px], scaled to `points`."""
     up = np.array([0.0, 0.0, 1.0])
     gravity = robot.gravity
     vertical = -gravity / np.linalg.norm(gravity) if gravity.any() else up

@@ -1,9 +1,9 @@
 """Robots: standard files in, the motion of every joint out.
 
-What to use when: `Robot.load` reads a file; `complete_motion` turns the motion of the actuated
-joints into that of all joints, closing loops where there are any.
+What to use when: `Robot.load` reads a file; `complete_motion` computes the motion of all joints
+from that of the actuated ones, with closed loops.
 
-Names are imported when they are first used: who only looks for a file does not wait for Pinocchio.
+Names are imported when they are first used, so code that only finds a file does not load Pinocchio.
 """
 
 from __future__ import annotations

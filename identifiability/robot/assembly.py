@@ -1,7 +1,7 @@
 """Put a `Description` together from model, closures and sidecar: do they determine the motion?
 
-Which joints move the robot, which are locked, which follow, and whether its home position says so;
-axes that are combinations of joints; what a sidecar says of masses.
+It finds the joints that move the robot, the locked ones and the dependent ones. It checks that the
+home position fits them. It adds axes that combine joints, and the sidecar's data on masses.
 """
 
 from __future__ import annotations
@@ -107,10 +107,10 @@ def resolve_locks(
     stated: Iterable[Coupling],
     fixed: Collection[str] = (),
 ) -> tuple[dict[str, float], list[Coupling]]:
-    """Return where every locked joint is held, and the couplings that are left.
+    """Return the position of every locked joint, and the remaining couplings.
 
-    Couplings of the sidecar go before those of the file joint by joint. What is coupled to a
-    locked joint is locked too.
+    For each joint, a coupling of the sidecar overrides that of the file. A joint that is coupled to
+    a locked joint is locked too.
 
     Parameters
     ----------
@@ -118,16 +118,16 @@ def resolve_locks(
         Of the robot file, for sentences.
     extra : Sidecar
     home : mapping
-        Positions of the joints with one axis where the file draws them.
+        Positions of the joints with one axis, as the file draws them.
     stated : iterable of Coupling
-        Those of the file.
+        Couplings of the file.
     fixed : collection of str
-        Joints that have no axis, and need not be locked; what only follows them is.
+        Joints without an axis, which need no lock; joints that follow only these are locked.
 
     Raises
     ------
     RobotError
-        If a joint cannot be locked, or couplings put it elsewhere.
+        If a joint cannot be locked, or couplings give it another position.
     """
     stated = [c.held(dict.fromkeys(fixed, 0.0)) for c in stated]
     left = [c for c in stated if c.joint not in {entry.joint for entry in extra.couplings}]
@@ -225,9 +225,9 @@ def check_nominal(path: Path, values: NumberByName, rotor: str) -> None:
 
 
 def combine_joints(path: Path, extra: Sidecar, stated: Stated, taken: Collection[str]) -> Stated:
-    """Return what a file states with the combinations of joints of the sidecar among its own.
+    """Return the statements of a file with the sidecar's combinations of joints added.
 
-    The sidecar goes before the robot file; what is locked has no part in them.
+    The sidecar overrides the robot file. Locked joints are no part of a combination.
 
     Parameters
     ----------
@@ -374,7 +374,7 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
 
 
 def _state_home(robot: Description, extra: Sidecar) -> Array:
-    """Return the home of the files, with coupled passive joints where others put them, (nq,)."""
+    """Return the home of the files, with passive joints where couplings put them, (nq,)."""
     home = np.array(robot.home)
     single = robot.tree.single
     passive = {*robot.passive}
@@ -390,7 +390,7 @@ def _state_home(robot: Description, extra: Sidecar) -> Array:
 
 
 def _refuse_loose(robot: Description, count: int) -> NoReturn:
-    """Say what to do about passive joints that no equation determines."""
+    """Refuse passive joints that no equation determines, and state the remedy."""
     wide = [j.dofs[0].rpartition(".")[0] for j in robot.tree.joints if j.nv > 1]
     single = [name for name in robot.passive if name in robot.tree.single]
     advice = ""
@@ -448,7 +448,7 @@ def _close_home(robot: Description, gap: float, closed: Closed, *, stated: bool)
 
 
 def refuse_patterns(path: Path, names: Iterable[str]) -> None:
-    """Refuse names that a sidecar or a ladder cannot tell from a pattern.
+    """Refuse names that look like patterns of a sidecar or a ladder.
 
     Raises
     ------
@@ -518,7 +518,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
 
 
 def _state_sidecar(extra: Sidecar) -> dict[str, Any]:
-    """Return what a sidecar says of a robot as a `Description` has it."""
+    """Return the fields of a `Description` that a sidecar states."""
     return {
         "said": extra,
         "symbols": dict(extra.symbols),
@@ -536,7 +536,7 @@ def _state_sidecar(extra: Sidecar) -> dict[str, Any]:
 
 
 def _state_motion(path: Path, extra: Sidecar, stated: Stated) -> dict[str, Any]:
-    """Return loops, springs, limits and torque columns; the sidecar goes before the robot file."""
+    """Return loops, springs, limits and torque columns; the sidecar overrides the robot file."""
     loops = stated.loops
     if extra.loops is not None:
         loops = tuple(_sidecar_loop(path, entry, stated) for entry in extra.loops)
@@ -552,7 +552,7 @@ def _state_motion(path: Path, extra: Sidecar, stated: Stated) -> dict[str, Any]:
 
 
 def _check_torque(robot: Description, motors: Strings) -> None:
-    """Refuse gains, ratios, signs or compensation of what is no actuated joint or motor."""
+    """Refuse gains, ratios, signs or compensation of a name that is no actuated joint or motor."""
     torque = robot.torque
     for key in ("gain", "ratio", "sign"):
         check_known(robot.path, f"torque.{key}", torque.table(key), ("", *robot.joints, *motors))
@@ -569,7 +569,7 @@ def _sidecar_loop(path: Path, entry: LoopEntry, stated: Stated) -> Loop:
 
 
 def _read_base(path: Path, extra: Sidecar, stated: Stated, bodies: Strings) -> Base | None:
-    """Return the base of a robot that floats, with what touches it and measures it."""
+    """Return the base of a floating robot, with its contacts and its sensors."""
     if stated.base is None:
         given = [k for k in ("imu", "contacts", "wrench") if getattr(extra, k)]
         if given and extra.base != "fixed":
@@ -636,7 +636,7 @@ def _nominal(robot: Description, extra: Sidecar) -> dict[str, float]:
 
 
 def _measured_torque(extra: Sidecar, stated: Stated) -> MeasuredTorque:
-    """Return what torque columns hold; motors have the gears of an MJCF where nobody states any."""
+    """Return the contents of torque columns; without a ratio, motors have the MJCF's gears."""
     said = extra.torque
     if said.side != "motor" or said.ratio is not None:
         return said
@@ -644,7 +644,7 @@ def _measured_torque(extra: Sidecar, stated: Stated) -> MeasuredTorque:
 
 
 def _scales(path: Path, extra: Sidecar, lines: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Return scale and offset of the joints' positions in logs; a name goes before a pattern."""
+    """Return scale and offset of the joints' positions in logs; a name overrides a pattern."""
     rules = {key: rule for key, rule in extra.columns.items() if not isinstance(rule, str)}
     given = {key: (rule.scale, rule.offset) for key, rule in rules.items()}
     return by_name(path, "columns", given, lines)

@@ -124,10 +124,10 @@ def solve(A: Array, b: Array) -> Array:
 
 
 def passes_singular(A: Array) -> Array:
-    """Return whether a singular matrix lies between each one and the next, (N - 1,) bool.
+    """Return whether a singular matrix lies between each matrix and the next, (N - 1,) bool.
 
-    The determinant changes its sign there: it is taken in the directions that the columns span,
-    which must hardly turn from one to the next.
+    The determinant changes its sign there. It is computed in the space of the columns, which must
+    hardly rotate between neighbours.
 
     Parameters
     ----------
@@ -150,8 +150,8 @@ def passes_singular(A: Array) -> Array:
 def loop_equations(robot: Description, q: Array) -> tuple[Array, Array]:
     """Return the errors of all loop equations and their Jacobian, samples last.
 
-    Where there are more equations than dependent joints, those of a point are written in the axes
-    of its first body: the plane of a planar loop stands still there while it turns in space.
+    If there are more equations than dependent joints, those of a point are written in the axes of
+    its first body. There, the plane of a planar loop is fixed, even if the loop turns in space.
 
     Parameters
     ----------
@@ -198,8 +198,8 @@ def loop_jacobian(robot: Description, q: Array) -> Array:
 def loop_bias(robot: Description, q: Array, v: Array) -> Array:
     """Return ``Ȧ v`` of the loop equations at configurations that close them, (N, m).
 
-    It is the derivative of A along the velocity, by central differences of fourth order, whose
-    error is that of rounding.
+    The derivative of A along the velocity is computed by central differences of fourth order. Their
+    error is of the size of rounding errors.
     """
     size = np.abs(v).max(1, initial=1e-300)
     h = 1e-3  # [rad or m], as far as the fastest joint goes in a step
@@ -241,7 +241,7 @@ class Closed:
     ----------
     q : (N, nq)
     error : (N,) [m or rad]
-        Largest loop error; infinite where the steps went astray.
+        Largest loop error; infinite if the steps diverged.
     A : (N, m, nv)
         Jacobian of the loop equations at `q`.
     """
@@ -294,7 +294,7 @@ def follow_from_home(robot: Description, q: Array) -> Closed:
 
 
 def newton(robot: Description, q: Array, most: int = 12) -> Closed:
-    """Close the loops from a guess (N, nq) in at most so many steps."""
+    """Close the loops from a guess (N, nq) in at most `steps` steps."""
     chunks = np.split(q, range(BATCH, len(q), BATCH))
     parts = [_newton_batch(robot, chunk, most) for chunk in chunks]
     return Closed(*(np.concatenate([vars(p)[x] for p in parts]) for x in ("q", "error", "A")))
@@ -352,7 +352,7 @@ class Motion:
     X : (N, n_dependent, n) or None
         ``∂q_dependent/∂q_actuated = -X``; None for an open chain.
     kept : (N,) int
-        Indices of the samples of the log that are here.
+        Indices of these samples in the log.
     dropped : (D,) int
         Samples whose loops could not be closed.
     condition : float
@@ -361,17 +361,17 @@ class Motion:
         Samples of the log with a condition number above `singular`, and those before which the
         determinant of A_e changed its sign: a singular configuration was passed.
     start : float or None [s]
-        What its times count from on the clock of a session; None where logs do not share one.
+        Origin of its times on the clock of a session; None if logs do not share one.
     smooth_v : (N, 2, n) or None
-        Velocity of the actuated joints, smoothed, and its standard deviation: what signs of speed
-        are taken of. None where `v` has no noise to speak of.
+        Smoothed velocity of the actuated joints and its standard deviation, for signs of speed.
+        None if `v` has negligible noise.
     free : (N, n, n) or None
-        Combinations of rows that no unmeasured force at a contact enters: torque and columns of the
-        regressor are ``freeᵀ τ``. None where nothing touches the robot.
+        Combinations of rows without unmeasured contact forces: torque and columns of the regressor
+        are ``freeᵀ τ``. None if nothing touches the robot.
     silent : (N, n) bool or None
-        Rows of which contacts leave nothing, or nothing that is known.
+        Rows that are zero after the elimination of contact forces, or not known.
     touch : (N, 3 + c) or None
-        Away from the ground, along the axes of a base that floats, and which contacts are closed.
+        Upward direction along the axes of a floating base, and flags of closed contacts.
     """
 
     t: Array
@@ -394,7 +394,7 @@ class Motion:
 
     @property
     def each(self) -> dict[str, Array]:
-        """What it has a row of for every sample, by name."""
+        """Return the arrays that have a row for every sample, by name."""
         names: Strings = ("t", "q", "v", "a", "kept", "X")
         names += ("actuated_q", "actuated_v", "actuated_a")
         names += ("smooth_v", "free", "silent", "touch")
@@ -404,9 +404,9 @@ class Motion:
     def expected_sign(self, speed: Array, row: Array) -> Array:
         """Return the expected sign of the speed of an axis, (N,), from −1 to 1.
 
-        Where velocity is noisy, its sign is wrong near reversals: that is no error of mean zero,
-        and biases friction however much data there are. Of the smoothed velocity v̂ ± σ the sign
-        is ``2 Φ(v̂/σ) − 1`` in the mean, and what is left of it is independent of v̂ [Berkson 1950].
+        If velocity is noisy, its sign is wrong near reversals. The mean of this error is not zero,
+        so it biases friction for any amount of data. Given the smoothed velocity v̂ ± σ, the mean
+        of the sign is ``2 Φ(v̂/σ) − 1``. The remaining error is independent of v̂ [Berkson 1950].
 
         Parameters
         ----------
@@ -425,7 +425,7 @@ class Motion:
         return sign
 
     def freed(self, rows: Array) -> Array:
-        """Return rows (N, n, …) free of what presses at contacts."""
+        """Return rows (N, n, …) in combinations that contact forces do not enter."""
         if self.free is None:
             return rows
         N = self.free.swapaxes(1, 2)
@@ -546,7 +546,7 @@ def _free(robot: Description, motion: Motion, touch: Array | None) -> Motion:
 
 
 def count_independent(A: Array) -> int:
-    """Return how many rows of a Jacobian (m, nv) are independent; other ones follow from them."""
+    """Return the number of independent rows of a Jacobian (m, nv)."""
     r, _ = scipy.linalg.qr(A.T / (np.abs(A).max(initial=0.0) or 1.0), mode="r", pivoting=True)
     return int((np.abs(np.diag(r)) > ROUNDOFF).sum())
 
@@ -590,9 +590,10 @@ def hold_weight(robot: Description, motion: Motion, model: Any = None) -> Array:
 
 
 def load_by(robot: Description, axis: Axis, motion: Motion) -> Array:
-    """Return what a force f along an axis loads the actuated joints by, ``load · f``.
+    """Return the generalised forces ``load`` of a unit force along an axis, (n,) or (N, n).
 
-    It is the row of their speeds in that of the axis (virtual work), (n,) or (N, n).
+    A force f loads the actuated joints by ``load · f``. By virtual work, ``load`` is also the row
+    that maps the speeds of the actuated joints to the speed of the axis.
     """
     if axis.row is not None:
         return axis.row
@@ -609,12 +610,13 @@ def load_by(robot: Description, axis: Axis, motion: Motion) -> Array:
 def known_torque(robot: Description, motion: Motion) -> Array:
     """Return the torque of the actuated joints that is known beforehand, (N, n) [N·m or N].
 
-    Where measured torque is compensated for gravity, less what holds the file's weight.
+    Joints whose measured torque is compensated for gravity also get minus the torque that holds the
+    file's weight.
 
     Raises
     ------
     RobotError
-        If a position lies where it is not known.
+        If a position is outside the range of a known torque.
     """
     tau = np.zeros(motion.actuated_q.shape)
     axes = {a.name: a for a in (*robot.axes, *robot.passive_axes)}
@@ -629,7 +631,7 @@ def known_torque(robot: Description, motion: Motion) -> Array:
 
 
 def rest_along(robot: Description, axis: Axis) -> float:
-    """Return where a spring along an axis is relaxed [rad or m]."""
+    """Return the rest position of a spring along an axis [rad or m]."""
     if axis.name in robot.rest and axis.name in (*robot.dofs, *robot.combinations):
         return robot.rest[axis.name]
     home = robot.home_table

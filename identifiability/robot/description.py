@@ -1,7 +1,7 @@
-"""`Description`: what the rest of the library needs to know of a robot file.
+"""`Description`: the data of a robot file that the rest of the library uses.
 
-Its parts (closures, couplings, axes, tendons, how motors drive joints), what a file states of them,
-and what is known of masses, centres and limits.
+It holds closures, couplings, axes, tendons and transmissions, the values that a file states, and
+known masses, centres and limits.
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ from .sidecar import KnownTorque, MeasuredTorque, Sidecar
 
 @frozen
 class Field:
-    """A number by its word in an MJCF.
+    """A number in an MJCF, by its word.
 
     Attributes
     ----------
     kinds : tuple of str
-        Parameters that it is: one level of dry friction is that of both directions.
+        Parameters that have its value: one level of dry friction holds for both directions.
     power : int
-        How often its coefficient enters along a joint.
+        Power of the coefficient that refers the number to a joint.
     urdf : str
-        Its word in the ``<dynamics>`` of a URDF; empty where that has none.
+        Its word in the ``<dynamics>`` of a URDF; empty if there is none.
     off : tuple of str
         Flags of MuJoCo that switch it off.
     signed : bool
@@ -70,9 +70,9 @@ NOT_NEGATIVE = {"m", "Ixx", "Iyy", "Izz"}.union(
 
 
 def name_numbers(joint: str, numbers: NumberByName, inertia_parts: Strings) -> dict[str, float]:
-    """Return the parameters of a joint of which a robot file states some numbers.
+    """Return the parameters of a joint from the numbers of a robot file.
 
-    The inertia of an actuator is that of the first of its parts.
+    The inertia of an actuator goes to the first of its parts.
     """
     kinds = {word: field.kinds for word, field in FIELDS.items()} | {"armature": inertia_parts[:1]}
     return {f"{joint}.{kind}": value for word, value in numbers.items() for kind in kinds[word]}
@@ -85,9 +85,9 @@ def name_numbers(joint: str, numbers: NumberByName, inertia_parts: Strings) -> d
 class Transmission:
     """Motors that mix joints: ``motor = ratio ∘ (coupling · (q - offset))``.
 
-    Friction and rotor inertia act on the motor side and are stated referred to the output of the
-    gear, i.e. along ``coupling · q``. There may be more motors than joints, as where cables pull:
-    their positions then agree up to their errors, of which the joints take the least squares.
+    Friction and rotor inertia act on the motor side. They are referred to the output of the gear,
+    i.e. along ``coupling · q``. There may be more motors than joints, for example with cables.
+    Joint positions are then the least-squares fit to the motor positions.
 
     Attributes
     ----------
@@ -136,7 +136,8 @@ class Link:
 class Axis:
     """A line along which friction and rotor inertia act.
 
-    It is a joint's, that of a motor which drives several, or a stated combination of joints.
+    It belongs to a joint, to a motor that drives several joints, or to a stated combination of
+    joints.
 
     Attributes
     ----------
@@ -144,10 +145,10 @@ class Axis:
     weights : mapping
         Joints that it runs along to their coefficients.
     row : (n,) or None
-        Its speed is ``row · q̇_actuated``; None where a passive joint has a part (the row then
+        Its speed is ``row · q̇_actuated``; None if it includes a passive joint (the row then
         varies).
     prismatic : bool
-        Whether it slides, as all its joints do.
+        Whether it is a translation; all its joints then slide.
     """
 
     name: str
@@ -158,7 +159,7 @@ class Axis:
 
     @property
     def mixed(self) -> bool:
-        """Whether it is the axis of a motor that drives several joints, or a stated one."""
+        """Return whether it belongs to a motor that drives several joints, or was stated."""
         return self.name not in self.weights
 
 
@@ -186,7 +187,7 @@ class Coupling:
     name, joint : str
     constant : float
     terms : mapping
-        Joint that is followed to the polynomial of its position, which has no constant.
+        Followed joint to the polynomial of its position, without constant term.
     """
 
     name: str
@@ -204,7 +205,7 @@ class Coupling:
         return Coupling(name, joint, constant, bare)
 
     def held(self, locked: NumberByName) -> Coupling:
-        """Return the coupling where some of the joints that are followed stand still."""
+        """Return the coupling after some of the followed joints are fixed."""
         still = [(of, poly) for of, poly in self.terms.items() if of in locked]
         constant = self.constant + sum(float(Polynomial(p)(locked[of])) for of, p in still)
         moving = {of: poly for of, poly in self.terms.items() if of not in locked}
@@ -227,52 +228,53 @@ class Cable:
 
 @frozen(kw_only=True)
 class Stated:
-    """What a robot file states.
+    """The statements of a robot file.
 
     Attributes
     ----------
     model : pinocchio.Model
     tree : Tree
     carriers : tuple of int
-        Joints of the model that carry a body; others are axes before these, at the same place.
+        Joints of the model that carry a body; the others are axes of these at the same place.
     loops, couplings : tuple
     driven : list of str or None
-        Joints with actuators; None where the file names none.
+        Joints with actuators; None if the file names none.
     home : (nq,)
         The configuration that selects the assembly of a closed chain.
     posed : bool
         Whether a keyframe states `home`.
     numbers : mapping
-        By joint, straight tendon or combination of joints, then by word of `FIELDS`.
+        Numbers by joint, straight tendon or combination of joints, then by word of `FIELDS`.
     rests : mapping
-        Where the springs of these are relaxed [rad or m].
+        Rest positions of the springs of these [rad or m].
     spans, speeds : mapping
-        Positions and speeds that joints and straight tendons may have, where they are limited.
+        Limits of position and speed of joints and straight tendons, if there are any.
     locked : mapping
         Locked joint to position [rad or m]; none of them is in the tree.
     welded : mapping
-        Body behind a locked joint to its ten parameters in the frame of the joint that it hangs on.
+        Body behind a locked joint to its ten parameters, in the frame of the joint that carries it.
     combinations : mapping
         Tendons along several joints that have friction, a rotor or a spring, and stated axes: by
         name, then joint, the coefficient.
     cables : tuple of Cable
         The last joints of `tree` are their slides, the last coordinates of `home` their lengths.
     outside : tuple of str
-        Bodies of a scene that no actuated joint reaches, at which what is left out begins.
+        Bodies of a scene that no actuated joint reaches. They are left out, with all bodies behind
+        them.
     meshes : tuple of Path
-        From which an MJCF takes inertias.
+        Meshes from which an MJCF takes inertias.
     gears : mapping
-        Joint to gear, of joints at which one actuator acts.
+        Joint to gear, for joints with exactly one actuator.
     servos : mapping
-        Of joints, by name: kp, kv, and least and largest torque, (4,).
+        Joint to kp, kv, least and largest torque, (4,).
     offsets : mapping
-        Constant torque of commands [N·m or N], by every joint and straight tendon whose actuator
-        can hold one.
+        Constant torque of commands [N·m or N], by joint and straight tendon whose actuator can hold
+        one.
     base : Base or None
-        Of a robot that floats: the first six of its joints stand for it, and its model has no
+        The base of a floating robot. The first six joints represent it, and the model has no
         gravity.
     radii : mapping
-        Of spheres, by the name of the geom [m].
+        Radii of spheres by the name of the geom [m].
     """
 
     model: Any
@@ -305,17 +307,17 @@ class Stated:
 
 @frozen
 class Bound:
-    """What is known of the mass of bodies, or of the centre of mass of one.
+    """Known limits of the mass of bodies, or of the centre of mass of one.
 
     Attributes
     ----------
     bodies : tuple of str
-        Whose masses add up; one where there is anything about its centre.
+        Bodies whose masses add up; only one if its centre is limited.
     mass : (float, float) or None [kg]
     box : three pairs or None [m]
-        Where the centre of mass is, along the axes of the body's frame.
+        Limits of the centre of mass along the axes of the body's frame.
     rotation, origin : (3, 3), (3,) [m]
-        The body's frame in that of its joint, which parameters are about.
+        The body's frame in that of its joint, to which parameters refer.
     """
 
     bodies: Strings
@@ -333,7 +335,7 @@ _NO_PLACES = np.empty(0, int)
 
 @frozen
 class Tilt:
-    """A base that stands otherwise than its robot file says.
+    """A base whose direction of gravity differs from the robot file's.
 
     Attributes
     ----------
@@ -354,7 +356,7 @@ class Tilt:
 
     @property
     def text(self) -> str:
-        """Where gravity points, after "gravity"."""
+        """Return the direction of gravity in words, to follow "gravity"."""
         x, y, z = (f"{c:.3f}".replace("-", "−") for c in self.direction.round(3) + 0.0)
         return (
             f"points along ({x}, {y}, {z}) in the world of the robot file, {self.degrees:.3g}° "
@@ -368,67 +370,67 @@ class Tilt:
 
 @frozen(kw_only=True)
 class Description(Stated):
-    """What is known of a robot beside what its file states; read from one it is a `Robot`.
+    """All known data of a robot: its file's statements and further ones; `Robot` reads one.
 
     Attributes
     ----------
     name, title : str
         Short name and title for reports.
     path : Path
-        The robot file; `sidecar` is the TOML beside it, if any.
+        The robot file; `sidecar` is its TOML file, if any.
     said : Sidecar
-        Its keys, with every name written out that a pattern stands for.
+        Its keys, with patterns replaced by the names that fit.
     bodies : tuple of str
         Names of the moving bodies, in the order of `carriers`.
     symbols : mapping
-        Short forms of names for labels, where the sidecar has some.
+        Short forms of names for labels, if the sidecar has some.
     actuated, dependent : (n,), (n_e,) int
         Indices of degrees of freedom in ``v``.
     assembled : bool
-        Whether the loops were closed to find `home`, of which the files say nothing.
+        Whether `home` was found by closing the loops, because the files do not state it.
     nominal : mapping
-        Parameter values stated in the file (``slider1.Fv`` …) beside the inertial ones.
+        Parameter values stated in the file (``slider1.Fv`` …), without the inertial ones.
     limits : (n, 2) [rad or m]
-        Position limits of the actuated joints; infinite where the file has none.
+        Position limits of the actuated joints; infinite if the file has none.
     speed_limits, acceleration_limits : (n,)
-        The same of their velocity and acceleration.
+        Limits of their velocity and acceleration.
     rest : mapping
-        Positions at which the springs that the file states are relaxed; others are so at home.
+        Rest positions of the file's springs; other springs are relaxed at home.
     prior : mapping
         Stated (mean, sd) by name.
     guessed : tuple of str
-        Bodies whose masses the file does not know.
+        Bodies whose masses in the file are guesses.
     inertia_parts : tuple of str
         Kinds that make up the inertia of an actuator (``Ia``, or rotor and screw).
     shapes : mapping
-        Shapes of effects by ``<joint>.<effect>``; others are as the effect has them.
+        Shapes of effects by ``<joint>.<effect>``; others have the default of the effect.
     reference : mapping
-        Standard parameters by which loads are known, where they are not the nominal ones.
+        Standard parameters of known loads, if they differ from the nominal ones.
     columns : Renames
-        From columns or joints of its logs to those of the robot.
+        Rules from columns or joints of its logs to those of the robot.
     scales : mapping
         Joint or motor to scale and offset: its positions and commands in logs are scale × value +
         offset [rad or m].
     time_unit : str
-        Unit of the times in its logs; empty if nobody said.
+        Unit of the times in its logs; empty if not stated.
     torque : MeasuredTorque
-        What the torque columns of its logs hold.
+        The contents of the torque columns of its logs.
     known_torque : tuple of KnownTorque
-        Torque as a function of a position that is taken off what logs hold before anything else.
+        Torque as a function of a position; it is subtracted from measured torque first.
     angles : {"rad", "deg"} or None
-        Unit of the angles in its logs; None where nothing was said: rad, unless they cannot be.
+        Unit of the angles in its logs; None if not stated: rad, unless the values contradict it.
     lock_option : tuple of str
-        Joints that were locked when the robot was loaded, of which its files say nothing.
+        Joints that an option locked when the robot was loaded, and its files do not.
     bounds : tuple of Bound
-        What is known of masses and centres of mass.
+        Known limits of masses and centres of mass.
     tendons : tuple of str
-        Of the `combinations` those that the robot file itself holds.
+        Names of the `combinations` in the robot file itself.
     upright : (3,) [m/s²] or None
-        Gravity as the file states it, where it was found to be another one (`turned`).
+        Gravity of the file, if another direction replaced it (`turned`).
     servo : Servo or None
-        Position servos of the actuated joints, where the files state some.
+        Position servos of the actuated joints, if the files state some.
     base_option : {"fixed", "floating"} or None
-        What was said of the base when the robot was loaded, of which its files say nothing.
+        Option for the base when the robot was loaded, which its files do not state.
     """
 
     name: str
@@ -468,7 +470,7 @@ class Description(Stated):
 
     @cached_property
     def sha256(self) -> str:
-        """Hash of the robot file, what it includes, meshes that weigh, and its sidecar."""
+        """Return a hash of the robot file, its includes, meshes with inertia, and its sidecar."""
         files = (self.path, *read_included(self.path)[1], *self.meshes)
         digest = hashlib.sha256()
         for file in (*files, self.sidecar) if self.sidecar is not None else files:
@@ -481,7 +483,7 @@ class Description(Stated):
 
     @cached_property
     def mjcf(self) -> bool:
-        """Whether the robot file is MJCF; else it is URDF."""
+        """Return whether the robot file is MJCF; else it is URDF."""
         return bool(parse_xml(self.path, ROOTS).tag == "mujoco")
 
     @property
@@ -491,7 +493,7 @@ class Description(Stated):
 
     @property
     def identity(self) -> dict[str, Any]:
-        """What results say of it in JSON: name, title, hash, what is locked, tilted, known."""
+        """Return the robot's entry in the JSON of results, such as name, hash and locked joints."""
         said: dict[str, Any] = {"name": self.name, "title": self.title, "sha256": self.sha256}
         said |= {"gravity": self.tilt.to_dict()} if self.tilt is not None else {}
         said |= {"locked": dict(self.locked)} if self.locked else {}
@@ -508,8 +510,8 @@ class Description(Stated):
     def turned(self, direction: Array) -> Self:
         """Return the robot with gravity along another direction of the file's world.
 
-        Use it for a base that is not mounted as the file says. The file stays as it is. A file that
-        is written of the robot states the new direction.
+        Use it for a base that is not mounted as the file states. The file does not change. A file
+        that is written from the new robot states the new direction.
 
         Parameters
         ----------
@@ -526,7 +528,7 @@ class Description(Stated):
 
     @property
     def tilt(self) -> Tilt | None:
-        """How the base stands otherwise than the file says; None if it does as the file says."""
+        """Return the tilt of the base relative to the file; None if it has none."""
         return None if self.upright is None else Tilt.of(self.upright, self.gravity)
 
     @property
@@ -536,7 +538,7 @@ class Description(Stated):
 
     @cached_property
     def equations(self) -> int:
-        """Number of loop equations, those included that follow from others."""
+        """Return the number of loop equations, including redundant ones."""
         return 3 * len(self.loops) + len(self.couplings) + len(self.cables)
 
     @property
@@ -561,12 +563,12 @@ class Description(Stated):
         return self.joints if self.base is None else self.joints[SIX:]
 
     def check_stands(self, what: str) -> None:
-        """Refuse a robot that floats where that is not supported.
+        """Refuse a floating robot for a use that needs a fixed base.
 
         Parameters
         ----------
         what : str
-            What is asked for, in the gerund.
+            The use, in the gerund.
 
         Raises
         ------
@@ -668,7 +670,7 @@ class Description(Stated):
 
     @cached_property
     def links(self) -> tuple[Link, ...]:
-        """How each of its bodies hangs on the one before it."""
+        """Return the link of each of its bodies to the body before it."""
         owner = {WORLD: WORLD} | {joint - 1: k for k, joint in enumerate(self.carriers)}
         links = []
         for last in (joint - 1 for joint in self.carriers):
@@ -680,7 +682,7 @@ class Description(Stated):
 
     @cached_property
     def tendon_axes(self) -> Strings:
-        """Axes along several joints of which its file can state numbers: tendons of an MJCF."""
+        """Return the axes of several joints whose numbers an MJCF can state as tendons."""
         own = (axis.name for axis in self.axes if axis.mixed and self.mjcf)
         return tuple(dict.fromkeys((*self.tendons, *own)))
 
@@ -705,13 +707,13 @@ class Description(Stated):
 
     @cached_property
     def passive_axes(self) -> tuple[Axis, ...]:
-        """Every passive one-dof joint; balls are left out (no friction law with one axis)."""
+        """Return the axes of passive one-dof joints; balls have no friction law with one axis."""
         return tuple(self._axis(d, {d: 1.0}) for d in self.passive if d in self.tree.single)
 
     def column_preference(self, names: Strings) -> list[int]:
-        """Return column indices in the order in which the grouping should try to keep them.
+        """Return column indices in the order in which the grouping keeps them.
 
-        Bodies that the sidecar names come first, each with its mass last; all else follows.
+        Bodies that the sidecar names come first, each with its mass last.
         """
         order = dict.fromkeys((*self.said.base_parameters.bodies, *self.bodies))
         wanted = [f"{b}.{kind}" for b in order for kind in GROUPED_KINDS]

@@ -87,7 +87,7 @@ def read_robot(
 
 
 def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:
-    """Return what a URDF states; mimic joints become couplings, and what is locked is welded."""
+    """Return the statements of a URDF, with mimic joints as couplings and locked joints welded."""
     if root.find("link") is None:
         raise RobotError(
             f"{path} has no <link>; it may only define parts that another file puts together: "
@@ -153,7 +153,7 @@ def _read_mimics(
     Raises
     ------
     RobotError
-        If one mimics a joint that is not there, and the sidecar says nothing of it.
+        If one mimics a missing joint, and the sidecar does not replace it.
     """
     instead = {*extra.locked, *(c.joint for c in extra.couplings)}
     found = []
@@ -196,11 +196,11 @@ WORLD_LINK = "world"
 
 
 def release_root(root: ET.Element, base: str | None) -> tuple[ET.Element, str]:
-    """Return a URDF that begins with the link that floats, if one does, and what it floats on.
+    """Return a URDF whose root is the floating link, if any, and the name of its support.
 
-    That is the joint of type ``floating`` on which the rest hangs, or the root link itself where
-    it is said to float. One that is said to be fixed is. Where the root link is ``world``, what is
-    fixed to it floats instead.
+    The support is the joint of type ``floating`` that carries the rest, or the root link itself if
+    `base` is "floating". If `base` is "fixed", nothing floats. If the root link is ``world``, the
+    link that is fixed to it floats instead.
 
     Parameters
     ----------
@@ -228,7 +228,7 @@ _BETWEEN = tuple(f"{joint} link" for joint in BASE_JOINTS[:-1])
 
 
 def _add_base(root: ET.Element) -> ET.Element:
-    """Return a URDF whose root link hangs on three slides and three hinges."""
+    """Return a URDF with three slides and three hinges before the root link."""
     made = copy.deepcopy(root)
     above = "world of the base"
     first = root_link(root)
@@ -244,7 +244,7 @@ def _add_base(root: ET.Element) -> ET.Element:
 
 
 def _ask_for_base(path: Path, model: Any) -> None:
-    """Refuse a robot on legs whose root link hangs on nothing: it may walk, or be bolted down.
+    """Refuse a legged robot with a free root link: it may walk, or be bolted down.
 
     Raises
     ------
@@ -275,7 +275,7 @@ _NEEDED = {
 
 
 def _keep_needed(root: ET.Element) -> ET.Element:
-    """Return a copy of a URDF without looks, collisions and what simulators add."""
+    """Return a copy of a URDF without visuals, collisions and parts for simulators."""
     bare = ET.Element(root.tag, root.attrib)
     for part in root:
         if part.tag in _NEEDED["robot"]:
@@ -285,11 +285,11 @@ def _keep_needed(root: ET.Element) -> ET.Element:
 
 
 def plain_urdf(root: ET.Element, name: str) -> str:
-    """Return a URDF of what identification needs, whose continuous joints are revolute ones.
+    """Return a URDF with the parts that identification needs; continuous joints become revolute.
 
-    Pinocchio holds a continuous joint as cosine and sine, which do not count turns; mimic joints
-    follow a position. Looks, collisions and simulators' parts are left out. A name, limits and an
-    effort, which Pinocchio's reader demands, are added.
+    Pinocchio represents a continuous joint by cosine and sine, which do not count turns, but mimic
+    joints follow a position. Visuals, collisions and parts for simulators are left out. A name,
+    limits and an effort are added, because Pinocchio's reader demands them.
     """
     plain = _keep_needed(root)
     plain.set("name", root.get("name") or name)

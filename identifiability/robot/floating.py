@@ -1,10 +1,11 @@
-"""A base that nothing drives: how it is measured, and the contacts that press on the robot.
+"""A base without a drive: its measurement, and the contact forces on the robot.
 
-Six joints stand for a base that floats, three slides and three hinges at zero position: the
-equations of a robot hold in the axes of its base, and need nothing of the base but its *proper*
-acceleration (what an accelerometer reads), angular velocity and angular acceleration. Gravity is
-part of the first, so the model has none. The torque of these six joints is known to be zero, but
-for forces from outside: measured ones are known, others are eliminated (`eliminate`).
+Six joints represent a floating base: three slides and three hinges, all at zero position. The
+equations of a robot hold in the axes of its base. They need only three quantities of the base: its
+*proper* acceleration (the reading of an accelerometer), its angular velocity and its angular
+acceleration. Gravity is part of the first, so the model has none. The torque of these six joints is
+zero, except for external forces. Measured external forces are known; `eliminate` eliminates the
+others.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ BATCH = 2048
 
 @frozen
 class Contact:
-    """Where the ground may press on the robot with a force that nobody measures.
+    """A contact with the ground, whose force is not measured.
 
     Attributes
     ----------
@@ -43,15 +44,15 @@ class Contact:
     point : Point
         The middle of the foot.
     kind : {"point", "surface"}
-        Whether a force is all that it transmits, or a moment, too.
+        A surface transmits a moment in addition to the force.
     radius : float [m]
-        Of the foot: the ground is so far below its middle.
+        Radius of the foot: the distance of its middle from the ground.
     flag : str
-        Column of logs that says when it is closed; empty where it always is.
+        Column of logs that marks closed contact; empty if the contact is always closed.
     threshold : float
-        Of that column, above which it is.
+        Value of that column above which the contact is closed.
     margin : float [s]
-        Around the times at which it is said to be closed it may be, too.
+        Time before and after marked contact in which the contact may be closed, too.
     """
 
     name: str
@@ -65,16 +66,16 @@ class Contact:
 
 @frozen
 class Wrench:
-    """A force and a moment from outside that are measured, along the axes of a frame.
+    """A measured external force and moment, along the axes of a frame.
 
     Attributes
     ----------
     name : str
     point : Point
     rotation : (3, 3)
-        The frame in that of the joint that it is behind.
+        The frame in that of the joint before it.
     columns : tuple of str
-        Of logs: a force [N], or a force and a moment about the frame's origin [N·m].
+        Columns of logs: a force [N], or a force and a moment about the frame's origin [N·m].
     """
 
     name: str
@@ -85,18 +86,18 @@ class Wrench:
 
 @frozen
 class Imu:
-    """How an inertial sensor is mounted on the base: ``a = R (a₀ + ω̇ × r + ω × (ω × r)) + b``.
+    """An inertial sensor on the base: ``a = R (a₀ + ω̇ × r + ω × (ω × r)) + b``.
 
     Attributes
     ----------
     rotation : (3, 3)
-        From the axes of the base to those of the sensor.
+        Rotation from the axes of the base to those of the sensor.
     place : (3,) [m]
-        Of the sensor on the base.
+        Position of the sensor on the base.
     acc_bias, gyro_bias : (3,) [m/s², rad/s]
-        What it reads too much.
+        Bias of its readings.
     fit : tuple of str
-        Those of these of which corrections are fitted.
+        Names of the fields that are fitted.
     """
 
     rotation: Array = np.eye(3)
@@ -114,14 +115,14 @@ class Base:
     ----------
     body : str
     title : str
-        What the robot file calls its joint; empty where it has none.
+        Name of its joint in the robot file; empty if there is none.
     gravity : (3,) [m/s²]
-        In the world, of which logs may hold the pose of the base.
+        Gravity in the world, in which logs may state the pose of the base.
     contacts : tuple of Contact
     wrenches : tuple of Wrench
     imu : Imu
     servo : Servo or None
-        Of the joints that motors drive, in the robot's order.
+        Servos of the driven joints, in the robot's order.
     """
 
     body: str
@@ -140,17 +141,17 @@ class Base:
 
 
 def base_acceleration(acc: Array, omega: Array, alpha: Array) -> Array:
-    """Return the accelerations of the six joints that stand for a base, (N, 6).
+    """Return the accelerations of the six joints that represent a base, (N, 6).
 
-    Hinges that turn one after the other about x, y and z add to the angular acceleration what the
-    first ones turn the axes of the others.
+    The hinges turn about x, y and z in sequence. The first ones also rotate the axes of the later
+    ones, which adds products of angular velocities to the angular acceleration.
 
     Parameters
     ----------
     acc : (N, 3) [m/s²]
         Proper acceleration of its origin.
     omega, alpha : (N, 3) [rad/s, rad/s²]
-        Angular velocity and acceleration. All along its own axes.
+        Angular velocity and acceleration. All are along the axes of the base.
     """
     x, y, z = omega.T
     return np.hstack([acc, alpha - np.stack([y * z, -x * z, x * y], 1)])
@@ -191,12 +192,12 @@ def eliminate(
     up: Array | None,
     driven: tuple[Array, Array, Array | None],
 ) -> tuple[Array, Array]:
-    """Return the combinations of rows that no force of closed contacts enters.
+    """Return combinations of rows that the forces of closed contacts do not enter.
 
-    With the Jacobian of the closed contacts J = [J_b, J_j], of the base and of the other joints,
-    ``N = [[P, 0], [−J_j⁺ J_b P, I − J_j⁺ J_j]]`` has J N = 0, and its columns are smooth along a
-    motion. P is the identity where the legs can yield to every motion of the base, and else
-    projects on those to which they can (`design.md`).
+    Let J = [J_b, J_j] be the Jacobian of the closed contacts, for the base and the other joints.
+    Then ``N = [[P, 0], [−J_j⁺ J_b P, I − J_j⁺ J_j]]`` has J N = 0. Its columns are smooth along a
+    motion. P projects on the motions of the base that the legs can follow (`design.md`). It is the
+    identity if they can follow all.
 
     Parameters
     ----------
@@ -206,7 +207,7 @@ def eliminate(
     closed : (N, c) bool
         Contacts that may press.
     up : (N, 3) or None
-        Away from the ground, along the axes of the base.
+        Upward direction along the axes of the base.
     driven : (n,) int, (e,) int, (N, e, n) or None
         Degrees of freedom that are actuated (the base's first), dependent ones, and X.
 
@@ -215,7 +216,7 @@ def eliminate(
     N : (N, n, n)
         Torque and columns are ``Nᵀ τ``.
     silent : (N, n) bool
-        Rows of which nothing is left, or nothing that is known.
+        Rows that are zero after the elimination, or not known.
     """
     actuated, dependent, X = driven
     n = len(actuated)
@@ -241,7 +242,7 @@ def eliminate(
 
 
 def _null_space(J: Array) -> tuple[Array, Array]:
-    """Return N of Jacobians (N, m, n), and the rows of which nothing is left."""
+    """Return N of Jacobians (N, m, n), and a mask of rows that are zero or not known."""
     n = J.shape[2]
     Jb = J[:, :, :SIX]
     Jj = J[:, :, SIX:]
@@ -263,10 +264,10 @@ def _null_space(J: Array) -> tuple[Array, Array]:
 
 
 def _pinv(A: Array, smallest: float) -> tuple[Array, Array]:
-    """Return pseudo-inverses of matrices (N, m, n), and where a singular value is near none.
+    """Return pseudo-inverses of matrices (N, m, n), and a mask of nearly singular ones.
 
-    A singular value that is none at all is no direction; one between it and `smallest` of the
-    largest is a direction that is nearly lost.
+    Singular values that are zero up to rounding are dropped. A matrix is nearly singular if another
+    one is below `smallest` times the largest.
     """
     U, s, V = np.linalg.svd(A, full_matrices=False)
     top = s.max(1, keepdims=True, initial=0.0)
@@ -279,7 +280,7 @@ def _pinv(A: Array, smallest: float) -> tuple[Array, Array]:
 
 
 def closed_contacts(contacts: Sequence[Contact], t: Array, flags: Array) -> Array:
-    """Return when contacts may press, (N, c) bool, from when they are said to (N, c)."""
+    """Return when contacts may be closed, (N, c) bool, from their flags (N, c)."""
     step = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
     reaches = [int(np.ceil(c.margin / step)) for c in contacts]
     widen = scipy.ndimage.maximum_filter1d
@@ -302,7 +303,7 @@ def find_legs(joints: Sequence[str], bodies: Sequence[str], parents: Sequence[in
     joints, bodies : sequence of str
         A joint and the body behind it.
     parents : sequence of int
-        Index of the body before each; negative where there is none.
+        Index of the parent of each body; negative without one.
     """
     is_leg = [bool(_LEG.search(f"{j} {b}")) for j, b in zip(joints, bodies, strict=True)]
     first = [leg and not (up >= 0 and is_leg[up]) for leg, up in zip(is_leg, parents, strict=True)]

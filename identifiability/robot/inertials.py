@@ -55,7 +55,7 @@ class StatedInertial:
 
     @property
     def fault(self) -> str:
-        """What is impossible about the body, with the numbers of the file; empty if nothing is."""
+        """Return the impossible value of the body with the file's numbers; empty without one."""
         if self.mass < 0:
             return f"{self.body} (mass {self.mass:g} kg is negative)"
         least, *_, largest = np.linalg.eigvalsh(self.tensor)
@@ -79,7 +79,7 @@ class StatedInertial:
 
 
 def read_inertials(root: ET.Element) -> list[StatedInertial]:
-    """Return the inertials that a robot file states; what is no number is left to its reader."""
+    """Return the inertials that a robot file states; skip those whose numbers cannot be read."""
     bodies = root.iter("body") if root.tag == "mujoco" else root.iterfind("link")
     read = _read_mjcf if root.tag == "mujoco" else _read_urdf
     found = []
@@ -118,7 +118,7 @@ def _read_mjcf(inertial: ET.Element) -> tuple[float, dict[str, float]]:
 
 
 def find_faults(path: Path, among: Collection[str] | None = None) -> dict[str, str]:
-    """Return what is impossible about the bodies of a robot file, by body.
+    """Return the impossible inertial values of a robot file, by body.
 
     Parameters
     ----------

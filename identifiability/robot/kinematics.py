@@ -1,7 +1,7 @@
 """Kinematics of a tree, batched over samples: frames and point Jacobians.
 
-Joints are taken off a Pinocchio model once, in which what is locked is welded; vectors and turns
-of many samples have the samples last.
+Joints are read once from a Pinocchio model, in which locked joints are welded. In arrays of vectors
+and rotations, the last axis is the sample.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ def basis_along(axis: Array) -> Array:
 
 
 def shortest_turn(start: Array, end: Array) -> Array:
-    """Return the rotation vector (3,) of the shortest turn from one direction (3,) to another.
+    """Return the rotation vector (3,) of the smallest rotation between two directions (3,).
 
-    Of opposite directions, which have no shortest one, it is any half turn between them.
+    For opposite directions it is one of the half turns between them.
     """
     found, _ = scipy.spatial.transform.Rotation.align_vectors(end[None], start[None])
     out: Array = found.as_rotvec()
@@ -57,7 +57,7 @@ def combine(R: Array, parts: Array) -> Array:
 
 
 def turned(quat: Array, step: Array) -> Array:
-    """Return unit quaternions (x y z w) turned by rotation vectors in their own frame."""
+    """Rotate unit quaternions (x y z w) by rotation vectors in their own frame."""
     rotation = scipy.spatial.transform.Rotation
     out: Array = (rotation.from_quat(quat) * rotation.from_rotvec(step)).as_quat()
     return out
@@ -78,7 +78,7 @@ WORLD = -1
 
 @frozen
 class Joint:
-    """One joint of the tree: an axis or a ball, with its place on the joint before it.
+    """One joint of the tree: an axis or a ball, with its placement on its parent.
 
     Attributes
     ----------
@@ -86,13 +86,13 @@ class Joint:
         Names of its degrees of freedom (1, 3 or 6).
     kind : {"revolute", "prismatic", "ball", "free"}
     parent : int
-        Index of the joint before it, or ``WORLD``.
+        Index of the parent joint, or ``WORLD``.
     rotation, translation : (3, 3), (3,) [m]
         Placement on the parent joint's frame.
     axis : (3,)
         Unit axis in its own frame (revolute and prismatic).
     iq, iv : int
-        Where its coordinates start in Pinocchio's ``q`` and ``v``.
+        Start of its coordinates in Pinocchio's ``q`` and ``v``.
     """
 
     dofs: Strings
@@ -117,12 +117,12 @@ class Joint:
 
 @frozen
 class Frames:
-    """World frames of joints at N configurations, samples last; N is 1 where they never move.
+    """World frames of joints at N configurations, samples last; N is 1 for fixed frames.
 
     Attributes
     ----------
     axes : mapping to (3, 3, N)
-        ``axes[k][c]`` is the c-th axis of the frame behind joint k; the third is the joint's own
+        ``axes[k][c]`` is the c-th axis of the frame behind joint k; the third is the joint axis
         (revolute and prismatic).
     origin : mapping to (3, N) [m]
     """
@@ -237,7 +237,7 @@ class Tree:
         return at
 
     def positions(self, q: Array, point: Point) -> Array:
-        """Return where a point is at configurations (N, nq), (N, 3) [m]."""
+        """Return the position of a point at configurations (N, nq), (N, 3) [m]."""
         at = self.world_point(self.frames(q, [point.joint]), point)
         return np.broadcast_to(at, (3, len(q))).T
 
@@ -264,7 +264,7 @@ class Tree:
     def add_jacobian_at(
         self, frames: Frames, joint: int, at: Array, sign: float, out: Array
     ) -> None:
-        """Add the same of what is behind a joint and just at a place of the world, (3, N) [m]."""
+        """Add the same for the point of a body that is now at a place of the world, (3, N) [m]."""
         for k in self.chain(joint):
             j = self.joints[k]
             R = frames.axes[k]
@@ -282,7 +282,7 @@ class Tree:
                     out[:, j.iv + c] += sign * R[c]
 
     def add_turn_jacobian(self, frames: Frames, joint: int, out: Array) -> None:
-        """Add how joints turn what is behind one to `out` (3, nv, N), world axes."""
+        """Add ``∂ω/∂v`` of the body behind a joint to `out` (3, nv, N), world axes."""
         for k in self.chain(joint):
             j = self.joints[k]
             R = frames.axes[k]
@@ -367,12 +367,12 @@ def body_names(model: Any) -> Strings:
 
 
 def weld(model: Any, locked: NumberByName) -> tuple[Any, dict[str, Array]]:
-    """Return a Pinocchio model without the locked joints, and what hangs behind them.
+    """Return a Pinocchio model without the locked joints, and the bodies behind them.
 
     Parameters
     ----------
     model : pinocchio.Model
-        With joints of one axis where they are locked.
+        Its locked joints have one axis.
     locked : mapping
         Joint to position [rad or m].
 
@@ -380,7 +380,7 @@ def weld(model: Any, locked: NumberByName) -> tuple[Any, dict[str, Array]]:
     -------
     model : pinocchio.Model
     welded : dict
-        Body to its ten parameters in the frame of the joint that it now hangs on (or the world's),
+        Body to its ten parameters in the frame of the joint that now carries it (or the world's),
         in the order of `INERTIAL_KINDS`.
     """
     if not locked:

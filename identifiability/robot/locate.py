@@ -1,6 +1,6 @@
-"""Where a robot file is, which sidecar belongs to it, and its XML, with includes in their places.
+"""Find a robot file and its sidecar, and read its XML with includes inserted.
 
-It is parsed as far as its size allows: what has no end is refused at once.
+A file that is too large, or includes itself, is refused at once.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ ENDINGS = (".urdf", ".xml", ".mjcf")
 
 
 def own_sidecar(path: Path) -> Path:
-    """Return where the sidecar is that belongs to one robot file alone."""
+    """Return the path of the sidecar that only one robot file reads."""
     return path.with_name(f"{path.name}.toml")
 
 
@@ -39,7 +39,7 @@ def find_sidecar(path: Path) -> Path | None:
 
 
 def place_sidecar(path: Path, taken: Path | None = None) -> Path:
-    """Return where to write a sidecar so that it changes what no other robot file says.
+    """Return a path for a sidecar that no other robot file reads.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def place_sidecar(path: Path, taken: Path | None = None) -> Path:
 
 
 def shipped_folder() -> Path:
-    """Return the folder of the shipped robots (inside a wheel, or beside a checkout)."""
+    """Return the folder of the shipped robots, in a wheel or in a checkout."""
     inside = Path(str(resources.files("identifiability"))) / "models"
     return inside if inside.is_dir() else inside.parent.parent / "models"
 
@@ -71,7 +71,7 @@ def shipped_robots() -> list[str]:
 
 
 def locate_robot(source: str | Path) -> Path:
-    """Return the robot file that a path or a shipped name stands for.
+    """Return the robot file of a path or a shipped name.
 
     Raises
     ------
@@ -183,16 +183,16 @@ def read_bytes(path: Path) -> bytes:
 
 
 class _Builder:
-    """Builds the tree of a file, and refuses the file at the first limit that it passes.
+    """Builds the tree of a file, and refuses the file at the first exceeded limit.
 
-    Text between elements is left out: no robot is stated in it.
+    Text between elements is dropped, because it states nothing about a robot.
 
     Parameters
     ----------
     path : Path
-        Of the file, for sentences.
+        Path of the file, for messages.
     room : int
-        Elements that the file may have.
+        Most elements of the file.
     """
 
     def __init__(self, path: Path, room: int) -> None:
@@ -202,7 +202,7 @@ class _Builder:
         self.tree = ET.TreeBuilder()
 
     def doctype(self, *_declared: str | None) -> None:
-        """Refuse a document type: its entities and attributes multiply what a file holds."""
+        """Refuse a document type: its entities and attributes can multiply the size of a file."""
         raise RobotError(
             f"{self.path} declares a document type, <!DOCTYPE …>; no robot needs one: take it out, "
             "and write its entities where they are used."
@@ -243,7 +243,7 @@ class _Builder:
 
 
 def _read_numbers(text: str) -> list[float]:
-    """Return the numbers of an attribute; MuJoCo refuses what is none."""
+    """Return the numbers of an attribute; skip other words, which MuJoCo refuses."""
     found = []
     for word in text.split():
         with contextlib.suppress(ValueError):
@@ -281,22 +281,22 @@ def parse_xml(path: Path, roots: tuple[str, ...], room: int = MOST_ELEMENTS) -> 
 
 
 def expand_includes(path: Path, root: ET.Element, found: list[Path], room: int) -> int:
-    """Put the children of included files where they are included, and note these files.
+    """Insert the children of included files, and record these files.
 
     Parameters
     ----------
     path : Path
     root : Element
-        What is changed in place.
+        Root element, which is changed in place.
     found : list of Path
-        Included files, to which more are added.
+        Included files; new ones are appended.
     room : int
-        Elements that may still be included.
+        Number of elements that may still be included.
 
     Returns
     -------
     int
-        Elements that may be included after that.
+        Number of elements that may be included afterwards.
 
     Raises
     ------
@@ -324,9 +324,9 @@ def _too_large(path: Path, what: str) -> RobotError:
 
 
 def _check_size(path: Path, root: ET.Element) -> None:
-    """Refuse what would take minutes, or all the memory, with copies counted out.
+    """Refuse a file whose size, with its copies, would take minutes or all the memory.
 
-    A body that hangs on its parent without a joint is part of the parent.
+    A body without a joint is part of its parent.
     """
     movable = {"joint", "freejoint"}
     attached = _count_attached(path, root)
@@ -358,7 +358,7 @@ def _check_size(path: Path, root: ET.Element) -> None:
 
 
 def _check_parts(path: Path, root: ET.Element) -> None:
-    """Refuse an MJCF of which too many parts would be taken out."""
+    """Refuse an MJCF with too many parts to remove."""
     found = Counter({tag: sum(map(len, root.findall(tag))) for tag in MOST_PARTS})
     found["light"] = sum(1 for _ in root.iter("light"))
     for tag, most in MOST_PARTS.items():
@@ -399,7 +399,7 @@ def _count_copies(element: ET.Element) -> int:
 
 
 def _count_parts(element: ET.Element) -> int:
-    """Return how many elements an element stands for, apart from its children."""
+    """Return the number of elements that an element expands to, apart from its children."""
     makes_parts = element.tag == "flexcomp" or (element.tag == "replicate" and not len(element))
     return _count_copies(element) if makes_parts else 1
 
@@ -423,7 +423,7 @@ def is_computed(text: str) -> bool:
 
 
 def _check_expanded(path: Path, root: ET.Element) -> None:
-    """Refuse what xacro has not gone through: the parts that it stands for would be lost."""
+    """Refuse a xacro file that is not expanded: the parts of its macros would be lost."""
     for element in root.iter():
         space, _, tag = element.tag.rpartition("}")
         named = [text for text in element.attrib.values() if is_computed(text)]
@@ -436,7 +436,7 @@ def _check_expanded(path: Path, root: ET.Element) -> None:
 
 
 def file_text(path: Path, root: ET.Element) -> str:
-    """Return an MJCF as one text: as it stands, or with its includes in their places."""
+    """Return an MJCF as one text, with its includes inserted."""
     try:
         text = read_bytes(path).decode("utf-8-sig")
     except ValueError:  # another encoding
@@ -462,7 +462,7 @@ def read_included(path: Path) -> tuple[ET.Element, list[Path]]:
 
 
 def drop_repeated(root: ET.Element) -> None:
-    """Take out of a URDF what is stated again where readers take the first; MuJoCo refuses it."""
+    """Remove repeated elements of a URDF; readers take the first, and MuJoCo refuses them."""
     for element in (*root.findall("joint"), *root.iter("inertial")):
         seen = set()
         for child in list(element):

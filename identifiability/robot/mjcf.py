@@ -54,19 +54,19 @@ def read_spec(
     floating: str | None = None,
     shapes: bool = False,
 ) -> Any:
-    """Return an MJCF before it is compiled (mujoco.MjSpec); what has no name is given one.
+    """Return an MJCF before compilation (mujoco.MjSpec); elements without a name get one.
 
     Parameters
     ----------
     path : Path
     outside : collection of str
-        Bodies to leave out, with all that hangs on them and refers to them.
+        Bodies to leave out, with their children and all references to them.
     fixed : bool
-        Whether what floats by its file stands where that draws it.
+        Whether a base that floats in its file is fixed at its drawn position.
     floating : str, optional
-        The free joint that six joints stand for.
+        The free joint that six joints replace.
     shapes : bool
-        Whether shapes that collide are left, in place of what has a share in the motion.
+        Whether to keep the shapes that collide, instead of the parts that affect the motion.
     """
     spec = mujoco.MjSpec.from_string(file_text(path, read_markup(path)))
     spec.modelfiledir = str(path.parent)
@@ -86,9 +86,10 @@ def read_spec(
 
 
 def replace_free_joints(spec: Any, floating: str | None = None) -> None:
-    """Take all free joints out of a MuJoCo spec, or one, for which three slides and hinges stand.
+    """Remove the free joints of a MuJoCo spec, or replace one by three slides and three hinges.
 
-    The base is then where the world is; keyframes, which know no such joints, go.
+    The frame of the base is then that of the world. Keyframes are removed, because they lack these
+    joints.
     """
     for key in list(spec.keys):
         spec.delete(key)
@@ -103,7 +104,7 @@ def replace_free_joints(spec: Any, floating: str | None = None) -> None:
 
 
 def add_base(body: Any) -> None:
-    """Add the six joints that stand for a base to a body of a MuJoCo spec."""
+    """Add the six joints that represent a base to a body of a MuJoCo spec."""
     for k, name in enumerate(BASE_JOINTS):
         new = body.add_joint(name=name, type=(HINGE, SLIDE)[k < SIX // 2], axis=np.eye(3)[k % 3])
         for word in ("damping", "armature", "frictionloss", "stiffness", "ref"):
@@ -112,7 +113,7 @@ def add_base(body: Any) -> None:
 
 
 def mesh_files(path: Path, spec: Any) -> tuple[Path, ...]:
-    """Return the files of meshes that are left in a spec."""
+    """Return the files of the remaining meshes of a spec."""
     folder = path.parent / (spec.compiler.meshdir or "")
     return tuple(folder / mesh.file for mesh in spec.meshes if mesh.file)
 
@@ -155,7 +156,7 @@ def quiet() -> Iterator[None]:
 
 
 def _is_idle(compiler: Any, geom: Any) -> bool:
-    """Whether a geom is read from another file and has no share in the inertia of what moves."""
+    """Whether a geom needs another file and adds no inertia to a moving body."""
     if geom.hfieldname or not (geom.meshname or geom.type == mujoco.mjtGeom.mjGEOM_SDF):
         return bool(geom.hfieldname)
     body = geom.parent
@@ -176,7 +177,7 @@ def _forget_room(spec: Any) -> None:
 
 
 def _forget_looks(spec: Any, more: str) -> None:
-    """Remove what would be read from other files and has no share in the motion, and `more`."""
+    """Remove elements that need other files and do not affect the motion, and those of `more`."""
     geoms = list(spec.geoms)
     sites = list(spec.sites)  # each look at them takes a while
     for element in (*geoms, *sites, *spec.tendons, *spec.meshes):
@@ -216,23 +217,23 @@ _ON_JOINT = (_TRN.mjTRN_JOINT, _TRN.mjTRN_JOINTINPARENT)
 
 
 def _word(kind: Any) -> str:
-    """Return what a kind of MuJoCo's is about, such as JOINT of mjEQ_JOINT."""
+    """Return the last word of a MuJoCo enumerator, such as JOINT of mjEQ_JOINT."""
     return str(kind.name.rpartition("_")[2])
 
 
 def find_outside(m: Any, extra: Sidecar, ties: Sequence[set[int]]) -> Strings:
-    """Return the bodies of a compiled scene at which trees begin that no actuated joint reaches.
+    """Return the root bodies of trees in a compiled scene that no actuated joint reaches.
 
-    A tree hangs on the world by joints. It is reached where an actuator (or what the sidecar
-    names) acts on it, or where an equality or a tendon ties it to one that is. Without actuators
-    every joint with one axis may be driven.
+    Joints connect a tree to the world. A tree is reached if an actuator acts on it, or if the
+    sidecar names one of its joints. It is also reached if an equality or a tendon ties it to a
+    reached tree. Without actuators every joint with one axis may be driven.
 
     Parameters
     ----------
     m : mujoco.MjModel
     extra : Sidecar
     ties : sequence of set
-        Trees that are tied together, those of the sidecar's loops first.
+        Sets of tied trees, those of the sidecar's loops first.
     """
     at_joint = {m.joint(j).name: m.body_treeid[m.jnt_bodyid[j]] for j in range(m.njnt)}
     named = {*extra.locked, *(j for c in extra.couplings for j in (c.joint, c.of, *c.terms))}
@@ -256,9 +257,9 @@ def _find_single(m: Any) -> Array:
 
 
 def _trees(m: Any, kind: str, which: Iterable[int]) -> set[int]:
-    """Return the trees of some joints, sites, bodies or tendons; -1 stands for what is fixed.
+    """Return the trees of some joints, sites, bodies or tendons; −1 means fixed to the world.
 
-    Adhesion and what tendons wrap around act on nothing here.
+    Adhesion and the obstacles of tendons act on no tree here.
     """
     there = [int(k) for k in which if k >= 0]
     if kind == "TENDON":
@@ -291,7 +292,7 @@ def find_floating(
 ) -> str | None:
     """Return the free joint of a compiled scene that the robot floats on, if it does.
 
-    A free body that equalities tie to what is beside it is part of a closed chain.
+    A free body is part of a closed chain if equalities tie it to other trees.
 
     Raises
     ------
@@ -321,26 +322,26 @@ def find_floating(
 
 @frozen
 class Actuator:
-    """An actuator: along ``Σ cᵢ qᵢ`` it pulls by ``gear (gain ctrl + b₀ + b₁ length + b₂ speed)``.
+    """An actuator with force ``gear (gain ctrl + b₀ + b₁ length + b₂ speed)`` along ``Σ cᵢ qᵢ``.
 
     Attributes
     ----------
     name : str
     arms : mapping
-        Joints that it drives to their coefficients; none where it drives no sum of joints.
+        Driven joints to their coefficients; empty if it drives no sum of joints.
     tendon : str
-        On which it pulls; empty where it acts on a joint or site.
+        Tendon that it pulls; empty if it acts on a joint or site.
     straight : bool
-        Whether that runs straight between sites.
+        Whether the tendon runs straight between sites.
     gear : float
     law : {"tau", "q_ref", "dq_ref", ""}
-        What its command is: a torque, a position or a speed to hold; nothing of any other.
+        Its command: a torque, a position or a speed; empty for any other.
     gain : float
     bias : (3,)
     force, command : (2,)
-        Between which ends its force and its command are; infinite where they have none.
+        Limits of its force and its command; infinite without any.
     numbers : mapping
-        Armature and damping of its own.
+        Its armature and damping.
     """
 
     name: str
@@ -357,7 +358,7 @@ class Actuator:
 
     @property
     def joint(self) -> str:
-        """The joint that it drives alone; empty where it drives several, or none."""
+        """Return the joint that it drives alone; empty if it drives several, or none."""
         return next(iter(self.arms)) if len(self.arms) == 1 else ""
 
     @property
@@ -406,7 +407,7 @@ def read_actuators(m: Any) -> list[Actuator]:
 
 
 def _law(m: Any, a: int) -> str:
-    """Return what an actuator holds: a position, a speed or a torque; nothing of any other."""
+    """Return the controlled quantity of an actuator: position, speed or torque; else empty."""
     gain, (_, stiff, damp) = float(m.actuator_gainprm[a, 0]), m.actuator_biasprm[a, :3]
     bias = int(m.actuator_biastype[a])
     fixed = m.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
@@ -421,13 +422,13 @@ def _law(m: Any, a: int) -> str:
 
 
 def find_gears(actuators: Sequence[Actuator]) -> dict[str, float]:
-    """Return the gears of joints at which one actuator acts; of several the sum is what acts."""
+    """Return the gears of joints that have exactly one actuator."""
     count = Counter(a.joint for a in actuators)
     return {a.joint: a.factor for a in actuators if a.joint and a.factor and count[a.joint] == 1}
 
 
 def find_offsets(actuators: Sequence[Actuator]) -> dict[str, float]:
-    """Return the constant torque of commands by what they drive, where an actuator can hold one."""
+    """Return the constant torque of commands by joint or tendon, for actuators that hold one."""
     found: dict[str, float] = defaultdict(float)
     for actuator in actuators:
         if actuator.law and actuator.owner and actuator.factor:
@@ -438,7 +439,7 @@ def find_offsets(actuators: Sequence[Actuator]) -> dict[str, float]:
 def find_servos(actuators: Sequence[Actuator]) -> dict[str, Array]:
     """Return kp, kv, least and largest torque of the servos among actuators, (4,) by joint.
 
-    Several at one joint add up, say one that holds a position and one that damps.
+    Several servos at one joint add up, for example a position servo and a damper.
     """
     found: dict[str, Array] = {}
     motors = {a.joint for a in actuators if a.law not in ("q_ref", "dq_ref") or not a.gear}
@@ -451,10 +452,10 @@ def find_servos(actuators: Sequence[Actuator]) -> dict[str, Array]:
 
 
 def find_drives(actuators: Sequence[Actuator], locked: Collection[str]) -> list[str] | None:
-    """Return the joints that actuators drive, None without actuators.
+    """Return the joints that actuators drive; None without actuators.
 
-    A joint may have several actuators, say one that holds a position and one that damps. One that
-    pulls at several joints that move drives none of them alone.
+    A joint may have several actuators, for example a position servo and a damper. An actuator of
+    several moving joints drives none of them alone.
     """
     names = []
     for a in actuators:
@@ -478,7 +479,7 @@ _BENT = (
 
 
 def tendon_parts(m: Any, t: int) -> range:
-    """Return what a tendon of a compiled model runs through, by index."""
+    """Return the indices of the parts that a tendon of a compiled model runs through."""
     start = m.tendon_adr[t]
     return range(start, start + m.tendon_num[t])
 
@@ -547,7 +548,7 @@ Forces = tuple[dict[str, dict[str, float]], dict[str, float], dict[str, dict[str
 
 
 def _lines(m: Any, actuators: Sequence[Actuator]) -> Iterator[Line]:
-    """Yield what acts along joints, tendons and actuators."""
+    """Yield the properties of joints, tendons and actuators along their coordinates."""
     for x in map(m.joint, range(m.njnt)):
         own = {word: float(getattr(x, word).flat[0]) for word in _WORDS}
         yield x.name, {x.name: 1.0}, own, float(m.qpos_spring[x.qposadr[0]]), False
@@ -573,7 +574,7 @@ def _numbers(m: Any, kind: str, k: int) -> dict[str, float]:
 
 
 def _refuse_fields(path: Path, m: Any) -> None:
-    """Refuse what acts on whole bodies beside gravity."""
+    """Refuse forces on whole bodies other than gravity, and forces that are not linear."""
     low, high = m.tendon_lengthspring.T
     slack = np.flatnonzero((low != high) & (m.tendon_stiffness != 0.0))
     lifted = np.flatnonzero(m.body_gravcomp * m.body_mass)
@@ -610,7 +611,7 @@ _ALIGNED = {
 
 
 def state_robot(path: Path, extra: Sidecar) -> Stated:
-    """Return what an MJCF states of the robot in its scene; locked joints are welded.
+    """Return an MJCF's statements on the robot in its scene; locked joints are welded.
 
     Raises
     ------
@@ -756,7 +757,7 @@ def _build_tree(m: Any) -> Any:
 
 
 def _read_joint(x: Any) -> tuple[Any, Any]:
-    """Return a joint as one of Pinocchio, and where it stands at zero from where it is drawn."""
+    """Return a joint for Pinocchio, and its frame at position zero relative to the drawn one."""
     kind = int(x.type[0])
     if kind == FREE:
         return pin.JointModelFreeFlyer(), pin.SE3.Identity()
@@ -801,7 +802,7 @@ def _home(scene: Any, m: Any) -> Array:
 
 
 def add_slides(tree: Tree, cables: Sequence[Cable], nq: int) -> Tree:
-    """Return a tree with a slide that carries nothing for each tendon, after its own joints."""
+    """Return a tree with a slide without a body for each tendon, after its joints."""
     axis = np.eye(3)[2]
     still = np.zeros(3)
     slides = [
@@ -818,7 +819,7 @@ def _equalities(m: Any) -> Iterator[Any]:
 
 
 def _couplings(m: Any) -> list[Coupling]:
-    """Return the equalities between joints: MuJoCo counts from where these are drawn."""
+    """Return the equalities between joints; MuJoCo counts positions from the drawn ones."""
     out = []
     for eq in (eq for eq in _equalities(m) if eq.type[0] == _EQ.mjEQ_JOINT):
         curve = Polynomial(eq.data[:5])

@@ -93,7 +93,7 @@ def _shelf() -> TemporaryDirectory[str]:
 
 
 def new_place(name: str, ending: str) -> Path:
-    """Return a file of a folder of its own that is gone when the program ends."""
+    """Return a file path in a new folder that is deleted when the program ends."""
     folder = Path(_shelf().name) / str(next(_NUMBERS)) / name
     folder.mkdir(parents=True)
     return folder / f"{name}{ending}"
@@ -113,7 +113,7 @@ def write(robot: Any, values: NumberByName, path: str | Path) -> Path:
 
 
 def write_copy(robot: Any, values: NumberByName) -> Path:
-    """Write a robot with other parameters where nobody looks, with the ladder beside it."""
+    """Write a robot with other parameters, and its ladder, to a new temporary folder."""
     ending = ".xml" if robot.mjcf else ".urdf"
     path = new_place(robot.name, ending)
     if robot.path.stem == "robot":
@@ -126,7 +126,7 @@ def write_copy(robot: Any, values: NumberByName) -> Path:
 
 
 def last_bodies(robot: Description) -> Strings:
-    """Return the bodies that carry no other: where a load can hang."""
+    """Return the bodies without children, which can carry a load."""
     parents = {link.parent for link in robot.links}
     return tuple(b for k, b in enumerate(robot.bodies) if k not in parents)
 
@@ -174,7 +174,7 @@ def _named(body: str, theta: Array) -> dict[str, float]:
 def other_body(
     robot: Description, body: str, mass: float | None, centre: Point | None, inertia: Moments | None
 ) -> dict[str, float]:
-    """Return the ten parameters of a body of which some things are different, by name."""
+    """Return the ten parameters of a body after changes, by name."""
     theta = _stated(robot, body_of(robot, body))
     old = theta[0] if theta[0] > 0 else 1.0
     whole = float(theta[0]) if mass is None else float(mass)
@@ -235,8 +235,8 @@ class Robot(Description):
         source : str or Path
             A file, or a shipped name such as ``3-rps``.
         sidecar : str or Path, optional
-            TOML with what the file cannot say (actuated joints of a URDF, loops, symbols …);
-            by default the ``.toml`` of the same stem beside the file.
+            TOML with data that the file cannot hold (actuated joints of a URDF, loops, symbols …);
+            by default the ``.toml`` of the same stem in its folder.
         columns : mapping, optional
             What its logs call columns or joints, and what they are here, as in the sidecar's
             ``[columns]`` and before it: ``{r"fer_joint(\d)": r"panda_joint\1"}``.
@@ -271,7 +271,7 @@ class Robot(Description):
 
     @staticmethod
     def of(robot: Robot | str | Path) -> Robot:
-        """Return the robot, read as by `load` where a file or a shipped name is given."""
+        """Return the robot, read by `load` if a file or a shipped name is given."""
         return robot if isinstance(robot, Robot) else Robot.load(robot)
 
     @staticmethod
@@ -279,16 +279,15 @@ class Robot(Description):
     def from_dh(table: DhSource, out: FilePath | None = None) -> Robot:
         """Write the robot file of a table of Denavit and Hartenberg, and read it.
 
-        The robot is the file; what the table leaves open (masses) is said in a
-        comment of it.
+        The robot is the file. A comment in the file lists the values that the table lacks (masses).
 
         Parameters
         ----------
         table : str, Path or mapping
             A TOML file as `identifiability.robot.table` describes it, or its content.
         out : str or Path, optional
-            The URDF to write; its sidecar stands beside it. Without it both are gone when the
-            program ends, unless the robot is saved.
+            The URDF to write; its sidecar is in the same folder. Without it both are deleted when
+            the program ends, unless the robot is saved.
 
         Raises
         ------
@@ -311,7 +310,7 @@ class Robot(Description):
         out: FilePath | None = None,
         **more: Any,
     ) -> Robot:
-        """Make a robot of links that are stated one by one.
+        """Build a robot from a list of links.
 
         Parameters
         ----------
@@ -354,13 +353,13 @@ class Robot(Description):
     def with_values(self, values: Annotated[NumberByName, _VALUES]) -> Robot:
         """Return the robot with other standard parameters, such as ``{"joint1.Fv": 0.3}``.
 
-        This robot and its file stay as they are; the other one's file is gone when the program
+        This robot and its file do not change. The file of the new robot is deleted when the program
         ends, unless it is saved.
 
         Raises
         ------
         RobotError
-            If a name is of nothing that the robot has, or a body would have no mass.
+            If the robot has no such parameter, or a body would have no mass.
         """
         return self._again(Robot.load(write_copy(self, values)))
 
@@ -375,7 +374,8 @@ class Robot(Description):
     ) -> Robot:
         """Return the robot with another mass, centre or inertia of a body.
 
-        What is not given stays; moments of inertia that are not given grow with the mass.
+        Arguments that are not given keep their values. Moments of inertia that are not given grow
+        with the mass.
 
         Parameters
         ----------
@@ -388,7 +388,7 @@ class Robot(Description):
         Raises
         ------
         RobotError
-            If there is no such body, or none that is real is so.
+            If there is no such body, or the values are not physically consistent.
         """
         return self.with_values(other_body(self, body, mass, centre, inertia))
 
@@ -431,13 +431,13 @@ class Robot(Description):
 
     @checked
     def save(self, path: FilePath) -> Path:
-        """Write the robot as it is, and its sidecar if it needs one.
+        """Write the robot, and its sidecar if it needs one.
 
         Parameters
         ----------
         path : str or Path
-            ``.xml`` for MJCF, ``.urdf`` for URDF. In its own format everything but the numbers
-            stays; the other one is without geometry.
+            ``.xml`` for MJCF, ``.urdf`` for URDF. In the format of the robot's file only numbers
+            change; the other format is without geometry.
 
         Returns
         -------
@@ -448,7 +448,7 @@ class Robot(Description):
         RobotError
             If the format cannot hold the robot.
         OutputError
-            If the file cannot be written, or ends otherwise.
+            If the file cannot be written, or has another ending.
         """
         check_ending(path, ".xml", ".urdf")
         return write(self, {}, path)
@@ -461,7 +461,7 @@ class Robot(Description):
         return Robot(**{**stated, **mine})
 
     def __repr__(self) -> str:
-        """Return what it is, in one line."""
+        """Return a one-line description of the robot."""
         driven = len(self.motor_joints)
         floats = "" if self.base is None else " and its base floats"
         still = 0 if self.base is None else len(self.joints) - driven

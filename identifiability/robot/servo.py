@@ -1,9 +1,9 @@
-"""`Servo`: position servos of the actuated joints, whose law makes torque of a command.
+"""`Servo`: position servos of the actuated joints, which compute torque from commands.
 
     τ = clip(kp (q_cmd(t − d) − q) + kv (dq_cmd − dq) + τ_ff, low, high)
 
-An MJCF states them as ``<position>``, ``<velocity>`` or ``<general>`` with an affine bias; a
-sidecar, whose table goes before them, in ``[servo]``.
+An MJCF states them as ``<position>``, ``<velocity>`` or ``<general>`` with an affine bias. A
+sidecar states them in ``[servo]``, which overrides the MJCF.
 """
 
 from __future__ import annotations
@@ -41,27 +41,26 @@ class Servo:
     ----------
     kp : (n,) [N·m/rad or N/m]
     kv : (n,) [N·m·s/rad or N·s/m]
-        Both are NaN where logs shall tell them.
+        Both are NaN if they are to be fitted.
     low, high : (n,) [N·m or N]
-        Torque beyond which they are saturated.
+        Limits at which their torque saturates.
     delay : float or None [s]
-        From the time at which a command is logged until it acts; None where logs shall tell it.
+        Time from the log entry of a command until it acts; None if it is to be fitted.
     source : str
-        What states the gains, in words.
+        Source of the gains, in words.
     rate : float [Hz]
-        At which they measure; what was measured acts until the next time, so that it is half a
-        period old in the mean.
+        Rate of their measurements. A measurement acts until the next one, so its mean age is half a
+        period.
     assumed : bool
-        Whether nobody states that rate.
+        Whether that rate is assumed, not stated.
     found : str
-        How gains were found, and what fixes their scale, where logs told them.
+        How logs determined the gains, and the source of their scale.
     rolled : Rollouts or None
-        That told them.
+        The rollouts that determined them.
     play : (n,) [rad or m]
-        Between motors, which are measured, and what they move; empty for none.
+        Play between the measured motors and their loads; empty for none.
     doubt : (g, 2 n)
-        By what kv and by what share kp are others if each of g independent doubts is one standard
-        deviation.
+        Changes of kp (relative) and kv for each of g independent errors of one standard deviation.
     """
 
     kp: Array
@@ -84,13 +83,13 @@ class Servo:
 
     @property
     def unknown(self) -> Array:
-        """Where logs shall tell gains, (n,) bool."""
+        """Return a mask of joints whose gains are to be fitted, (n,) bool."""
         return np.isnan(self.kp) | np.isnan(self.kv)
 
     def having(self, gains: Mapping[str, Array]) -> Servo:
-        """Return the servos with other ``kp`` and ``kv``, each (n,), as far as given.
+        """Return the servos with other ``kp`` and ``kv``, each (n,), if given.
 
-        And with torque that ends at a ``limit`` where that is more than zero, if it did not before.
+        A ``limit`` above zero also limits the torque, unless its limits are already lower.
         """
         most = gains.get("limit", np.zeros(len(self.kp)))
         most = np.where(most > 0, most, np.inf)
@@ -101,7 +100,7 @@ class Servo:
         )
 
     def by_joint(self, joints: Sequence[str]) -> dict[str, dict[str, float]]:
-        """Return ``kp``, ``kv`` and, if it is that of both directions, ``limit`` by joint."""
+        """Return ``kp``, ``kv`` and, if it is equal in both directions, ``limit`` by joint."""
         alike = np.where(self.high == -self.low, self.high, np.inf)
         return {
             k: {j: v for j, v in zip(joints, each.tolist(), strict=True) if np.isfinite(v)}
@@ -111,21 +110,21 @@ class Servo:
 
     @property
     def age(self) -> float:
-        """How old what was measured is while it acts, in the mean [s]."""
+        """Return the mean age of a measurement while the servo uses it [s]."""
         return 0.5 / self.rate
 
     @property
     def damping(self) -> Array:
-        """What acts against the speed, (n,): positions that are late push the joint on."""
+        """Return the effective damping, (n,): delayed positions reduce it."""
         return self.kv - self.kp * self.age
 
     @property
     def lead(self) -> Array:
-        """What seems to be inertia of the joint, (n,): speeds that are late, and positions."""
+        """Return the apparent inertia of the joint, (n,), from delayed speeds and positions."""
         return -self.kv * self.age + 0.5 * self.kp * self.age**2
 
     def state_rate(self) -> str:
-        """Return what an assumed rate does to damping, in one sentence; nothing if it is stated."""
+        """Return a sentence on the effect of an assumed rate on damping; empty without one."""
         if not self.assumed:
             return ""
         more = float(np.max(self.kp)) * self.age  # at half the rate it is twice as old
@@ -137,16 +136,17 @@ class Servo:
         )
 
     def doubt_scale(self, larger: Array, shares: Sequence[float]) -> list[Finding]:
-        """Return that stated gains seem to be off by one factor; none where logs told them.
+        """Return a finding if one factor seems wrong in all stated gains; none if logs gave them.
 
-        Commands and positions tell ratios alone: gains that are too high make all bodies heavier.
+        Commands and positions determine only ratios of gain and mass. Gains that are too high make
+        all bodies heavier.
 
         Parameters
         ----------
         larger : (b,)
-            Logarithms of how much heavier than the file's bodies are by rollouts,
+            Log ratios of masses from rollouts to masses of the file.
         shares : sequence of b float
-            and within which shares they were taken for the file's.
+            Prior standard deviation of each log ratio.
         """
         if self.rolled or abs(np.sum(larger / shares)) <= REACH * np.sqrt(len(shares)):
             return []
@@ -154,10 +154,10 @@ class Servo:
 
     @property
     def doubted(self) -> tuple[Servo, ...]:
-        """The servos, one standard deviation off in each respect that is neither stated nor told.
+        """Return variants of the servos, each with one uncertain property off by one σ.
 
-        Gains that logs told are off by `doubt`. What is measured may be of any age up to twice the
-        assumed one.
+        Gains that logs determined are off by `doubt`. A measurement may have any age up to twice
+        the assumed one.
         """
         each = [np.split(doubt, 2) for doubt in self.doubt]
         gains = [replace(self, kp=self.kp * (1 + share), kv=self.kv + more) for more, share in each]
@@ -166,9 +166,9 @@ class Servo:
 
 
 def state_delay(delays: Array, logs: Sequence[str] = ()) -> str:
-    """Return when commands act, of some delays [s] of logs, as a clause.
+    """Return the delays [s] of commands in logs as a clause of a sentence.
 
-    A delay is negative where a command acts before the row that holds it.
+    A delay is negative if a command acts before the row that holds it.
     """
     late = 1e3 * np.asarray(delays)
     side = "before" if (late < 0).all() else "after"
@@ -181,24 +181,24 @@ def state_delay(delays: Array, logs: Sequence[str] = ()) -> str:
 def read_servo(
     path: Path, entry: ServoEntry | None, stated: Mapping[str, Array], joints: Strings
 ) -> Servo | None:
-    """Return the servos that sidecar and robot file state; None where they state none.
+    """Return the servos of sidecar and robot file; None if they state none.
 
     Parameters
     ----------
     path : Path
         The robot file, for sentences.
     entry : ServoEntry or None
-        The sidecar's ``[servo]``. Logs tell gains where it says ``"fit"``, and of joints of which
-        neither it nor the file says anything.
+        The sidecar's ``[servo]``. Gains are fitted if it states ``"fit"``, and at joints for which
+        neither it nor the file states any.
     stated : mapping
-        What the robot file states by joint: kp, kv, and least and largest torque, (4,).
+        Values of the robot file by joint: kp, kv, least and largest torque, (4,).
     joints : tuple of str
         The actuated ones.
 
     Raises
     ------
     RobotError
-        If gains of a joint are zero, or a name is of no actuated joint.
+        If gains of a joint are zero, or a name is no actuated joint.
     """
     if entry is None and not all(j in stated for j in joints):
         return None

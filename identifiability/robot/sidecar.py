@@ -1,10 +1,10 @@
-"""The sidecar: a TOML file beside the robot file with what the robot file cannot say.
+"""The sidecar: a TOML file that adds data to a robot file.
 
-Every key is optional; each says here what it is, and ``docs/reference/sidecar.md`` is written from
-that. In [nominal], [prior], [shapes], [reference], [limits] and the sums of [[symmetry]] a pattern
-such as ``wrist_*.Fv`` or ``leg?.my`` stands for all names that fit (passive joints too), ``*``
-being any letters and ``?`` one. A name goes before a pattern, and of two patterns the one
-with more letters of its own.
+Every key is optional and described here, and ``docs/reference/sidecar.md`` is written from that.
+Patterns such as ``wrist_*.Fv`` or ``leg?.my`` apply to all names that fit, also of passive
+joints. ``*`` is any number of letters and ``?`` is one. Patterns are allowed in [nominal], [prior],
+[shapes], [reference], [limits] and the sums of [[symmetry]]. A name overrides a pattern. A pattern
+with more letters overrides one with fewer.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ Side = Literal["joint", "link", "motor"]
 
 
 class KnownTorque(Strict):
-    """Torque that is supplied beside the motor's, and taken off the measured one."""
+    """Known external torque along a joint, which is subtracted from the measured torque."""
 
     along: str = key("A joint, passive or not, or a coupled motor.")
     table: list[tuple[float, float]] = key(
@@ -85,7 +85,7 @@ class KnownTorque(Strict):
 
     @property
     def span(self) -> tuple[float, float]:
-        """Where it is known [rad or m]."""
+        """Return the range of positions in which it is known [rad or m]."""
         if self.table:
             return min(self.table)[0], max(self.table)[0]
         return self.range or (-np.inf, np.inf)
@@ -96,7 +96,7 @@ class KnownTorque(Strict):
         Raises
         ------
         RobotError
-            If one lies where the torque is not known: nothing is extrapolated.
+            If a position is out of the known range: nothing is extrapolated.
         """
         low, high = self.span
         outside = np.flatnonzero((position < low) | (position > high))
@@ -115,7 +115,7 @@ class KnownTorque(Strict):
 
     @property
     def text(self) -> str:
-        """What it is, in a few words."""
+        """Return a short description of the torque."""
         of = f"polynomial of degree {len(self.polynomial) - 1}"
         how = f"table of {len(self.table)} points" if self.table else of
         return f"along {self.along} by a {how} from {self.span[0]:.4g} to {self.span[1]:.4g}"
@@ -193,7 +193,7 @@ class LoopEntry(Strict):
 
 
 class _CouplingEntry(Strict):
-    """A joint that moves as a polynomial of others, beside what the robot file says."""
+    """A joint that moves as a polynomial of others; it adds to the robot file."""
 
     name: str = key("Its name in reports.", "")
     joint: str = key("The joint that follows.")
@@ -218,9 +218,9 @@ class _TransmissionEntry(Strict):
 
 
 class AxisEntry(Strict):
-    """A combination of joints on which effects can be (jaws.Fv, jaws.K …).
+    """A combination of joints that can have effects (jaws.Fv, jaws.K …).
 
-    Fixed tendons of an MJCF along several joints are axes by their own names.
+    Fixed tendons of an MJCF along several joints are axes, too, by their names.
     """
 
     name: Named = key("Its name.")
@@ -251,10 +251,11 @@ class _TimeEntry(Strict):
 
 
 class MeasuredTorque(Strict):
-    """What torque columns hold: τ = sign · gain · ratio · value.
+    """The contents of torque columns: τ = sign · gain · ratio · value.
 
-    Measured at the `joint` with all of its rotor, at the `motor`'s rotor, or at the `link` behind
-    the gear, where no rotor inertia is seen. One number is of all joints, a table by joint.
+    Torque is measured at the `joint` (with its rotor), at the rotor of the `motor`, or at the
+    `link` behind the gear. At the `link` it contains no rotor inertia. One number holds for all
+    joints; a table gives one for each joint.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -271,17 +272,17 @@ class MeasuredTorque(Strict):
         return dict(said) if isinstance(said, dict) else {} if said is None else {"": said}
 
     def at(self, name: str, joint: str) -> float | None:
-        """Return the gain, ratio or sign of a joint; None where nobody stated it."""
+        """Return the gain, ratio or sign of a joint; None if it is not stated."""
         table = self.table(name)
         return table.get(joint, table.get(""))
 
     def is_compensated(self, joint: str) -> bool:
-        """Return whether the torque of a joint lacks what holds the weight."""
+        """Return whether a joint's measured torque excludes the torque that holds its weight."""
         said = self.compensated
         return said if isinstance(said, bool) else joint in (said or ())
 
     def factor(self, joint: str) -> float:
-        """Return what a log's values are multiplied by [N·m or N per unit of the log]."""
+        """Return the factor from a log's values to torque [N·m or N per unit of the log]."""
         parts = (self.at(name, joint) for name in ("gain", "ratio", "sign"))
         return math.prod(1.0 if part is None else part for part in parts)
 
@@ -292,16 +293,16 @@ class MeasuredTorque(Strict):
 
     @property
     def text(self) -> str:
-        """What was said, in one line; nothing if nothing was."""
+        """Return the stated keys in one line; empty if there are none."""
         said = self.model_dump(exclude_defaults=True)
         return "; ".join(f"{key} = {value}" for key, value in said.items())
 
 
 class ServoEntry(Strict):
-    """Position servos, where logs hold commands and no torque.
+    """Position servos, for logs with commands and no torque.
 
-    τ = kp (q_cmd − q) + kv (dq_cmd − dq) + τ_ff. One number is of all joints, a table by joint;
-    `fit` lets logs tell a gain, as they do where nobody states any.
+    τ = kp (q_cmd − q) + kv (dq_cmd − dq) + τ_ff. One number holds for all joints; a table gives one
+    for each joint. Gains are fitted to logs if they are `fit`, or not stated.
     """
 
     kp: ByJoint[Fitted] = key("[N·m/rad or N/m]", None, 40)
@@ -312,9 +313,10 @@ class ServoEntry(Strict):
 
 
 class ImuEntry(Strict):
-    """How an inertial sensor is mounted on a base that floats.
+    """The mounting of an inertial sensor on a floating base.
 
-    It reads a = R (a₀ + dω/dt × r + ω × (ω × r)) + b where the base's origin accelerates by a₀.
+    It reads a = R (a₀ + dω/dt × r + ω × (ω × r)) + b, with a₀ the acceleration of the base's
+    origin.
     """
 
     rotation: Triple = key("Roll, pitch and yaw on the base [rad].", (0.0, 0.0, 0.0))
@@ -327,9 +329,9 @@ class ImuEntry(Strict):
 
 
 class ContactEntry(Strict):
-    """Where the ground presses on a robot that floats, with a force that nobody measures.
+    """A contact of a floating robot with the ground, whose force is not measured.
 
-    Without flag the contact never opens.
+    Without a flag the contact never opens.
     """
 
     frame: str = key("A body, or a site or geom of an MJCF.")
@@ -362,14 +364,14 @@ class _SymmetryEntry(Strict):
 
 
 class BodyBoundsEntry(Strict):
-    """What is known of a body, or of all whose names fit."""
+    """Known limits of a body, or of all bodies whose names fit."""
 
     mass: Masses | None = key("Least and largest mass [kg].", None)
     box: tuple[Span, Span, Span] | None = key("Of its centre, along its frame's axes [m].", None)
 
 
 class BoundsEntry(Strict):
-    """What a real robot of this kind can have."""
+    """Limits of masses that hold for any real robot of this kind."""
 
     total_mass: Masses | None = key("Of all moving bodies, without payload [kg].", None)
     bodies: dict[str, BodyBoundsEntry] = {}
@@ -383,7 +385,7 @@ class _PriorEntry(Strict):
 
 
 class Sidecar(Strict):
-    """What the robot file cannot say."""
+    """All keys of a sidecar."""
 
     name: str = key("The robot's name.", "")
     description: str = key("A sentence on it.", "")
@@ -449,7 +451,7 @@ def read_sidecar(path: Path | None) -> Sidecar:
 def read_settings(
     robot: str | Path, sidecar: str | Path | None = None
 ) -> dict[str, dict[str, Any]]:
-    """Return the tables of a robot's sidecar that say how verbs work, by their names.
+    """Return the tables of a robot's sidecar with settings of verbs, by their names.
 
     Raises
     ------
@@ -464,7 +466,7 @@ def read_settings(
 
 
 def check_known(path: Path, key: str, given: Iterable[str], known: Iterable[str]) -> None:
-    """Refuse a sidecar that names what the robot does not have.
+    """Refuse a sidecar that names a part that the robot does not have.
 
     Parameters
     ----------
@@ -491,9 +493,9 @@ def check_known(path: Path, key: str, given: Iterable[str], known: Iterable[str]
 def by_name(
     path: Path, key: str, table: Mapping[str, T], known: Collection[str], gone: Collection[str] = ()
 ) -> dict[str, T]:
-    """Return what a table says of every name that its names and patterns stand for.
+    """Return a table with its patterns replaced by the names that fit them.
 
-    A name goes before a pattern, and of two patterns the one with more letters of its own.
+    A name overrides a pattern. A pattern with more letters overrides one with fewer.
 
     Parameters
     ----------
@@ -504,7 +506,7 @@ def by_name(
     table : mapping
     known : collection of str
     gone : collection of str
-        What may be named, too, and is not returned: what is locked, and bodies behind it.
+        Names that are allowed but not returned: locked joints, and bodies behind them.
 
     Raises
     ------
@@ -529,7 +531,7 @@ def expand_names(
     locked: Collection[str],
     welded: Collection[str],
 ) -> Sidecar:
-    """Return a sidecar in which the names that fit a pattern stand in its place.
+    """Return a sidecar with patterns replaced by the names that fit.
 
     Entries about locked joints, and about bodies behind them, are left out. A sum of symmetry is
     left out if one of its parts is locked: the parts are no longer equal.
@@ -540,7 +542,7 @@ def expand_names(
         The robot file, for sentences.
     extra : Sidecar
     bodies, joints : collection of str
-        That move.
+        Moving bodies and joints.
     lines : collection of str
         Motors and axes.
     locked, welded : collection of str
@@ -597,7 +599,7 @@ def _expand_parameters(
     locked: Collection[str],
     gone: Collection[str],
 ) -> dict[str, T]:
-    """Return a table of parameters in which the names that fit a pattern stand in its place.
+    """Return a table of parameters with patterns replaced by the names that fit.
 
     Parameters of inertia belong to bodies, all others to moving joints and axes.
     """

@@ -1,6 +1,6 @@
-"""Write a robot anew: from a table of its links, or in the other format.
+"""Write a new robot file: from a table of links, or from a robot in the other format.
 
-A table is a TOML file; angles are in rad, or as it says in ``angles``, lengths in m::
+A table is a TOML file; angles are in rad, or in its unit ``angles``, lengths in m::
 
     name = "PUMA 560"
     convention = "modified"   # Rot_x(alpha) Trans_x(a) Rot_z(theta) Trans_z(d) [Craig 2005], or
@@ -22,7 +22,7 @@ A table is a TOML file; angles are in rad, or as it says in ``angles``, lengths 
     centre = [-0.36, 0, 0.2]  # frame of the link
     inertia = {xx = 0.13, yy = 0.52, zz = 0.54, xy = 0, xz = 0, yz = 0}
 
-    [sidecar]                 # whatever a sidecar can state beside the robot file
+    [sidecar]                 # any keys of a sidecar
 
 A modified frame is that of the URDF link. A standard one lies behind the joint: it is the link
 ``<name>_end``, without mass. `Robot.build` states ``position``, ``rpy`` and ``axis`` instead
@@ -102,7 +102,7 @@ class Table(Strict):
 
     @property
     def unit(self) -> float:
-        """What the file's unit of angles is [rad]."""
+        """Return the file's unit of angles [rad]."""
         return math.radians(1.0) if self.angles == "deg" else 1.0
 
     def turn(self, angle: float | str) -> float:
@@ -129,7 +129,7 @@ class Table(Strict):
 
 
 def write_table(table: str | Path | Mapping[str, Any], out: str | Path) -> Strings:
-    """Write the URDF of a table and the sidecar beside it; return what the table left open.
+    """Write the URDF of a table and its sidecar; return the values that the table lacks.
 
     Parameters
     ----------
@@ -243,7 +243,7 @@ def _urdf(table: Table, base: str = BASE) -> ET.Element:
 
 
 def _inertial(link: ET.Element, row: Row, inside: pin.SE3) -> None:
-    """State a row's mass, centre and inertia in the frame of its link, in which they lie inside."""
+    """Write a row's mass, centre and inertia in the frame of its link; `inside` is their frame."""
     if row.joint is None and row.mass is None:
         return
     mass = 1.0 if row.mass is None else row.mass
@@ -257,7 +257,7 @@ def _inertial(link: ET.Element, row: Row, inside: pin.SE3) -> None:
 
 
 def body_joints(robot: Description, ground: str) -> Iterator[tuple[str, str, list[Joint]]]:
-    """Yield every body, what it hangs on, and the joints that move it there, in their order."""
+    """Yield every body, its parent, and the joints between them, in their order."""
     for body, link in zip(robot.bodies, robot.links, strict=True):
         above = ground if link.parent == WORLD else robot.bodies[link.parent]
         yield body, above, list(robot.tree.joints[link.first : link.last + 1])
@@ -277,7 +277,7 @@ def placement(joint: Joint) -> pin.SE3:
 
 
 def in_file(robot: Description, most: int) -> dict[str, Coupling]:
-    """Return the couplings of a format whose polynomials have so many coefficients, by joint."""
+    """Return the couplings, by joint, whose polynomials a format can hold."""
     short = (c for c in robot.couplings if len(c.terms) == 1 and len(c.polynomial) <= most)
     return {c.joint: c for c in short}
 
@@ -347,7 +347,7 @@ def _add_closures(top: ET.Element, bodies: dict[str, ET.Element], robot: Descrip
 
 
 def ground_of(robot: Description) -> str:
-    """Return the name of the link that stands still."""
+    """Return the name of the fixed link."""
     return next(n for n in (BASE, "base_link", "the_base") if n not in robot.bodies)
 
 
@@ -366,7 +366,7 @@ def links_between(robot: Description) -> dict[str, str]:
 
 
 def converted_urdf(robot: Description) -> ET.Element:
-    """Return the file, with placeholders for inertias; loops stand in the sidecar."""
+    """Return the file with placeholders for inertias; loops are in the sidecar."""
     rows = list[Row]()
     ground = ground_of(robot)
     between = links_between(robot)
@@ -409,12 +409,12 @@ _ANEW = ("locked", "massless", "loops", "couplings", "axes", "actuated", "home",
 
 
 def converted_sidecar(robot: Description, path: Path) -> dict[str, Any]:
-    """Return what stands in the sidecar of a robot that is written to another path.
+    """Return the content of a robot's sidecar for a robot file at another path.
 
     Raises
     ------
     RobotError
-        If it cannot say a coupling.
+        If the sidecar cannot state a coupling.
     """
     given = robot.said.model_dump(mode="json", exclude_unset=True, exclude={*_ANEW})
     given.get("bounds", {}).pop("bodies", None)

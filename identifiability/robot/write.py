@@ -1,7 +1,7 @@
 """Write parameters back into a robot file, or into one of the other format.
 
-Inertials, friction, rotors, springs, fixed tendons, servos, and torque offsets as what actuators
-pull by always.
+It writes inertials, friction, rotors, springs, fixed tendons and servos. Torque offsets become
+constant forces of actuators.
 """
 
 from __future__ import annotations
@@ -63,10 +63,10 @@ def read_elements(content: bytes) -> ET.Element:
 
 
 def edited(old: str, new: str, comment: str) -> str:
-    """Return the new text of a file in which everything that stays is written as in the old one.
+    """Return the new text of a file, with unchanged parts written as in the old text.
 
-    Tags of one element are found by their order and names; they take with them what stands before.
-    A comment is added at the head.
+    Tags of one element are matched by their order and names. The text before a tag moves with it. A
+    comment is added at the head.
     """
     was = _PIECE.findall(old)
     now = _PIECE.findall(new)
@@ -81,13 +81,13 @@ def edited(old: str, new: str, comment: str) -> str:
 
 
 def _key(before: str, tag: str, said: str) -> Strings:
-    """Return what tells a tag from others: the text before, its own name, and its element's."""
+    """Return the key that matches a tag: the text before, its tag name, and its element's name."""
     names = [value for _, key, _, value in _ATTRIBUTE.findall(said) if key == "name"]
     return re.sub(_ASIDE, "", before, flags=re.DOTALL).strip(), tag, *names
 
 
 def _edited_tag(old: str, new: str) -> str:
-    """Return the end of a tag with the attributes of a new one; what is alike stays as written."""
+    """Return the end of a tag with new attributes; equal values keep their spelling."""
     said = {key: value for _, key, _, value in _ATTRIBUTE.findall(new)}
 
     def keep(found: re.Match[str]) -> str:
@@ -112,7 +112,7 @@ def _alike(text: str, other: str) -> bool:
 
 
 def part_of(element: ET.Element, tag: str) -> ET.Element:
-    """Return a part of an element, which is made where it is not there."""
+    """Return a part of an element; make it if it is missing."""
     found = element.find(tag)
     return ET.SubElement(element, tag) if found is None else found
 
@@ -166,7 +166,7 @@ def in_radians(top: ET.Element) -> bool:
 
 
 def clear_mjcf(top: ET.Element) -> None:
-    """Take away what would change the written values, or add to them, in compiling."""
+    """Remove attributes by which compilation would change the written values or add to them."""
     for tags, keys in _GONE:
         for element in (e for tag in tags.split() for e in top.iter(tag)):
             for key in keys.split():
@@ -180,9 +180,9 @@ def write_option(top: ET.Element, name: str, value: str) -> None:
 
 
 def affine_law(gain: float, bias: Array) -> dict[str, str]:
-    """Return the attributes of a ``<general>`` actuator: gain, and (3,) of what else it pulls by.
+    """Return the attributes of a ``<general>`` actuator with a gain and a bias (3,).
 
-    That is a constant, and what goes with its length and speed.
+    The bias is a constant force and factors of length and speed.
     """
     return {
         "dyntype": "none",
@@ -196,10 +196,10 @@ def affine_law(gain: float, bias: Array) -> dict[str, str]:
 def write_servos(
     top: ET.Element, joints: Sequence[str], servo: Servo, offsets: NumberByName
 ) -> None:
-    """Write position servos of joints in place of what drives them.
+    """Write position servos of joints in place of their actuators.
 
-    A servo without kp is one of velocity; a torque offset is a bias of its own. What acts against
-    the speed lacks what positions that are late push.
+    A servo without kp controls velocity. A torque offset becomes a separate bias. The damping is
+    that of the servo, less the effect of delayed positions.
     """
     actuators = top.findall("actuator")
     names = dict(zip(joints, joints, strict=True))
@@ -232,7 +232,7 @@ def thicken(inertia: Array) -> Array:
 
 
 def write_inertial(top: ET.Element, body: str, mass: float, centre: Array, inertia: Array) -> None:
-    """Write the inertial of a body, in its own frame, and take the mass off what it is made of.
+    """Write a body's inertial in its frame, and remove the mass of bodies that are fixed to it.
 
     Parameters
     ----------
@@ -262,7 +262,7 @@ _PLACED = ("diaginertia", "quat", "axisangle", "xyaxes", "zaxis", "euler")
 
 
 def _take_mass_off(element: ET.Element) -> None:
-    """Take the mass off the bodies that are fixed to one that states its own inertial."""
+    """Remove the mass of the bodies that are fixed to a body with a stated inertial."""
     for child in _parts(element, "body"):
         if not _parts(child, "joint", "freejoint"):
             _remove_all(child, "inertial")
@@ -286,7 +286,7 @@ def _parts(element: ET.Element, *tags: str) -> list[ET.Element]:
 def write_axes(top: ET.Element, robot: Description, stated: Mapping[str, NumberByName]) -> None:
     """Write friction, rotor and spring of tendons, motors that mix joints, and stated axes.
 
-    A tendon of the file keeps its place; another axis becomes one where it has any number.
+    A tendon of the file keeps its place. Another axis becomes a tendon if it has any number.
 
     Parameters
     ----------
@@ -294,7 +294,7 @@ def write_axes(top: ET.Element, robot: Description, stated: Mapping[str, NumberB
         The root of an MJCF.
     robot : Description
     stated : mapping
-        Numbers by axis, as a robot file has them of a joint; of axes without any nothing is said.
+        Numbers by axis, with the words of a joint; axes without numbers are omitted.
     """
     present = {e.get("name"): e for tag in ("fixed", "spatial") for e in top.iter(tag)}
     axes = {axis.name: axis for axis in (*robot.axes, *robot.passive_axes)}
@@ -387,7 +387,7 @@ def edited_text(
     joints: Mapping[str, NumberByName],
     comment: str = "",
 ) -> str:
-    """Return the text of a robot's file with other numbers; all else stays as it stands.
+    """Return the text of a robot's file with other numbers; all other text is unchanged.
 
     Parameters
     ----------
@@ -395,15 +395,15 @@ def edited_text(
     bodies : mapping
         The inertial parameters of every body in the order of `INERTIAL_KINDS`, (10,).
     joints : mapping
-        Numbers of joints, and tendons that are axes, by the words of the file; others stay
-        as they are.
+        Numbers of joints, and tendons that are axes, by the words of the file; others do not
+        change.
     comment : str
-        What the file says of itself.
+        Comment at the head of the file.
 
     Raises
     ------
     RobotError
-        If the file has no place for them, or a body has no mass.
+        If the file cannot hold them, or a body has no mass.
     """
     content = read_bytes(robot.path)
     top = read_elements(content)
@@ -475,7 +475,7 @@ def _write_forces(
 
 
 def _check_template(robot: Description, top: ET.Element) -> None:
-    """Refuse a file that has no place for what is written."""
+    """Refuse a file that lacks a place for the written values."""
     if any(e.tag == "replicate" for e in top.iter()):
         raise RobotError(
             f"{robot.path} uses <replicate>, whose copies have no place in the file to write "
@@ -543,16 +543,17 @@ def _write_urdf_inertial(
 
 
 def root_link(top: ET.Element) -> str:
-    """Return the link of a URDF that hangs on no joint, the first of several."""
+    """Return the link of a URDF without a parent joint, the first of several."""
     children = {e.get("link") for e in top.iterfind("joint/child")}
     names = (link.get("name", "") for link in top.iterfind("link"))
     return next((name for name in names if name not in children), "")
 
 
 def turn_base(top: ET.Element, gravity: Array) -> None:
-    """Let a URDF stand so that gravity, which is down in every one, is along another (3,).
+    """Turn the robot of a URDF so that gravity acts along a direction (3,) of its base.
 
-    Its first link hangs on another one by a joint whose origin turns the whole robot.
+    Gravity of a URDF always points down. A new first link carries the robot by a fixed joint, whose
+    origin turns the whole robot.
     """
     step = shortest_turn(gravity, DOWN) if gravity.any() else np.zeros(3)
     if np.linalg.norm(step) < TINY:
@@ -618,16 +619,16 @@ def _check_beside(beside: Path, path: Path, *, needed: bool) -> None:
 
 
 def write_offsets(top: ET.Element, path: Path, offsets: NumberByName) -> None:
-    """Write constant torque of commands into the actuators of an MJCF, as their bias.
+    """Write constant torque of commands into the actuators of an MJCF as their bias.
 
     Parameters
     ----------
     top : Element
-        What is written.
+        Element to change.
     path : Path
-        The file that it is the content of, as it still is.
+        The unchanged file with the same content.
     offsets : mapping
-        By what an actuator drives [N·m or N].
+        Offset by the joint or tendon that an actuator drives [N·m or N].
     """
     from .mjcf import read_actuators, read_spec, refused  # noqa: PLC0415
 
@@ -651,16 +652,16 @@ def write_offsets(top: ET.Element, path: Path, offsets: NumberByName) -> None:
 
 
 def share_out(robot: Description, bodies: Mapping[str, Array]) -> dict[str, Array]:
-    """Return what to write of every body, where bodies behind locked joints have a share of some.
+    """Return the inertial values to write, with bodies behind locked joints split off.
 
-    They keep what the file states, as far as that leaves their host possible; else they have the
-    same part of it each. Read with the same locks, the file gives `bodies` again.
+    These bodies keep the file's values if that leaves their host physically consistent. Else the
+    same factor scales all of them. Read with the same locks, the file gives `bodies` again.
 
     Parameters
     ----------
     robot : Description
     bodies : mapping
-        The ten parameters of every moving body, with all that hangs behind its locked joints.
+        The ten parameters of every moving body, with all bodies behind its locked joints.
     """
     out = {body: np.array(bodies[body]) for body in robot.bodies}
     hosts: dict[str, list[str]] = {}

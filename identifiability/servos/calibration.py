@@ -1,9 +1,9 @@
 """Torque of commands minus the error of recording.
 
-The encoder's steps, the rate of the log and the low-pass stand in the servos' torque and in the
-columns. Least squares is some ten percent off for it. A rollout of the fitted robot, sampled and
-rounded as the log, shows the residual that recording leaves of torque that the model explains
-exactly. It is taken off. The rollout itself is the second record of the motion, whose errors are
+The encoder's steps, the rate of the log and the low-pass affect the servos' torque and the columns.
+They bias least squares by some ten percent. A rollout of the fitted robot, sampled and rounded as
+the log, shows the residual due to recording alone, because the model explains its torque exactly.
+This residual is subtracted. The rollout itself is the second record of the motion, whose errors are
 not those of the log (calibrated instrumental variables).
 """
 
@@ -104,7 +104,7 @@ def calibrate_torque(
 def _recording_residual(
     structure: Structure, log: Log, values: Mapping[str, float], how: Preparation
 ) -> tuple[np.ndarray, Array, np.ndarray]:
-    """Return rows of a recorded rollout, the torque that the model leaves, and where it is data."""
+    """Return rows of a recorded rollout, the residual torque, and where it is data."""
     robot = structure.robot
     known = {**robot.nominal, **values}
     phi = np.array([known.get(name, 0.0) for name in structure.columns])

@@ -57,7 +57,7 @@ def descend(
 ) -> SearchEnd:
     """Return where damped Gauss–Newton steps lead.
 
-    The derivative is taken anew where the last step gained too little, and often enough that steps
+    The derivative is computed again if the last step gained too little, and often enough that steps
     do not creep [Shamanskii 1967].
 
     Parameters
@@ -132,8 +132,8 @@ def damped_step(
 def uncertainty(problem: RolloutProblem, end: SearchEnd) -> Array:
     """Return the covariance of a vector, (p, p).
 
-    Stretches of time are left out in turn [Künsch 1989]. This counts the memory of the errors, and
-    most missing effects. Prior knowledge is added.
+    Stretches of time are left out in turn [Künsch 1989]. This includes the autocorrelation of the
+    errors, and most missing effects. Prior knowledge is added.
     """
     x, q, J = end
     size = np.linalg.norm(J, axis=0)
@@ -141,7 +141,7 @@ def uncertainty(problem: RolloutProblem, end: SearchEnd) -> Array:
     J = J / unit
     count = len(problem.trees) * problem.rows()[-1]
     rows, known = np.split(J, [count])
-    # A number that another number can replace is known by its size alone.
+    # A number that another number can replace is known only by its size.
     sizes = np.maximum(problem.scale, np.abs(x))
     known = np.vstack([known, np.diag(problem.varied / (sizes * unit))])
     residual = (problem.weights(q) * problem.residual(q, x))[:count]

@@ -1,8 +1,8 @@
 """`fit_rollouts`: joints, bodies, delays and gains with which rollouts follow logs most closely.
 
 Bodies are the file's but for their sizes. Sizes are fitted together with the joints, within shares
-of the file. Where gains are unknown, positions tell all numbers up to one factor. These shares tell
-that factor.
+of the file. Without known gains, positions determine all numbers up to one factor. These shares
+determine that factor.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def fit_rollouts(
     delay : float [s], optional
         Where it is known.
     say : callable(str, float)
-        Receives what is being done, and the share of an analysis that is done.
+        Receives the current stage, and the finished share of an analysis.
 
     Raises
     ------

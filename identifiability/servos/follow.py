@@ -44,7 +44,7 @@ class IdentifiedServos:
         With these servos.
     found : Rollouts
     rivals : tuple of Servo
-        Servos that explain the logs as well, or are one standard deviation off.
+        Servos that explain the logs equally well, or differ by one standard deviation.
     findings : tuple of Finding
         On odd joints, and on the common scale of stated gains.
     text : str
@@ -84,7 +84,7 @@ def follow_commands(
         With the cut-off of all logs.
     rng : Generator
     say : callable(str, float)
-        Receives what is being done, and the share of an analysis that is done.
+        Receives the current stage, and the finished share of an analysis.
     """
     robot = structure.robot
     servo = structure.robot.servo

@@ -1,8 +1,8 @@
 """Unknown gains of servos: they are found from logs of commands.
 
-Commands and positions tell ratios alone: gains, rotors, friction and bodies that are all twice as
-large move alike. The scale comes from other knowledge: bodies within a share of the robot file's,
-or single bodies that its sidecar states (``[prior_share]``, ``[prior]``).
+Commands and positions determine ratios only: if gains, rotors, friction and bodies are all twice as
+large, the motion is the same. The scale comes from other knowledge: bodies within a share of the
+robot file's, or single bodies that its sidecar states (``[prior_share]``, ``[prior]``).
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from .fit import fit_rollouts
 from .rollouts import Rollouts
 from .torque import set_aside_joints
 
-#: Standard deviation of the logarithm of a gain from which on the logs tell ratios to it alone.
+#: Above this standard deviation of a gain's logarithm, logs determine only ratios to the gain.
 UNTOLD: Tolerance = 0.5
 
 
 def file_shares(robot: Robot) -> dict[str, float]:
-    """Return within which share each body is the robot file's, of bodies that have mass there."""
+    """Return the share within which each body is the robot file's, for bodies with mass there."""
     heavy = [b for b in robot.bodies if robot.nominal.get(f"{b}.m", 0.0) > 0]
     return {b: robot.said.prior_share.get(b, PHYSICAL_RULES.body_within) for b in heavy}
 
@@ -53,7 +53,7 @@ def select_commanded(robot: Robot, logs: Iterable[Log]) -> list[Log]:
 
 
 def learn_gains(robot: Robot, logs: Sequence[Log], say: Progress = quiet) -> Robot:
-    """Return a robot whose servos have gains; logs of commands tell the unknown ones.
+    """Return a robot whose servos have gains; logs of commands determine the unknown ones.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def with_numbers(servo: Servo, found: Rollouts) -> Servo:
     """Return servos with the gains and limits that rollouts found, and their uncertainty."""
     values, axes = np.linalg.eigh(found.covariance)
     doubt = (np.sqrt(np.maximum(values, 0.0)) * axes).T
-    # An uncertainty this small is none.
+    # A smaller uncertainty counts as zero.
     doubt = doubt[np.linalg.norm(doubt, axis=1) > 1e-4]
     return replace(servo.having(found.numbers), source=FOUND, doubt=doubt)
 

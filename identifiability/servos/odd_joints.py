@@ -1,4 +1,4 @@
-"""Joints whose rollouts err by play, a wrong gain or a limit that nobody states."""
+"""Joints whose rollouts err because of play, a wrong gain or an unstated limit."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from .problem import PLAY, RolloutProblem
 from .rollouts import KINDS, Rollouts
 from .torque import servo_log
 
-#: Least share of the weighted squares of a tree that a number promises to take off, to first
-#: order, so that it is fitted.
-PROMISED: Tolerance = 0.1
+#: A number is fitted if it explains at least this share of the weighted squares of a tree, to first
+#: order.
+PROMISED: Tolerance = 0.02
 
-#: Shares of the time in which torque exceeds the limits that are tried first.
+#: Shares of the time in which the torque exceeds the limits that start a fit.
 EXCEEDED = np.geomspace(0.004, 0.4, 5)
 
 
@@ -34,9 +34,9 @@ class Screening:
     Attributes
     ----------
     gain : (p,)
-        Weighted squares that it would take off.
+        Weighted squares that it would explain.
     start : (p,)
-        From where it would be fitted.
+        Value from which its fit would start.
     """
 
     gain: Array
@@ -49,7 +49,7 @@ class Explanation(NamedTuple):
     Attributes
     ----------
     share : float
-        Share of the square of errors that is left.
+        Remaining share of the squared errors.
     number : int
         In the vector.
     end : SearchEnd
@@ -64,14 +64,14 @@ def find_odd_joints(robot: Robot, found: Rollouts) -> tuple[list[Finding], Rollo
     """Return findings on play, gains and limits, better rollouts, and whether two explain as well.
 
     Only that part of a number's effect counts that no fitted number explains. The three likeliest
-    numbers of each tree are fitted, one at a time. They are reported where they take more than half
-    off the square of errors. The best one is used, but for play: no robot file has that.
+    numbers of each tree are fitted, one at a time. They are reported if they explain more than half
+    of the squared errors. The best one is used unless it is play, which no robot file can hold.
 
     Parameters
     ----------
     robot : Robot
     found : Rollouts
-        Their problem then varies the numbers that are used, too.
+        Its problem then also varies the numbers that are used.
     """
     problem, end = found.search
     # Trees in which rollouts err by more than the noise of positions.
@@ -144,7 +144,7 @@ def _explain_tree(
 ) -> list[Explanation]:
     """Return the numbers that explain the errors (n,) of a tree, best first.
 
-    Each leaves less than half of the square of errors, and about as little as the best one.
+    Each leaves less than half of the squared errors, and about as little as the best one.
     """
     joints = problem.trees == tree
     gain = screening.gain
@@ -188,7 +188,7 @@ def _state_odd(robot: Robot, found: Rollouts, best: Sequence[Explanation]) -> Fi
     if kind == "kp":
         half = 1.96 * sd * value
     elif kind == "limit":
-        # Late speeds of a servo make its torque at a limit uncertain by a twentieth.
+        # Delayed speeds of a servo make its torque at a limit uncertain by a twentieth.
         half = 1.96 * sd + 0.05 * value
     else:
         half = 1.96 * sd

@@ -15,14 +15,14 @@ from identifiability.logs.spectrum import noise_level, resolution
 #: Longest delay that is searched for [s].
 LATEST: Tolerance = 0.06
 
-#: Time after which soft servos have forgotten the start of a rollout [s].
+#: Time after which the start of a rollout no longer matters with soft servos [s].
 FORGOTTEN: Tolerance = 0.75
 
 
 def forgotten(log: Log) -> int:
-    """Return the row of a log from which on a rollout is judged.
+    """Return the first row of a log at which a rollout is judged.
 
-    Before it the start of the rollout still counts. At most a quarter of the log is left out.
+    Earlier rows still depend on the start of the rollout. At most a quarter of the log is left out.
     """
     row = int(np.searchsorted(log.t, log.t[0] + FORGOTTEN))
     return min(row, int(0.25 * len(log)))
@@ -59,8 +59,8 @@ def record(q: Array, log: Log, rng: np.random.Generator) -> Array:
 def explicable(logs: Sequence[Log]) -> Array:
     """Return the explicable motion of joints in logs (rms), (logs, n) [rad or m].
 
-    It is the difference of positions and merely delayed commands. It is at most how the joint
-    moves, and at least five times the noise of positions, and .001.
+    It is the difference of positions and delayed commands. It is at most the motion of the joint.
+    It is at least five times the noise of positions, and at least .001.
     """
     squares = [_explicable_square(log) for log in logs]
     return np.maximum(np.sqrt(squares), 1e-3)

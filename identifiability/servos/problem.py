@@ -1,6 +1,6 @@
 """`RolloutProblem`: positions of the rollouts of all logs, as a function of one vector of numbers.
 
-Only positions are compared, so nothing is differentiated and no noise stands in columns.
+Only positions are compared, so nothing is differentiated and columns have no noise.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from .positions import explicable, forgotten
 from .rollouts import KINDS
 from .windows import Window
 
-#: Standard deviation of the logarithm of an unknown gain, beside its start.
+#: Standard deviation of the logarithm of an unknown gain about its start.
 LOOSE: Tolerance = 1.0
 
-#: Shares of the inertia, damping and torque of a joint by which its numbers are varied, and of a
-#: sampling step by which the delay is.
+#: Differences of numbers as shares of a joint's inertia, damping and torque, and of the delay as a
+#: share of a sampling step.
 VARIED: Tolerance = 2e-4
 LATER: Tolerance = 0.05
 
@@ -40,9 +40,9 @@ PLAY = 100 * VARIED
 class RolloutProblem:
     """Positions of the rollouts of all logs, as a function of one vector of numbers.
 
-    The vector holds numbers of the joints by kind, half the logarithm of each body's relative
-    size, and the delay of each log. An unknown gain stands there by its logarithm, and the other
-    numbers of its joint are divided by the gain: positions hardly tell their common factor.
+    The vector holds numbers of the joints by kind, half the logarithm of each body's relative size,
+    and the delay of each log. It holds the logarithm of an unknown gain. The other numbers of its
+    joint are divided by this gain, because positions hardly determine their common factor.
 
     Parameters
     ----------
@@ -108,12 +108,12 @@ class RolloutProblem:
         return self.by / VARIED
 
     def at(self, kind: str) -> np.ndarray:
-        """Return where the numbers of a kind stand in the vector, (n,) int."""
+        """Return the indices of the numbers of a kind in the vector, (n,) int."""
         n = len(self.trees)
         return KINDS.index(kind) * n + np.arange(n)
 
     def parameters(self, numbers: Mapping[str, Array]) -> dict[str, float]:
-        """Return standard parameters by name: of joints, and of bodies of another size."""
+        """Return standard parameters by name: of joints, and of scaled bodies."""
         robot = self.machine.robot
         sizes = np.exp(2 * numbers["sizes"])
         bodies = zip(self.shares, sizes, strict=True)
@@ -154,7 +154,7 @@ class RolloutProblem:
     def roll(self, xs: Sequence[Array], step: float | None = None) -> list[list[Array]]:
         """Return positions along every window, for several vectors, all at one step [s]."""
         machines = [self._machine(x) for x in xs]
-        # Logs at a low rate say little about motion within a small share of their step.
+        # Logs at a low rate hold little information on motion within a small share of their step.
         step = max(STEP, FINE * self.dt) if step is None else step
         step = min(machine.longest(numbers, step) for machine, numbers, _ in machines)
         return [
@@ -180,7 +180,7 @@ class RolloutProblem:
     def differences(self, q: list[Array]) -> Array:
         """Return errors of positions in the judged rows, (N, n).
 
-        They are one where a rollout diverged, and zero where the command of a joint stands.
+        They are one where a rollout diverged, and zero where the command of a joint is constant.
         """
         errors = []
         for rolled, window in zip(q, self.windows, strict=True):
@@ -217,8 +217,8 @@ class RolloutProblem:
     def weights(self, q: list[Array]) -> Array:
         """Return weights of the residual, (r,): the inverse error of an independent row.
 
-        A window that errs more than the median one counts by its error: contacts and lost commands
-        are no part of the model.
+        Windows with errors above the median are weighted by their own error, because the model has
+        no contacts or lost commands.
         """
         errors = self.window_errors(q)
         usual = self._median(errors)
@@ -229,7 +229,7 @@ class RolloutProblem:
         return np.append(of_rows, of_prior)
 
     def prior_residual(self, x: Array) -> Array:
-        """Return how far numbers are from the file's and the stated ones, (b,) [σ]."""
+        """Return deviations of numbers from the file's and the stated ones, (b,) [σ]."""
         prior = self.machine.robot.prior
         numbers = self.unpack(x)[0]
         parameters = self.parameters(numbers) if self.shares else {}

@@ -63,7 +63,7 @@ def _errors(
 
     A joint counts where its command moves.
     """
-    # Few robots ask for a short step.
+    # Few robots need a short step.
     step = machine.longest(numbers, COARSE * STEP)
     logs = [window.rows for window in windows]
     rolled = machine.roll_all(logs, numbers, [delay] * len(logs), step)
@@ -109,7 +109,7 @@ def balance_torque(
             columns = np.stack([*motion, np.ones(used.sum())], axis=1)
         slope[:, j] = np.linalg.lstsq(columns, target, rcond=None)[0]
     unknown = np.isnan(servo.kp)
-    # Gravity that turns a joint by less than positions are noisy says nothing of its gain.
+    # Gravity that moves a joint by less than the noise of positions does not determine its gain.
     turned = slope[3] * np.sqrt(np.mean(gravity**2, axis=0))
     told = unknown & (turned > np.max([encoder_noise(window.rows) for window in windows], axis=0))
     gains = np.where(told, 1 / or_one(slope[3]), np.nan)
@@ -143,14 +143,15 @@ def _balance_rows(machine: CommandedRobot, window: Window, delay: float) -> tupl
 def _list_numbers(machine: CommandedRobot, servo: Servo, log: Log) -> Iterator[Mapping[str, Array]]:
     """Yield joints' numbers of each natural frequency and damping ratio.
 
-    A known gain and a frequency tell an inertia. Where no gain is known, the inertia is the file's.
+    A known gain and a frequency determine an inertia. Where no gain is known, the inertia is the
+    file's.
     """
     unknown = np.isnan(servo.kp)
     kv = machine.servo.kv
     inertia = machine.inertia(log.q.mean(0))
     numbers = machine.numbers()
     bodies = inertia - numbers["Ia"]
-    # A rotor that the file lacks is taken to be as large as what the heaviest joint moves.
+    # If the file lacks a rotor, the search starts from the largest inertia of all joints.
     stated = np.where(numbers["Ia"] > 0, inertia, inertia.max())
     highest = 1.0 / signals.sampling_step(log.t)
     for frequency in FREQUENCIES[highest > FREQUENCIES]:

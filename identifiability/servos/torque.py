@@ -129,7 +129,7 @@ def follows_command(command: Array, q: Array, most: int) -> bool:
     """Whether a position (N,) follows its command (N,) within some samples, in the same unit."""
     size = float(command.std())
     moved = float(q.std())
-    # The command of a joint that stands says nothing.
+    # The command of a joint at rest gives no information.
     if min(size, max(moved, size) - RULES.small) <= 0.0:
         return True
     is_degrees = 0.5 < np.radians(size / max(moved, RULES.small)) < 2.0

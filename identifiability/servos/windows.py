@@ -12,7 +12,7 @@ from identifiability.logs import Log, signals
 
 from .positions import encoder_noise
 
-#: Total length of the windows that are rolled out [s]: more says little more.
+#: Total length of the windows that are rolled out [s]. Longer windows add little information.
 LONG: Tolerance = 36.0
 
 #: Length of each window of a log that is too long to be rolled out whole [s].
@@ -29,7 +29,7 @@ class Window:
         Which log the window is of.
     rows : Log
     moves : (n,) bool
-        Joints whose command moves. Another joint stands, and says nothing of its servo.
+        Joints whose command moves. Other joints stand and give no information on their servo.
     """
 
     log: int
@@ -71,7 +71,7 @@ def thin_windows(windows: Sequence[Window]) -> list[Window]:
 
 
 def moving_commands(log: Log) -> np.ndarray:
-    """Return which joints have a command that moves by more than positions are noisy, (n,) bool.
+    """Return which joints have a command that moves by more than the noise of positions, (n,) bool.
 
     Joints that do not follow their command are not among them.
     """

@@ -1,4 +1,4 @@
-"""The simulated robot: the road to torque that knows nothing of the regressor.
+"""The simulated robot: torque that is computed without the regressor.
 
 What to use when: `simulate` makes a log along a `Trajectory`; `Campaign` makes many logs of the
 same motions, with one size of every hidden effect in all of them; `MujocoRobot` gives bare

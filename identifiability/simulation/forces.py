@@ -26,12 +26,12 @@ from .mujoco_robot import MujocoRobot, RigidTorque
 # Written out as force laws of speed and position; the columns in `effects` are written apart.
 
 
-#: Parameters of springs of which no robot file states a rest.
+#: Parameters of springs without a stated rest position.
 _SPRINGS = ("k", "kq0", "ks", "kc", "F0")
 
 
 def both_directions(parameters: Mapping[str, float]) -> dict[str, float]:
-    """Return parameters with a Coulomb level for each direction where one stands for both."""
+    """Return parameters with a Coulomb level for each direction, instead of one for both."""
     out = dict(parameters)
     for name, value in parameters.items():
         if name.endswith(".Fc"):
@@ -54,7 +54,7 @@ class JointTerms:
     stiffness : float [N·m/rad or N/m]
     offset : float [N·m or N]
     loose : mapping
-        Of springs of which no file states a rest, by kind: ``k · position − kq0`` [N·m/rad or N/m,
+        Of springs without a stated rest position, by kind: ``k · position − kq0`` [N·m/rad or N/m,
         N·m or N], ``ks`` and ``kc`` of a gravity spring or counterweight [N·m], a constant ``F0``.
     """
 
@@ -68,7 +68,7 @@ class JointTerms:
 
     @staticmethod
     def of(values: Mapping[str, float], name: str, inertia_parts: tuple[str, ...]) -> JointTerms:
-        """Return the terms of a joint among parameter values by name; those not there are zero."""
+        """Return the terms of a joint from parameter values by name; missing values are zero."""
 
         def of(kind: str, default: float = 0.0) -> float:
             return values.get(f"{name}.{kind}", default)
@@ -87,11 +87,10 @@ class JointTerms:
     def friction(self, speed: Array) -> Array:
         """Return viscous and Coulomb friction at the speeds of a motion (N,), (N,).
 
-        A joint that stands sticks, and what its motor then supplies is anything within the levels:
-        the motion does not say it. It begins with what it was when the joint stopped, for torque
-        does not jump, ends with what makes the joint break away, and goes evenly between, as that
-        of a controller does whose integral acts. Before the first motion and behind the last one
-        nothing pulls.
+        A joint at rest sticks. The motion does not determine its dry friction, which may have any
+        value between the two levels. Friction is interpolated linearly from its value when the
+        joint stops to its value when the joint breaks away. The integral part of a controller makes
+        such torque. Friction is zero before the first motion and after the last one.
         """
         dry = np.where(speed > 0, self.forward, np.where(speed < 0, -self.backward, 0.0))
         rests = np.concatenate([[False], speed == 0, [False]])
@@ -101,12 +100,12 @@ class JointTerms:
         return self.viscous * speed + np.interp(at, at[known], dry[known])
 
     def force(self, stretch: Array, speed: Array, acceleration: Array) -> Array:
-        """Return what acts along a joint (N,) that is so far off its spring's rest, (N,)."""
+        """Return the force along a joint, (N,), for a distance (N,) from its spring's rest."""
         moving = self.friction(speed) + self.inertia * acceleration
         return moving + self.stiffness * stretch + self.offset
 
     def springs(self, position: Array) -> Array:
-        """Return springs of which no file states a rest, at positions (N,) as the file counts."""
+        """Return the force of springs without a stated rest, at positions (N,) of the file."""
         k, pull, sine, cosine, constant = self.loose.values()
         swing = sine * np.sin(position) + cosine * np.cos(position)
         return k * position - pull + swing + constant
@@ -181,7 +180,7 @@ def _typical(speed: Array) -> float:
 
 
 def _from_end_to_end(position: Array) -> Array:
-    """Return where positions are in their range, from −1 to 1."""
+    """Return positions scaled to their range, from −1 to 1."""
     return 2 * (position - position.min()) / max(np.ptp(position), 1e-12) - 1
 
 
@@ -190,7 +189,7 @@ def _ripple(_speed: Array, position: Array, _load: Array) -> Array:
 
 
 def _cable(_speed: Array, position: Array, _load: Array) -> Array:
-    """Return what a cable does that is bent at one end and pulled tight at the other."""
+    """Return the torque of a cable that bends at one end and pulls tight at the other."""
     along = _from_end_to_end(position)
     return np.exp(3 * (along - 1)) - 0.4 * np.tanh(3 * (along + 0.4))
 
@@ -292,7 +291,7 @@ def hideable(laws: Iterable[str] = ()) -> list[str]:
 
 
 def parse_hidden(text: str, laws: Mapping[str, Law] | None = None) -> Hidden:
-    """Return what ``stribeck_friction``, ``stribeck_friction=0.1`` or ``…@slider1+slider3`` hides.
+    """Return the effect hidden by ``stribeck_friction``, ``…=0.1`` or ``…@slider1+slider3``.
 
     Parameters
     ----------
@@ -370,7 +369,7 @@ def _chosen(names: Sequence[str], hidden: Hidden, robot: Robot) -> list[int]:
 
 
 def _record(move: PrescribedMotion, tau: Array, k: int, name: str) -> Array:
-    """Return what a late, leaking or drifting record adds to joint k, (N,)."""
+    """Return the torque error that a delayed, leaking or drifting record adds at joint k, (N,)."""
     seams = np.flatnonzero(np.diff(move.t) > 0.5 * PAUSE) + 1
     if name in ("time_delay", "clock_error"):
         slope = np.concatenate([np.gradient(part) for part in np.split(tau[:, k], seams)])
@@ -383,7 +382,7 @@ def _record(move: PrescribedMotion, tau: Array, k: int, name: str) -> Array:
     if name in ("torque_drift", "friction_drift"):
         since = np.concatenate([t - t[0] for t in np.split(move.t, seams)])
         return since - 0.4 * since.max() if name == "torque_drift" else since * move.dq[:, k]
-    # Warming up after a calibration in the middle: a drift about zero, or it were an offset.
+    # Warm-up about a calibration in the middle: the drift has zero mean, so that it is no offset.
     drift = 1.0 - np.exp(-(move.t - move.t[0]) / (0.5 * np.ptp(move.t) or 1.0))
     return drift - drift.mean()
 

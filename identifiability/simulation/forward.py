@@ -35,7 +35,7 @@ from .mujoco_robot import MujocoRobot, compile_robot, robot_spec
 #: Coefficients of a coupling of MuJoCo.
 POWERS = 5
 
-#: A motor of unit gain, whatever the defaults of a file are.
+#: A motor of unit gain, independent of the defaults of a file.
 _MOTOR = {
     "gear": [1, 0, 0, 0, 0, 0],
     "gaintype": mujoco.mjtGain.mjGAIN_FIXED,
@@ -98,7 +98,7 @@ def compile_forward(robot: Robot, values: Mapping[str, float], servo: Servo | No
 
 
 def _set_bodies(model: Any, robot: Robot, values: Mapping[str, float]) -> None:
-    """Set the bodies that move; what is fixed to one is part of it."""
+    """Set the inertial values of moving bodies, each with all bodies that are fixed to it."""
     bodies = {b: np.array([values[f"{b}.{k}"] for k in INERTIAL_KINDS]) for b in robot.bodies}
     for body, theta in share_out(robot, bodies).items():
         b = model.body(body).id
@@ -165,19 +165,19 @@ def _add_servo(spec: Any, joint: str, servo: Servo, k: int) -> None:
         like = spec.joint(joint)
         ends = 0.5 * servo.play[k] * np.array([-1.0, 1.0])
         loose = {word: getattr(like, word) for word in ("type", "axis", "pos")}
-        free = ("armature", "damping", "frictionloss", "stiffness")  # whatever the file's defaults
+        free = ("armature", "damping", "frictionloss", "stiffness")  # not the file's defaults
         loose |= {word: 0 * getattr(like, word) for word in free}
         like.parent.add_joint(**loose, limited=True, range=ends)
 
 
 # Forward simulation: many short stretches of motion from measured states, by MuJoCo.
 #
-# What a user does with a fitted model is to simulate with it. Open-loop simulation of a whole log
-# drifts away, whatever the model; short stretches that start from measured states do not, and the
-# error after a given time is a fair figure of merit.
+# Users simulate with a fitted model. Open-loop simulation of a whole log drifts away with any
+# model. Short stretches that start from measured states do not drift. Their error after a given
+# time is a fair figure of merit.
 
 
-#: What is farther than so many ranges of the motion has diverged.
+#: Positions beyond so many ranges of the motion have diverged.
 DIVERGED: Tolerance = 10.0
 #: Impedance of dry friction: how little a joint that sticks creeps.
 HARD: tuple[Tolerance, Tolerance] = (0.9999, 0.9999)
@@ -193,7 +193,7 @@ class ForwardRobot:
         Standard parameters by name; bodies must be possible ones. Those that are not given keep
         the file's values.
     servo : Servo, optional
-        What the model has as actuators, beside the forces of `run`.
+        Actuators of the model. The forces of `run` act in addition.
 
     Raises
     ------
@@ -217,7 +217,7 @@ class ForwardRobot:
         self.bias = self._constant(terms)
         options = self.model.opt
         disabled = mujoco.mjtDisableBit
-        # What the file switches off is in no value that is given.
+        # The given values do not include effects that the file switches off.
         on = disabled.mjDSBL_SPRING | disabled.mjDSBL_DAMPER | disabled.mjDSBL_FRICTIONLOSS
         options.disableflags &= ~int(disabled.mjDSBL_CONSTRAINT | disabled.mjDSBL_ACTUATION | on)
         options.disableflags |= int(disabled.mjDSBL_CONTACT)
@@ -278,9 +278,9 @@ class ForwardRobot:
         return self.robot.rest.get(name, at_home)
 
     def _constant(self, terms: Mapping[str, JointTerms]) -> tuple[Array, Array]:
-        """Return what is taken off at joints (nv,) and along straight tendons (c,), always.
+        """Return the constant force subtracted at joints (nv,) and along straight tendons (c,).
 
-        Offsets, and by how much dry friction is larger forwards than on both ways' mean.
+        It is the offset plus half the difference between forward and backward dry friction.
         """
         cables = [cable.name for cable in self.robot.cables]
         joints = np.zeros(self.model.nv)
@@ -367,7 +367,7 @@ class ForwardRobot:
 
 
 def stated_numbers(terms: JointTerms) -> dict[str, float]:
-    """Return what a robot file states of a joint with these terms."""
+    """Return the joint attributes of MuJoCo for these terms, none below zero."""
     numbers = {
         "damping": terms.viscous,
         "frictionloss": 0.5 * (terms.forward + terms.backward),

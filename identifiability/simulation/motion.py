@@ -28,7 +28,7 @@ from identifiability.robot import Robot
 
 # Prescribed motion of the actuated joints: Fourier series, from a file or at random, or a table.
 #
-# `PrescribedMotion` is what the simulated robot is made to do; `find_motion` finds the one that a
+# `PrescribedMotion` is the motion of the simulated robot; `find_motion` finds the one that a
 # command names.
 
 
@@ -82,7 +82,7 @@ class Trajectory:
 
     @property
     def harmonics(self) -> int:
-        """How many it has."""
+        """Number of harmonics."""
         return int(self.sin.shape[1])
 
     def times(self, samples: int | None = None) -> Array:
@@ -155,7 +155,7 @@ def read_trajectories(path: str | Path, robot: Robot) -> dict[str, Trajectory]:
 
 
 def shipped_trajectory(robot: Robot, name: str) -> Trajectory:
-    """Return a trajectory by name from ``trajectories.json`` beside the robot file.
+    """Return a trajectory by name from ``trajectories.json`` in the folder of the robot file.
 
     Raises
     ------
@@ -185,7 +185,7 @@ USUAL: dict[str, tuple[Tolerance, Tolerance]] = {"q": (1.0, 0.1), "v": (2.0, 0.3
 
 
 def usual_limits(robot: Robot) -> dict[str, Array]:
-    """Return what actuated joints without limits may do: positions (n, 2), the others (n,)."""
+    """Return default limits of actuated joints: positions (n, 2), speed and acceleration (n,)."""
     slides = robot.slides.astype(int)
     found = {kind: np.array(values)[slides] for kind, values in USUAL.items()}
     home = robot.actuated_positions(robot.home[None])[0]
@@ -242,7 +242,7 @@ def find_motion(
     samples: Period | None = None,
     rng: np.random.Generator | None = None,
 ) -> PrescribedMotion:
-    """Return the motion that a word stands for.
+    """Return the motion that a word names.
 
     Parameters
     ----------

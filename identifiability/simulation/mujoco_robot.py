@@ -30,10 +30,10 @@ _EQ, _OFF = mujoco.mjtEq, mujoco.mjtDisableBit
 
 
 def robot_spec(robot: Robot, *, balance: str = "false", shapes: bool = False) -> Any:
-    """Return the robot file before it is compiled (mujoco.MjSpec); what floats has six joints.
+    """Return the robot file as mujoco.MjSpec, uncompiled; a floating base has six joints.
 
-    Loops of the sidecar, which go before those of the file, are connections of sites. With
-    `shapes` it has those that collide, and masses mean nothing.
+    Loops of the sidecar, which go before those of the file, are connections of sites. With `shapes`
+    it has shapes that collide, and masses are meaningless.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def robot_spec(robot: Robot, *, balance: str = "false", shapes: bool = False) ->
 def compile_robot(robot: Robot, spec: Any) -> Any:
     """Return the model of a spec, in which gravity is that of the robot.
 
-    Lengths of straight tendons are equalities that nothing holds, but whose derivatives it knows.
+    Lengths of straight tendons are inactive equalities, of which MuJoCo computes derivatives.
 
     Raises
     ------
@@ -94,19 +94,19 @@ def compile_robot(robot: Robot, spec: Any) -> Any:
 
 
 def compile_shapes(robot: Robot, reach: float) -> Any:
-    """Return the model of a robot with its shapes, which see each other from so far [m].
+    """Return the model of a robot with its shapes, which detect each other up to a distance [m].
 
     Raises
     ------
     RobotError
-        If a shape cannot be read, such as a mesh that is not there.
+        If a shape cannot be read, such as a missing mesh.
     """
     spec = robot_spec(
         robot,
         balance="true",
         shapes=True,
     )
-    # Bodies without shapes weigh nothing here, which is nobody's concern.
+    # Bodies without shapes have no mass here, which does not matter for collisions.
     spec.compiler.boundmass = 1e-6
     spec.compiler.boundinertia = 1e-9
     for geom in spec.geoms:
@@ -149,10 +149,9 @@ def bare_urdf(root: ET.Element, balance: str, *, shapes: bool = False) -> str:
 
 # The other road from motion to torque: MuJoCo's inverse dynamics along a prescribed motion.
 #
-# It takes the robot file as MuJoCo compiled it and shares nothing with the regressor but that:
-# loops are closed with the Jacobians of MuJoCo's constraints, one sample at a time, and torques of
-# the tree are projected on the actuated joints through them. Agreement with the regressor is
-# therefore a real test.
+# It shares only the robot file with the regressor, as compiled by MuJoCo: loops are closed with the
+# Jacobians of MuJoCo's constraints, one sample at a time, and torques of the tree are projected on
+# the actuated joints through them. Agreement with the regressor is therefore a real test.
 
 
 @frozen
@@ -200,17 +199,18 @@ class MujocoRobot:
                     getattr(m, f"{part}_{kind}")[:] = 0
         m.jnt_stiffness[:] = 0
         m.tendon_stiffness[:] = 0
-        #: Where joints are in velocities and positions, which lengths of straight tendons follow.
+        #: Indices of joints in velocities and positions. Lengths of straight tendons follow them.
         self.places = {
             m.joint(j).name: (int(m.jnt_dofadr[j]), int(m.jnt_qposadr[j])) for j in range(m.njnt)
         }
         self.places |= {c.name: (m.nv + k, m.nq + k) for k, c in enumerate(robot.cables)}
         self.size = m.nv + len(robot.cables)
         self.actuated, self.positions = np.array([self.places[j] for j in robot.joints], int).T
-        #: Locked joints are in the file; prescribed to stand still, they need not be welded.
+        #: Locked joints are in the file. They are prescribed to stand still instead of being
+        #: welded.
         self.locked = np.array([self.places[j][0] for j in robot.locked], int)
         self.passive = np.setdiff1d(np.arange(self.size), [*self.actuated, *self.locked])
-        #: What ties the coordinates together: closures and lengths, as MuJoCo's constraints.
+        #: Constraints of the coordinates: closures and lengths, as MuJoCo's constraints.
         self.tied = copy(m)
         self.tied.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         self.tied.opt.disableflags = int(_OFF.mjDSBL_CONTACT | _OFF.mjDSBL_LIMIT)
@@ -270,7 +270,7 @@ class MujocoRobot:
         return np.array(self.placed(self.robot.home[None])[0])
 
     def placed(self, q: Array) -> Array:
-        """Return configurations (N, nq) of the robot in the order that the file has here."""
+        """Return configurations (N, nq) of the robot in the order of the compiled file."""
         own = np.append(self.model.qpos0, np.zeros(len(self.robot.cables)))
         for name, position in self.robot.locked.items():
             own[self.places[name][1]] = position
@@ -287,7 +287,7 @@ class MujocoRobot:
         return out
 
     def meet(self, place: Array) -> tuple[Array, Array]:
-        """Return the pairs of shapes (k, 2) that see each other at a place, and their gaps (k,)."""
+        """Return the pairs of shapes (k, 2) within detection distance at a place, and gaps (k,)."""
         data = self.data
         data.qpos[:] = place
         mujoco.mj_kinematics(self.model, data)
@@ -336,14 +336,14 @@ class MujocoRobot:
         return bool(np.abs(self._apart(full)[0]).max(initial=0.0) < ROUNDOFF)
 
     def _moved(self, full: Array, step: Array) -> Array:
-        """Return a configuration behind a step (size,)."""
+        """Return a configuration after a step (size,)."""
         q = np.array(full[: self.model.nq])
         nv = self.model.nv
         mujoco.mj_integratePos(self.model, q, step[:nv], 1.0)
         return np.append(q, full[len(q) :] + step[nv:])
 
     def _apart(self, full: Array) -> tuple[Array, Array]:
-        """Return by how much coordinates are not tied (k,), and the Jacobian of that (k, size)."""
+        """Return the constraint errors of the coordinates (k,), and their Jacobian (k, size)."""
         m = self.tied
         d = self._ends
         d.qpos[:] = full[: m.nq]

@@ -1,12 +1,13 @@
 """Rollouts: a robot with position servos, moved by the commands of a log from its start.
 
-What a user does with a commanded robot's model is this, so the error of its positions is what
-counts. Servos are MuJoCo's position actuators; robots with other numbers are rolled out together.
+Users simulate commanded robots in this way, so position errors judge the model. Servos are MuJoCo's
+position actuators. Robots that differ only in their numbers are rolled out together.
 
-The step of the integrator is no part of the robot: MuJoCo's implicit damping acts with the speed
-behind the step, which adds h D / 2 to the inertia of a joint of damping D, the servo's included; it
-is taken off its rotor. Positions are then those of a second-order method [Verlet 1967]. A servo's
-own rate is part of it: what it measured is half a period old while it acts.
+The step h of the integrator must not change the robot. MuJoCo's implicit damping uses the speed at
+the end of the step. For a joint with damping D, servo included, this adds h D / 2 to its inertia.
+The same amount is subtracted from its rotor inertia. Positions then have the accuracy of a
+second-order method [Verlet 1967]. The sampling rate of a servo is modelled: its measurements are on
+average half a period old.
 """
 
 from __future__ import annotations
@@ -36,14 +37,14 @@ from .forward import DIVERGED, HARD, ForwardRobot
 #: Longest step of the integrator [s].
 STEP: Tolerance = 1e-3
 
-#: Step of rollouts whose differences alone are looked at, in that of others.
+#: Step of rollouts of which only differences are used, as a multiple of the usual one.
 COARSE: Tolerance = 10.0
 
-#: Share of the time in which damping stops a joint that is a step, and of a joint's inertia that is
-#: taken off for steps at most.
+#: Longest step as a share of the time constant of a joint's damping, and largest share of a joint's
+#: inertia that is subtracted for the step.
 LITTLE: Tolerance = 0.4
 
-#: Shortest step as a share of the usual one: a joint that stops sooner is one without inertia.
+#: Shortest step as a share of the usual one: a joint that needs a shorter one has no inertia.
 SHORTEST: Tolerance = 0.5
 
 
@@ -86,17 +87,17 @@ class CommandedRobot:
         self.servo = servo
         self._forward = ForwardRobot(robot, parameters, servo)
         self.model = self._forward.model
-        # What diverges is not begun anew.
+        # Diverging rollouts are not restarted.
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         joints = [self.model.joint(j) for j in robot.joints]
         self.dofs = np.array([j.dofadr[0] for j in joints], int)
         self.at = np.array([j.qposadr[0] for j in joints], int)
-        #: Actuators of the joints; what an offset takes off is taken off there.
+        #: Actuators of the joints, which also subtract offsets.
         self.actuators = np.array([self.model.actuator(j).id for j in robot.joints], int)
         self.offset = self._forward.bias[0][self.dofs]
 
     def resized(self, sizes: Mapping[str, float]) -> CommandedRobot:
-        """Return the robot with bodies that are so many times as heavy, and alike."""
+        """Return the robot with bodies of scaled mass and inertia."""
         other = copy(self)
         other.model = copy(self.model)
         other.__dict__.pop("bare", None)
@@ -142,7 +143,7 @@ class CommandedRobot:
         return np.maximum(self.inertia(home) - own, 0.0)
 
     def longest(self, numbers: Mapping[str, Array], step: float = STEP) -> float:
-        """Return the longest step that takes little of any joint's inertia off [s].
+        """Return the longest step that subtracts little of any joint's inertia [s].
 
         It is at most the usual step [s], and at least half of it.
         """
@@ -152,11 +153,11 @@ class CommandedRobot:
 
     @property
     def trees(self) -> np.ndarray:
-        """Which tree behind the base each joint is of, (n,) int: none moves another's."""
+        """Kinematic tree of each joint, (n,) int. No tree moves the joints of another tree."""
         return self.model.dof_treeid[self.dofs]
 
     def trees_of(self, bodies: Sequence[str]) -> np.ndarray:
-        """Return which tree each body is of, (m,) int."""
+        """Return the kinematic tree of each body, (m,) int."""
         return np.array([self.model.body_treeid[self.model.body(b).id] for b in bodies], int)
 
     def numbers(self) -> dict[str, Array]:
@@ -222,8 +223,8 @@ class CommandedRobot:
         h = model.opt.timestep
         speed = starting_speed(log)
         steps = int(np.ceil((log.t[-1] - log.t[0]) / h)) + 2
-        # Held commands change between two steps, so that no step holds a share of a change, of
-        # which a servo at its limit would make another share of torque.
+        # Held commands change between two steps. A step with a share of a change would have a wrong
+        # torque of a servo at its limit.
         since = log.commands_since
         ahead = next(iter((since - log.t)[since < log.t]), 0.0)
         begin = (float((delay + ahead) / h) % 1.0 - 0.5) * h
@@ -252,7 +253,7 @@ class CommandedRobot:
         return out
 
     def _acceleration(self, model: Any, data: Any, q: Array, v: Array, control: Array) -> Array:
-        """Return the acceleration at a state, (nv,), by which speeds half a step old are others."""
+        """Return the acceleration at a state, (nv,), that corrects speeds half a step old."""
         mujoco.mj_resetData(model, data)
         data.qpos[:], data.qvel[:], data.ctrl[:] = q, v, control
         mujoco.mj_forward(model, data)
@@ -274,10 +275,10 @@ class CommandedRobot:
         servo = self.servo.having(numbers)
         whole = self.bare + numbers["Ia"]
         taken = -servo.lead + 0.5 * h * (damping + servo.damping)
-        # A file without rotors may state less inertia than a servo of this rate could hold.
+        # A file without rotors may state less inertia than a servo of this rate can control.
         model.dof_armature[dofs] = numbers["Ia"] - np.minimum(taken, LITTLE * whole)
-        # Inertia that late speeds of a servo seem to take off is there where its torque stands at
-        # an end and follows nothing: that torque pushes the lighter joint by as much less.
+        # Delayed speeds of a servo seem to reduce the inertia. A saturated servo does not have this
+        # effect, so its torque limit is reduced in proportion.
         seeming = np.clip(-servo.lead, 0.0, LITTLE * whole)
         less = 1 - seeming / whole
         offset = numbers["off"]
@@ -296,7 +297,7 @@ class CommandedRobot:
 def starting_speeds(log: Log) -> Array:
     """Return speeds from which runs may start, (N, n): slopes of parabolas through few samples.
 
-    Exact differences would make noise of positions a start that takes long to be forgotten.
+    Exact differences would turn noise of positions into an error of the start that lasts long.
     """
     dt = signals.sampling_step(log.t)
     rows = _seen_rows(dt, len(log))
@@ -319,16 +320,16 @@ def _first_slope(rows: int) -> Array:
 
 
 def _seen_rows(dt: float, count: int) -> int:
-    """Return the odd number of rows, of a log of some rows, in which a speed is seen."""
-    # The speed of a start is seen in .05 s.
+    """Return the odd number of rows from which a speed is estimated, for a log of some rows."""
+    # The speed of a start is estimated from .05 s.
     return min(2 * max(2, round(0.5 * 0.05 / dt)) + 1, (count - 1) // 2 * 2 + 1)
 
 
 def drive(robot: Robot, parameters: Mapping[str, float], log: Log, window: float) -> Array:
     """Return positions by measured torque, (N, n).
 
-    They begin anew with what was measured every `window` [s], for the last time one of these before
-    the end.
+    The simulation restarts from the measured state every `window` [s]. The last restart is one
+    window before the end.
     """
     step = signals.sampling_step(log.t)
     rows = min(max(2, round(window / step)), len(log))
@@ -341,7 +342,7 @@ def drive(robot: Robot, parameters: Mapping[str, float], log: Log, window: float
     return out
 
 
-#: What a robot lacks that has no servo, after its path.
+#: Error for a robot without servos, after its path.
 NO_SERVO = (
     "states no gains of servos, so commands say nothing of torque; give them in the sidecar: "
     "[servo] kp = …, kv = … (or as <position> actuators of an MJCF), or let logs tell them: kp = "
@@ -354,8 +355,9 @@ _STATE = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 def _sample(path: Array, at: Array) -> Array:
     """Return positions at fractional steps (m,) of a path (S, n).
 
-    Accelerations hold from half a step before a row until half a step behind it, and rows, between
-    which the speed is that of their middle, lie an eighth of what that makes of a step below.
+    Each acceleration is constant from half a step before its row to half a step after it. In that
+    interval the position is a parabola. At the row it is the path plus one eighth of the second
+    difference of the path.
     """
     k = np.clip(np.rint(at).astype(int), 1, len(path) - 2)
     part = (at - k)[:, None]

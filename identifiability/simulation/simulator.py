@@ -1,4 +1,4 @@
-"""The simulated robot that we know everything about: a log by `simulate`, many by `Campaign`."""
+"""The simulated robot with known truth: `simulate` makes a log, `Campaign` many."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ class Noise:
         Resolution of the positions; 0 for none.
     motion_additive : float
         Standard deviation of additive noise on q, dq and ddq, from sample to sample, as a share of
-        that of each channel and joint. Near reversals it turns signs of velocity, which `motion`
-        never does.
+        that of each channel and joint. Near reversals it changes the sign of velocity, unlike
+        `motion`.
     """
 
     motion: Level = 0.0
@@ -97,7 +97,7 @@ class Noise:
     def on_torque(self, tau: Array, rng: np.random.Generator, level: Array | None = None) -> Array:
         """Return torques (N, n) with relative and with additive, autocorrelated noise.
 
-        `level` (n,) is what the additive noise is a share of, by default the rms of the torque.
+        Additive noise is a share of `level` (n,), by default of the rms of the torque.
         """
         out = tau * (1 + self.torque * rng.standard_normal(tau.shape))
         if self.additive:
@@ -146,7 +146,7 @@ def simulate(
     ----------
     robot : Robot, path or shipped name
         Its file states the inertias; friction, rotor inertia and springs come from its nominal
-        values, other effects among those (`left_out`) are not simulated.
+        values. Other nominal effects (`left_out`) are not simulated.
     motion : PrescribedMotion or Trajectory
     noise : Noise or str, optional
         Levels such as ``motion=0.04,torque=0.05``, ``paper`` or, by default, ``none``.
@@ -164,7 +164,7 @@ def simulate(
     derivatives : bool
         Whether the log has velocities and accelerations.
     seed : int
-        As in every verb, of every random choice; nothing where `rng` is given.
+        Seed of every random choice, as in every verb; unused where `rng` is given.
 
     Raises
     ------
@@ -189,7 +189,7 @@ def _record(
     *,
     derivatives: bool,
 ) -> Log:
-    """Return the log of a motion, which gets noise, and a torque (N, n)."""
+    """Return the log of a motion, to which noise is added, and of a torque (N, n)."""
     q = noise.on_encoder(noise.on_motion(move.q, rng))
     dq = noise.on_motion(move.dq, rng)
     ddq = noise.on_motion(move.ddq, rng)
@@ -274,7 +274,7 @@ class Campaign:
         *,
         derivatives: bool = False,
     ) -> list[Log]:
-        """Return one noisy log a motion, each from zero on; all start on one clock.
+        """Return one noisy log for each motion. Its times start at zero; starts are on one clock.
 
         Parameters
         ----------

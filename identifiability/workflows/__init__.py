@@ -1,1 +1,1 @@
-"""What users ask for, one folder or file a verb; none imports one above it."""
+"""Workflows: one folder or file for each verb. Imports follow the layers in `pyproject.toml`."""

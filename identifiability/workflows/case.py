@@ -1,8 +1,8 @@
 """`Case`: a robot, logs of it and settings, with every stage from logs to columns computed once.
 
 A stage is a plain function in its own room; `Case` connects the stages and keeps their results. No
-stage changes the result of another. What a verb needs of them is `Data`: logs prepared under one
-model, as they are to be understood. Verbs that are given the same case share all stages:
+stage changes the result of another. Verbs use `Data`: logs prepared under one model, with one
+interpretation of their columns. Verbs that take the same case share all stages:
 
 1. `Case.recordings`: logs read, repaired, with roles (fitted, held out) that are the same for every
    verb;
@@ -76,20 +76,20 @@ from identifiability.robot import Robot, RobotLike
 from .case_file import CaseFile
 from .roles import assign_roles
 
-#: Why no verdict stands on columns that are misread, for after "because".
+#: Reason, after "because", why misread columns give no verdict.
 MISREAD = (
     "a column seems to have the wrong sign, unit or joint, or to be aliased, as the first remark "
     "says: mend that, and run again"
 )
 
-#: Families that a model has where rows surely name them.
+#: Families that a model gets if the rows surely show them.
 COMPLETED = {n for n, f in FAMILIES.items() if f.loaded and not (f.needs or f.shapes)}
 COMPLETED |= {PassiveJointFriction.name}
 
-#: Settings of a case file that say how derivatives are made.
+#: Settings of a case file for derivatives.
 DERIVED = ("derivatives", "cutoff", "decimate")
 
-#: What follows the statement of a reading that is used.
+#: Text after the statement of a reading that is used.
 SO = "All that follows is said under that reading."
 
 
@@ -100,7 +100,7 @@ class Use:
     Attributes
     ----------
     divides : bool
-        Whether a part is set aside if no held-out log is given.
+        Whether a part of the logs is held out if no held-out log is given.
     commands : bool
         Whether logs may hold commands and no torque.
     motion_alone : bool
@@ -112,13 +112,13 @@ class Use:
     motion_alone: bool = False
 
 
-#: Of logs with torque, of which none is set aside.
+#: For logs with torque, of which none is held out.
 MEASURED = Use(divides=False, commands=False)
 
 
 @frozen
 class Motions:
-    """Logs with the motion that is fitted with, and how they are prepared.
+    """Logs with the motion used for the fit, and their preparation.
 
     Attributes
     ----------
@@ -153,7 +153,7 @@ class Data(OfStructure):
     structure : Structure
         The robot under the unpruned model.
     recordings : Recordings
-        What the logs were prepared from.
+        The logs before preparation.
     preparation : Preparation
         How they were prepared, with one cut-off.
     samples, validation : tuple of Dataset
@@ -161,13 +161,13 @@ class Data(OfStructure):
     regression : Regression
         Columns of the base parameters along the fitted motion.
     hints : tuple of str
-        What seems to be wrong with robot file and logs, for the user to check.
+        Possible problems of robot file and logs, for the user to check.
     reading : Reading or None
         Another reading of the logs. It is used if it `holds` and logs are in memory.
     explained : bool
-        Whether a reading or a check explains whatever else contradicts physics.
+        Whether a reading or a check explains all contradictions of physics.
     misread : str
-        Why no verdict stands, for after "because"; empty where verdicts do.
+        Reason, after "because", why there are no verdicts; empty if there are.
     """
 
     structure: Structure
@@ -198,24 +198,24 @@ class Data(OfStructure):
 
     @cached_property
     def missing(self) -> MissingEffects:
-        """What may be missing in the unpruned model."""
+        """Effects that may be missing in the unpruned model."""
         commanded = bool(of_key(self.hints, "commands"))
         return find_missing(self.structure, self.regression, self.unseen, commanded=commanded)
 
     @cached_property
     def measured(self) -> MeasuredLogs:
-        """The fitted logs, as checks look at them."""
+        """The fitted logs in the form that data-quality checks take."""
         logs = self.recordings.fitted
         return MeasuredLogs(self.structure, logs, self.samples, self.regression)
 
     @property
     def band(self) -> Any:
-        """What the chosen cut-off lets through; None where none was chosen."""
+        """Bandwidth and noise of the chosen cut-off; None where no cut-off was chosen."""
         return getattr(self.preparation, "band", None)
 
     @cached_property
     def silence(self) -> str:
-        """Why the fitted logs have nothing to explain, for after "because"; empty if they do."""
+        """Reason, after "because", why the fitted logs have nothing to explain; else empty."""
         return explain_silence([s.survey for s in self.samples])
 
 
@@ -244,7 +244,7 @@ class WeightedRows:
 
     @cached_property
     def missing(self) -> MissingEffects:
-        """What may be missing in the model; rows of little weight are left out."""
+        """Effects that may be missing in the model. Rows of little weight are left out."""
         light = self.outliers.below() if self.outliers is not None and self.outlier_hint else None
         if light is None:
             return self.data.missing
@@ -261,16 +261,17 @@ class Case:
     ----------
     robot : Robot, path or shipped name
     logs : log, path, DataFrame, or several
-        What models are fitted to.
+        Logs that models are fitted to.
     validate : the same, or "none", optional
         Held-out logs. Without any, the last log (or the last quarter of the only one) is set aside;
         with "none" all logs are fitted.
     model : path, LadderEntry, result of `prune` or `diagnose`, or None
-        Models that `analyze` compares and `prune` starts from; by default those beside the robot.
+        Models that `analyze` compares and `prune` starts from; by default those in the folder of
+        the robot file.
     preparation : Preparation, optional
         How derivatives are made.
     reading : CarriedReading, optional
-        How all logs are read: the reading of a result. Then no other reading is looked for.
+        How all logs are read: the reading of a result. No other reading is then searched.
 
     Example
     -------
@@ -342,13 +343,13 @@ class Case:
         return replace(self, **settings)
 
     def release(self) -> None:
-        """Forget the results of all stages; they are computed anew when they are asked for."""
+        """Delete the results of all stages; they are computed again when they are needed."""
         self.stages.release()
 
     # Stages before any model.
 
     def known_robot(self, run: Run) -> Robot:
-        """Return the robot; gains of its servos that nobody states are found from the logs."""
+        """Return the robot; unstated gains of its servos are estimated from the logs."""
         if not self.use.commands:
             return self.robot
         run.say("reading logs", 0.0)
@@ -401,7 +402,7 @@ class Case:
         ----------
         ladder : path, LadderEntry, result of `prune`, or None
         beside : bool
-            Whether the default is the ladder beside the robot file.
+            Whether the default is the ladder in the folder of the robot file.
         """
         chosen = self.model if ladder is None else ladder
         return self.stages.once(look_up_ladder, self.robot, chosen, beside)
@@ -414,7 +415,7 @@ class Case:
         return self.structure(self.known_robot(run), ladder_model(source.entry))
 
     def structure(self, robot: Robot, model: Model) -> Structure:
-        """Return a robot under a model; its groupings count torque offsets that nothing tells."""
+        """Return a robot under a model; its groupings include unidentifiable torque offsets."""
         structure = self.stages.once(Structure.of, robot, model)
         return self.stages.once(count_offsets, structure)
 
@@ -447,12 +448,12 @@ class Case:
             As `torque` returned it.
         run : Run
         done : str
-            What cannot be done, as a participle, with logs that have nothing to explain; empty
-            where that is an answer too.
+            The action, as a participle, to refuse for logs that have nothing to explain; empty if
+            the verb accepts them.
         recordings : Recordings, optional
             By default those of the case, with torque of their servos.
         seek, apply : bool
-            Whether other readings are looked for, and used.
+            Whether other readings are searched, and used.
         most : int, optional
             Prepare an excerpt of so many rows of each log.
         """
@@ -527,8 +528,8 @@ class Case:
         ----------
         robot, run
         done : str
-            What cannot be done, as a participle, with logs that have nothing to explain; empty
-            where they will do.
+            The action, as a participle, to refuse for logs that have nothing to explain; empty if
+            the verb accepts them.
         """
         recordings = self.recordings(run)
         how = self.common_preparation(robot, recordings)
@@ -540,7 +541,7 @@ class Case:
     def unfitted(
         self, robot: Robot, recordings: Recordings, how: Preparation, run: Run
     ) -> tuple[Dataset, ...]:
-        """Return prepared logs that have no say in the cut-off of a fitted model.
+        """Return prepared logs that do not influence the cut-off of a fitted model.
 
         A log that cannot have this cut-off gets its own band.
         """
@@ -603,8 +604,8 @@ class Case:
     def completed(self, data: Data, run: Run) -> Data:
         """Return data whose model has the errors of measurement that it surely lacks.
 
-        Which law friction has is for `diagnose` to say. But the direction of gravity, or a log's
-        scale, clock or zero, moves every other value; so does friction of passive joints.
+        `diagnose` finds the law of friction. But the direction of gravity, a log's scale, clock or
+        zero, and friction of passive joints change every other value.
         """
         if data.recordings.commanded:
             return data
@@ -615,12 +616,12 @@ class Case:
         return self.at_fit(self.stages.once(complete_model, data, tuple(terms)), run)
 
 
-#: What stands for held-out logs where all logs are to be fitted.
+#: The value of held-out logs that asks to fit all logs.
 NONE = "none"
 
 
 def _is_none(validate: Sequence[LogLike]) -> bool:
-    """Return whether somebody asked that nothing is held out."""
+    """Return whether the user asked to hold out nothing."""
     return len(validate) == 1 and isinstance(validate[0], str) and validate[0] == NONE
 
 
@@ -636,7 +637,7 @@ def take_case(
     Raises
     ------
     OptionError
-        If a case is given and logs or a preparation beside it.
+        If a case is given together with logs or a preparation.
     """
     if not isinstance(robot, Case):
         return Case(robot, logs, validate, preparation=preparation, use=use)
@@ -648,11 +649,11 @@ def take_case(
     return robot
 
 
-# The stages: plain functions of what earlier stages returned.
+# The stages: plain functions of the results of earlier stages.
 
 
 def look_up_ladder(robot: Robot, ladder: LadderLike | None, beside: bool) -> LadderSource:
-    """Return the ladder that is meant, and where it came from."""
+    """Return the requested ladder, and its source."""
     return find_ladder(robot, ladder, beside=beside)
 
 
@@ -662,7 +663,7 @@ def comparable_entry(source: LadderSource, commanded: bool) -> LadderEntry:
 
 
 def find_gains(robot: Robot, logs: Sequence[LogLike], divides: bool, *, say: Progress) -> Robot:
-    """Return a robot whose servos have gains; logs of commands tell those that nobody states.
+    """Return a robot whose servos have gains; logs of commands determine unstated ones.
 
     Raises
     ------
@@ -711,7 +712,7 @@ def follow(
 def use_series(
     recordings: Recordings, asked: Preparation | None, choice: MotionChoice, robot: Robot
 ) -> Motions:
-    """Return logs whose motion is a series, as was chosen, and how they are prepared."""
+    """Return logs whose motion is the chosen series, and their preparation."""
     how = CommonPreparation(**vars(asked or Preparation()))
     lacking = [log for log in recordings.fitted if log.ddq is None]
     reason = choice.tell("butterworth" if lacking else "given")
@@ -738,7 +739,7 @@ def prepare_logs(
     how : Preparation
         With one cut-off for all logs.
     asked : Preparation or None
-        What the user asked for: an excerpt of measured derivatives needs no cut-off.
+        The user's request: an excerpt of measured derivatives needs no cut-off.
     most : int or None
         Rows of the excerpt of each log; None for whole logs.
     run : Run
@@ -759,7 +760,7 @@ def prepare_logs(
 def prepare_held_out(
     log: Log, prepare: Callable[..., Dataset], robot: Robot, how: Preparation
 ) -> Dataset:
-    """Return a prepared log that had no say in the cut-off; its own band if it cannot have that.
+    """Return a prepared log that did not influence the cut-off, with its own band if it must.
 
     Parameters
     ----------
@@ -774,7 +775,7 @@ def prepare_held_out(
 
 
 def drop_silent_part(recordings: Recordings, prepared: Prepared) -> Prepared:
-    """Return prepared logs without a part that was set aside and has nothing to explain.
+    """Return prepared logs without a held-out part that has nothing to explain.
 
     Raises
     ------
@@ -812,7 +813,7 @@ def gather_data(
 
 
 def _tell_motion(how: Preparation) -> tuple[str, ...]:
-    """Return why the motion is a series, where that was chosen."""
+    """Return the reason why the motion is a series, if that was chosen."""
     return (how.reason,) if isinstance(how, CommonPreparation) and how.reason else ()
 
 
@@ -822,7 +823,7 @@ def seek_reading(data: Data) -> Reading | None:
 
 
 def check_logs(data: Data, reading: Reading | None) -> Data:
-    """Return data with what the data-quality checks report.
+    """Return data with the findings of the data-quality checks.
 
     Parameters
     ----------
@@ -835,7 +836,7 @@ def check_logs(data: Data, reading: Reading | None) -> Data:
         return replace(data, hints=hints)
     holds = reading is not None and reading.holds
     odd = find_oddities(data.measured, explained=holds)
-    reading = None if odd.misread else reading  # positions that are misread explain the torque
+    reading = None if odd.misread else reading  # misread positions explain the torque
     key = "alternative" if holds else "question"
     said = () if reading is None else (Finding(key, text=reading.statement),)
     return replace(

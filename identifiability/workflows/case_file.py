@@ -39,7 +39,7 @@ Paths = list[FilePath]
 
 
 class SettingsEntry(Strict):
-    """How logs are read and prepared, before what the sidecar says."""
+    """Settings for reading and preparing logs. They override the sidecar."""
 
     derivatives: Derivatives | None = key("How derivatives are made.", None, "spline")
     cutoff: Length | None = key("Of the low-pass [Hz].", None)
@@ -73,13 +73,13 @@ class CaseEntry(Strict):
 
 @frozen
 class CaseFile:
-    """A case file with its folder, in which its paths stand.
+    """A case file with its folder, to which its paths are relative.
 
     Attributes
     ----------
     folder : Path
     entry : CaseEntry
-        What the file says.
+        Content of the file.
     """
 
     folder: Path
@@ -128,7 +128,7 @@ class CaseFile:
 
     @property
     def statement(self) -> str:
-        """What the case holds, in one sentence."""
+        """Robot, logs and settings of the case, in one sentence."""
         entry = self.entry
         held_out = [] if entry.validate_ == "none" else list(entry.validate_)
         names = {"robot": entry.robot, "logs": entry.logs, "held": held_out}

@@ -1,7 +1,7 @@
-"""What changed between logs of one robot.
+"""Changes between logs of one robot.
 
-Logs are compared by the mixed model: what may differ is a group that acts in some logs alone
-(`Differences`), beside what the model may lack in all of them.
+The mixed model compares logs (`Differences`). Each possible change is a group that acts in some
+logs only. Effects that all logs may lack are groups, too.
 """
 
 from __future__ import annotations
@@ -126,7 +126,7 @@ def find_differences(
     later: int,
     single: int,
 ) -> Differences:
-    """Return what may differ between logs.
+    """Return the possible differences between logs.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def find_differences(
         That may carry a load.
     known : Known
     later, single : int
-        How many of the first logs may have changed together, and how many each by itself.
+        How many of the first logs may have changed together, and how many separately.
     """
     robot, motions = structure.robot, [piece.motion for piece in seen.pieces]
     lacks, _ = list_candidates(robot, find_families(LACKS), structure.present, motions, fixed=False)
@@ -164,7 +164,7 @@ def find_differences(
 
 @frozen(kw_only=True)
 class Comparison(OfStructure, Result):
-    """What changed. Make it with `compare`.
+    """Changes between logs, made by `compare`.
 
     Attributes
     ----------
@@ -178,7 +178,7 @@ class Comparison(OfStructure, Result):
         The surest first.
     hints : tuple of str
     preparation : Preparation
-        How logs were asked to be turned into motion.
+        Requested preparation of the logs.
     motion, torque : Motion and DifferentTorque
         Of the first log after.
     source : LadderSource
@@ -201,7 +201,7 @@ class Comparison(OfStructure, Result):
     @property
     @presented
     def answer(self) -> str:
-        """What changed, in one sentence."""
+        """The changes, in one sentence."""
         raise NotImplementedError
 
     def rows_by_name(self) -> Iterator[Row]:
@@ -231,7 +231,7 @@ class Comparison(OfStructure, Result):
         }
 
 
-# `compare`: what changed between logs of one robot.
+# `compare`: changes between logs of one robot.
 
 
 @checked
@@ -244,10 +244,10 @@ def compare(
     preparation: Preparation | None = None,
     engine: Engine | None = None,
 ) -> Comparison:
-    """Find what changed: loads, friction, offsets, torque gains; of three logs also in which.
+    """Find changed loads, friction, offsets and torque gains; for three logs also the changed log.
 
-    They are compared beside what the model may lack in all of them. How columns are read, and the
-    cut-off, follow from the logs before alone.
+    The comparison allows for effects that the model lacks in all logs. Only the logs of `before`
+    determine how columns are read, and the cut-off.
 
     Parameters
     ----------
@@ -256,12 +256,12 @@ def compare(
     before, after : log, path, DataFrame, or several
         With columns as for `analyze`.
     ladder : path, LadderEntry or result of `prune`, optional
-        Its first model is the one that logs are compared under; by default that of the case, or
-        the one beside the robot file, else every base parameter, with torque offsets.
+        Its first model is the one that logs are compared under; by default the ladder of the case
+        or of the robot's folder, else all base parameters with torque offsets.
     preparation : Preparation, optional
         How derivatives are made.
     engine : Engine, optional
-        Where logs that are too long for memory are worked on.
+        Where logs that are too long for memory are processed.
 
     Raises
     ------
@@ -318,7 +318,7 @@ def _check_reading(case: Case, data: Data, base: Array, run: Run) -> list[Findin
 
 
 def _find_changes(sides: Sides, structure: Structure, submodel: Submodel) -> Differences:
-    """Return what may have changed in the first side, or in single logs, under a model."""
+    """Return possible changes between the sides or in single logs, under a model."""
     seen, count = sides.look(len(submodel)), sides.count
     unchanged = seen.log >= count
     values = pooled_values(seen.X[unchanged], seen.y[unchanged], submodel.M, submodel.fixed)

@@ -1,7 +1,7 @@
-"""What a robot file says, which columns its logs must have, and what is in logs and odd about them.
+"""`inspect`: content of a robot file, required columns of logs, content of logs, and problems.
 
-What to use when: `inspect` before anything is fitted: it needs no logs; with logs it says how they
-are read, prepared, and whether robot file, limits and physics contradict them.
+What to use when: call `inspect` before any fit. It needs no logs. With logs it reports how they are
+read and prepared. It also checks them against the robot file, its limits and physics.
 """
 
 from __future__ import annotations
@@ -43,13 +43,13 @@ from identifiability.robot.sidecar import read_sidecar
 from .case import Case, Use, take_case
 from .provenance import state_provenance
 
-# What a robot file and logs hold, before anything is fitted.
+# Content of a robot file and of logs, before any fit.
 #
-# Of a file: joints and their part, motors, the columns that a log must have, what it leaves open.
-# Of a log: its clock, its columns joint by joint, and how it would be prepared.
+# Of a file: joints and their roles, motors, required columns of a log, missing facts. Of a log: its
+# clock, its columns joint by joint, and how it would be prepared.
 
 
-# What a robot file says: joints and their part, motors, columns of a log, what it leaves open.
+# Content of a robot file: joints and their roles, motors, columns of a log, missing facts.
 
 
 Role = Literal["actuated", "floats", "passive", "coupled", "locked", "left out"]
@@ -57,7 +57,7 @@ Role = Literal["actuated", "floats", "passive", "coupled", "locked", "left out"]
 
 @frozen
 class JointFact:
-    """What is known of a joint before anything is measured.
+    """Properties of a joint that the robot file states.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class JointFact:
     unit : str
         rad or m.
     remark : str
-        What it follows, where it is locked, which torque along it is known.
+        Joints that it follows, its locked position, known torque along it.
     low, high : float [rad or m]
         Limits of position; NaN where none is known or it is not actuated.
     speed, acceleration : float
@@ -90,14 +90,14 @@ class JointFact:
 
 @frozen
 class Need:
-    """What the robot file does not say, and a sidecar can.
+    """A fact that the robot file lacks and a sidecar can state.
 
     Attributes
     ----------
     text : str
-        What is missing, and what for.
+        The missing fact, and its use.
     line : str
-        What to write into the sidecar; empty where a sidecar does not help.
+        Line to write into the sidecar; empty where a sidecar does not help.
     """
 
     text: str
@@ -121,7 +121,7 @@ def describe_joints(robot: Robot) -> tuple[JointFact, ...]:
 
 
 def _describe_joint(robot: Robot, dof: int, kind: str) -> JointFact:
-    """Return what is known of a joint of the tree; an actuated one has limits."""
+    """Return the stated properties of a joint of the tree; an actuated joint has limits."""
     name = robot.dofs[dof]
     unit = "m" if robot.is_prismatic(dof) else "rad"
     followed = [listing(c.terms, 4) for c in robot.couplings if c.joint == name]
@@ -145,9 +145,9 @@ def required_columns(names: Sequence[str], torque: str = "tau") -> tuple[str, ..
 
 
 def robot_columns(robot: Robot) -> tuple[str, ...]:
-    """Return the columns that a log of a robot must have: of servos commands, they make torque.
+    """Return the columns that a log of a robot must have; servos need commands instead of torque.
 
-    Of a base that floats those of a sensor, too.
+    A floating base also needs the columns of its sensor.
     """
     columns, base = (
         required_columns(robot.motor_joints, "cmd" if robot.servo else "tau"),
@@ -161,7 +161,7 @@ def robot_columns(robot: Robot) -> tuple[str, ...]:
 
 
 def template_frame(robot: Robot) -> pd.DataFrame:
-    """Return the table that a log of a robot is: one row, at its home position."""
+    """Return an example log of a robot as a table with one row, at its home position."""
     home = dict(zip(robot.joints, robot.actuated_positions(robot.home[None])[0], strict=True))
     frame = pd.DataFrame(0.0, [0], list(robot_columns(robot)))
     frame.loc[0, [f"{j}.q" for j in robot.motor_joints]] = [home[j] for j in robot.motor_joints]
@@ -169,7 +169,7 @@ def template_frame(robot: Robot) -> pd.DataFrame:
 
 
 def find_needs(robot: Robot) -> tuple[Need, ...]:
-    """Return what the robot file leaves open, the most important first."""
+    """Return the facts that the robot file lacks, the most important first."""
     needs = [Need(wrong)] if (wrong := find_impossible_bodies(robot)) else []
     needs += [Need(finding) for finding in check_plausible(robot)]
     if robot.assembled:
@@ -187,18 +187,18 @@ def find_needs(robot: Robot) -> tuple[Need, ...]:
     return tuple(needs)
 
 
-# What is in a log: its clock, its columns joint by joint, and how it would be prepared.
+# Content of a log: its clock, its columns joint by joint, and its preparation.
 
 
 @frozen
 class Record:
-    """What is in a log.
+    """Content of a log.
 
     Attributes
     ----------
     name, path, sha256 : str
     channels : tuple of str
-        What it has of every joint.
+        Kinds of columns that every joint has.
     clock : mapping
         ``samples``, ``start`` and ``duration`` [s], ``rate`` [Hz], ``jitter`` (what 95 % of the
         steps differ from the usual one at most, as a share of it), ``gaps`` (steps over which
@@ -212,7 +212,7 @@ class Record:
         changes from sample to sample and is no motion), ``bandwidth`` [Hz] (below it lie 99 % of
         the energy of its velocity).
     notes : tuple of str
-        How it is prepared.
+        Remarks on its preparation.
     t, q, tau : (N,) [s], (N, n), (N, n)
         As they are read.
     """
@@ -229,7 +229,7 @@ class Record:
     tau: Array
 
     def to_dict(self) -> dict[str, Any]:
-        """Return it as JSON has it; None for what is not known."""
+        """Return the content of the log for JSON, with None for unknown entries."""
         return {
             "name": self.path or self.name,
             **self.clock,
@@ -241,7 +241,7 @@ class Record:
 
 
 def describe_log(robot: Robot, log: Log, prepared: Dataset) -> Record:
-    """Return what is in a log."""
+    """Return the content of a log."""
     windows = [joint_log(robot, window) for _, window in log.windows()]
     gaps = Gaps.of(log.name, log.clock, [w.t for w in windows])
     t, q, tau = (np.concatenate([getattr(w, c) for w in windows]) for c in ("t", "q", "tau"))
@@ -305,7 +305,7 @@ def _describe_range(robot: Robot, q: Array) -> dict[str, Any]:
 
 @frozen(kw_only=True)
 class Inspection(OfStructure, Result):
-    """What there is to know before anything is fitted.
+    """Robot, logs and problems that are known before any fit.
 
     `to_frame` has one row a joint; with logs, one row a joint of each log.
 
@@ -315,15 +315,15 @@ class Inspection(OfStructure, Result):
         The robot under the unpruned model.
     joints : tuple of JointFact
     needs : tuple of Need
-        What the robot file leaves open.
+        Facts that the robot file lacks.
     records : tuple of Record
         One a log.
     hints : tuple of str
-        What is odd, the same that `analyze` says.
+        Problems, the same that `analyze` says.
     provenance : mapping
         Versions, options, and hashes of the inputs.
     preparation : Preparation
-        How logs were asked to be turned into motion.
+        Requested preparation of the logs.
     """
 
     schema: ClassVar[str] = "identifiability/inspection/1"
@@ -349,7 +349,7 @@ class Inspection(OfStructure, Result):
 
     @presented
     def parameters_frame(self) -> pd.DataFrame:
-        """Return one row a base parameter: name, unit and what is grouped in it."""
+        """Return one row a base parameter: name, unit and the standard parameters grouped in it."""
         raise NotImplementedError
 
     def to_dict(self) -> dict[str, Any]:
@@ -394,7 +394,7 @@ def inspect(
     progress: Progress | None = None,
     engine: Engine | None = None,
 ) -> Inspection:
-    """Say what a robot file holds, what its logs must have, and what is in logs and odd about them.
+    """Report the content of a robot file, the columns that its logs need, and problems in logs.
 
     Parameters
     ----------
@@ -407,9 +407,9 @@ def inspect(
     preparation : Preparation, optional
         How derivatives are made.
     progress : callable(str, float), optional
-        Called with what is being done and the share that is done.
+        Called with the current stage and the finished share.
     engine : Engine, optional
-        Where stretches of logs that are too long for memory are worked on.
+        Where stretches of logs that are too long for memory are processed.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""One verb over many robots: one table, and a page each; a robot that fails is a sentence.
+"""One verb over many robots: one table, and a page each; failures are sentences in the table.
 
 Each robot is one item of an engine. Its answer does not depend on where it was computed. An engine
 that is resumed does not repeat the robots that it finished.
@@ -36,7 +36,7 @@ from .prune import prune
 
 Verb = Literal["analyze", "prune", "diagnose"]
 
-#: What stands in the folder of the answers.
+#: Files in the folder of the answers.
 PAGE, TABLE, JSON, ROBOTS = "index.html", "table.csv", "table.json", "robots"
 
 
@@ -79,7 +79,7 @@ VERBS: dict[str, Any] = {"analyze": analyze, "prune": prune, "diagnose": diagnos
 
 
 def _check_options(verb: str, given: Mapping[str, Any]) -> None:
-    """Refuse what is no option of a verb."""
+    """Refuse unknown options of a verb."""
     kinds = get_type_hints(VERBS[verb], include_extras=True)
     for name, value in given.items():
         if name not in kinds:
@@ -87,7 +87,7 @@ def _check_options(verb: str, given: Mapping[str, Any]) -> None:
         check_option(name, value, kinds[name])
 
 
-#: What the table says of a robot that has no answer yet.
+#: Table entries of a robot that has no answer yet.
 EMPTY: dict[str, Any] = {
     **{"robot": "", "logs": [], "held": [], "model": "", "parameters": None, "verdicts": {}},
     **{"error": None, "error_unseen": None, "missing": [], "warnings": []},
@@ -98,14 +98,14 @@ EMPTY: dict[str, Any] = {
 def run_task(
     verb: str, options: Mapping[str, Any], task: tuple[Path, str]
 ) -> tuple[dict[str, Any], bytes, bytes]:
-    """Return the row of a robot, its JSON and its page; whatever goes wrong stands in the row.
+    """Return the table row of a robot, its JSON and its page; the row states any error.
 
     Parameters
     ----------
     verb : str
     options : mapping
     task : (Path, str)
-        Its folder, with the digest of all that leads to an answer.
+        Its folder, with the digest of all inputs of an answer.
     """
     name, own = task[0].name, dict(options)
     row = {**EMPTY, "robot": name}
@@ -130,7 +130,7 @@ def run_task(
 
 
 def _state(told: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what the table says of the JSON of a result."""
+    """Return the table entries of a result from its JSON."""
     if "models" not in told:  # a diagnosis
         effects = ((" or ".join([e["effect"], *e["or"]]), e["joints"]) for e in told["effects"])
         chosen, names, verdicts = told["after"], told["fit"]["names"], Counter[str]()
@@ -161,10 +161,10 @@ class Fleet(Result):
     folder : Path
         Where the table and the pages are.
     rows : tuple of mapping
-        One a robot: names of its logs and of those that judge (``held``), the model that is worth
-        using (of a diagnosis that with what was missing), how many parameters have which verdict,
-        relative errors on fitted and unseen motion, what is missing, what to check, its page, and
-        why there is no answer (``failed``).
+        One a robot. Its entries are the names of fitted and held-out logs (``held``), the model to
+        use (for a diagnosis with the missing effects), and the number of parameters by verdict.
+        Then follow relative errors on fitted and unseen motion, missing effects, hints, the page,
+        and the reason if there is no answer (``failed``).
     """
 
     schema: ClassVar[str] = "identifiability/fleet/1"
@@ -180,7 +180,7 @@ class Fleet(Result):
 
     @property
     def failed(self) -> dict[str, str]:
-        """Robots without an answer, and why."""
+        """Robots without an answer, with the reason."""
         return {row["robot"]: row["failed"] for row in self.rows if row["failed"]}
 
     def to_frame(self) -> pd.DataFrame:
@@ -203,7 +203,7 @@ def analyze_many(
     progress: Progress | None = None,
     **options: Any,
 ) -> Fleet:
-    """Ask the same of many robots: one table, and a page each.
+    """Run one verb on many robots: one table, and a page each.
 
     Parameters
     ----------
@@ -214,7 +214,7 @@ def analyze_many(
         Folder of the answers: new, empty, or that of an earlier time.
     verb : {"analyze", "prune", "diagnose"}
     engine : Engine, optional
-        Where robots are asked; by default in several processes.
+        Where the verb runs; by default in several processes.
     progress : callable(str, float), optional
     **options
         Of the verb.
@@ -222,7 +222,7 @@ def analyze_many(
     Raises
     ------
     IdentifiabilityError
-        If options or the folder cannot be used; what is wrong with one robot stands in its row.
+        If options or the folder cannot be used; errors of a single robot are stated in its row.
     """
     say, folder = progress or quiet, Path(out)
     _check_options(verb, options)
@@ -256,7 +256,7 @@ def _open(folder: Path) -> None:
     Raises
     ------
     OutputError
-        If it is none, or has other things in it.
+        If it is no folder, or holds other files.
     """
     try:
         there = list(folder.iterdir()) if folder.exists() else []

@@ -1,9 +1,9 @@
-"""What hangs on a body: mass, centre and inertia, from logs of a robot that was fitted without.
+"""Loads on a body: mass, centre and inertia, from logs with the load and a fit without it.
 
-The mixed model of the loaded logs (`Differences`) always has the ten parameters of the load. It
-also lets the robot differ from the result, as far as its covariance allows. Torque gains
-and friction may differ between logs. Other changes that the logs show are in the model, too. A load
-that is known tells the torque gains instead, joint by joint.
+The mixed model of the loaded logs (`Differences`) always has the ten parameters of the load. The
+robot may differ from the result within its covariance. Torque gains and friction may differ between
+logs. Other changes that the logs show are in the model, too. A known load identifies the torque
+gain of each joint instead.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ from .case import MEASURED, Case, take_case
 from .compare import Sides, find_differences, read_sides
 from .predict import Fit, FitLike, find_fit, is_result, state_missing, state_reading
 
-# `LoadEstimate`: the ten parameters of a load, with everything that is not known of them.
+# `LoadEstimate`: the ten parameters of a load, with their full uncertainty.
 
 
 #: Where each of `GROUPED_KINDS` stands among `INERTIAL_KINDS`.
@@ -68,24 +68,24 @@ TYPICAL: Array = entry_scale(np.ones(1), np.full(1, 0.1))[0]
 
 @frozen(kw_only=True)
 class LoadEstimate:
-    """What logs tell of a load, before physics says what can be.
+    """Estimate of a load from logs, before physical constraints.
 
     Attributes
     ----------
     theta : (10,)
         In the order of `GROUPED_KINDS`, about the origin of the body's frame.
     covariance : (10, 10)
-        Of what is told.
+        Of the identifiable parameters.
     root : (10 − d, 10)
         ``|root (θ − theta)|²`` is the distance of another load from this one, in σ².
     unknown : (10, d)
-        Directions that the logs do not tell, orthonormal.
+        Directions that the logs do not determine, orthonormal.
     lacks : tuple of str
-        What the model seems to lack in these logs.
+        Effects that the model seems to lack in these logs.
     changes : tuple of Change
-        What else differs.
+        Other changes.
     torque : DifferentTorque
-        Of the first log with the load: what it adds, as measured and by these.
+        Of the first log with the load: its torque, measured and by these parameters.
     """
 
     theta: Array
@@ -98,9 +98,9 @@ class LoadEstimate:
 
 
 def widened(found: Differences, terms: Terms, at: slice) -> tuple[Array, Array]:
-    """Return some of the fixed values (k,) and their covariance, with the doubt of one more.
+    """Return some of the fixed values (k,) and their covariance, widened for one more group.
 
-    Every further group counts by its probability, with the shift that it would cause.
+    Each further group widens it by the shift that it would cause, weighted by its probability.
     """
     value, covariance = (x[at] for x in found.solve(terms))
     out = covariance[:, at]
@@ -140,42 +140,42 @@ def _load(found: Differences) -> Array:
     return np.eye(len(own))[:, own]
 
 
-# `Quantity`: mass, centre and inertia of a real body near what logs say, with their intervals.
+# `Quantity`: mass, centre and inertia of a physical body near the estimate, with intervals.
 #
 # The body is the possible one nearest to the estimate in the metric of its own covariance: a
 # projection on a convex set brings an estimate no farther from any body that can be. The centre
 # and the moments about it follow from the ten parameters to first order.
 
 
-#: Names and units of what is said of a load.
+#: Names and units of the quantities of a load.
 QUANTITIES = {
     "mass": "kg",
     **dict.fromkeys(("centre x", "centre y", "centre z"), "m"),
     **dict.fromkeys(("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"), "kg·m²"),
 }
 
-#: Which of them no body has below zero: its mass and moments about axes.
+#: Quantities that are never negative: mass and moments about axes.
 POSITIVE = np.isin(np.arange(len(QUANTITIES)), (0, 4, 5, 6))
 
 #: Rows and columns of these moments in a tensor.
 _ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
-#: Least mass beside which moments are small or large [kg].
+#: Least mass relative to which moments are small or large [kg].
 LIGHTEST: Tolerance = 1e-3
 
 
 @frozen
 class Quantity:
-    """One number about a load, or what one unit of a joint's torque column is.
+    """One number about a load, or the torque gain of a joint.
 
     Attributes
     ----------
     name, unit : str
     value : float
     low, high : float
-        95 % interval, of which nothing that no body can have is part.
+        95 % interval, limited to physically possible values.
     why : str
-        Why the logs do not tell it; empty where they do.
+        Reason why the logs do not determine it; empty if they do.
     """
 
     name: str
@@ -187,7 +187,7 @@ class Quantity:
 
     @property
     def told(self) -> bool:
-        """Whether the logs tell it."""
+        """Whether the logs determine it."""
         return not self.why
 
     @property
@@ -197,8 +197,8 @@ class Quantity:
 
 
 def nearest_body(found: LoadEstimate) -> Array:
-    """Return the parameters (10,) of the real body nearest to an estimate."""
-    # Radius of gyration of a load of which nothing is known [m].
+    """Return the parameters (10,) of the physically consistent body nearest to an estimate."""
+    # Assumed radius of gyration of an unknown load [m].
     region = PhysicalSet(
         bodies=np.arange(10)[None],
         nonnegative=np.zeros(10, bool),
@@ -220,20 +220,20 @@ def describe_body(theta: Array) -> Array:
 
 
 def state_quantities(found: LoadEstimate, body: Array, length: float) -> tuple[Quantity, ...]:
-    """Return what is known of a body near an estimate.
+    """Return the quantities of a body with the intervals of its estimate.
 
     Parameters
     ----------
     found : LoadEstimate
     body : (10,)
-        The real one nearest to it.
+        The physically consistent body nearest to it.
     length : float [m]
-        Size of the robot's bodies: where a centre is less certain, it is not told.
+        Size of the robot's bodies: a centre with a wider interval is not identifiable.
     """
     values = describe_body(body)
     half = _half_widths(found, body)
     low, high = values - half, values + half
-    # What follows from its inertia is stated with any interval.
+    # Quantities that follow from its inertia are stated with any interval.
     unsure = np.where(POSITIVE, low <= 0, half > length) & (np.arange(len(values)) < 7)
     low = np.where(POSITIVE, np.maximum(low, 0.0), low)
     out = []
@@ -251,9 +251,9 @@ def state_quantities(found: LoadEstimate, body: Array, length: float) -> tuple[Q
 
 
 def _half_widths(found: LoadEstimate, body: Array) -> Array:
-    """Return half the 95 % interval of each quantity, (10,); infinite where motion tells nothing.
+    """Return half the 95 % interval of each quantity, (10,); infinite if not identifiable.
 
-    Quantities are taken to first order about a body.
+    Quantities are linearised about a body.
     """
     # Steps by which derivatives are taken, as a share of a body's own numbers.
     steps = 1e-6 * TYPICAL * max(body[9], LIGHTEST)
@@ -264,11 +264,11 @@ def _half_widths(found: LoadEstimate, body: Array) -> Array:
     return np.where(along > NEARLY * np.linalg.norm(sizes, axis=1), np.inf, half)
 
 
-# Gains: what one unit of a torque column is, by a load that is known.
+# Gains: size of one unit of a torque column, from a known load.
 #
-# Torque that was read by wrong gains is a load by the same factor wrong. So each joint by itself,
-# in units of its column: ``τ = W b + s W_load φ``, of which s is one over the gain and b is free,
-# as parameters of the robot take the gain up [Gautier & Briot 2014].
+# Torque with a wrong gain gives a load that is wrong by the same factor. So each joint is fitted
+# separately, in units of its column: ``τ = W b + s W_load φ``, of which s is one over the gain and
+# b is free, as parameters of the robot take the gain up [Gautier & Briot 2014].
 
 
 def find_gains(found: Differences, theta: Array) -> tuple[Quantity, ...]:
@@ -294,7 +294,7 @@ def _invert_gain(found: Differences, sums: Array, j: int) -> tuple[float, float]
     """
     seen, known = found.missing.seen, found.known
     size, at = known.directions.shape[1], len(known.precision)
-    # As much friction as this joint's rows say, in its own unit.
+    # Friction of this joint is fitted to its rows, in its unit.
     X, y = seen.X[:, [j]], seen.y[:, [j]]
     values = pooled_values(X, y, np.eye(size), np.zeros(size))
     fitted = replace(known, base=known.base + known.directions @ values)
@@ -325,26 +325,27 @@ def _state_gain(robot: Robot, joint: str, inverse: float, sd: float) -> Quantity
 
 @frozen(kw_only=True)
 class Load(Result):
-    """What hangs on a body. Make it with `payload`.
+    """The load on a body, made by `payload`.
 
-    `to_frame` has one row a quantity: ``name``, value, interval, unit, whether it is told, why. Of
-    a load that is known it has one row a joint: its gain.
+    `to_frame` has one row a quantity: ``name``, value, interval, unit, verdict, why. For a known
+    load it has one row a joint, with its gain.
 
     Attributes
     ----------
     robot : Robot
     body : str
-        Which carries it; positions and moments are along the axes of its joint's frame.
+        Body that carries it; positions and moments are along the axes of its joint's frame.
     model : str
         Name of the fitted model.
     logs, without : tuple of str
         Logs with the load, and without.
     estimate : LoadEstimate
-        What the logs say by themselves.
+        The estimate from the logs alone.
     motion : Motion
         Of the first log with the load.
     parameters : (10,)
-        Of the nearest real body, in the order of `GROUPED_KINDS`, about the origin of the frame.
+        Of the nearest physically consistent body, in the order of `GROUPED_KINDS`, about the origin
+        of the frame.
     quantities : tuple of Quantity
         Mass, centre, and moments of inertia about it.
     gains : tuple of Quantity
@@ -380,19 +381,19 @@ class Load(Result):
     @property
     @presented
     def answer(self) -> str:
-        """Mass and where, or gains by a mass that is known, in one sentence."""
+        """Mass and centre, or gains from a known mass, in one sentence."""
         raise NotImplementedError
 
     @property
     def sidecar(self) -> str:
-        """Lines for the robot's sidecar; nothing if no gain is told."""
+        """Lines for the robot's sidecar; empty if no gain is identifiable."""
         gains = {g.name: float(f"{g.value:.6g}") for g in self.gains if g.told}
         return f"[torque]\ngain = {for_toml(gains)}\n" if gains else ""
 
     @property
     @presented
     def caveats(self) -> tuple[str, ...]:
-        """What makes the answer doubtful, and what to do."""
+        """Reasons to doubt the answer, each with a remedy."""
         raise NotImplementedError
 
     def rows_by_name(self) -> Iterator[Row]:
@@ -439,32 +440,32 @@ def payload(
     inertia: Point | None = None,
     engine: Engine | None = None,
 ) -> Load:
-    """Find mass, centre and inertia of what hangs on a body, or torque gains from a known load.
+    """Find mass, centre and inertia of a load on a body, or torque gains from a known load.
 
     Parameters
     ----------
     robot : Robot, path, shipped name, or Case
         The robot that the result is about. The fitted logs of a case are the logs without the load.
     result : Fit, Analysis, Ladder, Diagnosis or path
-        Fitted to logs without the load. What it does not know of the robot enters every interval.
-        Where the load is known it may be logs without it instead: then gains may be anything.
+        Fitted to logs without the load. Its uncertainty enters every interval. Where the load is
+        known it may be logs without it instead: then gains may be anything.
     logs : log, path, DataFrame, or several
         Logs with the load; they are prepared like the fitted ones, with the same cut-off.
     without : the same, optional
-        Logs without the load, best of the same day and along the same motion: what the model
-        lacks acts in both alike.
+        Logs without the load, best of the same day and along the same motion: effects that the
+        model lacks act equally in both.
     body : str, optional
         Which carries the load; by default the last of a chain, or the platform, on which most
         loops end.
     mass : float, optional
         Of the load, where it is known [kg]: then the torque gain of each joint follows.
     centre : (3,), optional
-        Its centre of mass in the frame of the body's joint [m]; by default where the logs say,
-        which takes the gains of all joints for one.
+        Its centre of mass in the frame of the body's joint [m]; by default estimated from the logs,
+        under the assumption that all joints have one gain.
     inertia : (3,), optional
         Its moments about its centre, along the axes of that frame [kg·m²].
     engine : Engine, optional
-        Where logs that are too long for memory are worked on.
+        Where logs that are too long for memory are processed.
 
     Raises
     ------
@@ -518,7 +519,7 @@ def _state_load(
 
 @frozen
 class KnownLoad:
-    """What is stated of a load.
+    """Stated properties of a load.
 
     Attributes
     ----------
@@ -533,7 +534,7 @@ class KnownLoad:
     inertia: Point | None
 
     def check(self, empty: Sequence[LogLike]) -> None:
-        """Refuse a load that is known in part, and more so where logs stand for a result.
+        """Refuse a load that is known in part; logs instead of a result need more of it.
 
         Raises
         ------
@@ -550,7 +551,8 @@ class KnownLoad:
     def parameters(self, nearest: Array) -> Array:
         """Return its ten parameters in the order of `INERTIAL_KINDS`.
 
-        A centre that is not stated, and then the moments, are those of the nearest real body.
+        An unstated centre is taken from the nearest physically consistent body, together with the
+        moments.
         """
         if self.mass is None or self.centre is None:
             return np.asarray((nearest * (self.mass or 0.0) / nearest[9])[FROM_GROUPED])
@@ -559,7 +561,7 @@ class KnownLoad:
 
 
 def _find_unloaded(result: FitLike | Logs, robot: Robot) -> tuple[Fit | None, list[LogLike]]:
-    """Return the fit of the robot without the load, or logs that stand for it."""
+    """Return the fit of the robot without the load, or the logs to fit it from."""
     empty = [] if is_result(result) else list_logs(cast("Logs", result))
     return None if empty else find_fit(cast("FitLike", result), robot), empty
 
@@ -581,7 +583,7 @@ def _prepare_sides(
 ) -> tuple[Sides, list[str]]:
     """Return logs with a load, then those without, with one cut-off, and remarks on all.
 
-    The load contradicts the robot's file, so no check is asked.
+    The load contradicts the robot's file, so no checks run.
     """
     robot, how = structure.robot, fit.preparation if fit else None
     reading = fit.reading if fit else None
@@ -628,7 +630,7 @@ def _join_case(
 def _find_load(
     sides: Sides, fit: Fit | None, structure: Structure, place: str, load: KnownLoad
 ) -> Differences:
-    """Return what may differ between logs with a load and the robot without it."""
+    """Return the possible differences between logs with a load and the robot without it."""
     count = sides.count
     if fit is None or (load.mass is not None and count < len(sides.samples)):
         # Logs without the load tell more than values by other gains.
@@ -646,14 +648,14 @@ def _without_gains(robot: Robot) -> Structure:
     ------
     OptionError
     """
-    if robot.known_torque:  # in N·m, and what the columns are in is what is asked
+    if robot.known_torque:  # in N·m, but the unit of the columns is to be found
         raise OptionError(Finding("load.torque"))
     free = replace(robot, torque=robot.torque.with_gains())
     return Structure.of(free, Model.of(*DEFAULT_EFFECTS))
 
 
 def _tell_noise(logs: Sequence[Log], how: Preparation) -> list[str]:
-    """Return what noise of the motion does to the load, where it does."""
+    """Return a warning if noise of the motion can bias the load."""
     band = how.band if isinstance(how, CommonPreparation) else None
     if band is None or band.noise <= LOG_RULES.small:
         return []

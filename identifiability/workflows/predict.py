@@ -1,4 +1,4 @@
-"""Predict torque along a log: from a result, or from what its JSON keeps (`Fit`)."""
+"""Predict torque along a log, from a result or from the fit in its JSON (`Fit`)."""
 
 from __future__ import annotations
 
@@ -63,12 +63,12 @@ MOTION = Use(divides=False, commands=False, motion_alone=True)
 
 
 def state_missing(functions: Sequence[str]) -> tuple[str, ...]:
-    """Return what holds of the values of a fit beside which functions are missing, if any are."""
+    """Return the remark on the values of a fit whose model lacks functions, if any."""
     return (phrase("result.missing", "says", functions=list(functions)),) if functions else ()
 
 
 def list_missing(found: MissingEffects) -> list[dict[str, Any]]:
-    """Return what is named as a JSON result has it."""
+    """Return the named missing effects for JSON."""
     return [
         {
             "effect": t.group.family,
@@ -80,12 +80,12 @@ def list_missing(found: MissingEffects) -> list[dict[str, Any]]:
     ]
 
 
-# `TorquePrediction`: the torque of a fitted model along logs, beside the measured one.
+# `TorquePrediction`: the torque of a fitted model along logs, and the measured torque.
 
 
 @frozen(kw_only=True)
 class TorquePrediction(Result):
-    """Predicted torque along logs. `to_frame` and `write` give it away, sample by sample.
+    """Predicted torque along logs. `to_frame` and `write` export it, sample by sample.
 
     Torque is *low-passed* like the columns of the model where derivatives were computed from
     filtered positions, and *raw* as it was measured; without a filter they are the same. The
@@ -99,15 +99,15 @@ class TorquePrediction(Result):
     log : (N,) int
         Which log a sample comes from.
     measured : tuple of bool
-        Which logs have torque; of the others only the prediction is known.
+        Which logs have torque. Other logs only have predictions.
     t : (N,) [s]
     tau, raw : (N, n) [N·m or N]
         Measured torque, low-passed and as it was measured; NaN where it was not.
     predicted : (N, n) [N·m or N]
     mean, low, new : (N, n) [N·m or N]
         Half widths of the 95 % intervals of the mean (the model with its true values), of a new
-        low-passed and of a new raw sample; infinite where the motion acts on what the fitted
-        motion never showed.
+        low-passed and of a new raw sample; infinite where the motion excites directions that the
+        fitted motion did not.
     known : (N, n) bool
         Where torque was measured and is data.
     motion : Motion
@@ -145,7 +145,7 @@ class TorquePrediction(Result):
 
     @property
     def as_logged(self) -> TorquePrediction:
-        """The same in the columns, signs and units of the logs, where these are read otherwise."""
+        """The same in the columns, signs and units of the logs, if their reading changes these."""
         carried = self.fit.reading
         if carried is None:
             return self
@@ -208,7 +208,7 @@ class TorquePrediction(Result):
 
     @presented
     def error_frame(self) -> pd.DataFrame:
-        """Return one row a joint: its error over its own scale, in N or N·m, and inside what."""
+        """Return one row a joint: relative error, error in N or N·m, and coverage of intervals."""
         raise NotImplementedError
 
     def to_dict(self) -> dict[str, Any]:
@@ -240,7 +240,7 @@ class TorquePrediction(Result):
         return self.note_written("table", write_table(path, self.to_frame()))
 
 
-# `Fit`: what a result keeps of its model: values, their covariance, how torque scatters.
+# `Fit`: the model in a result: values, their covariance, residual scatter of the torque.
 #
 # It comes from a result (`Predicts`) or from its JSON (`read_fit`), whichever `find_fit` is given.
 
@@ -249,22 +249,22 @@ class TorquePrediction(Result):
 
 
 class Entry(BaseModel):
-    """Part of a result's JSON, of which other keys are left alone."""
+    """Part of a result's JSON; other keys are ignored."""
 
     model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
 
 
 class RobotEntry(Entry):
-    """What the result is about."""
+    """The robot of a result."""
 
     name: str
     sha256: str = ""
     locked: dict[str, float] = {}
 
 
-# `Fit`: what a result keeps of its model: values, their covariance, how torque scatters.
+# `Fit`: the model in a result: values, their covariance, residual scatter of the torque.
 #
-# It predicts torque, and it is what is read back from the JSON of a result. Not read back:
+# It predicts torque and can be read from the JSON of a result. Not read:
 # verdicts, sentences, other models of the ladder, posteriors, samples and resampled values. Who
 # wants these analyses the logs again.
 
@@ -275,10 +275,10 @@ class Predicts(ABC):
     @property
     @abstractmethod
     def fit(self) -> Fit:
-        """The model to use: values, covariance, and how torque scatters about it."""
+        """The model to use: values, covariance, and residual scatter of the torque."""
 
     def covariance_frame(self) -> pd.DataFrame:
-        """Return the covariance of the values with what the noise remembers, (k, k).
+        """Return the covariance of the values, with autocorrelated noise, (k, k).
 
         Rows and columns are parameters; units are those of the two multiplied.
         """
@@ -317,9 +317,10 @@ class Predicts(ABC):
 
     @staticmethod
     def from_json(path: str | Path, robot: RobotLike | None = None) -> Any:
-        """Read a result back: with its robot the model to use (`Fit`), which predicts.
+        """Read a result. With its robot, return the model to use (`Fit`), which predicts.
 
-        Without, what it says: its answers, findings, rows by name and JSON, equal to the live one.
+        Without, return its answers, findings, rows by name and JSON, equal to those of the live
+        result.
 
         Raises
         ------
@@ -344,20 +345,21 @@ class Fit(Keyed, Predicts):
     preparation : Preparation
         How the fitted logs were turned into motion, with the cut-off that was chosen for them.
     base_covariance, base_unknown : (b, b), (b, d)
-        What the logs do not know of the base parameters, by the unpruned model: a reduced one
-        takes what it leaves out as known. The latter are directions that the motion never showed.
+        Uncertainty of the base parameters under the unpruned model: a reduced model takes omitted
+        parameters as known. The latter are directions that the motion never showed.
     origin : str
         Name of the file that it was read from (reports tell no paths of a machine).
     missing : tuple of str
-        Functions of a joint's motion or load that the result says are missing.
+        Functions of a joint's motion or load that the model lacks, by the result.
     alternatives : (2, b)
-        What functions that are missing did to the base parameters, and its standard deviation.
+        Change of the base parameters by missing functions, and its standard deviation.
     servo : mapping of str to (float, float)
-        ``delay`` [s] and gains, ``<joint>.kp`` and ``<joint>.kv``, that logs told, and how surely.
+        ``delay`` [s] and gains, ``<joint>.kp`` and ``<joint>.kv``, that logs determine, with
+        standard errors.
     reading : CarriedReading or None
-        The reading of the fitted logs, and of those that are given to it; None for the literal one.
+        The reading of the fitted logs and of new logs; None for the literal one.
     hints : tuple of str
-        What differs from when the result was made.
+        Differences from the inputs with which the result was made.
     """
 
     structure: Structure
@@ -391,7 +393,7 @@ class Fit(Keyed, Predicts):
 
     @property
     def covariance(self) -> Array:
-        """Covariance of the values, with what the noise remembers, (k, k)."""
+        """Covariance of the values, with autocorrelated noise, (k, k)."""
         return self.spread.covariance
 
     @property
@@ -401,13 +403,13 @@ class Fit(Keyed, Predicts):
 
     @property
     def of_labels(self) -> tuple[Array, Array]:
-        """Base parameters beside what is missing, (b,), and their covariance, (b, b)."""
+        """Base parameters corrected for missing effects, (b,), and their covariance, (b, b)."""
         shift, sd = np.broadcast_to(self.alternatives, (2, len(self.base)))
         return self.base - shift, self.base_covariance + np.diag(sd**2)
 
     @property
     def of_standard(self) -> LeastSquares:
-        """What it says of standard parameters, in units of its standard deviations."""
+        """Estimate of the standard parameters, in units of its standard deviations."""
         told = LeastSquares.of_normal(*self.of_labels, self.base_unknown)
         return told.through(self.structure.G)
 
@@ -428,11 +430,11 @@ class Fit(Keyed, Predicts):
         return by_name(pd.DataFrame({**columns, "unit": self.submodel.units}))
 
     def __repr__(self) -> str:
-        """Return what it is, in one line."""
+        """Return a description in one line."""
         return f"<Fit: {len(self.names)} values of '{self.submodel.name}' for {self.robot.name}>"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what is read back, as plain values."""
+        """Return the entries that `read_fit` reads, as plain values."""
         entry = model_entry(self.submodel, self.structure)
         told = {
             "model": entry.model_dump(by_alias=True, exclude_none=True),
@@ -510,7 +512,7 @@ def _lacking_torque(
 def state_reading(
     fit: Fit, case: Case, samples: Sequence[Dataset], run: Run, part: str = "read"
 ) -> Iterator[Finding]:
-    """Yield under which reading of a result new logs stand, and which logs contradict it.
+    """Yield sentences on the reading of a result for new logs, and on logs that contradict it.
 
     Parameters
     ----------
@@ -575,13 +577,13 @@ class FitEntry(Entry):
 
 
 class GravityEntry(Entry):
-    """Where gravity points, if not as the robot file says."""
+    """Direction of gravity, if it differs from the robot file's."""
 
     direction: tuple[float, float, float]
 
 
 class RealEntry(Entry):
-    """The nearest real robot, and how much it errs."""
+    """The nearest physically consistent robot, and its errors."""
 
     parameters: dict[str, Value] = {}
     shapes: dict[str, float] = {}
@@ -598,7 +600,7 @@ class RealEntry(Entry):
 
 
 class RolloutEntry(Entry):
-    """How far motions by commands are off, and what was found of servos."""
+    """Position errors of rollouts by commands, and the servo numbers that were found."""
 
     statement: str
     logs: tuple[str, ...]
@@ -608,7 +610,7 @@ class RolloutEntry(Entry):
     gains: dict[str, dict[str, float]] = {}
 
     def apply_gains(self, servo: Servo, joints: Sequence[str]) -> Servo:
-        """Return servos with the gains that logs told."""
+        """Return servos with the gains that logs determined."""
         if not self.gains:
             return servo
         own = {k: np.array([of.get(j, np.inf) for j in joints]) for k, of in self.gains.items()}
@@ -644,7 +646,7 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
     ----------
     path : path
     robot : Robot, path or shipped name
-        The robot that the result is about; the file may have other values than it had then.
+        The robot that the result is about; its file may have changed values since.
 
     Raises
     ------
@@ -684,7 +686,7 @@ def _rebuild_model(entry: FitEntry, structure: Structure) -> Submodel:
     joints = structure.robot.joints
     if sorted(submodel.columns) != sorted(entry.names) or len(entry.low) != len(joints):
         raise ModelError(phrase("result.other", "parameters"))
-    # What is tied stands where its first member stood.
+    # Tied columns take the place of their first member.
     return submodel.ordered(entry.names)
 
 
@@ -707,7 +709,7 @@ def _rebuild_fit(entry: FitEntry, structure: Structure, submodel: Submodel) -> F
 
 
 def _tall(rows: Sequence[Sequence[float]], count: int) -> Array:
-    """Return so many rows of any width as an array."""
+    """Return a given number of rows of any width as an array."""
     return np.array(rows, float).reshape(count, -1 if count else 0)
 
 
@@ -725,19 +727,19 @@ def _read_result(path: str | Path, robot: Robot, done: str) -> tuple[ResultEntry
 def read_real(
     path: str | Path, robot: Robot, done: str
 ) -> tuple[ResultEntry, Robot, dict[str, float]]:
-    """Read the nearest real robot of a result: with servos and gravity as found, and its values.
+    """Read the nearest physical robot of a result, with fitted servos and gravity, and its values.
 
     Parameters
     ----------
     path : path
     robot : Robot
     done : str
-        What is done with it, as a participle.
+        The use of the robot, as a participle.
 
     Raises
     ------
     IdentifiabilityError
-        If the file is no such result, or has no real robot.
+        If the file is no such result, or has no physical robot.
     """
     content, robot = _read_result(path, robot, done)
     physical, found = content.physical, content.rollout
@@ -756,11 +758,11 @@ def read_real(
 def refuse_robot(
     where: object, made: RobotEntry | Robot, robot: Robot, why: str
 ) -> IdentifiabilityError:
-    """Return the refusal of a robot that a result was not made with.
+    """Return the error for a robot with which a result was not made.
 
     Parameters
     ----------
-    where : path, or what the result is called
+    where : path, or name of the result
     made : RobotEntry or Robot
         The robot that the result was made with.
     robot : Robot
@@ -816,13 +818,13 @@ def find_fit(result: FitLike, robot: Robot) -> Fit:
 
 # `PositionPrediction`: how robots move as logged commands, or torques, make them.
 #
-# What is judged is the error of positions: by commands over whole logs; by torque over windows
-# that begin with what was measured, as all that is wrong with it adds up.
+# The error of positions is judged. By commands it is judged over whole logs. Errors of torque add
+# up, so by torque it is judged over windows that start from measured states.
 
 
 #: A robot, its name, and standard parameters that replace its own.
 Machine: TypeAlias = tuple[Robot, str, Mapping[str, float]]
-#: After how long a motion begins anew with what was measured, in windows [s].
+#: Length of the windows after which a motion restarts from the measured state [s].
 WINDOW: Tolerance = 1.0
 
 
@@ -835,12 +837,12 @@ class Simulated:
     name : str
         Of its file, or of the result.
     delays : tuple of float [s]
-        With which the commands of each log acted; zero where torque moved it.
+        Delay of the commands of each log; zero where torque moved it.
     q : tuple of (N, n) [rad or m]
-        Positions along each log, by torque begun anew at every window; NaN where they diverged.
+        Positions along each log, by torque restarted at every window; NaN where they diverged.
     errors : (n,) [rad or m]
-        Of positions (rms), without the beginning of logs, in which the speed of the start is
-        forgotten; NaN where they diverged.
+        Of positions (rms), without the beginning of logs, which depends on the starting speed; NaN
+        where they diverged.
     """
 
     name: str
@@ -851,7 +853,7 @@ class Simulated:
 
 @frozen(kw_only=True)
 class PositionPrediction(Result):
-    """How robots move where logged commands or torques drive them; `write` gives positions away.
+    """Motion of robots driven by logged commands or torques; `write` exports positions.
 
     `to_frame` has one row a joint: the error of each robot [rad or m].
 
@@ -876,13 +878,13 @@ class PositionPrediction(Result):
 
     @cached_property
     def alike(self) -> np.ndarray:
-        """Which joints turn, or if none does, slide, (n,) bool: what errors are told of."""
+        """Joints whose errors are averaged, (n,) bool: revolute ones or, without any, all."""
         slides = self.robot.slides
         return slides if slides.all() else ~slides
 
     @property
     def unit(self) -> str:
-        """Of a thousandth of `totals`: mrad, or mm where every joint slides."""
+        """Unit of `totals` times 1000: mrad, or mm if every joint slides."""
         return "mm" if self.robot.slides.all() else "mrad"
 
     @property
@@ -928,17 +930,17 @@ class PositionPrediction(Result):
 
     @presented
     def warn(self, answer: Answer) -> Answer:
-        """Return how good a model is, behind that it moves worse than without what was named."""
+        """Return an answer that first warns if the named effects make the motion worse."""
         raise NotImplementedError
 
     @property
     @presented
     def told(self) -> str:
-        """The errors of the file's and of the fitted robot, as their result says them."""
+        """A sentence on the errors of the file's and of the fitted robot."""
         raise NotImplementedError
 
     def to_rollout(self) -> dict[str, Any]:
-        """Return it as the JSON of the fitted robot's result has it."""
+        """Return the prediction for the JSON of the fitted robot's result."""
         servo, (file, own, *_) = self.robot.servo, self.totals.tolist()
         gains = servo.by_joint(self.robot.joints) if servo and servo.source == FOUND else {}
         return {
@@ -968,7 +970,7 @@ def move_fitted(
         The fitted standard parameters by name.
     logs : Recordings
     beside : bool
-        Whether a robot moves, too, that is without what was named.
+        Whether a robot without the named effects is moved as well.
     """
     unseen, fitted = (
         tuple(x.select(robot.joints) for x in own if of_commands(x))
@@ -1012,7 +1014,7 @@ def predict(
         They need no torque; with `forward` commands, ``<joint>.cmd``, or else torque.
     forward : bool
         Whether positions are predicted: commands move the servos of the robot in a simulator, or
-        measured torque moves its joints, beside the robot of the file.
+        measured torque moves its joints. The robot of the file moves, too.
     engine : Engine, optional
         Where logs that are too long for memory are surveyed.
 
@@ -1064,7 +1066,7 @@ def _predict_positions(case: Case, result: Predicts | Robot | str | Path) -> Pos
 def read_driven(robot: Robot, logs: Sequence[LogLike]) -> Recordings:
     """Return logs whose commands, or torque where a robot has no servos, move its joints.
 
-    Torque beside commands is not looked at; motions that come again all count.
+    Torque is ignored in logs with commands. Repeated motions all count.
     """
     known = replace(Conventions.of(robot), commands=robot.servo is not None)
     return read_recordings(logs, known=known, commands=True, learns=False)
@@ -1093,7 +1095,7 @@ def _file_name(robot: Robot) -> str:
 def _move(
     robot: Robot, name: str, values: Mapping[str, float], logs: Sequence[Log], known: Any = None
 ) -> Simulated:
-    """Return a robot with some values as logs move it, commands as late as is known of each."""
+    """Return the motion of a robot with some values along logs, with the delay of each."""
     from identifiability.servos import forgotten, roll_delayed  # noqa: PLC0415 - MuJoCo
     from identifiability.simulation.rollout import CommandedRobot, drive  # noqa: PLC0415
 

@@ -1,4 +1,4 @@
-"""What decided the numbers of a result: versions, seed, options, and hashes of its inputs."""
+"""Provenance of a result: versions, seed, options, and hashes of its inputs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def state_provenance(
     source: LadderSource | None = None,
     options: Mapping[str, object] | None = None,
 ) -> dict[str, str]:
-    """Return everything that decided the numbers: versions, seed, options, hashes of the inputs."""
+    """Return the provenance of the numbers: versions, seed, options, hashes of the inputs."""
     out = {"python": platform.python_version(), "identifiability": __version__}
     out |= {package: find_version(package) or "not installed" for package in _PACKAGES}
     out |= {"seed": str(seed)}

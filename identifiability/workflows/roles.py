@@ -1,8 +1,7 @@
 """Roles of logs: which are fitted and which verify, assigned before any fit.
 
-An error that was minimised is no evidence: the motion on which an error is quoted is not fitted.
-Whole logs are kept apart where there are enough; else a log is divided, with a pause that nobody
-looks at.
+A minimised error is no evidence, so errors are quoted on motion that is not fitted. Whole logs are
+held out where there are enough. Otherwise a log is divided, with an unused pause between the parts.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from identifiability.foundation.rounding import format_count, join
 from identifiability.logs import Log
 from identifiability.quality.recordings import Recordings
 
-#: What follows the name of a log in that of a part of it.
+#: Suffix of the name of a part of a log.
 PART = ", part "
 #: Samples of a log that is divided: the part that verifies has a hundred or so.
 FEWEST = int(100 / LAST)
@@ -24,8 +23,8 @@ FEWEST = int(100 / LAST)
 def assign_roles(recordings: Recordings) -> Recordings:
     """Return recordings of which some are held out.
 
-    Held-out logs that were given keep their role. Without any, the last log is set aside, or the
-    last quarter of the only one. Nothing is set aside of a log that is too short for it.
+    Held-out logs that were given keep their role. Without any, the last log is held out, or the
+    last quarter of the only one. A log that is too short for this is not divided.
     """
     fitted, held_out = recordings.fitted, recordings.held_out
     if held_out:
@@ -43,7 +42,7 @@ def assign_roles(recordings: Recordings) -> Recordings:
 
 
 def require_held_out(recordings: Recordings) -> None:
-    """Refuse logs of which nothing is held out.
+    """Raise an error if no log is held out.
 
     Raises
     ------
@@ -65,7 +64,7 @@ def require_held_out(recordings: Recordings) -> None:
 
 
 def _divide_log(log: Log) -> tuple[Log, Log, str]:
-    """Return the part of the only log that is fitted, the part that verifies, and it in words."""
+    """Return the fitted part of the only log, the verifying part, and its description."""
     end, start = divide(len(log))
     fit = log.rows(0, end, f"{log.name}{PART}1")
     verify = log.rows(start, len(log), f"{log.name}{PART}2")

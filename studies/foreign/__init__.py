@@ -1,4 +1,4 @@
-"""Spoilt and foreign logs: 100 and more files, and what a good engineer would say of each."""
+"""Spoilt and foreign logs: 100 and more files, with a good engineer's answer to each."""
 
 from foreign.case import Case
 from foreign.clocks import CLOCKS
@@ -10,6 +10,6 @@ from foreign.tables import CONTAINERS, NAMES, TEXT
 
 CASES: tuple[Case, ...] = (*TEXT, *CONTAINERS, *NAMES, *CLOCKS, *ANGLES, *TORQUE)
 
-#: What is read, and what is read as what.
+#: Meaning of columns that are read.
 READ: tuple[Case, ...] = (*EFFORT, *PARTIAL, *LOCKS, *DERIVATIVES, *LOCALES, *SCENES, *ENDINGS)
 CASES += READ

@@ -1,4 +1,4 @@
-"""One spoilt or foreign log: how it is made, and what a good engineer would say of it."""
+"""One spoilt or foreign log: its writer, and the expected answer of a good engineer."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Case:
     robot : str
         A shipped robot.
     sidecar : str
-        What stands in its sidecar beside what it ships with.
+        Further content of its sidecar.
     columns : mapping
         As `--map` gives them.
     lock : tuple of str
@@ -38,9 +38,9 @@ class Case:
     scene : callable
         Changes the text of the robot's file.
     unmeasured : tuple of str
-        Joints of which no torque is left to compare.
+        Joints without a torque that can be compared.
     quiet : bool
-        Nothing may be called odd: the log is good.
+        Whether any remark is a false alarm: the log is good.
     never : bool
         It must be refused: what is left of it is not what was measured.
     """
@@ -60,7 +60,7 @@ class Case:
 
 
 def csv(change: Change, **options: Any) -> Writer:
-    """Return what writes a changed log as CSV."""
+    """Return a writer of a changed log as CSV."""
 
     def write(frame: pd.DataFrame, folder: Path, rng: np.random.Generator) -> Path:
         path = folder / "log.csv"
@@ -72,7 +72,7 @@ def csv(change: Change, **options: Any) -> Writer:
 
 
 def text(change: Callable[[str], str], encoding: str = "utf-8", **options: Any) -> Writer:
-    """Return what writes the text of a CSV changed."""
+    """Return a writer of a CSV with changed text."""
 
     def write(frame: pd.DataFrame, folder: Path, _: np.random.Generator) -> Path:
         path = folder / "log.csv"

@@ -12,7 +12,7 @@ EPOCH = 1_780_000_000.0
 
 
 def timed(factor: float, start: float = 0.0, whole: bool = False) -> Writer:
-    """Return what writes a log with its time in another unit, from another start."""
+    """Return a writer of a log with its time in another unit, from another start."""
 
     def change(frame: pd.DataFrame, _: np.random.Generator) -> pd.DataFrame:
         t = factor * (frame["t"] + start)

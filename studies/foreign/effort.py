@@ -17,14 +17,14 @@ ROBOTS = ("six-dof-arm", "two-link", "3-rps")
 
 
 def plot_juggler(column: str) -> str:
-    """Return what a plotter of joint states calls a column."""
+    """Return the name of a column in a plotter of joint states."""
     joint, _, kind = column.rpartition(".")
     word = {"q": "position", "dq": "velocity", "tau": "effort"}
     return f"/joint_states/{joint}/{word[kind]}" if joint else "__time"
 
 
 def lifted(robot: str, only: str = "") -> Writer:
-    """Return what writes the effort that is left when the driver's own weight is taken off."""
+    """Return a writer of the effort without the weight that the driver compensates."""
 
     def change(frame: pd.DataFrame, _: np.random.Generator) -> pd.DataFrame:
         shipped, q = Robot.load(robot), frame[[f"{j}.q" for j in joints(frame)]].to_numpy()
@@ -54,7 +54,7 @@ def put(frame: pd.DataFrame, column: str, rows: object, value: float) -> pd.Data
 
 
 def kinds(robot: str) -> list[Case]:
-    """Return the four kinds of effort of a robot, and the same with what the hints say."""
+    """Return the four kinds of effort of a robot, and the same with the hinted sidecars."""
     case = partial(Case, family="effort", robot=robot)
     return [
         case(f"effort of {robot}", write=effort(1.0)),

@@ -1,4 +1,4 @@
-"""Good logs, and how many of them each finder of oddities speaks of."""
+"""Good logs, and how many of them each data-quality check marks."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def noisy_logs(robot: Robot, clean: Log, seeds: int) -> Iterator[Log]:
 
 
 def real_logs(folder: Path | None) -> Iterator[tuple[str, Robot, Log]]:
-    """Yield runs 1 and 3 of the KUKA and two thirds of the TX40, where they are there."""
+    """Yield runs 1 and 3 of the KUKA and two thirds of the TX40, if the data are there."""
     kuka, tx40 = (data_folder(name, folder) for name in ("kuka_lwr4", "staubli_tx40"))
     if kuka.is_dir():
         arm = kuka_lwr4.load_robot(kuka)
@@ -109,7 +109,7 @@ def real_logs(folder: Path | None) -> Iterator[tuple[str, Robot, Log]]:
 
 
 def false_frame(seeds: int, data: Path | None) -> pd.DataFrame:
-    """Return how many good logs each finder speaks of, one row a robot."""
+    """Return the number of good logs that each check marks, one row a robot."""
     rows: dict[str, dict[str, Any]] = {}
     for name, structure, raw in good_logs(seeds, data):
         log, _ = mend_log(raw)

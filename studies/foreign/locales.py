@@ -9,7 +9,7 @@ import pandas as pd
 
 from foreign.case import Case, Writer, joints
 
-#: Of each language: time, position, velocity and torque, and what a column is called.
+#: For each language: time, position, velocity and torque, and the name of a column.
 GERMAN = (
     "Zeit [ms]",
     "Achse {} Lage [°]",
@@ -34,7 +34,10 @@ def export(
     like: tuple[str, ...] = (),
     **form: str,
 ) -> Writer:
-    """Return what writes a log as a controller does; `like` states other units than are there."""
+    """Return a writer of a log in the format of a controller.
+
+    `like` names the columns of other units than the values have.
+    """
 
     def write(frame: pd.DataFrame, folder, _: np.random.Generator):  # type: ignore[no-untyped-def]
         t, q, dq, tau = SIZES[names]

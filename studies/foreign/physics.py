@@ -26,7 +26,7 @@ def every(kind: str, factor: object, only: str = "") -> Writer:
 
 
 def column(name: str, change: Change | object) -> Writer:
-    """Return what writes a log with one column changed: its values in, its values out."""
+    """Return a writer of a log with one changed column: its values in, its values out."""
     return csv(lambda f, rng: f.assign(**{name: change(f[name].to_numpy(copy=True), rng)}))  # type: ignore[operator]
 
 

@@ -17,7 +17,7 @@ DOOR = """<body name="door"><joint name="hinge" axis="0 0 1" damping="1"/>
 
 
 def beside(*objects: str, behind: bool = False) -> Callable[[str], str]:
-    """Return what puts objects into a robot's world, before it or behind."""
+    """Return a function that puts objects into a robot's world, before or after its bodies."""
     mark = "</worldbody>" if behind else "<worldbody>"
     new = "".join(objects)
     return lambda s: s.replace(mark, new + mark if behind else mark + new, 1)

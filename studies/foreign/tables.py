@@ -19,12 +19,12 @@ def same(x: Any) -> Any:
 
 
 def renamed(rule: Callable[[str], str]) -> Writer:
-    """Return what writes a log whose columns are called otherwise."""
+    """Return a writer of a log with renamed columns."""
     return csv(lambda f, _: f.set_axis([rule(c) for c in f.columns], axis=1))
 
 
 def stored(name: str, write: Callable[[pd.DataFrame, Path], Any]) -> Writer:
-    """Return what writes a file of another kind."""
+    """Return a writer of a file of another kind."""
 
     def make(frame: pd.DataFrame, folder: Path, _: np.random.Generator) -> Path:
         path = folder / name
@@ -46,7 +46,7 @@ def columns(frame: pd.DataFrame) -> dict[str, np.ndarray]:
 
 
 def second_line(line: str) -> Callable[[str], str]:
-    """Return what puts a line below the header."""
+    """Return a function that inserts a line below the header."""
     return lambda s: s.replace("\n", f"\n{line}\n", 1)
 
 

@@ -1,1 +1,1 @@
-"""What the studies of the paper share: its robot, its noise, trials, printed numbers, pages."""
+"""Common parts of the paper's studies: robot, noise, trials, printed numbers, pages."""

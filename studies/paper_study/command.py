@@ -117,7 +117,7 @@ def run_studies(names: Sequence[str], options: Options, out: Path) -> list[Study
 
 
 def print_result(result: StudyResult, out: Path) -> None:
-    """Print the statement, what failed, and where the page is."""
+    """Print the statement, the failed checks, and the path of the page."""
     mark = "pass" if result.passed else "FAIL"
     print(f"{mark}  {result.title}: {result.summary}\n      {result.statement}")
     for check in result.failed:

@@ -65,7 +65,7 @@ def draw_parts(t: Array, parts: Mapping[str, Array], title: str) -> Figure:
 def draw_bars(
     names: Sequence[str], groups: Mapping[str, Array], title: str, y_label: str
 ) -> Figure:
-    """Draw bars of several groups beside each other.
+    """Draw bars of several groups side by side.
 
     Parameters
     ----------

@@ -44,7 +44,7 @@ def beside_paper(
     caption: str,
     sizes: Sequence[int] = (750, 100),
 ) -> list[StudyTable]:
-    """Return the table of the paper with ours beside it, pooled over trajectories.
+    """Return the table of the paper and ours side by side, pooled over trajectories.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ BATCH = 5
 
 @dataclass(frozen=True)
 class Case:
-    """What a trial is about.
+    """The conditions of a trial.
 
     Attributes
     ----------
@@ -179,7 +179,7 @@ def run_trials(
     engine: Engine | None = None,
     progress: Progress | None = None,
 ) -> dict[Case, list[Trial]]:
-    """Return the trials of seeds 0, 1, … of every case; what was done before is not done again.
+    """Return the trials of seeds 0, 1, … of every case; finished trials are not run again.
 
     Parameters
     ----------

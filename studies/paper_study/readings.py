@@ -1,4 +1,4 @@
-"""Readings of the paper's noise: what "x % of the variable values" can mean.
+"""Readings of the paper's noise: possible meanings of "x % of the variable values".
 
 Each reading turns an exact log into measured motion and torque. The paper adds noise "to the
 independent generalized coordinates and their time derivatives" with a standard deviation of "zero

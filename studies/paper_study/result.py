@@ -1,4 +1,4 @@
-"""`StudyResult`: what a study found, beside what the paper printed."""
+"""`StudyResult`: the results of a study, with the printed ones of the paper."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True)
 class StudyCheck:
-    """A number of ours beside what it should be.
+    """A result of ours with the expected one.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class StudyTable:
 
 @dataclass(frozen=True)
 class StudyResult:
-    """What a study found.
+    """The results of a study.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ class StudyResult:
 
     @property
     def required(self) -> str:
-        """Say in one sentence how many required checks pass."""
+        """State in one sentence how many required checks pass."""
         count, failed = sum(c.required for c in self.checks), len(self.failed)
         return (
             f"{failed} of {count} required checks fail."
@@ -130,7 +130,7 @@ class StudyResult:
 
     @property
     def unlike(self) -> str:
-        """Say in up to two sentences how many printed numbers differ or cannot be compared."""
+        """State in up to two sentences how many printed numbers differ or cannot be compared."""
         return say_unlike(self.differing, self.not_comparable)
 
     @property
@@ -141,7 +141,7 @@ class StudyResult:
 
 
 def say_unlike(differing: int, not_comparable: int) -> str:
-    """Say how many printed numbers differ, and how many cannot be compared."""
+    """State how many printed numbers differ, and how many cannot be compared."""
     sentences = []
     if differing:
         numbers = "number differs, with its" if differing == 1 else "numbers differ, each with its"
@@ -207,7 +207,7 @@ def _span(x: np.ndarray, digits: int) -> str:
 def check_equal(
     name: str, ours: object, wanted: object, *, paper: str = "", **more: Any
 ) -> StudyCheck:
-    """Return a check that something is exactly what it should be."""
+    """Return a check of exact equality."""
     texts = [_listed(x) for x in (ours, wanted)]
     return StudyCheck(name, texts[0], paper or texts[1], "exact", ours == wanted, **more)
 
@@ -228,8 +228,8 @@ DECADE = 10.0
 def compare(trials: np.ndarray, paper: float, floor: float, reason: str) -> Cell:
     """Return a cell: our mean ± sd, and whether the printed number, one draw, can come from it.
 
-    Where positive trials scatter over more than a decade, the cell says that nothing can be
-    compared.
+    Where positive trials scatter over more than a decade, the cell states that no comparison is
+    possible.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """The stand-in for the actual robot, whose measurements are not published.
 
-A forward simulation of the 3-RPS robot that knows nothing of the models fitted to it: a PID
-controller at 100 Hz that sees encoders, motors whose current is noisy, Stribeck friction in the
-slides, friction in the hinges, and legs that are not quite alike. Every number here is our choice.
+A forward simulation of the 3-RPS robot that knows nothing of the models fitted to it. It has a PID
+controller at 100 Hz with encoders, motors with current noise, Stribeck friction in the slides,
+friction in the hinges, and legs that differ a little. Every number here is our choice.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ LEG_FACTORS = {
     "rotor": (0.98, 1.03, 1.00),
 }
 
-#: The platform's centre of mass lies beside its middle [m].
+#: The platform's centre of mass lies off its middle [m].
 PLATFORM_SHIFT = (0.004, -0.003, 0.006)
 
 #: Seconds in which the reference leaves home.
@@ -56,7 +56,7 @@ BLEND = 2.0
 
 @dataclass(frozen=True)
 class Record:
-    """What was logged along one trajectory, at the controller's steps.
+    """The log along one trajectory, at the controller's steps.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class StandIn:
         self._disturb()
 
     def _stiffen(self) -> None:
-        """Set what keeps the loops closed and friction stiff."""
+        """Set the stiffness of the loops and of friction."""
         m = self.model
         m.opt.timestep = STEP
         m.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -153,7 +153,7 @@ def reference(trajectory: Trajectory, home: Array, t: float) -> Array:
 
 
 def run_machine(robot: Robot, trajectory: Trajectory, periods: int, seed: int) -> Record:
-    """Let the stand-in follow a trajectory, a first period unrecorded."""
+    """Simulate the stand-in along a trajectory, with a first period unrecorded."""
     rng = np.random.default_rng([seed, int(trajectory.name)])
     machine = StandIn(robot)
     home = machine.encoders()

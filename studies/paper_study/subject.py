@@ -1,4 +1,4 @@
-"""The robot of the paper, its four models, and what it does when nothing is noisy."""
+"""The robot of the paper, its four models, and its behaviour without noise."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ class ExactLog:
 
 @cache
 def load_subject(robot: str = SHIPPED) -> Subject:
-    """Return a robot (shipped name or file) with the ladder that stands beside its file."""
+    """Return a robot (shipped name or file) with the ladder in the folder of its file."""
     machine = Robot.load(robot)
     path = ladder_path(machine)
     if path is None:
@@ -111,7 +111,7 @@ def load_subject(robot: str = SHIPPED) -> Subject:
 
 @cache
 def robot_digest(robot: str) -> str:
-    """Return a digest of the files beside a robot's: bodies, ladder, trajectories."""
+    """Return a digest of the files in a robot's folder: bodies, ladder, trajectories."""
     found = hashlib.sha256()
     for path in sorted(Path(Robot.load(robot).path).parent.iterdir()):
         if path.suffix in (".xml", ".urdf", ".toml", ".json"):
@@ -120,7 +120,7 @@ def robot_digest(robot: str) -> str:
 
 
 def check_robot(robot: str, digest: str) -> None:
-    """Refuse to work on other files than those that a study was started with.
+    """Raise an error if files differ from those at the start of a study.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""What the benchmark against peers is made of: contenders, their runs, figures."""
+"""Parts of the benchmark against peers: contenders, their runs, figures."""

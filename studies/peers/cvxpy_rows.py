@@ -1,4 +1,4 @@
-"""What anybody would write: all rows of the regressor into cvxpy, one matrix inequality a body."""
+"""A plain program: all rows of the regressor into cvxpy, one matrix inequality a body."""
 
 from __future__ import annotations
 

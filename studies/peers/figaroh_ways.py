@@ -25,7 +25,7 @@ from peers.process import Array, Run
 
 
 class Robot:
-    """What FIGAROH's functions ask of a robot, and its settings of the model."""
+    """The interface of a robot that FIGAROH's functions need, and its settings of the model."""
 
     def __init__(self, path: str) -> None:
         self.model = pin.buildModelFromUrdf(path)
@@ -77,7 +77,7 @@ def _fit(run: Run, *, double: bool) -> None:
             value = np.array(list(found.values()))
     with run.phase("least squares and σ"):
         relative_stdev(base, value, tau)
-    # It rounds to a hundredth of a per cent; what is compared is its formula without rounding.
+    # It rounds to a hundredth of a per cent; the comparison uses its formula without rounding.
     residual = tau - base @ value
     variance = float(residual @ residual) / (len(tau) - len(value))
     covariance = variance * np.linalg.inv(base.T @ base)

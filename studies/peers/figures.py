@@ -1,4 +1,4 @@
-"""Figures of benchmarks: time and memory against samples, and where the time goes."""
+"""Figures of benchmarks: time and memory against samples, and the phases of the time."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def mark(y: float) -> str:
 
 
 def times_faster(ratio: float) -> str:
-    """Return a ratio with as many digits as it is worth."""
+    """Return a ratio with its significant digits."""
     return f"{ratio:.1f}" if ratio < 20 else f"{ratio:.0f}"
 
 
@@ -92,7 +92,7 @@ def times_faster(ratio: float) -> str:
 def draw_phases(
     names: Sequence[str], phases: Mapping[str, Array], unit: str = "time [s]"
 ) -> Figure:
-    """Draw where the time of every contender goes, one bar each.
+    """Draw the phases of the time of every contender, one bar each.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction")
 
 @dataclass(frozen=True)
 class Fit:
-    """What later steps need, and the regressor W (S, n, p) at the shown samples."""
+    """The data for later steps, and the regressor W (S, n, p) at the shown samples."""
 
     structure: Structure
     information: Information

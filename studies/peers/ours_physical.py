@@ -10,7 +10,7 @@ from peers.process import Run
 
 
 def fit(run: Run) -> None:
-    """Find the real robot that is nearest to the data."""
+    """Find the physically consistent values nearest to the data."""
     found = ours.fit(run)
     structure = found.structure
     with run.phase("semidefinite program"):

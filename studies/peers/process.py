@@ -1,7 +1,7 @@
-"""One contender, alone in a process: load the samples, run it, print what was measured.
+"""One contender, alone in a process: load the samples, run it, print the measurements.
 
-``python -m peers.process NAME FOLDER``. Each contender is a function of a module of its own, so
-that only what it needs is imported; that happens before the clock starts.
+``python -m peers.process NAME FOLDER``. Each contender is a function in a separate module, so that
+only its imports are loaded; that happens before the clock starts.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class Run:
         return self.shown[:, None] + len(self.q) * np.arange(self.q.shape[1])
 
     def show_fit(self, W: Array, value: Array, covariance: Array, variance: float) -> None:
-        """Keep what no choice of base parameters changes: torque, its deviation, the noise.
+        """Keep torque, its deviation and the noise, which no choice of base parameters changes.
 
         Parameters
         ----------
@@ -110,7 +110,7 @@ def memory() -> float:
 
 
 def main(name: str, folder: str) -> None:
-    """Run one contender on the samples of a folder and print what was measured."""
+    """Run one contender on the samples of a folder and print the measurements."""
     module, function = CONTENDERS[name]
     contender = getattr(import_module(module), function)
     imports = memory()

@@ -25,7 +25,7 @@ STUDIES = Path(__file__).resolve().parents[1]
 #: Noise on the torque, as a share of each joint's root mean square.
 NOISE = 0.01
 
-#: Copies of its regressor that a contender holds at once; what does not fit is not run.
+#: Copies of its regressor that a contender holds at once; larger sizes are not run.
 COPIES = {"FIGAROH": 7, "FIGAROH, pivoting": 6, "FIGAROH, physical": 7, "cvxpy, all rows": 25}
 
 #: Share of the free memory that a contender may want.

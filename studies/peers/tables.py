@@ -1,4 +1,4 @@
-"""What the runs of the benchmark say: do answers agree, and is what was asked for reached?"""
+"""Results of the benchmark: do the answers agree, and are the targets reached?"""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FASTER, MEGABYTES, PHYSICAL_FASTER = 8.0, 300.0, 50.0
 #: Largest relative difference of answers that are called the same.
 SAME, SAME_PHYSICAL = 1e-8, 1e-6
 
-#: What is compared of an estimate, and what it is called.
+#: Compared quantities of an estimate, and their names.
 COMPARED = {"torque": "torque", "torque_sd": "σ of the torque", "variance": "noise variance"}
 
 
@@ -78,7 +78,7 @@ def agreement_physical(runs: Sequence[Measured]) -> pd.DataFrame:
 
 
 def checked(gap: float, most: float) -> Cell:
-    """Return a relative difference beside its bound."""
+    """Return a relative difference with its bound."""
     return check_cell(f"{gap:.1e}", gap <= most, f"at most {most:.0e}")
 
 
@@ -90,7 +90,7 @@ def all_agree(runs: Sequence[Measured]) -> bool:
 
 
 def targets(runs: Sequence[Measured], at: int) -> pd.DataFrame:
-    """Return what is asked for beside what was measured."""
+    """Return the targets with the measured values."""
     rows = []
 
     def add(what: str, text: str, passed: bool | None, asked: str) -> None:
@@ -144,7 +144,7 @@ def versions() -> dict[str, str]:
 
 
 def processor() -> str:
-    """Return what the machine says of its processor."""
+    """Return the name of the machine's processor."""
     path = Path("/proc/cpuinfo")
     text = path.read_text(encoding="utf-8") if path.is_file() else ""
     names = [line.partition(":")[2].strip() for line in text.splitlines() if "model name" in line]

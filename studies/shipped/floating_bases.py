@@ -74,7 +74,7 @@ def moved_body(seed: int, seconds: float = 8.0) -> pd.DataFrame:
 
 
 def cart_arm(seed: int, *, pushed: bool, load: float = 0.0, rubs: float = 0.0) -> pd.DataFrame:
-    """Return the log of the arm on its cart, which a hand pushes or which stands.
+    """Return the log of the arm on its cart, at rest or pushed by a hand.
 
     A load [kg] may hang at the end of its lower arm, and its shoulder rub more [N·m].
     """
@@ -201,7 +201,7 @@ def walk(
     seconds: float = 0.0,
     change: Callable[[mujoco.MjModel], None] | None = None,
 ) -> dict[str, Array]:
-    """Return how the quadruped moved, low-passed and sampled: its channels by name.
+    """Return the motion of the quadruped, low-passed and sampled: its channels by name.
 
     For as long as its kind, unless `seconds` says otherwise; `change` makes another machine of it.
     """
@@ -258,7 +258,7 @@ def joint_columns(q: Array, tau: Array, rng: np.random.Generator) -> dict[str, A
 
 
 def walking_log(seed: int, kind: str, rate: float = RATE, *, wrenches: bool = True) -> pd.DataFrame:
-    """Return a log of the walk, with flags of the feet and what they measure if they do."""
+    """Return a log of the walk, with flags of the feet and, if asked, their measured wrenches."""
     return table_of(walk(seed, kind, rate), np.random.default_rng(1000 + seed), wrenches)
 
 
@@ -267,8 +267,7 @@ def drawn_walk(
 ) -> tuple[pd.DataFrame, float]:
     """Return the log of another machine whose feet swing in turn, and its mass [kg].
 
-    Its bodies are shares (13,) of the file's, and what its inertial sensor reads too much (6,)
-    [m/s², rad/s].
+    Its bodies are shares (13,) of the file's. Its inertial sensor has biases (6,) [m/s², rad/s].
     """
     masses = []
 
@@ -283,7 +282,7 @@ def drawn_walk(
 
 
 def table_of(s: dict[str, Array], rng: np.random.Generator, wrenches: bool) -> pd.DataFrame:
-    """Return how it moved as a log, with noise."""
+    """Return the motion as a log, with noise."""
     table = {"t": s["t"]} | joint_columns(s["q"], s["tau"], rng)
     table |= columns("base.acc.", s["acc"] + 0.05 * rng.standard_normal(s["acc"].shape))
     table |= columns("base.gyro.", s["gyro"] + 0.005 * rng.standard_normal(s["gyro"].shape))

@@ -1,9 +1,9 @@
 """The logs in models/*/logs: simulated, ours, with an effect that no robot file states.
 
-They are what the README and the tutorials run on. The simulated machine differs from its file as
-machines do: rotors that a URDF cannot state, other friction, and one effect more (`Machine.hide`).
-Positions are rounded to an encoder's steps, the torque has additive autocorrelated noise, and there
-are no velocities and no accelerations. ``python studies/shipped/sample_logs.py`` writes them anew.
+The README and the tutorials run on them. The simulated machine differs from its file as machines
+do: rotors that a URDF cannot state, other friction, and one effect more (`Machine.hide`). Positions
+are rounded to an encoder's steps, the torque has additive autocorrelated noise, and there are no
+velocities and no accelerations. ``python studies/shipped/sample_logs.py`` writes them anew.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from identifiability.simulation.simulator import Campaign
 
 MODELS = Path(__file__).resolve().parents[2] / "models"
 
-#: A load of 2 kg at the flange of the arm, a cylinder of 60 mm across and 70 mm long, 170 mm before
-#: the flange and 10 mm beside the sixth axis, as a URDF states it.
+#: A load of 2 kg at the flange of the arm, as a URDF states it. It is a cylinder of 60 mm across
+#: and 70 mm long, 170 mm before the flange and 10 mm off the sixth axis.
 _LOAD = """
   <joint name="grasp" type="fixed">
     <parent link="tool0"/><child link="load"/><origin xyz="0.01 0.0 0.17"/>
@@ -39,7 +39,7 @@ _LOAD = """
 
 @dataclass(frozen=True)
 class Machine:
-    """A shipped robot, and how the machine that was logged differs from it.
+    """A shipped robot, and the differences of the logged machine.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Machine:
         The effect that the file does not state, as `Campaign.hidden` reads it.
     encoder : float [rad or m]
     parameters : mapping
-        What is otherwise than nominal.
+        Values that differ from the nominal ones.
     loaded : mapping of file name to trajectory
         The same with a load at the flange.
     """

@@ -1,8 +1,8 @@
-"""Formats of logs that are read at once into one table, one file a format.
+"""Formats of logs that are read at once into one table; each format has a file.
 
-To add one: a function under `reader.reader`, in a file of its own; files of this folder are found
-by themselves. It returns columns as they stand: names and units are settled for all alike. Tables
-of text and Parquet, of any length, are in `logs.tables`.
+To add one, write a function under `reader.reader` in a new file. Files of this folder are found
+automatically. The function returns the columns of the file; names and units are interpreted for all
+formats alike. Text tables and Parquet, of any length, are in `logs.tables`.
 """
 
 from importlib import import_module

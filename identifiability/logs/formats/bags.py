@@ -1,16 +1,16 @@
-"""Bags: recordings of ROS 1 and ROS 2 in, a table of joint states out. Needs the extra ``ros``.
+"""Read ROS 1 and ROS 2 recordings as a table of joint states. This needs the extra ``ros``.
 
-A bag is a folder of rosbag2, or one file: ``.mcap``, ``.db3`` or ``.bag``. Of its topics one of
-type ``sensor_msgs/JointState`` is read; name it behind a colon where there are several, as in
+A bag is a folder of rosbag2, or one file: ``.mcap``, ``.db3`` or ``.bag``. One topic of type
+``sensor_msgs/JointState`` is read. If there are several, the user names one after a colon, as in
 ``run.mcap:/arm/joint_states``. Position, velocity and effort become ``<joint>.q``, ``<joint>.dq``
-and ``<joint>.tau`` as they are: the message type promises rad, rad/s and N·m (m, m/s, N), but some
-drivers publish motor currents as effort, which are no torques. Joints without effort (NaN) are
-passive and left out.
+and ``<joint>.tau`` without conversion. The message type promises rad, rad/s and N·m (m, m/s, N),
+but some drivers publish motor currents as effort. Joints without effort (NaN) are passive and left
+out.
 
-Commands are those of one topic of ``control_msgs/JointTrajectoryControllerState`` (its reference),
-``control_msgs/MultiDOFCommand`` or ``std_msgs/Float64MultiArray`` (values in the robot's order), if
-there is just one that tells of the joints; else it is named, too: ``run.mcap:/joint_states,/goal``.
-They stand for torque where no joint has effort.
+Commands come from one topic of type ``control_msgs/JointTrajectoryControllerState`` (its
+reference), ``control_msgs/MultiDOFCommand`` or ``std_msgs/Float64MultiArray`` (values in the
+robot's order). If several topics command the joints, the user names one:
+``run.mcap:/joint_states,/goal``. Commands replace torque if no joint has effort.
 """
 
 from __future__ import annotations
@@ -81,10 +81,11 @@ def read_bag(path: str | Path, known: Conventions) -> pd.DataFrame:
     Parameters
     ----------
     path : str or Path
-        The bag, or ``bag:/topic``; behind a comma the topic of commands.
+        The bag, or ``bag:/topic``; after a comma the topic of commands.
     known : Conventions
-        Of the robot: where messages differ, those that lack one of its joints (as of a gripper) are
-        passed over; positions of its joints count though no effort tells of them.
+        Conventions of the robot. If messages have different joints, those that lack one of the
+        robot's joints (as of a gripper) are skipped. Positions of the robot's joints are read even
+        without effort.
 
     Returns
     -------
@@ -127,7 +128,7 @@ def _opened(path: Path) -> Iterator[Any]:
 
 
 def _count_chunks(path: Path) -> int:
-    """Return the bytes to which the chunks of a bag unpack, as their headers state it."""
+    """Return the unpacked size of the chunks of a bag in bytes, by their headers."""
     count = {".mcap": _mcap_chunks, ".bag": _bag_chunks}.get(path.suffix.lower())
     if count is None:
         return 0
@@ -136,7 +137,7 @@ def _count_chunks(path: Path) -> int:
 
 
 def _mcap_chunks(file: BinaryIO) -> Iterator[int]:
-    """Yield the stated sizes of chunks: records of type 6, whose size stands behind two times."""
+    """Yield the stated sizes of chunks: records of type 6, whose size follows two times."""
     file.seek(_MCAP_MAGIC)
     while len(head := file.read(9)) == 9:
         kind = head[0]
@@ -212,12 +213,12 @@ def _choose_commands(path: Path, reader: Any, wanted: str) -> str:
 
 
 def _table(messages: Iterable[tuple[Sequence[str], Mapping[str, Any]]]) -> pd.DataFrame:
-    """Return what messages say of joints, a row each, by columns of a log.
+    """Return the joint data of messages, a row each, by columns of a log.
 
     Parameters
     ----------
     messages : iterable of (names, channels)
-        Names of joints, and values in their order by channel; arrays that are left empty are none.
+        Names of joints, and values in their order by channel; empty arrays do not count.
     """
     import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
 
@@ -253,10 +254,11 @@ def _add_commands(reader: Any, frame: pd.DataFrame, topic: str) -> None:
 
 
 def _add_base(reader: Any, frame: pd.DataFrame) -> None:
-    """Add what messages about a base, and of wrenches, hold to joint states.
+    """Add the data of messages about a base, and of wrenches, to joint states.
 
-    By their own stamps, on straight lines, at the times of the joint states. Of a type on several
-    topics nothing says which is the base's, but for wrenches, which have the names of theirs.
+    The data are interpolated linearly by their stamps at the times of the joint states. A type on
+    several topics is skipped, because the base's topic is not known. Wrenches are an exception:
+    their topics name them.
     """
     topics = {str(c.topic): c.msgtype for c in reader.connections if c.msgtype in BASE}
     for topic, kind in topics.items():
@@ -276,7 +278,7 @@ def _add_base(reader: Any, frame: pd.DataFrame) -> None:
 
 
 def _stamp(message: Any) -> int:
-    """Return when a message says that it was made [ns]."""
+    """Return the time stamp of a message [ns]."""
     stamp = message.header.stamp
     return int(stamp.sec) * 10**9 + int(stamp.nanosec)
 
@@ -284,12 +286,12 @@ def _stamp(message: Any) -> int:
 def _read_states(
     source: str, messages: Iterable[tuple[int, Any]], known: Conventions, *, commanded: bool
 ) -> pd.DataFrame:
-    """Return what messages say of joints, by their stamps; joints without effort are passive.
+    """Return the joint data of messages, by their stamps; joints without effort are passive.
 
     Raises
     ------
     LogError
-        If none tells of all joints of the robot, or of position and effort.
+        If no message has all joints of the robot, or position and effort.
     """
     clocks = list[tuple[int, int]]()
     groups = dict[frozenset[str], Sequence[str]]()
@@ -324,12 +326,12 @@ def _find_whole(
     known: Conventions,
     source: str,
 ) -> Array:
-    """Return which messages tell of all joints of the robot, (N,) bool.
+    """Return a mask of messages with all joints of the robot, (N,) bool.
 
     Raises
     ------
     LogError
-        If none does.
+        If there is no such message.
     """
     called = {known.columns.apply(n): f"{n}.q" for n in sorted(frozenset().union(*groups))}
     sides = (known.motors, known.joints)
@@ -376,7 +378,7 @@ def _driven(table: pd.DataFrame, known: Conventions, source: str, *, commanded: 
     place=lambda path: split_topic(path)[0],
 )
 def read_joints(path: Path, known: Conventions) -> Whole:
-    """Return the joint states of a bag; where messages differ, those of the robot's joints.
+    """Return the joint states of a bag; if messages differ, those with the robot's joints.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Containers of arrays, and sheets: .mat, .npz and .xlsx, read at once into one table.
 
-Arrays of one value a sample are columns of their name; of (N, n) arrays column ``k`` is
-``<name>[k]``, or ``<joint>.<name>`` where the names of the joints stand beside them.
+An array with one value for each sample is a column of its name. Column ``k`` of an (N, n) array is
+``<name>[k]``, or ``<joint>.<name>`` if the file also holds the names of the joints.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def read_mat(path: Path, _: Conventions) -> Whole:
 
 
 def _count_matlab(path: Path) -> int:
-    """Return the bytes to which compressed variables unpack; counting stops beyond the limit.
+    """Return the unpacked size of compressed variables in bytes; counting stops above the limit.
 
     After a header of 128 bytes each element has its type and size (MATLAB's MAT-File Format).
     Older files, which do not compress, have another header.
@@ -110,7 +110,7 @@ def _count_matlab(path: Path) -> int:
 
 
 def _count_deflated(content: bytes, most: int) -> int:
-    """Return the bytes to which a zlib stream unpacks; counting stops beyond a number of bytes."""
+    """Return the unpacked size of a zlib stream in bytes; counting stops above a limit."""
     unpacking = zlib.decompressobj()
     found = 0
     while content and found <= most and not unpacking.eof:
@@ -186,9 +186,9 @@ def _read_sheets(path: Path) -> dict[str, pd.DataFrame]:
 
 
 def _read_cells(path: Path, sheet: Any, most: int) -> tuple[list[list[object]], int]:
-    """Return the rows of a sheet without empty cells at their ends, and how many more are allowed.
+    """Return the rows of a sheet without empty cells at their ends, and the remaining allowance.
 
-    A cell far to the right or far below stands for millions of empty ones before it.
+    A cell far to the right or far below implies millions of empty cells before it.
 
     Raises
     ------
@@ -217,20 +217,19 @@ def _is_empty(cell: object) -> bool:
 
 
 def frame_of(arrays: Mapping[str, Any], source: str) -> pd.DataFrame:
-    """Return arrays of one number of samples as a table.
+    """Return arrays with one number of samples as a table.
 
     Parameters
     ----------
     arrays : mapping of str to array
-        (N,) or (N, n); (n, N) where only that fits the others. Mappings among them are looked
-        into.
+        (N,) or (N, n); (n, N) if only that fits the others. Nested mappings are read, too.
     source : str
-        What sentences call them.
+        Name of the arrays in messages.
 
     Raises
     ------
     LogError
-        If there is no time, or no array beside it is as long.
+        If there is no time, or no other array of its length.
     """
     import pandas as pd  # noqa: PLC0415 - heavy, and fits do not need it
 
@@ -327,7 +326,7 @@ def _flatten(arrays: Mapping[str, Any], above: str = "") -> dict[str, Array]:
 
 
 def _shortened(arrays: Mapping[str, Array]) -> dict[str, Array]:
-    """Return arrays by the last part of their names, where that says which."""
+    """Return arrays by the last part of their names, if these parts are unique."""
     last = [name.rpartition(".")[2] for name in arrays]
     if len(set(last)) < len(last):
         return dict(arrays)

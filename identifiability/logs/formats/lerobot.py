@@ -1,9 +1,9 @@
 """LeRobot dataset folders (v2.0, v2.1, v3.0): each episode is a log of positions and commands.
 
 ``meta/info.json`` names the joints of ``observation.state`` (positions) and ``action`` (commands);
-``data`` holds Parquet with a row a sample, ``timestamp`` [s] and ``episode_index``. One episode is
-named behind a colon, ``dataset:3``, several ``dataset:0-4``. In which unit positions are nothing
-says: LeRobot writes degrees, shares of a joint's range or radians.
+``data`` holds Parquet with a row for each sample, ``timestamp`` [s] and ``episode_index``. The user
+names one episode after a colon, ``dataset:3``, or several, ``dataset:0-4``. The folder does not
+state the unit of positions: LeRobot writes degrees, shares of a joint's range or radians.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def is_dataset(path: Path) -> bool:
 
 
 def split_episodes(path: str | Path) -> tuple[Path, str]:
-    """Return the folder, and what stands behind the colon in ``dataset:3``; empty if none does."""
+    """Return the folder and the text after the colon in ``dataset:3``; empty if there is none."""
     folder, colon, text = str(path).rpartition(":")
     if colon and _EPISODES.fullmatch(text):
         return Path(folder), text
@@ -189,7 +189,7 @@ def _times(given: Any, info: Mapping[str, Any]) -> Array:
 
 
 def _columns(feature: str, count: int, info: Mapping[str, Any]) -> list[str]:
-    """Return what the values of a feature are called in a log."""
+    """Return the column names of the values of a feature in a log."""
     features = info.get("features")
     stated = features.get(feature) if isinstance(features, dict) else None
     names = stated.get("names") if isinstance(stated, dict) else None

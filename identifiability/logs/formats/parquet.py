@@ -1,4 +1,4 @@
-"""Check Parquet files before they are read: what their rows take in memory, by their metadata."""
+"""Check from its metadata how much memory the rows of a Parquet file take, before it is read."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ VALUE, LEAST = 8, 256_000_000
 
 
 def check_parquet(path: Path) -> list[str]:
-    """Refuse a file whose values take far more memory than it has bytes.
+    """Refuse a file whose values take far more memory than the file has bytes.
 
-    Runs of one value take next to no bytes. Metadata state the number of values, those of lists
-    included.
+    Runs of one value take almost no bytes. Metadata state the number of values, including those of
+    lists.
 
     Returns
     -------
     list of str
-        Columns of text. They are read as a dictionary, for a long text may stand in every row.
+        Columns of text. They are read as a dictionary, because every row may hold a long text.
 
     Raises
     ------

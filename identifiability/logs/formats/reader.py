@@ -1,4 +1,4 @@
-"""The one list of formats: who reads what lies at a path, by its suffix or by what is there."""
+"""The list of formats: it finds the reader of a path, by its suffix or its content."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def reader(
 
 
 def find_reader(path: Path) -> Reader | None:
-    """Return who reads what lies at a path; None for tables of text and Parquet."""
+    """Return the reader of a path; None for text tables and Parquet."""
     suffix = path.suffix.lower()
     return next((r for r in READERS if suffix in r.suffixes or r.sniff(path)), None)
 
@@ -162,15 +162,15 @@ UNPACKED, TIMES = 64_000_000, 100
 
 
 def check_unpacked(path: Path, unpacked: int, least: int = UNPACKED) -> None:
-    """Refuse a file that unpacks to far more than its size, before it is unpacked.
+    """Refuse a file whose unpacked size is far above its size, before it is unpacked.
 
     Parameters
     ----------
     path : Path
     unpacked : int
-        Bytes in memory, as far as they were counted.
+        Counted bytes in memory.
     least : int
-        Bytes to which any file may unpack.
+        Unpacked size that is always allowed [bytes].
 
     Raises
     ------
@@ -184,7 +184,7 @@ def check_unpacked(path: Path, unpacked: int, least: int = UNPACKED) -> None:
 
 
 def count_zipped(path: Path) -> int:
-    """Return the bytes to which a ZIP archive unpacks, by its directory: readers stop there."""
+    """Return the unpacked size of a ZIP archive by its directory [bytes]; readers stop there."""
     with ZipFile(path) as archive:
         return sum(entry.file_size for entry in archive.infolist())
 

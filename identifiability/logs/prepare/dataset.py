@@ -1,7 +1,8 @@
 """`Dataset`: the rows of a log, made ready for the regression.
 
-Motion of every joint, torque, how much each row counts, and what was done; a `Survey` is what there
-is to know of it as a whole. A long log is prepared piece by piece, and its rows stay on the disk.
+It holds the motion of every joint, torque, weights of rows, and notes on the preparation. A
+`Survey` summarises the whole log. A long log is prepared piece by piece, and its rows stay on the
+disk.
 """
 
 from __future__ import annotations
@@ -49,15 +50,15 @@ class Survey:
     Attributes
     ----------
     kept, outputs : int
-        Samples that were prepared, and left after decimation.
+        Number of samples before and after decimation.
     start, stop : float [s]
         Times of the first and the last sample; NaN without any.
     low, high : (3, n)
         Ranges of position, velocity and acceleration of the actuated joints.
     torque_range : (2, n) [N·m or N]
-        Its smallest and its largest value.
+        Smallest and largest torque.
     rows : (n,) int
-        Outputs at which torque of each joint is data: it does not dwell there.
+        Number of outputs at which torque of each joint is data, because the joint moves.
     """
 
     kept: int
@@ -114,16 +115,16 @@ def explain_silence(surveys: Sequence[Survey]) -> str:
 
 @frozen
 class Piece:
-    """Consecutive samples, with what the decimation filter draws on at both ends.
+    """Consecutive samples, with those at both ends that the decimation filter needs.
 
     Attributes
     ----------
     motion : Motion
-        Of N samples.
+        Motion at N samples.
     tau : (N, n) [N·m or N]
     decimation : Decimation or None
     weight : (N, n)
-        How much torque of each joint counts, from 0 for no data to 1.
+        Weight of each torque, from 0 for no data to 1.
     """
 
     motion: Motion
@@ -137,13 +138,13 @@ class Piece:
 
     @cached_property
     def _lost(self) -> Array | None:
-        """Where torque is no data, (N, n) bool; None for nowhere."""
+        """Return a mask of torque that is no data, (N, n) bool; None if all is data."""
         lost = self.weight <= 0
         return lost if lost.any() else None
 
     @property
     def moves(self) -> Array:
-        """Where, at its outputs, torque of each joint is data, (m, n) bool."""
+        """Return a mask of outputs at which torque of each joint is data, (m, n) bool."""
         found: Array = self.weight[self.at] > 0
         return found
 
@@ -159,10 +160,10 @@ class Piece:
         return self.weighed(np.array(self.tau[self.at]))
 
     def silenced(self, x: Array, joints: np.ndarray | None = None) -> Array:
-        """Return inputs (N, n, …), or (N, m) of m joints, that are zero where torque is no data.
+        """Return inputs (N, n, …), or (N, m) of m joints, with zeros where torque is no data.
 
-        Torque and columns alike, before a filter draws on them: what is low-passed is then related
-        as it is where the joint moves, however near. They are written over.
+        Zeros are set in torque and columns alike, before a filter uses them. Low-passed torque and
+        columns are then related as they are while the joint moves. The inputs are overwritten.
         """
         if self._lost is not None and self.decimation is not None:
             x[self._lost if joints is None else self._lost[:, joints]] = 0.0
@@ -187,43 +188,43 @@ class Piece:
 
 @frozen
 class Dataset:
-    """A prepared log. Make one with `prepare_log`.
+    """A prepared log; `prepare_log` makes it.
 
     Attributes
     ----------
     name : str
     motion : Motion
-        Of every joint, at the samples whose loops close.
+        Motion of every joint, at the samples whose loops close.
     tau : (N, n) [N·m or N]
-        Measured torque at the same samples, less what is known beforehand.
+        Measured torque at the same samples, minus known torque.
     weight : (N, n)
-        How much it counts, from 0, where it is no data because the joint stands or nobody measured
-        it, to 1.
+        Weight of each torque, from 0 to 1. It is 0 if the joint stands, or torque was not measured.
     decimation : Decimation or None
-        Applied alike to regressor and torque.
+        Decimation filter, which is the same for regressor and torque.
     notes : tuple of str
-        How the derivatives were made and what was dropped, for the report; findings among them
-        are its `ledger`.
+        Notes on derivatives and dropped samples, for the report. The findings among them are its
+        `ledger`.
     sha256 : str
     own : (int, int) or None
-        Rows of the log at which outputs are wanted, where the others are only what the filter
-        draws on; None for all.
+        Rows of the log at which outputs are wanted; the filter also needs the other rows. None for
+        all.
     cutoff : float or None [Hz]
-        Low-pass of computed derivatives; None where there is none.
+        Low-pass of computed derivatives; None without one.
     band : float or None [Hz]
-        Up to where torque and regressor are kept beside them.
+        Upper limit of the kept band of torque and regressor.
     instrument : Motion or None
-        A second record of the motion at the same samples, whose errors are not those of `motion`.
+        A second record of the motion at the same samples, with errors independent of those of
+        `motion`.
     lost : int
-        Samples of its own rows that were left out because they lie beside a gap.
+        Number of samples in these rows that were left out next to a gap.
     breaks : (b,) int
-        Rows of the log before which so many samples are missing that it is split there.
+        Rows of the log before which it is split, because many samples are missing.
     hints : tuple of str
-        What seems to be wrong with the log.
+        Problems of the log.
     path : str
-        As of the log.
+        Path of the log.
     series : bool
-        Whether its motion is a series through what was measured.
+        Whether its motion is a fitted series.
     """
 
     name: str
@@ -244,13 +245,13 @@ class Dataset:
     series: bool = False
 
     def __post_init__(self) -> None:
-        """Count every row alike where nobody says otherwise."""
+        """Set equal weights if none are given."""
         if self.weight.shape != self.tau.shape:
             object.__setattr__(self, "weight", np.broadcast_to(self.weight, self.tau.shape))
 
     @property
     def ledger(self) -> tuple[Finding, ...]:
-        """What was done with its rows and columns when it was prepared."""
+        """Return the findings on its rows and columns during preparation."""
         return tuple(of_key(self.notes))
 
     @property
@@ -259,7 +260,7 @@ class Dataset:
         return is_long(len(self.tau))
 
     def divided(self) -> list[Dataset]:
-        """Return what is worked on one by one: stretches of a long log, or all of it."""
+        """Return the parts to process one by one: stretches of a long log, or the whole log."""
         if not self.long:
             return [self]
         reach = 0 if self.decimation is None else self.decimation.reach
@@ -314,7 +315,7 @@ class Dataset:
 
     @cached_property
     def survey(self) -> Survey:
-        """What there is to know of the whole log."""
+        """Return the summary of the whole log."""
         m = self.motion
         n = self.tau.shape[1]
         rows = np.zeros(n, int)
@@ -385,7 +386,7 @@ class Dataset:
         return np.concatenate([np.empty(0, int), *rows])
 
     def describe(self, joints: Sequence[str], total: int) -> list[Finding]:
-        """Return what was done with the samples of a log with `total` of them."""
+        """Return the findings on the samples of a log with `total` of them."""
         m = self.motion
         notes = []
         if len(m.dropped):
@@ -417,8 +418,8 @@ def _prepare_rows(rows: tuple[Log, int, Rows], robot: Robot, plan: Plan) -> Data
     Parameters
     ----------
     rows : (Log, int, (int, int))
-        The rows and what the filters draw on at both ends, the row of its first sample in the whole
-        log, and which rows of that are wanted.
+        The rows with those at both ends that the filters need, the index of the first in the whole
+        log, and the range of wanted rows in the whole log.
     robot : Robot
     plan : Plan
 
@@ -474,7 +475,7 @@ def _prepare_rows(rows: tuple[Log, int, Rows], robot: Robot, plan: Plan) -> Data
 
 
 def _touch(robot: Robot, log: Log) -> Array | None:
-    """Return where up is and which contacts may press, (N, 3 + c); None of robots that stand."""
+    """Return the upward direction and possible contacts, (N, 3 + c); None for a fixed base."""
     if robot.base is None or log.base is None:
         return None
     contacts = robot.base.contacts
@@ -505,7 +506,7 @@ def _silent(motion: Motion, dwells: Array) -> Array:
 
 
 def _known_torque(robot: Robot, name: str, motion: Motion) -> Array:
-    """Return the torque that is known beforehand, (N, n)."""
+    """Return the known torque, (N, n)."""
     try:
         return known_torque(robot, motion)
     except RobotError as error:
@@ -531,7 +532,7 @@ def join_motions(motions: Sequence[Motion]) -> Motion:
 
 
 def check_left(name: str, left: int, total: int, notes: Sequence[str]) -> None:
-    """Refuse a log of which next to nothing is left.
+    """Refuse a log with nearly no rows after preparation.
 
     Raises
     ------
@@ -569,7 +570,7 @@ def prepare_log(
     log : Log
     how : Preparation, optional
     engine : Engine, optional
-        Where the stretches of a long log are surveyed; by default here.
+        Engine for the summary of a long log; by default this process.
     progress : callable(int, int), optional
 
     Raises

@@ -1,8 +1,7 @@
-"""Excerpts of prepared logs: a diagnosis asks few rows many questions.
+"""Excerpts of prepared logs: a diagnosis evaluates many models on few rows.
 
-Of long logs evenly spaced stretches are prepared. Measured derivatives need no filter, but a
-diagnosis needs few rows: torque and columns are low-passed alike to ten times the bandwidth of the
-motion.
+For long logs, evenly spaced stretches are prepared. Measured derivatives need no filter. To have
+fewer rows, torque and columns are still low-passed at ten times the bandwidth of the motion.
 """
 
 from __future__ import annotations
@@ -77,8 +76,7 @@ def thin_prepared(
 def find_factor(log: Log) -> int:
     """Return the decimation of measured derivatives that keeps ten times the motion's bandwidth.
 
-    It is 1 where derivatives are not measured, or samples are missing: no filter reaches across a
-    gap.
+    It is 1 if derivatives are not measured or samples are missing, because no filter crosses a gap.
     """
     windows = [window for _, window in log.windows()]
     step = float(np.median(np.concatenate([np.diff(w.t) for w in windows])))
@@ -108,7 +106,7 @@ def thin(samples: Dataset, most: int = MOST_SAMPLES) -> Dataset:
 
 
 def spread(samples: int, length: int, most: int) -> list[tuple[int, int]]:
-    """Return evenly spaced stretches (start, stop) of a length, so many at most."""
+    """Return at most `most` evenly spaced stretches (start, stop) of a length."""
     starts = np.linspace(0, samples - length, max(1, min(most, samples // length))).astype(int)
     return [(int(s), int(s) + length) for s in starts]
 

@@ -1,7 +1,7 @@
-"""A second record of a log's motion, with errors of its own.
+"""A second record of a log's motion, with independent errors.
 
-Instruments are the columns along a second record of the motion. Robots that were rolled out from
-their commands have one; else a series through the motion is one where instruments are asked for.
+Instruments are the columns along a second record of the motion. For commanded robots, the rollout
+is that record. Else it is a series through the motion, if instruments are requested.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def add_instrument(
 
 
 def _find_record(log: Log, samples: Dataset, *, always: bool) -> SecondRecord | None:
-    """Return a second record of the motion of a log on the joint side; None where there is none."""
+    """Return a second record of the motion of a log at the joints; None if there is none."""
     if log.rollout is not None:
         motion = _derive(log.rollout, log, samples.cutoff)
         return motion, "the instruments' motion is that of the robot rolled out from commands"
@@ -79,7 +79,7 @@ def _find_record(log: Log, samples: Dataset, *, always: bool) -> SecondRecord | 
 def complete_along(robot: Robot, measured: Motion, other: Sequence[Array] | Array) -> Motion | None:
     """Return the motion of all joints at the measured samples; None if too few loops close.
 
-    Where a loop stays open the measured motion stands for it.
+    If a loop stays open at a sample, the measured motion is kept there.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def _derive(q: Array, log: Log, cutoff: float | None) -> tuple[Array, Array, Arr
 
 
 def noise_again(log: Log, rng: np.random.Generator) -> Log:
-    """Return a log with as much noise once more on what it measured of the motion."""
+    """Return a log with additional noise, as much as its measured motion has."""
 
     def more(x: Array) -> Array:
         return np.asarray(x + measured_noise(x, log.t) * rng.standard_normal(x.shape))

@@ -1,7 +1,7 @@
-"""How a log is turned into motion: what is asked for, and the plan that is made of it once.
+"""Turn a log into motion: the requested options, and the plan that follows from them.
 
-Decisions are made on windows of long logs; lost samples are decided upon there. `DwellRule` says
-where joints stand.
+Decisions on long logs are made on windows, also those on lost samples. `DwellRule` finds the rows
+in which joints stand.
 """
 
 from __future__ import annotations
@@ -48,17 +48,17 @@ from identifiability.robot.floating import BASE_JOINTS, SIX, base_acceleration
 
 @frozen
 class Smoothing:
-    """How velocities that were measured with noise are smoothed, for their signs.
+    """The smoothing of noisy measured velocities, for their signs.
 
     Attributes
     ----------
     cutoff : float [Hz]
-        Of the low-pass.
+        Cut-off of the low-pass.
     sd : (n,) [rad/s or m/s]
-        Standard deviation of what is smoothed.
+        Standard deviation of the smoothed velocities.
     raw : (n,) bool
-        Velocities that are left as they are: near rest they have less noise than the smoothed
-        ones, as where noise is a share of the speed.
+        Velocities that are not smoothed. Near rest they have less noise than smoothed ones, for
+        example if noise is in proportion to the speed.
     """
 
     cutoff: float
@@ -67,7 +67,7 @@ class Smoothing:
 
     @staticmethod
     def choose(windows: Sequence[Array], dt: float) -> Smoothing | None:
-        """Return what smooths velocities; None where noise is negligible.
+        """Return the smoothing of velocities; None if noise is negligible.
 
         The low-pass leaves the band of the motion alone.
 
@@ -110,24 +110,24 @@ SEVERAL = 3
 
 @frozen
 class DwellRule:
-    """When a joint stands or sticks: it stays about zero speed for longer than any reversal.
+    """The rule for joints at rest: a joint stays about zero speed for longer than any reversal.
 
-    Dry friction holds a joint that does not move, with any torque up to its level. What the motor
-    supplies meanwhile says nothing of the robot. A reversal takes as long as its acceleration
-    needs; its torque is data where no joint ever stands. Where a joint stands, friction sticks.
-    The low-passed motion does not show when friction changes its sign, nor whether a joint sticks
-    for so short a time. A few such rows are off by tens of standard errors.
+    Dry friction holds a resting joint, with any torque up to its level. Its motor torque then
+    carries no information on the robot. The duration of a reversal follows from its acceleration.
+    Its torque is data if no joint ever stands. If joints stand, friction may stick at reversals,
+    too. The low-passed motion shows neither the instant at which friction changes its sign nor a
+    short stick. A few such rows are off by tens of standard errors.
 
     Attributes
     ----------
     creep : (k, n) [rad/s or m/s]
-        Speeds that say nothing, the largest first.
+        Speeds below which a joint may stand, the largest first.
     slow : (k, n) [samples]
-        How long a joint stays below them at least.
+        Shortest stay below these speeds that counts as rest.
     beside : int
         Samples on each side whose speed and acceleration the low-pass mixes with a dwell.
     turning : int
-        Samples on each side of a reversal that are no data; 0 where they are.
+        Samples on each side of a reversal that are no data; 0 if reversals are data.
     """
 
     creep: Array
@@ -162,7 +162,7 @@ def _reversals(dq: Array) -> Array:
 
 
 def _lasting(x: Array, window: int) -> Array:
-    """Return where x (N,) bool is true for at least a window about some sample."""
+    """Return a mask of x (N,) bool that is true for at least a window around some sample."""
     size = 2 * (window // 2) + 1  # an opening, in a time that does not grow with the window
     slow = scipy.ndimage.minimum_filter1d(x.astype(np.uint8), size, mode="constant")
     kept: Array = scipy.ndimage.maximum_filter1d(slow, size, mode="constant") > 0
@@ -171,16 +171,16 @@ def _lasting(x: Array, window: int) -> Array:
 
 @frozen
 class Stays:
-    """How long joints stay about zero speed in windows of a log, beside what a reversal takes.
+    """Durations of dwells about zero speed in windows of a log, in excess of reversals.
 
     Attributes
     ----------
     plan : Plan
-        With its decimation.
+        Plan of the log, with its decimation.
     speeds : tuple of (N, n) [rad/s or m/s]
-        Those that are used.
+        Speeds that the rule uses.
     creep : (k, n) [rad/s or m/s]
-        Speeds that say nothing.
+        Speeds below which a joint may stand.
     typical : (n,) [rad/s² or m/s²]
         Standard deviation of the acceleration.
     never : (n,) bool
@@ -210,7 +210,7 @@ class Stays:
         return Stays(plan, tuple(v for _, v, _ in parts), creep, typical, never)
 
     def rule(self, rare: int = 1) -> DwellRule:
-        """Return the rule of what so few in as many reversals again last as long as."""
+        """Return the rule that takes 5 % / `rare` of reversals of Gaussian motion for dwells."""
         step = self.plan.step
         cutoff = self.plan.cutoff
         # Rayleigh distributed: a share p of reversals is slower than in proportion to its root;
@@ -248,8 +248,9 @@ class Stays:
 def ever_stand(logs: Sequence[Stays]) -> bool:
     """Return whether joints ever stand in any of some logs that are used together.
 
-    Of the reversals of smooth motion one in twenty is as slow as a dwell: joints stand where more
-    are than chance makes of them, or where one lasts longer than the slowest of so many.
+    One in twenty reversals of smooth motion is as slow as a dwell. Joints stand if dwells are more
+    frequent than chance explains. They also stand if one dwell lasts longer than the slowest of all
+    reversals.
     """
     slower = 0.05
     found, reversals = np.sum([x.count() for x in logs], axis=0)
@@ -262,30 +263,30 @@ def ever_stand(logs: Sequence[Stays]) -> bool:
 
 @frozen
 class Plan:
-    """What was decided about a log once, for all its samples.
+    """Decisions about a log, which hold for all its samples.
 
     Attributes
     ----------
     step : float [s]
         Sampling step.
     cutoff : float or None [Hz]
-        Low-pass of computed derivatives; None where there is none.
+        Low-pass of computed derivatives; None without one.
     dwells : DwellRule or None
-        When a joint's torque is no data because it stands; None takes all.
+        Rule for joints at rest, whose torque is no data; None keeps all torque.
     factor : int
         Decimation; 1 for none.
     notes : tuple of str
-        How derivatives are made, for the report.
+        Notes on derivatives, for the report.
     stale : StaleRule or None
-        Which values repeat the sample before and are interpolated; None leaves all as they are.
+        Rule for repeated values, which are interpolated; None keeps all values.
     grid : Grid or None
-        Where samples are missing; None if none are.
+        Positions of missing samples; None if none are missing.
     smoothing : Smoothing or None
-        Of measured velocities, of which signs are taken; None where there is none.
+        Smoothing of measured velocities for their signs; None without one.
     hints : tuple of str
-        What to say of it where every reader looks.
+        Hints on it for every reader.
     band : float or None [Hz]
-        Up to where torque and columns are kept beside computed derivatives; None without these.
+        Upper limit of the kept band of torque and columns with computed derivatives; else None.
     """
 
     step: float
@@ -342,9 +343,9 @@ class Plan:
     def derive(self, log: Log, origin: int = 0) -> tuple[Array, Array, Array]:
         """Return position, velocity and acceleration of the actuated joints, each (N, n).
 
-        The computed derivatives of a joint that never moves are zero: the sign of what rounding
-        leaves there would pass for friction, another one on every processor. Those of a stretch
-        that is too short are zero, too: it will be left out.
+        The computed derivatives of a joint that never moves are zero. Else the sign of rounding
+        errors would pass for friction, and differ between processors. The derivatives of a stretch
+        that is too short are zero, too, because it will be left out.
 
         Parameters
         ----------
@@ -401,9 +402,9 @@ class Plan:
         return out
 
     def _stretches(self, rows: int, origin: int) -> Iterator[tuple[slice, Array]]:
-        """Yield the stretches without a long gap of so many rows from `origin` on, but short ones.
+        """Yield the stretches of `rows` rows from `origin` on without long gaps; skip short ones.
 
-        With how many steps after its first each row of them was sampled.
+        Each comes with the sampling times of its rows, in steps after the first.
         """
         if self.grid is None:
             yield slice(0, rows), np.arange(rows)
@@ -414,19 +415,19 @@ class Plan:
 
     @staticmethod
     def undirected(log: Log) -> np.ndarray | None:
-        """Return where nobody knows which way a joint of a series moves, (N, n) bool.
+        """Return a mask of rows in which a joint of a series has no sure direction, (N, n) bool.
 
-        The sign of friction there would err at the same rows of every period.
+        The sign of friction would be wrong there, at the same rows of every period.
         """
         if log.speed_error is None or log.dq is None:
             return None
         return np.asarray(np.abs(log.dq) < UNSURE * log.speed_error)
 
     def lacking(self, unmeasured: Array) -> Array:
-        """Return where torque is no data, from where it was not measured, (N, n) bool.
+        """Return the rows where torque is no data after decimation, (N, n) bool.
 
-        A decimation filter mixes it with what is beside. What lacks less than an output's step is
-        known from there.
+        The argument marks unmeasured torque. A decimation filter mixes it with neighbouring
+        samples. Gaps shorter than the step of outputs are bridged by their neighbours.
         """
         if self.factor == 1:
             return unmeasured
@@ -435,7 +436,7 @@ class Plan:
 
 
 def _reached(x: Array, reach: int) -> Array:
-    """Return (N, n) bool true within some samples of where it is."""
+    """Return (N, n) bool that is true within `reach` samples of any true value."""
     out: Array = scipy.ndimage.maximum_filter1d(x, 2 * min(reach, len(x)) + 1, axis=0)
     return out
 
@@ -479,12 +480,12 @@ def joint_log(robot: Robot, log: Log) -> Log:
 
 
 def _on_base(robot: Robot, log: Log) -> Log:
-    """Return a log with the joints that stand for a base that floats, which nothing drives.
+    """Return a log with the six undriven joints of a floating base.
 
     Raises
     ------
     LogError
-        If the log was read as that of a robot that stands.
+        If the log was read for a robot with a fixed base.
     """
     if robot.base is None:
         return log
@@ -510,16 +511,16 @@ def has_motors(robot: Robot, log: Log) -> bool:
 
 @frozen
 class Windows:
-    """Where decisions about a log are made.
+    """The windows of a log on which decisions are made.
 
     Attributes
     ----------
     logs : list of Log
     origins : list of int
-        Row at which each begins.
+        First row of each window.
     gaps : Gaps
     stale : StaleRule or None
-        By which repeated values were interpolated; None if they were left.
+        Rule by which repeated values were interpolated; None if they were kept.
     """
 
     logs: list[Log]
@@ -551,7 +552,7 @@ class Windows:
 
 
 def plan_gaps(plan: Plan, gaps: Gaps, samples: int) -> Plan:
-    """Return a plan that bridges short gaps and splits the log at others, and says so."""
+    """Return a plan that bridges short gaps and splits the log at others, with notes."""
     least = 1
     bridged = 0.5 / RULES.cutoff_lowest
     longest = max(bridged, RULES.lost * plan.step)  # measured derivatives need no filter
@@ -607,28 +608,29 @@ SHORT = 4 * ORDER
 
 @frozen
 class Preparation:
-    """How a log is turned into motion.
+    """Options for turning a log into motion.
 
     Attributes
     ----------
     derivatives : {"auto", "given", "butterworth", "fourier", "spline"}
-        Velocity and acceleration: ``auto`` takes the log's own where it has them, else computes
-        them by Butterworth. ``fourier`` and ``spline`` replace the whole motion by a series through
-        all that was measured of it (`identifiability.logs.series`).
+        Velocity and acceleration: ``auto`` takes those of the log, or else computes them by
+        Butterworth. ``fourier`` and ``spline`` replace the motion by a series that is fitted to all
+        its measured channels (`identifiability.logs.series`).
     cutoff : float or None [Hz]
-        Low-pass for computed derivatives [Hz]; by default it is chosen for all logs together, from
-        the noise and the bandwidth of the motion.
+        Low-pass for computed derivatives. By default it follows from the noise and the bandwidth of
+        the motion, for all logs together.
     decimate : int or None
-        Parallel filter of torque and regressor, of which every k-th sample is kept; by default the
-        band up to `outputs` where derivatives are computed by Butterworth, else everything.
+        Parallel filter of torque and regressor, which keeps every k-th sample. By default it keeps
+        the band up to `outputs` if derivatives are computed by Butterworth, and else everything.
     outputs : float or None [Hz]
-        Up to where torque and regressor are kept where `decimate` does not say it; None for a
-        cut-off that is given (torque above it has no acceleration left to explain it), or for 10 ×
-        the bandwidth of the motion with one that is chosen.
+        Upper limit of the band of torque and regressor if `decimate` is not given. None means a
+        given cut-off, because no acceleration above it explains torque. Without a given cut-off,
+        None means 10 × the bandwidth of the motion.
     keep_rest : bool
-        Take the torque of joints that stand, too. Dry friction is anything up to its level there,
-        so it is no data for that joint (`identifiability.logs.prepare.preparation.DwellRule`),
-        whatever model is fitted; of a robot without dry friction it is.
+        Whether to keep the torque of joints at rest. Dry friction has any value up to its level
+        there, so this torque is no data for that joint
+        (`identifiability.logs.prepare.preparation.DwellRule`). For a robot without dry friction it
+        is data.
     """
 
     derivatives: Derivatives = "auto"
@@ -643,19 +645,19 @@ class Preparation:
 
 @frozen
 class CommonPreparation(Preparation):
-    """The same with a cut-off for several logs.
+    """Options of a preparation, with a cut-off for several logs.
 
     Attributes
     ----------
     band : Band or None
-        What it lets through.
+        Band that the cut-off keeps.
     stands : bool or None
-        Whether joints ever stand in any of the logs; None asks each log.
+        Whether joints ever stand in any of the logs; None decides for each log.
     common : float or None [Hz]
-        The cut-off of the fitted logs, where a log that cannot have it gets its own band.
+        The cut-off of the fitted logs, if this log cannot use it and has another band.
     reason : str
-        Why the motion is a series, where that was chosen; empty where the user asked for it. A log
-        that has no such series is then prepared by another one.
+        Reason for a series, if the program chose it; empty if the user requested it. A log without
+        such a series then gets another one.
     """
 
     band: Band | None = None
@@ -669,13 +671,13 @@ def choose_cutoff(
     logs: Sequence[Log],
     how: Preparation | None,
 ) -> Preparation:
-    """Return a preparation with one cut-off for all logs: what is compared has one band.
+    """Return a preparation with one cut-off for all logs, so that they share one band.
 
     Parameters
     ----------
     robot : Robot
     logs : sequence of Log
-        That decide: the fitted ones. What is held out has no say in what is fitted.
+        The fitted logs, which decide. Held-out logs have no influence.
     how : Preparation or None
 
     Raises
@@ -701,12 +703,12 @@ def choose_cutoff(
 
 
 def smoothed(robot: Robot, log: Log, how: Preparation) -> Log:
-    """Return a log with the series that its preparation asks for as its motion.
+    """Return a log whose motion is the series that its preparation requests.
 
     Raises
     ------
     LogError
-        If the log is too long for memory, or its motion does not repeat where it must.
+        If the log is too long for memory, or its motion must repeat and does not.
     """
     if how.derivatives not in KINDS or log.speed_error is not None:
         return log
@@ -717,7 +719,7 @@ def smoothed(robot: Robot, log: Log, how: Preparation) -> Log:
 
 
 def with_series_band(how: Preparation, logs: Sequence[Log]) -> Preparation:
-    """Return a preparation with the band in which torque is kept beside series through positions.
+    """Return a preparation with the band of torque for series through positions.
 
     Parameters
     ----------
@@ -734,7 +736,7 @@ def with_series_band(how: Preparation, logs: Sequence[Log]) -> Preparation:
 
 
 def _with_band(robot: Robot, logs: Sequence[Windows], how: Preparation) -> CommonPreparation:
-    """Return the preparation with one band of what is differentiated, from windows of each log."""
+    """Return the preparation with one band for derivatives, from windows of each log."""
     spectra = []
     for raw in logs:
         windows = [joint_log(robot, w) for w in raw.even(0.5 / RULES.cutoff_lowest)]
@@ -751,17 +753,18 @@ def _with_band(robot: Robot, logs: Sequence[Windows], how: Preparation) -> Commo
 
 
 def fit_band(robot: Robot, log: Log, how: Preparation | None) -> Preparation | None:
-    """Return the preparation of a log that had no say in the cut-off.
+    """Return the preparation of a log that did not influence the cut-off.
 
-    A log that cannot have the cut-off gets its own band, as one that is sampled more slowly.
+    A log that cannot use the cut-off, for example because it is sampled more slowly, gets another
+    band.
 
     Parameters
     ----------
     robot : Robot
     log : Log
-        Held out, or new to a result.
+        A held-out log, or one that is new to a result.
     how : Preparation or None
-        Of the fitted logs.
+        Preparation of the fitted logs.
 
     Raises
     ------
@@ -889,7 +892,7 @@ def _lets_through(log: Log, gaps: Gaps, cutoff: float) -> bool:
 
 
 def _state_own_band(log: Log, dt: float, how: Preparation) -> tuple[Finding, ...]:
-    """Return the statement of a log's own band; none where it has the band of the fitted logs."""
+    """Return a note on the band of a log; empty if it is that of the fitted logs."""
     if not isinstance(how, CommonPreparation) or how.common is None:
         return ()
     bands = {"band": how.outputs, "cutoff": how.common}

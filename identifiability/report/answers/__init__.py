@@ -33,7 +33,7 @@ FILES = {
 def find_presenter(result: Any) -> Presenter:
     """Return the presenter of a result, by the name of its class or of one above it.
 
-    A result whose class is not in `FILES` says and shows itself.
+    A result whose class is not in `FILES` gets the base class `Presenter`.
     """
     for kind in type(result).__mro__:
         if kind.__name__ in FILES:

@@ -1,4 +1,4 @@
-"""Answers of `analyze`, and those about the model to use that `prune` shares."""
+"""Answers of `analyze`, and answers about the model to use that `prune` shares."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class LadderedPresenter(PredictingPresenter):
         """Return the model to use, and the number of its identifiable parameters."""
 
     def asked(self) -> tuple[Answer, ...]:
-        """Return what to use, how good it is, and whether to trust it."""
+        """Return the recommended model, its error, and its reliability."""
         result = self.result
         use = after_mass(self.answer_use(), result.mass_warning)
         use = replace(use, short=f"{state_weight(result)} {use.short}".lstrip())
@@ -214,7 +214,7 @@ class AnalysisPresenter(LadderedPresenter):
         return (models, *error_tables(result), parameters, file_table(result))
 
     def file_frame(self) -> pd.DataFrame:
-        """Return which numbers of the robot file the logs bear out, those they contradict first."""
+        """Return the numbers of the robot file that the logs contradict, then confirmed ones."""
         result = self.result
         pairs = zip(result.full.verdicts, stated_values(result, result.full), strict=True)
         known = [(v, x) for v, x in pairs if x is not None]
@@ -244,7 +244,7 @@ def _state_left_out(result: Laddered[Any]) -> str:
 
 
 def _state_own_means(result: Laddered[Any]) -> str:
-    """Return the error over each joint's own mean, where that of all joints misleads."""
+    """Return the error about each joint's mean, where the error of all joints misleads."""
     constant = result.held_out.constant_error()
     if not constant * RULES.means_apart < 1.0:
         return ""
@@ -253,7 +253,7 @@ def _state_own_means(result: Laddered[Any]) -> str:
 
 
 def _state_open(result: Laddered[Any]) -> str:
-    """Return why a model predicts well of which no parameter is identifiable."""
+    """Return why a model without identifiable parameters predicts well."""
     chosen = result.chosen
     good = grade_of(chosen.error_ra_validation) in ("very-good", "good")
     if chosen.count(Class.IDENTIFIABLE) or chosen.unjudged or not good:
@@ -311,7 +311,7 @@ def _state_impossible(result: Laddered[Any]) -> Iterator[str]:
 
 
 def state_physics(result: Laddered[Any]) -> str:
-    """Return which values of the model are used, and which are no parameter by itself."""
+    """Return the values in use, and those that are effective combinations."""
     chosen = result.chosen
     used = "used" if chosen.physical_used else "free"
     each = zip(chosen.submodel.columns, chosen.meanings, strict=True)
@@ -323,7 +323,7 @@ def state_physics(result: Laddered[Any]) -> str:
 def state_weight(result: Laddered[Any]) -> str:
     """Return the weight of a floating robot by its logs and by its file; else nothing.
 
-    The mass of all its bodies is one of its base parameters: gravity acts on the whole of it.
+    The mass of all its bodies is one of its base parameters: gravity acts on all of it.
     """
     structure = result.structure
     if result.robot.base is None or result.nothing:
@@ -347,7 +347,7 @@ def state_weight(result: Laddered[Any]) -> str:
 def _order_commands(
     result: Laddered[Any], lines: list[Command], find: str, ladder: str
 ) -> list[Command]:
-    """Return the three most useful lines, with those that diagnose and compare.
+    """Return the three most useful commands, with those that diagnose and compare.
 
     Parameters
     ----------
@@ -361,10 +361,10 @@ def _order_commands(
     missing = command("missing", find)
     very_good = grade_of(result.chosen.error_ra_validation) == "very-good"
     first = result.missing.functions or result.chosen.contradicted or not very_good
-    # What wrote a ladder may have been a diagnosis.
+    # A ladder may come from a diagnosis.
     if not ladder:
         lines = [missing, *lines] if first else [*lines, missing]
-    # Logs disagree under a model that misses something; what differs shows beside that.
+    # Logs disagree under a model that misses an effect; differences show in addition to that.
     if not result.missing.functions and compare_logs(result.samples, result.chosen):
         names, how = given_paths(result.samples), result.settings["preparation"]
         compare = commands.compare_line(result.robot, names, how, ladder)
@@ -376,18 +376,18 @@ def _order_commands(
 
 
 def model_title(result: ModelResult) -> str:
-    """Return the name of a model as it stands in a sentence."""
+    """Return the name of a model inside a sentence."""
     return result.name if "model" in result.name.lower() else f"“{result.name}”"
 
 
 def found_cell(model: ModelResult) -> Cell:
-    """Return how many parameters of a model are identifiable."""
+    """Return the number of identifiable parameters of a model."""
     found = model.count(Class.IDENTIFIABLE)
     return Cell("not judged" if model.unjudged else str(found), found)
 
 
 def possible_cell(m: ModelResult) -> Cell:
-    """Return whether a real robot has the values of a model, and how much the nearest errs."""
+    """Return whether a model is physically consistent, and the error of the nearest values."""
     about = "laddered.tables"
     near = sentence(about, "near", error=m.unseen_by(1))
     if m.feasible:
@@ -419,7 +419,7 @@ def error_tables(result: Laddered[Any]) -> tuple[Table, ...]:
 
 
 def bar(x: float, whole: float) -> Cell:
-    """Return a percentage with the share of a whole bar that it fills."""
+    """Return a percentage with a bar of that length."""
     return Cell(percent_text(x), x, share=float(np.nan_to_num(min(x / whole, 1.0))))
 
 
@@ -443,12 +443,12 @@ def _parameter_row(v: Verdict, used: float, meaning: str, most: float) -> dict[s
     used : float
         The value in predictions and files.
     meaning : str
-        What that stands for, where it is no parameter by itself.
+        Its effective combination, if it is no parameter by itself.
     most : float
         Largest share of torque of a parameter of the model.
     """
     value, sigma = measured_cells(v.value, v.sigma_robust)
-    limit = Thresholds().sigma_percent  # a whole bar is what verdicts allow, or more
+    limit = Thresholds().sigma_percent  # a full bar is the limit of the verdicts, or more
     return {
         "name": Cell(v.name, note=label_note(v.label)),
         "value": value,
@@ -463,7 +463,7 @@ def _parameter_row(v: Verdict, used: float, meaning: str, most: float) -> dict[s
     }
 
 
-#: What logs say of a number of the robot file, and its mark.
+#: Information of the logs on a number of the robot file, and its mark.
 BELIEVED = {"contradicted": "differs", "agrees": "pass", "not determined": "partly"}
 
 
@@ -479,5 +479,5 @@ def file_table(analysis: Analysis) -> Table:
 
 
 def label_note(label: str) -> str:
-    """Return the combination that a name stands for; nothing where it is the parameter alone."""
+    """Return the effective combination of a name; empty where it is the parameter alone."""
     return shorten(label, 64, placeholder=" …") if " " in label else ""

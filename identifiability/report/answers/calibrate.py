@@ -28,7 +28,7 @@ class CalibrationPresenter(AnsweringPresenter):
     result: Calibration
 
     def asked(self) -> tuple[Answer, ...]:
-        """Return whether to trust, how often verdicts are wrong, and where."""
+        """Return the reliability, the rate of wrong verdicts, and their places."""
         result = self.result
         return _answer_trust(result), _answer_wrong(result), _answer_weakest(result)
 
@@ -106,7 +106,7 @@ def _answer_trust(result: Calibration) -> Answer:
 
 
 def _answer_wrong(result: Calibration) -> Answer:
-    """Return how often a verdict is wrong."""
+    """Return the rate of wrong verdicts."""
     about, cell, wrong = "calibration.wrong", result.cell, result.cell.wrong
     short, parts, tone = sentence(about, "never"), list[str](), "grey"
     if cell.called:
@@ -136,7 +136,7 @@ def _state_reason(result: Calibration) -> str:
     if analysis.nothing:
         return sentence(about, "nothing", why=analysis.nothing)
     if word == "yes":
-        # Repetitions are made by the model: what it lacks altogether is in none of them.
+        # The model makes the repetitions: effects that it lacks are in none of them.
         missing = analysis.missing.statement
         return sentence(about, "missing" if missing else "yes", missing=missing)
     return sentence(about, word, trials=4 * len(result.cell.held))

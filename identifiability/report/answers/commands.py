@@ -17,7 +17,7 @@ from identifiability.robot import Robot
 from identifiability.robot.locate import find_sidecar, shipped_folder
 from identifiability.workflows.provenance import given_paths
 
-#: What of a preparation an option says; others are only said from Python.
+#: Options of a preparation on the command line; others exist in Python only.
 OPTIONS = ("derivatives", "cutoff", "decimate")
 
 
@@ -63,7 +63,7 @@ def export_line(robot: Robot, result: str) -> str:
 
 
 def reading_options(robot: Robot) -> str:
-    """Return the options by which a command reads logs as they were read; begins with a space."""
+    """Return the options by which a command reads logs in the same way; begins with a space."""
     own, said = robot.said, robot.said.columns.items()  # the sidecar is read again
     rules = [rule for rule in robot.columns.rules if rule not in said]
     words = [option_for_shell("--map", "=".join(rule)) for rule in rules]
@@ -73,7 +73,7 @@ def reading_options(robot: Robot) -> str:
 
 
 def preparing_options(how: object) -> str:
-    """Return the options by which logs are prepared as was asked; begins with a space."""
+    """Return the options of the requested preparation of logs; begins with a space."""
     if not isinstance(how, Preparation):
         return ""
     usual = {f.name: f.default for f in fields(Preparation)}
@@ -92,9 +92,9 @@ def name_logs(robot: Robot, paths: Iterable[str], option: str = "", how: object 
     robot : Robot
     paths : iterable of str
     option : str
-        Stands before each of them.
+        Text in front of each of them.
     how : Preparation, optional
-        What was asked for.
+        The requested preparation.
     """
     files = [f"{option} {path_for_shell(path)}".strip() for path in dict.fromkeys(paths)]
     return f"{' '.join(files)}{reading_options(robot)}{preparing_options(how)}"
@@ -114,7 +114,7 @@ def compare_line(robot: Robot, paths: Iterable[str], how: object, ladder: str = 
 def held_back(samples: Sequence[Dataset], fitted: Sequence[Dataset] = ()) -> str:
     """Return the logs that were held back, as options; begins with a space.
 
-    A part of a fitted log is none: it is set aside again by itself.
+    A part of a fitted log is none: it is set aside again by default.
     """
     own = given_paths(fitted)
     paths = (path for path in dict.fromkeys(given_paths(samples)) if path not in own)
@@ -143,7 +143,7 @@ def on_file(result: Result, kind: str, name: str, make: str, use: Callable[[str]
 def ladder_option(robot: Robot, source: LadderSource | None) -> str:
     """Return the ladder that was given, as an option; begins with a space.
 
-    A ladder with the content of the one beside the robot file is found without an option.
+    A ladder that equals the file next to the robot file is found without an option.
     """
     if source is None or not source.origin.lower().endswith(".toml"):
         return ""

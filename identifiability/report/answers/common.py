@@ -1,6 +1,6 @@
-"""Answers that results share: how good is it, may it be trusted? And the words of reports.
+"""Answers that results share: how large is its error, is it reliable? And the words of reports.
 
-Questions and notes stand in `words.toml`; whoever shows a result reads them here.
+`words.toml` has the questions and notes; whoever shows a result reads them here.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def answer(
     text, tone : str
         As of `Answer`; by default the tone that `words.toml` gives the sentence.
     question : str
-        In place of the question that stands there.
+        Replaces the default question.
     """
     asked = question or sentence(name, "question", **holes)
     colour = tone or WORDS[name].get("tones", {}).get(part, "")
@@ -82,7 +82,7 @@ def hint_note(hint: str) -> Note:
     return note(own.get(hint.key, "read"), hint=hint)
 
 
-#: What an error on unseen motion is called, the smallest first, and the colour of that.
+#: Words for an error on unseen motion, the smallest first, with their colour.
 TONES = {"very-good": "green", "good": "green", "fair": "amber"}
 TONES |= dict.fromkeys(("poor", "useless"), "vermilion")
 
@@ -109,7 +109,7 @@ def after_mass(answer: Answer, warning: str) -> Answer:
     return replace(answer, short=f"{total}. {answer.short}", text=why, tone="vermilion")
 
 
-#: What a line for the terminal is for, and the line.
+#: Purpose of a line for the terminal, and the line.
 Command: TypeAlias = tuple[str, str]
 
 
@@ -162,7 +162,7 @@ class PredictingPresenter(AnsweringPresenter):
         return (*super().warnings(), *state_uneven(error, self.result.robot.joints, each))
 
     def answer_error(self, more: str, **known: Any) -> Answer:
-        """Return how good the predictions are; arguments as of `answer_quality`."""
+        """Return the error of the predictions; arguments as of `answer_quality`."""
         result, (error, each) = self.result, self.errors()
         joints, warnings = result.robot.joints, result.warnings
         return answer_quality(error, joints, each, more, warnings=warnings, **known)
@@ -177,12 +177,12 @@ def answer_quality(
     raw: float = math.nan,
     warnings: Sequence[str] = (),
 ) -> Answer:
-    """Return how good the predictions are, in words, and the joint that errs most.
+    """Return the error of the predictions in words, and the joint with the largest error.
 
     Parameters
     ----------
     error : float
-        On unseen motion, relative to how much torque varies.
+        On unseen motion, relative to the variation of torque.
     joints : sequence of str
     each : (n,)
         The same of each joint over its own scale; nan where its torque was not measured.
@@ -217,7 +217,7 @@ def answer_quality(
 
 
 def state_errors(error: float, raw: float) -> str:
-    """Return the error in words, and that of raw torque where a filter makes a difference."""
+    """Return the error in words, with the error of raw torque where a filter makes a difference."""
     if not np.isfinite(raw) or math.isclose(raw, error, rel_tol=1e-6):
         return error_text(error)
     return sentence("decision.grades", "both", raw=raw, error=error)
@@ -244,9 +244,9 @@ def state_uneven(error: float, joints: Sequence[str], each: Array) -> list[Findi
 
 
 def errs_unevenly(error: float, own: float) -> bool:
-    """Return whether a joint errs so much that the error of all joints misleads.
+    """Return whether one joint's error is so large that the error of all joints misleads.
 
-    A joint whose own error is very good decides nothing, however small the error of the others is.
+    A joint with a very good error never counts, even if the error of all joints is smaller.
     """
     if grade_of(own) == "very-good":
         return False
@@ -279,11 +279,11 @@ def answer_trust(
     ----------
     notes : sequence of Note
     doubt : str
-        Why nothing is believed; empty where something is.
+        Why no value is reliable; empty where something is.
     found, size : int
         Parameters that are identifiable, and all.
     missing : str
-        What the model seems to miss, and how surely (`MissingEffects.statement`).
+        The missing effects and their odds (`MissingEffects.statement`).
     warnings : sequence of str
         What changes a decision.
     """
@@ -305,7 +305,7 @@ def answer_trust(
 
 
 def reserve(answers: Sequence[Answer], warnings: Sequence[str]) -> tuple[Answer, ...]:
-    """Return answers of which none is green above a warning."""
+    """Return answers with all green ones lowered if there is a warning."""
     if not warnings:
         return tuple(answers)
     return tuple(replace(a, tone="amber") if a.tone == "green" else a for a in answers)

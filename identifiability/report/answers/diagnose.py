@@ -200,7 +200,7 @@ def _answer_missing(d: Diagnosis) -> Answer:
 
 
 def _state_search(d: Diagnosis) -> str:
-    """Return the searched model, the rows left out, and why no effect was named."""
+    """Return the searched model, the omitted rows, and why no effect was named."""
     about, model = "diagnosis.missing", d.alternative.partition(":")[0]
     parts = [f"{model}."] if model else []
     parts += [sentence(about, "changed", name=_capital(c.called)) for c in d.changes]
@@ -298,7 +298,7 @@ def _state_looks(d: Diagnosis) -> str:
     return sentence("diagnosis.residual", "depends", where=where, joint=most.joint, share=best)
 
 
-# What else should be known.
+# Other findings.
 
 
 def _write_note(name: str, text: str, level: Any = "note") -> Note:
@@ -314,7 +314,7 @@ def _list_motion(d: Diagnosis) -> Iterator[Note]:
 
 
 def _list_doubts(d: Diagnosis) -> Iterator[Note]:
-    """Yield which names stand for others, have no name, or are not confirmed."""
+    """Yield the names that have confounders, are nonparametric, or are not confirmed."""
     about = "diagnosis.doubts"
     for e in d.effects:
         if e.alternatives:
@@ -359,7 +359,10 @@ class ChangePresenter(Presenter):
     result: Change
 
     def when(self) -> str:
-        """Return when it began and ended, and in which log; nothing where that is all logs."""
+        """Return when the change began and ended, and in which log.
+
+        Nothing where that is all logs.
+        """
         about, change = "diagnosis.change", self.result
         ends = ("from", change.start, change.began), ("until", change.stop, change.ended)
         told = [
@@ -372,7 +375,7 @@ class ChangePresenter(Presenter):
         return sentence(about, "log", log=change.log) if change.log else ""
 
     def called(self) -> str:
-        """Return what it is and its size, and what it may be instead."""
+        """Return the change with its size, and its competing explanations."""
         change, about = self.result, "diagnosis.change"
         text = f"{_state_change(change)} {change.when}".rstrip()
         if change.others:
@@ -382,7 +385,11 @@ class ChangePresenter(Presenter):
 
 
 def _state_change(change: Change) -> str:
-    """Return a change with its size; of one everywhere what is sure, where its sum is not."""
+    """Return a change with its size.
+
+    Where a change has several parameters and its sum is uncertain, only the significant ones are
+    listed.
+    """
     about, half = "diagnosis.change", REACH * change.sd
     size, reach, unit = 100 * change.share, 100 * REACH * change.share_sd, "%"
     words = "rose", "fell"

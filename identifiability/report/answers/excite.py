@@ -59,7 +59,7 @@ class ExcitationPresenter(AnsweringPresenter):
         return f"{self.result.worth} {self.result.limits_statement}"
 
     def worth(self) -> str:
-        """Return how much standard errors shrink; nothing for motions of `diagnose --next`."""
+        """Return the reduction of standard errors; nothing for motions of `diagnose --next`."""
         result, about = self.result, "excitation.worth"
         if not isinstance(result.criterion, LogDet):
             return ""
@@ -71,7 +71,7 @@ class ExcitationPresenter(AnsweringPresenter):
         return sentence(about, names=names, share=share, period=period, other=other)
 
     def beside(self) -> str:
-        """Return what the motion is compared with."""
+        """Return the motion that is compared with this one."""
         return sentence("excitation.worth", "again" if self.result.logs else "random")
 
     def limits_statement(self) -> str:
@@ -106,14 +106,14 @@ class ExcitationPresenter(AnsweringPresenter):
         return by_name(pd.DataFrame(columns))
 
     def parameters_frame(self) -> pd.DataFrame:
-        """Return one row a column: how its standard deviation changes."""
+        """Return one row a column: the change of its standard deviation."""
         result = self.result
         columns = {"name": result.names, "unit": result.units, "sigma_ratio": result.gain}
         return by_name(pd.DataFrame(columns))
 
 
 def _answer_worth(result: Excitation) -> Answer:
-    """Return how many parameters the motion makes identifiable."""
+    """Return the number of parameters that the motion makes identifiable."""
     about, text = "excitation.worth", result.worth
     old, new = result.before.identifiable, result.after.identifiable
     if not new:  # of values that nobody states

@@ -21,7 +21,7 @@ from .tables import make_table
 if TYPE_CHECKING:
     from identifiability.workflows.inspect import Inspection, JointFact, Record
 
-#: Things of which the first screen says what they are.
+#: Things that the first screen explains.
 SHOWN = 3
 
 
@@ -86,7 +86,7 @@ def _answer_usable(result: Inspection) -> Answer:
 
 
 def _answer_content(result: Inspection) -> Answer:
-    """Return how much motion the logs hold."""
+    """Return the amount of motion in the logs."""
     about, clocks = "inspection.content", pd.DataFrame([r.clock for r in result.records])
     seconds, samples = float(clocks.duration.sum()), int(clocks.samples.sum())
     rates = dict.fromkeys(format_number(x, 3) for x in (clocks.rate.min(), clocks.rate.max()))
@@ -97,7 +97,7 @@ def _answer_content(result: Inspection) -> Answer:
 
 
 def _answer_columns(result: Inspection) -> Answer:
-    """Return which columns a log must have, and how many parameters they tell at most."""
+    """Return the columns that a log needs, and the largest number of identifiable parameters."""
     about, base = "inspection.needs", result.base
     text = sentence(about, "most", rank=base.rank, parameters=len(base.parameters))
     if result.robot.servo:
@@ -114,7 +114,7 @@ def _answer_open(result: Inspection) -> Answer:
     if not needs:
         return answer(about, "nothing")
     text = " ".join(need.text for need in needs[:SHOWN])
-    faults = of_key(need.text for need in needs)  # what the file states and can hardly be
+    faults = of_key(need.text for need in needs)  # implausible statements of the file
     part = "faults" if faults else "some"
     return answer(about, part, text, count=needs)
 

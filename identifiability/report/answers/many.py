@@ -1,4 +1,4 @@
-"""What `analyze_many` answers: how many robots have an answer, and how good the models are."""
+"""What `analyze_many` answers: the robots with an answer, and the errors of their models."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class FleetPresenter(Presenter):
         return result.folder.resolve().name, sentence("fleet", "kind"), f"{result.verb} · {count}"
 
     def answers(self) -> tuple[Answer, ...]:
-        """Return how many robots have an answer, and which model errs most."""
+        """Return the number of robots with an answer, and the model with the largest error."""
         result = self.result
         failed = result.failed
         counts = {"count": len(result.rows) - len(failed), "size": len(result.rows)}
@@ -67,7 +67,7 @@ class FleetPresenter(Presenter):
 
 
 def _robot_row(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what is known of a robot as one row of a table; its name leads to its page."""
+    """Return the results of a robot as one row of a table; its name leads to its page."""
     return {
         **row,
         "robot": Cell(row["robot"], row["robot"], link=for_link(row["page"])),

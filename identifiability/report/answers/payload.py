@@ -1,4 +1,4 @@
-"""What `payload` answers: how heavy a load is and where, or the gains of torque columns."""
+"""What `payload` answers: mass and centre of a load, or the gains of torque columns."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class LoadPresenter(AnsweringPresenter):
     result: Load
 
     def asked(self) -> tuple[Answer, ...]:
-        """Return how heavy and where, or gains; how well known, and whether to trust it."""
+        """Return mass and centre, or gains; their uncertainty and reliability."""
         result = self.result
         if result.known is None:
             return _answer_load(result), _answer_known(result), _answer_trust(result)
@@ -58,7 +58,7 @@ class LoadPresenter(AnsweringPresenter):
     def tables(self) -> tuple[Table, ...]:
         """Return one row a quantity, or a joint whose gain a known load tells."""
         result = self.result
-        shown = result.to_frame().drop(columns="told")  # what is not says why
+        shown = result.to_frame().drop(columns="told")  # the others give their reason
         shown = shown.loc[:, (shown != "").any()]
         part = "quantities" if result.known is None else "gains"
         table = frame_table(shown, sentence("payload.tables", part))
@@ -96,7 +96,7 @@ def _state_gains(result: Load) -> str:
 
 
 def _answer_load(result: Load) -> Answer:
-    """Return how heavy the load is, and where."""
+    """Return the mass and the centre of the load."""
     question = sentence("payload.load", "question", body=result.body)
     if not result.mass.told:
         return Answer(question, result.answer, "", "amber")
@@ -104,7 +104,7 @@ def _answer_load(result: Load) -> Answer:
 
 
 def _answer_known(result: Load) -> Answer:
-    """Return how many quantities of the load the logs tell."""
+    """Return the number of identifiable quantities of the load."""
     about = "payload.known"
     unknown = [q.name for q in result.quantities if not q.told]
     count, tone = len(result.quantities), "green" if result.mass.told else "amber"

@@ -184,7 +184,7 @@ class PositionPredictionPresenter(AnsweringPresenter):
 
 
 def _answer_positions(result: PositionPrediction) -> Answer:
-    """Return by how much the positions of each robot err."""
+    """Return the errors of the positions of each robot."""
     about, totals = "rollout.errors", 1e3 * result.totals
     diverges = sentence(about, "it_diverges")
     errors = [f"{x:.3g} {result.unit}" if np.isfinite(x) else diverges for x in totals]

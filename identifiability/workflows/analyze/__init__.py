@@ -1,8 +1,7 @@
-"""The main job: one verdict a parameter, and the model to use.
+"""The main workflow: one verdict for each parameter, and the model to use.
 
-What to use when: `analyze` does it all and gives an `Analysis`. The method, in the order of the
-files: models are fitted and judged, and one is selected (`workflow`); its values are believed
-(`belief`); and the answer is told (`result`).
+What to use when: `analyze` runs all stages and returns an `Analysis`. `workflow` fits and judges
+the models and selects one. `belief` samples the posterior of its values. `result` holds the answer.
 """
 
 from .result import Analysis

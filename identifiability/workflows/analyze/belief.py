@@ -1,4 +1,4 @@
-"""What is believed of the parameters after the data, and that bodies can exist.
+"""Posterior of the parameters, given the data and physically consistent bodies.
 
 A posterior of one model is sampled.
 """
@@ -36,16 +36,15 @@ from identifiability.posterior.rules import RULES as POSTERIOR_RULES
 from identifiability.posterior.target import Prior, Target
 from identifiability.regression.structure import Structure
 
-# What is believed of the parameters after the data: a normal prior per standard parameter,
-# restricted to bodies that can exist and friction that brakes. Residuals are correlated, so the
-# likelihood counts as many samples as are independent.
+# Posterior of the parameters: a normal prior of each standard parameter, restricted to the physical
+# set. Residuals are correlated, so the likelihood counts only independent samples.
 
 
 #: Margin of the point inside the cone that the samplers start from.
 START_MARGIN: Tolerance = 1e-3
 
 
-#: How much is sampled at most: walkers of each of four ensembles, draws of each walker.
+#: Upper limits of sampling: walkers of each of four ensembles, draws of each walker.
 #:
 #: Sampling ends as soon as the draws suffice, or when paths have had so many straight `pieces`: a
 #: step has ten to seventy, and 64 walkers take half a millisecond for each.
@@ -64,8 +63,8 @@ class Summary:
     chains : (E, K, N, m)
         All draws by ensemble and walker, in order.
     prior_sensitivity : (m,)
-        By how many sd the mean may move where the prior has another density at the edges of what
-        is possible.
+        Change of the mean, in sd, if the prior has another density at the edges of the physical
+        set.
     convergence : Convergence
         Whether the numbers may be shown.
     """
@@ -108,11 +107,11 @@ class Belief:
 def believed_interval(draws: Array, nonnegative: np.ndarray, moved: Array | float = 0.0) -> Array:
     """Return the shortest intervals (m, 2) that hold 95 % of draws (D, m).
 
-    Where a true value lies at the edge of what is possible the density is highest there, and a
-    central interval never holds it. What cannot be negative may begin at zero. They hold whatever
-    the density at the edges: by what means move.
+    A true value can lie on the edge of the physical set, where the density is highest. A central
+    interval never contains such a value. Intervals of nonnegative parameters may begin at zero.
+    Intervals are widened by `moved`, the prior sensitivity of the means.
     """
-    # So many ways to leave the rest of the draws at the two ends.
+    # Splits of the remaining draws between the two ends.
     below = np.linspace(0, 0.05, 11)
     low, high = (np.quantile(draws, share, axis=0) for share in (below, below + 0.95))
     low[0, nonnegative] = 0.0
@@ -122,10 +121,10 @@ def believed_interval(draws: Array, nonnegative: np.ndarray, moved: Array | floa
 
 
 def refine_verdicts(verdicts: Sequence[Verdict], belief: Belief) -> tuple[Verdict, ...]:
-    """Return the verdicts of a model with what the physical posterior adds.
+    """Return the verdicts of a model, updated by the physical posterior.
 
-    Verdicts on what the data determine stay. What they leave open may still be narrowed by
-    bodies that can exist, or be no more than the prior.
+    Verdicts on parameters that the data determine do not change. Physically consistent bodies may
+    narrow the other parameters, or their posterior may equal the prior.
     """
     rules, physical, out = Thresholds(), belief.physical, list(verdicts)
     if physical is None or not physical.convergence.trustworthy:
@@ -173,7 +172,7 @@ def _physical_dict(names: Sequence[str], summary: Summary) -> dict[str, Any]:
     return told
 
 
-# Sample what is believed, and where each parameter comes from.
+# Sample the posterior, and find the source of each parameter.
 
 
 def form_belief(
@@ -192,7 +191,7 @@ def form_belief(
     effort : mapping, optional
         As of `sample_posterior`.
     progress : callable, optional
-        Called with the number of steps done and to do.
+        Called with the number of finished steps and of all steps.
     share : float
         Within which bodies are the file's, 0 for the sidecar's.
     """
@@ -207,28 +206,28 @@ def form_belief(
 
 
 def widest(data: LeastSquares) -> Array:
-    """Return the sd of parameters of which nothing is known: by each ten times the torque."""
+    """Return the sd of unknown parameters: one sd makes ten times the measured torque."""
     reach, size = np.linalg.norm(data.R, axis=0), 10.0 * float(np.linalg.norm(data.z))
     return np.where(reach > 0, size / np.where(reach > 0, reach, 1.0), 1.0)
 
 
 def state_prior(structure: Structure, data: LeastSquares, share: float = 0.0) -> Prior:
-    """Return the prior: around the robot file, widened or narrowed by what the sidecar states.
+    """Return the prior around the robot file, widened or narrowed by entries of the sidecar.
 
     Parameters
     ----------
     structure : Structure
     data : LeastSquares
-        What logs say of its standard parameters.
+        Estimate of its standard parameters from the logs.
     share : float
         Within which bodies are the file's, 0 for the sidecar's.
 
     Raises
     ------
     RobotError
-        If the sidecar states a prior for a parameter that is not there, or one that is impossible.
+        If the sidecar states an impossible prior, or one for a missing parameter.
     IdentifiabilityError
-        If the robot file states a body that cannot exist, with its name.
+        If a body of the robot file is not physically consistent.
     """
     robot, names = structure.robot, structure.columns
     if check_bodies(robot):
@@ -248,7 +247,8 @@ def state_prior(structure: Structure, data: LeastSquares, share: float = 0.0) ->
                 f"not have{near_match(name, names)}"
             )
         k = names.index(name)
-        # A prior of what cannot be negative may lie so many of its deviations below zero.
+        # The mean of a prior of a nonnegative parameter may lie so many standard deviations below
+        # zero.
         if structure.nonnegative[k] and m + 4.0 * s < 0:
             raise RobotError(
                 f"The sidecar of {robot.path} states the prior {m:g} ± {s:g} for '{name}', which "
@@ -259,9 +259,9 @@ def state_prior(structure: Structure, data: LeastSquares, share: float = 0.0) ->
 
 
 def start_inside(target: Target, nominal: Array) -> Array:
-    """Return a point inside of what is possible, (p,), near to what the data say.
+    """Return a point inside the physical set, (p,), near the estimate.
 
-    The projection ends on the edge of signs, or by rounding outside.
+    The projection can end on a sign bound or, by rounding, outside it.
     """
     options = {"margin": START_MARGIN, "reference": nominal, "fixed": target.fixed}
     start = np.array(project(target.data, target.region, **options).phi)
@@ -278,10 +278,11 @@ def _sample_physical(
     effort: Mapping[str, int],
     progress: Progress | None,
 ) -> Belief:
-    """Sample the standard parameters on the cone and look at them through the model.
+    """Sample the standard parameters on the physical set and map the draws to the model.
 
-    What the model leaves out, holds or ties is so in every draw; what bodies cannot do without
-    counts as error in full, as in the nearest real robot.
+    Every draw keeps the zero, fixed and tied parameters of the model. Parameters that the model
+    omits but physical bodies need count fully as error. The nearest physically consistent robot
+    treats them alike.
     """
     structure, to_x, prior = model.structure, model.to_x, target.prior
     moving = ~(model.fixed or Fixed.none(target.size)).parameters  # others are not asked

@@ -38,7 +38,7 @@ def decide_model(
     late: SharedErrors | None = None,
     real: PhysicalResult | None = None,
 ) -> tuple[Fit, tuple[Verdict, ...], tuple[str, ...]]:
-    """Return a fit with all that its model leaves open, its verdicts, and impossible signs.
+    """Return a fit with its full uncertainty, its verdicts, and forbidden signs.
 
     Parameters
     ----------
@@ -51,11 +51,11 @@ def decide_model(
     full : Estimate or None
         Of all base parameters.
     missing : MissingEffects
-        What may be missing beside these.
+        Effects that may be missing in these.
     late : SharedErrors, optional
-        What errors that all samples share do to the values of a model.
+        Changes of the values of a model by errors that all samples share.
     real : PhysicalResult, optional
-        The nearest real robot: it may be right, too, where it predicts as well.
+        The nearest physically consistent robot: it may be right, too, where it predicts as well.
     """
     structure, submodel, estimate = model.structure, model.submodel, model.estimate
     fit = Fit.of(model.information, estimate, rng, replicates)
@@ -123,10 +123,10 @@ Answered = TypeVar("Answered", bound=Laddered[Any])
 
 
 def tell_with_file(found: Answered, share: float) -> Answered:
-    """Return an answer whose verdicts say what the file's bodies add, and what logs say of these.
+    """Return an answer whose verdicts combine the logs with the bodies of the robot file.
 
-    What logs determine stays; what they leave open may be narrowed by bodies within a share of the
-    file's.
+    Verdicts on parameters that the logs determine do not change. Bodies within a share of the
+    file's may narrow the other parameters.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def tell_with_file(found: Answered, share: float) -> Answered:
 
 
 def _narrow_by_file(v: Verdict, mean: float, sd: float, words: str) -> Verdict:
-    """Return a verdict with what the file's bodies add where logs leave much open."""
+    """Return a verdict, narrowed by the file's bodies where the logs leave it wide."""
     if not (v.open and sd**2 < Thresholds().constraint_variance * v.sigma_robust**2):
         return v
     low, high = mean - REACH * sd, mean + REACH * sd
@@ -164,7 +164,7 @@ def _narrow_by_file(v: Verdict, mean: float, sd: float, words: str) -> Verdict:
 
 
 def _aliases(fit: Estimate) -> tuple[str, ...]:
-    """Return, for each undetermined parameter, what this motion cannot tell it from."""
+    """Return, for each undetermined parameter, the parameters confounded with it by this motion."""
     out, leans = [""] * len(fit.columns), np.abs(fit.open)
     for k in np.flatnonzero(~fit.determined):
         shared, own = (leans * leans[k]).max(1, initial=0.0), k in fit.kept
@@ -175,13 +175,13 @@ def _aliases(fit: Estimate) -> tuple[str, ...]:
 
 
 def select_model(results: Sequence[ModelResult], near: np.ndarray) -> int:
-    """Return the smallest of the models that may stand for the best, possible ones first.
+    """Return the smallest model among those as good as the best; physical models come first.
 
     Folds of the fitted logs choose (`evidence.near_best`); logs that are held out do not.
 
-    Of those that they leave, models come last of which the data call something identifiable that
-    physics forbids, and models that a real robot can have first, then those without forbidden
-    signs.
+    The remaining models are ranked. Models with physically consistent values come first, then
+    models without forbidden signs. Models with an identifiable parameter of forbidden sign come
+    last.
 
     Parameters
     ----------

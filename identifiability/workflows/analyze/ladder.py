@@ -1,4 +1,4 @@
-"""Models of a ladder: fitted, each with its nearest real robot, and what they predict."""
+"""Fitted models of a ladder, their nearest physically consistent robots, and their predictions."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ from identifiability.workflows.case import WeightedRows
 
 from .shared_errors import SharedErrors, measure_shared_errors
 
-#: Values of which each fitted model is judged (`LadderFit.values`).
+#: Number of value sets for which each fitted model is judged (`LadderFit.values`).
 ACCOUNTS = 6
 
 
 @frozen
 class LadderFit:
-    """A fitted model with the nearest real robot, and what both predict in turns.
+    """A fitted model, the nearest physically consistent robot, and cross-validation of both.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class LadderFit:
     free : Score
         Of the estimated values, on folds.
     real : Score or None
-        The same of the nearest real robot; None where there is none.
+        The same of the nearest physically consistent robot; None where there is none.
     crossed : (F, b, 2)
         Base parameters of both, found from each fold's rest.
     """
@@ -59,10 +59,10 @@ class LadderFit:
 
     @property
     def values(self) -> Array:
-        """Base parameters (b, `ACCOUNTS`): as estimated, and of the nearest real robot.
+        """Base parameters (b, `ACCOUNTS`): estimated, and of the nearest physical robot.
 
-        Then what a robot file holds of the latter: of its own format, and of the other. Last what
-        such files hold of the robot that was given.
+        Two columns follow for the latter as a robot file can hold it, in its format and in the
+        other one. The last two columns are the same for the given robot.
         """
         structure = self.model.structure
         free = self.model.submodel.expand(self.model.estimate.value)
@@ -75,7 +75,7 @@ class LadderFit:
     def turned(self) -> Array:
         """The same found from each fold's rest, (F, b, `ACCOUNTS`).
 
-        Files lack as much as of the whole, and the given robot is fitted to nothing.
+        Robot files lack the same part as for the whole, and the given robot is not fitted.
         """
         values = self.values
         written, given = np.split(values[:, 2:], 2, axis=1)
@@ -87,7 +87,7 @@ class LadderFit:
 def fit_ladder(
     rows: WeightedRows, submodels: Sequence[Submodel], cad_weight: float | None
 ) -> tuple[list[LadderFit], Folds, str]:
-    """Fit models with their real robots; return also the folds, and why they choose nothing.
+    """Fit models and their physical robots; return also the folds, and why they choose nothing.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def fit_ladder(
 
 
 def hold_folds(information: Information, estimator: Estimator) -> tuple[HeldOut, str]:
-    """Return folds of the fitted logs; those of logs too short for a choice, and why they are."""
+    """Return folds of the fitted logs, and the reason if the logs are too short for a choice."""
     fit = estimator.fit(information)
     try:
         return HeldOut.of(information, fit.noise), ""
@@ -129,21 +129,21 @@ def fit_with_robot(
     choose: bool = True,
     certified: Sequence[Any] = (),
 ) -> LadderFit:
-    """Return the nearest real robot of a model, and what both predict in turns.
+    """Return the nearest physically consistent robot of a model, and cross-validate both.
 
     Parameters
     ----------
     model : FittedModel
     held_out : HeldOut
-        Folds of what was fitted.
+        Folds of the fitted logs.
     cad_weight : float or None
         As in `fit_ladder`.
     heaviest : float
-        Weight that is tried.
+        Largest weight to try.
     choose : bool
         Whether folds may choose; else the prior is weak, unless it is given.
     certified : (Certificate or None, str), optional
-        What `certify_model` says of it, where that is known.
+        Result of `certify_model`, where it is known.
     """
     submodel, fit = model.submodel, model.estimate
     free = held_out.refit(fit, submodel.M, submodel.fixed)
@@ -176,11 +176,11 @@ class FittedLadder:
     short : str
         Why folds choose nothing; empty where they do.
     near : (m,) bool
-        Models that may stand for the best.
+        Models that predict as well as the best.
     fitted, unseen : Prediction
         By the accounts of each model (`LadderFit.values`), on fitted and on unseen motion.
     shared : SharedErrors
-        What errors that all samples of a log share do to values.
+        Changes of the values by errors that all samples of a log share.
     """
 
     rows: WeightedRows

@@ -48,7 +48,7 @@ from identifiability.workflows.provenance import state_provenance
 
 from .belief import Belief, belief_dict
 
-#: Why no verdict is believed where a model would be used that is no better than no model.
+#: Reason why no verdict is given if the model to use is no better than no model.
 WORSE = "no model predicts motion that it has not seen better than a constant torque would"
 
 
@@ -59,21 +59,21 @@ WORSE = "no model predicts motion that it has not seen better than a constant to
 class ModelResult:
     """A model that was fitted and judged.
 
-    Its errors are those of the values to use (`recommended`): what is said, written and predicted
-    with is the same.
+    Its errors are those of the recommended values (`recommended`). Reports, files and predictions
+    use the same values.
 
     Attributes
     ----------
     submodel : Submodel
     estimate : Estimate
     fit : Fit
-        The estimate with what is not known of it, term by term.
+        The estimate with its uncertainty, term by term.
     verdicts : tuple of Verdict
     infeasible : tuple of str
         Parameters with a sign that physics forbids, the paper's test.
     physical : PhysicalResult or None
-        Whether a real robot has these parameters, and the nearest that has; None of a model of a
-        path that is not to be used.
+        Whether the parameters are physically consistent, and the nearest robot that is. None for
+        models of a path that are not used.
     fitted, unseen : Prediction
         Of torque along the fitted logs and along unseen motion: by the estimate, and, where it was
         asked for, by the other accounts of a model (`LadderFit.values`).
@@ -95,12 +95,13 @@ class ModelResult:
 
     @cached_property
     def real(self) -> Submodel | None:
-        """The model as the nearest real robot has it, if its values are those to use.
+        """The model with the values of the nearest physical robot, if these are the values to use.
 
-        They are unless the estimate is surely better on folds and unseen motion does not refute
-        that, by more than its standard error: one motion does not tell what extrapolates. What its
-        bodies cannot do without although the model leaves it out is held. None where they cannot
-        have alike what the model ties.
+        They are used unless the estimate is surely better on the folds and unseen motion does not
+        refute this. It refutes this if the physical values are better by more than one standard
+        error: one motion does not show which values extrapolate. Parameters that the model omits
+        but physical bodies need are fixed. The result is None if physical bodies cannot satisfy
+        the ties of the model.
         """
         real, M = self.physical, self.submodel.M
         if real is None or not (real.as_good or self.unseen.surely_better(1, 0)):
@@ -112,7 +113,7 @@ class ModelResult:
 
     @property
     def physical_used(self) -> bool:
-        """Whether the values to use are those of the nearest real robot."""
+        """Whether the values to use are those of the nearest physically consistent robot."""
         return self.real is not None
 
     @property
@@ -138,28 +139,28 @@ class ModelResult:
         return float(self.unseen.relative_error()[int(self.physical_used)])
 
     def unseen_by(self, which: int) -> float:
-        """Return ε_RA on unseen motion of the estimate (0), the real robot (1), its files (2, 3).
+        """Return ε_RA on unseen motion: estimate (0), nearest physical robot (1), its files (2, 3).
 
-        Then of files that hold what is stated of the robot (4, 5).
+        Indices 4 and 5 are files with the values that the given robot states.
         """
         every = self.unseen.relative_error()
         return float(every[which]) if which < len(every) else float("nan")
 
     @property
     def feasible(self) -> bool:
-        """Whether a real robot has these parameters: bodies with mass, friction that brakes."""
+        """Whether the parameters are physical: bodies have mass, friction brakes."""
         return not self.infeasible and (self.physical is None or self.physical.feasible)
 
     @property
     def contradicted(self) -> str:
-        """What has for certain a sign that physics forbids, for after "because", if any has."""
+        """Parameters that surely have a sign that physics forbids, as a clause after "because"."""
         sure = [v for v in self.verdicts if Flag.IN_DOUBT in v.flags and v.interval95[1] < 0]
         wrong = [v.name for v in sure if v.name in self.infeasible]
         return phrase("forbidden", "says", names=wrong) if wrong else ""
 
     @property
     def unjudged(self) -> str:
-        """Why none of its parameters is judged; nothing if some are."""
+        """Reason why none of its parameters is judged; empty if some are."""
         reasons = [v.reason for v in self.verdicts if Flag.NOT_JUDGED in v.flags]
         every = len(reasons) >= self.estimate.determined.sum()
         return reasons[0] if reasons and every else ""
@@ -169,7 +170,7 @@ class ModelResult:
         return sum(kind in (v.verdict, *v.flags) for v in self.verdicts)
 
     def withdraw(self, why: str) -> Self:
-        """Return the model with no parameter believed, for one reason."""
+        """Return the model with all verdicts withdrawn, for one reason."""
         return replace(self, verdicts=withdraw(self.verdicts, why))
 
     def row(self) -> dict[str, Any]:
@@ -198,10 +199,10 @@ class ModelResult:
 
     @property
     def meanings(self) -> tuple[str, ...]:
-        """What each value to use stands for, where it surely is not what the name says; else "".
+        """The effective combination of each value to use, if it surely differs from the label.
 
-        A reduced model's parameters take over some of what it leaves out, and of what is missing
-        beside all base parameters: its values are such combinations, and labels are not.
+        Parameters of a reduced model absorb part of the omitted parameters and of missing effects.
+        Their values are such combinations. Their labels name one parameter only.
         """
         pairs = zip(self.verdicts, self.recommended, strict=True)
         another = [abs(x - v.value) > REACH * v.sigma_robust for v, x in pairs]
@@ -225,9 +226,9 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
     samples, validation : tuple of Dataset
         Logs that are fitted, and that are held out.
     hints : tuple of str
-        What seems to be wrong with robot file and logs, for the user to check.
+        Possible problems of robot file and logs, for the user to check.
     recordings : Recordings
-        What they were prepared from.
+        The logs before preparation.
     models : tuple of ModelResult
         The unpruned one first.
     information : Information
@@ -241,11 +242,11 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
     settings : mapping
         Options that decided the numbers.
     nothing : str
-        Why no verdict is believed, for after "because"; empty where they are.
+        Reason, after "because", why no verdict is given; empty if verdicts are given.
     missing : MissingEffects
-        What may be missing beside the unpruned model.
+        Effects that may be missing in the unpruned model.
     late : (w, b)
-        By how much base parameters move by errors that all samples of a log share.
+        Changes of the base parameters by errors that all samples of a log share.
     """
 
     structure: Structure
@@ -280,16 +281,16 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
 
     @property
     def held_out(self) -> Prediction:
-        """The same on validation logs or, without any, on stretches (or logs) in turns.
+        """The same prediction on validation logs or, without any, by cross-validation.
 
-        Of raw torque, beside columns that are not silenced where joints stand: it is not, either.
+        Its errors of raw torque also use samples at which joints stand still.
         """
         own, every = self.chosen.used[1], self.everywhere
         raw = own if every is None else every
         return replace(own, errors=np.stack([own.errors[0], raw.errors[1]]))
 
     def rows_by_name(self) -> Iterator[Row]:
-        """Yield the verdicts of the model to use, then those of what it leaves out."""
+        """Yield the verdicts of the model to use, then those of the parameters that it omits."""
         return name_rows(self.chosen.rows(), self.full.rows())
 
     def explain_absence(self, name: str) -> str:
@@ -299,7 +300,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
     @property
     @presented
     def validation_kind(self) -> str:
-        """What the error on unseen motion was measured on."""
+        """Name the data on which the error on unseen motion was measured."""
         raise NotImplementedError
 
     @cached_property
@@ -310,17 +311,17 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
 
     @cached_property
     def moved(self) -> predict.PositionPrediction | None:
-        """How far rollouts of the nearest real robot are off, of logs of commands."""
+        """Position errors of rollouts of the nearest physical robot, for logs of commands."""
         return predict.move_fitted(self.robot, self.real_robot["parameters"], self.recordings)
 
     @cached_property
     def fit(self) -> predict.Fit:
-        """The model to use: values, covariance, and how torque scatters about it.
+        """The model to use: values, covariance, and residual scatter of the torque.
 
         Raises
         ------
         IdentifiabilityError
-            If no value is believed.
+            If no value is trusted.
         """
         if self.nothing:
             raise IdentifiabilityError(phrase("nothing", "says", why=self.nothing))
@@ -348,7 +349,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         )
 
     def _servo_errors(self) -> dict[str, tuple[float, float]]:
-        """Return the delay and the gains of servos that logs told, and their errors."""
+        """Return the delay and the servo gains that the logs determine, with standard errors."""
         servo, rolled, joints = self.robot.servo, self.recordings.rolled, self.robot.joints
         if servo is None or rolled is None:
             return {}
@@ -369,16 +370,16 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
     def error_frame(self) -> pd.DataFrame:
         """Return the errors of the values to use by joint and by log, fitted and held out.
 
-        Relative to how much the torque varies: that of the joint about its own mean (`rms` is in
-        N or N·m, `raw` of the torque as it was measured, not low-passed), that of all joints of a
-        log about the log's mean (ε_RA of the log by itself). NaN where a log took no part, or the
-        torque does not vary.
+        Errors of a joint are relative to the variation of its torque about its mean. Errors of a
+        log are relative to the variation of all joints about the log's mean (ε_RA of the log).
+        `rms` is in N or N·m. `raw` uses the measured torque before the low-pass. Errors are NaN
+        where a log took no part, or the torque does not vary.
         """
         raise NotImplementedError
 
     @cached_property
     def real_robot(self) -> dict[str, Any]:
-        """The nearest real robot as plain values, as `export` reads them."""
+        """The nearest physically consistent robot as plain values, as `export` reads them."""
         used, real = self.chosen, self.chosen.physical
         assert real is not None
         errors = used.fitted.relative_error()[1:].tolist()
@@ -387,7 +388,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         kinds = file_kinds(self.robot)
         files = dict(zip(kinds, map(used.unseen_by, (2, 3)), strict=True))
         given = dict(zip(kinds, map(used.unseen_by, (4, 5)), strict=True))
-        if "gravity" in told:  # what its files err by is measured along the fitted logs alone
+        if "gravity" in told:  # errors of its files are measured along the fitted logs only
             files = given = dict.fromkeys(files, float("nan"))
         return told | {
             "error_ra_validation_files": files,
@@ -396,7 +397,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
 
     @property
     def mass_warning(self) -> str:
-        """What is wrong with the total mass of the nearest real robot; empty if nothing is."""
+        """A warning if the total mass of the nearest physical robot is wrong; else empty."""
         real = self.real_robot
         return "" if self.nothing else state_mass(self.robot, real["parameters"], real["cad_prior"])
 
@@ -469,7 +470,7 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         return both | {"left_out": self.left_out}
 
     def _physical(self) -> dict[str, Any]:
-        """Return the nearest real robot of the model to use, for JSON."""
+        """Return the nearest physically consistent robot of the model to use, for JSON."""
         used = self.chosen
         return {
             "feasible": used.feasible,
@@ -482,22 +483,22 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         }
 
 
-# What logs say of each other.
+# Agreement between logs.
 
 
 def disagree(motions: Motions) -> bool:
-    """Return whether logs give other values than each other, by more than chance.
+    """Return whether values of different logs differ by more than chance.
 
     Intervals are widened sooner.
     """
-    # Of a thousand fits of one robot chance says it of one.
+    # One in a thousand fits of one robot fails this test by chance.
     return bool(motions.p.min() < 0.001)
 
 
 def compare_logs(
     samples: Sequence[Dataset], result: ModelResult, missing: Sequence[str] = ()
 ) -> str:
-    """Return in what logs disagree under a model; nothing where they agree, or are one or short.
+    """Return the parameters on which logs disagree, as text; empty if they agree or are too few.
 
     Parameters
     ----------
@@ -588,7 +589,7 @@ def doubt(
     Parameters
     ----------
     why : str
-        What speaks against all of them: the fitted logs are misread; empty if nothing does.
+        Reason against all of them: the fitted logs are misread; empty if they are not.
     results : tuple of ModelResult
     at : int
         The selected model.
@@ -600,10 +601,10 @@ def doubt(
 
 
 def stated_values(analysis: Laddered[Any], result: ModelResult) -> list[float | None]:
-    """Return what this fit would find on the robot of the file, None where it states nothing.
+    """Return the estimates expected for the robot of the file; None where the file states nothing.
 
-    A value that stands for more than its label is compared with what the file's robot would show.
-    Friction and rotors of zero are none that the file states.
+    Estimates may be combinations of several parameters. They are compared with the same
+    combinations of the file's values. Zero friction and zero rotor inertia count as not stated.
     """
     nominal, base = analysis.robot.nominal, analysis.base
     known = {n for n, x in nominal.items() if x or n.rpartition(".")[2] in INERTIAL_KINDS}

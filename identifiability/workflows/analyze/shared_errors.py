@@ -1,4 +1,4 @@
-"""`SharedErrors`: what errors that all samples of a log share do to values."""
+"""`SharedErrors`: changes of the values by errors that all samples of a log share."""
 
 from __future__ import annotations
 
@@ -24,20 +24,22 @@ from identifiability.workflows.case import Data, WeightedRows
 
 @frozen
 class SharedErrors:
-    """What errors that all samples of a log share do to values.
+    """Changes of the values by errors that all samples of a log share.
 
-    ``delay``: of delays and gains of servos. ``bias``: of noise that a cut-off lets into computed
-    derivatives, where no second record of the motion takes it away: with as much noise once more
-    values move by what it has moved them already [Cook 1994]. ``noise``: of the low-pass, where
-    logs have next to no noise: values move likewise when the motion is prepared once more.
+    ``delay`` is due to delays and gains of servos. ``bias`` is due to noise in computed derivatives
+    below the cut-off, where no second record of the motion removes it. Adding the same noise again
+    moves the values by the bias that they already have [Cook 1994]. ``noise`` is due to the
+    low-pass, for logs with almost no noise. Preparing the motion once more moves the values by as
+    much.
 
     Attributes
     ----------
     information : Information
-        About all columns, before rows were weighed.
+        About all columns, with equal rows.
     others : mapping of str to tuple of Information
-        The same, had commands of one log acted one standard deviation of its delay later, or had
-        gains that were found been others by one; and with the noise of the motion once more.
+        The same with commands of one log later by one standard deviation of its delay, with
+        estimated gains changed by one standard deviation, and with the noise of the motion added
+        again.
     estimator : Estimator
     """
 
@@ -46,7 +48,7 @@ class SharedErrors:
     estimator: Estimator
 
     def move(self, submodel: Submodel) -> dict[str, Array]:
-        """Return by how much each of them moves the values of a model, (w, k)."""
+        """Return the changes of the values of a model by each error, (w, k)."""
         if not self.others:
             return {}
 
@@ -64,7 +66,7 @@ class SharedErrors:
 
 
 def measure_shared_errors(rows: WeightedRows) -> SharedErrors:
-    """Return what delays, gains and noise of the motion do to values of fitted samples."""
+    """Return the changes of fitted values by delays, gains and noise of the motion."""
     delayed = tuple(_gather_again(rows.data, logs) for logs in rows.data.recordings.later)
     others = {"delay": delayed} if delayed else {}
     if _motion_is_noisy(rows):
@@ -106,7 +108,7 @@ def _motion_is_noisy(rows: WeightedRows) -> bool:
 def nearly_exact(rows: WeightedRows) -> bool:
     """Return whether the torque has so little noise that the preparation's error may matter.
 
-    It is of logs whose derivatives are computed, and that are not too long for memory.
+    This applies to logs with computed derivatives that fit in memory.
     """
     data, information = rows.data, rows.unweighted
     if _has_loud_motion(data) or data.recordings.commanded:
@@ -170,7 +172,7 @@ def _gather_again(data: Data, logs: Mapping[int, Log]) -> Information:
 
 
 def measure_again(robot: Robot, log: Log, prepared: Dataset, how: Preparation) -> Dataset:
-    """Return motion and torque as another version of a log has them, if the same rows are kept."""
+    """Return motion and torque of another version of a log, if the same rows are kept."""
     again = prepare_log(robot, log, how)
     same = np.array_equal(again.motion.kept, prepared.motion.kept)
     return replace(prepared, motion=again.motion, tau=again.tau) if same else prepared

@@ -1,4 +1,4 @@
-"""The main job: robot and logs in, one verdict per parameter and a model to use out.
+"""The main workflow: from robot and logs to one verdict per parameter and a model to use.
 
 Models are fitted, each with its nearest robot (`ladder`). Every parameter is judged by the noise,
 other motion and omitted effects (`judge`), and one model is selected.
@@ -45,11 +45,11 @@ from .judge import assess_ladder, select_model, tell_with_file
 from .ladder import FittedLadder, LadderFit, compute_ladder
 from .result import Analysis, ModelResult, compare_logs, doubt
 
-# What is reported beside the models: an unsuitable cut-off, and what the fit says of its logs.
+# Further findings: an unsuitable cut-off, and remarks of the fit on its logs.
 
 
 def say_band(band: Band | None, *, names: bool = False) -> tuple[str, ...]:
-    """Return what to say of a cut-off: samples are too slow for it, another is better, or noise.
+    """Return findings on a cut-off: slow sampling, a better cut-off, or noise.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def say_of_fit(data: Data, result: ModelResult, missing: Sequence[str]) -> list[
 def predict_everywhere(
     data: Data, fit: LadderFit, account: int, folds: Folds | None
 ) -> Prediction | None:
-    """Return torque along unseen motion where joints stand, too; None where none does.
+    """Return torque along unseen motion, including joints at rest; None without joints at rest.
 
     Parameters
     ----------
@@ -152,13 +152,14 @@ def analyze(
         come from blocked cross-validation.
     ladder : path, LadderEntry or result of `prune`, optional
         Models to compare, each also with the unpruned one. By default those of the case, or the
-        ladder beside the robot file, else the default one, with torque offsets and without (with
-        them, if logs hold commands and no torque).
+        ladder in the folder of the robot file, else the default one. The default has a model with
+        torque offsets and one without. For logs of commands without torque, the default has
+        offsets.
     preparation : Preparation, optional
         How derivatives are made.
     method : str or Estimator
-        Weight actuators by 1 / (variance × memory) of their noise (``wls``), or all alike
-        (``ols``).
+        Weight actuators by 1 / (variance × autocorrelation time) of their noise (``wls``), or
+        equally (``ols``).
     estimator : {"auto", "ls", "iv"}
         Least squares, or instrumental variables, which noise in the motion does not bias; ``auto``
         takes the latter if any log has a second record of its motion.
@@ -166,26 +167,26 @@ def analyze(
         Refits of the block bootstrap, 0 for none; by default `DEFAULTS.refits`, or
         `DEFAULTS.refits_quick` if `quick`.
     posterior : bool
-        Also sample the posteriors of the selected model; costs two to three times the rest. Off
-        everywhere unless asked for: it says more of what the data leave open, and never changes a
-        verdict on what they determine.
+        Also sample the posteriors of the selected model; costs two to three times the rest. It is
+        off by default. It narrows parameters that the data do not determine, and never changes a
+        verdict on the others.
     cad_prior : float, optional
-        Weight of a log-det prior around the bodies of the robot file when the nearest real robot
-        is sought [σ²]; 0 for none. By default the heaviest that predicts stretches of the fitted
-        logs as well as the best.
+        Weight of a log-det prior around the bodies of the robot file in the search for the nearest
+        physical robot [σ²]; 0 for none. By default the heaviest that predicts stretches of the
+        fitted logs as well as the best.
     prior : float, optional
         Share within which the bodies are those of the robot file, such as 0.2: it is a `cad_prior`
-        of 1 / (2 share²), and verdicts say what it narrows. By default 0.2 where logs hold commands
-        and no torque, and none where they hold torque; 0 for none.
+        of 1 / (2 share²), and verdicts state parameters that it narrows. By default 0.2 where logs
+        hold commands and no torque, and none where they hold torque; 0 for none.
     seed : int
         Of every random choice.
     progress : callable(str, float), optional
-        Called with what is being done and the share that is done.
+        Called with the current stage and the finished share.
     engine : Engine, optional
-        Where stretches of logs that are too long for memory are worked on; by default in several
+        Where stretches of logs that are too long for memory are processed; by default in several
         processes.
     quick : bool
-        Fewer replicates, where nobody says how many.
+        Fewer replicates, unless their number is given.
 
     Raises
     ------
@@ -220,7 +221,7 @@ def _fit_case(
 def choose_settings(
     case: Case, run: Run, prior: float | None, cad_prior: float | None, **options: Any
 ) -> dict[str, Any]:
-    """Return the options that decide the numbers of a ladder, as its result keeps them.
+    """Return the options that determine the numbers of a ladder, in the form of its result.
 
     Parameters
     ----------

@@ -1,8 +1,9 @@
 """Operating characteristics on the user's own robot and motion.
 
 How often do 95 % intervals of the model to use hold what their labels mean? How often is a
-parameter that is called identifiable wrong by more than half? Truth is a robot around the likeliest
-one, with what the model leaves out; noise is like the residual; the motion errs as the log's does.
+parameter that is called identifiable wrong by more than half? True robots are drawn around the
+estimate and include parameters that the model omits. Noise resembles the residual. The motion has
+the errors of the log.
 """
 
 from __future__ import annotations
@@ -58,11 +59,11 @@ class Calibration(Result):
         Whose motion, model and residual were used.
     model : str
     cell : Cell
-        What was counted, with all causes.
+        Counts of all repetitions, with all causes.
     hints : tuple of str
-        What is odd about robot file and logs, and why something was not measured.
+        Problems of robot file and logs, and reasons for missing measurements.
     provenance : mapping
-        What decided the numbers of the analysis and these.
+        Versions, seeds, options and hashes of the analysis and of this calibration.
     """
 
     schema: ClassVar[str] = "identifiability/calibration/1"
@@ -75,7 +76,7 @@ class Calibration(Result):
 
     @property
     def word(self) -> Word:
-        """Yes, no, or that the trials do not say; of what the analysis does not believe, no."""
+        """Yes, no, or undecided by the trials; no if the analysis gives no values."""
         return "no" if self.analysis.nothing else decide(self.cell)
 
     @presented
@@ -133,7 +134,7 @@ def calibrate(
     engine : Engine, optional
         Where repetitions are simulated; by default here. The result does not depend on it.
     quick : bool
-        Fewer of all of these, where nobody says how many.
+        Fewer of all of these, unless their number is given.
 
     Raises
     ------

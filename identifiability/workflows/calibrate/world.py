@@ -1,7 +1,6 @@
 """`World`: simulated repetitions of an experiment, as like the real one as the log can tell.
 
-True robots are those that file and logs make likely; their motion has new errors of the size that
-the log shows.
+True robots are likely by file and logs. Their motion has new errors of the size in the log.
 """
 
 from __future__ import annotations
@@ -49,7 +48,7 @@ from identifiability.workflows.analyze.judge import decide_model
 from identifiability.workflows.analyze.result import ModelResult
 from identifiability.workflows.analyze.shared_errors import measure_again
 
-# Simulated experiments with known truth, fitted and judged; and what many of them come to.
+# Simulated experiments with known truth, fitted and judged; and their statistics.
 #
 # Operating characteristics (coverage, false verdicts) are properties of a motion; they are
 # measured on the motion itself, the user's own regressor, with planted parameters and noise that
@@ -60,7 +59,7 @@ from identifiability.workflows.analyze.shared_errors import measure_again
 class Outcome:
     """One simulated experiment, fitted and judged as `analyze` would: arrays over k parameters.
 
-    Small on purpose: thousands of them come back from other processes.
+    It is small because other processes return thousands of them.
     """
 
     value: Array
@@ -73,7 +72,7 @@ class Outcome:
 
 @frozen(kw_only=True)
 class Experiment:
-    """A motion, held in memory, and how its outcomes are judged under one model.
+    """A motion in memory, and the method by which its outcomes are judged under one model.
 
     Attributes
     ----------
@@ -89,7 +88,7 @@ class Experiment:
     moves : (N, n) bool
         Where torque is data: joints do not dwell; elsewhere columns and torque are zero.
     structure : Structure
-        What is behind the columns: intervals know what the model leaves out.
+        Structure of the columns: intervals include the effect of omitted parameters.
     method, replicates
         As in `analyze`.
     """
@@ -108,7 +107,7 @@ class Experiment:
     def of(
         structure: Structure, samples: Sequence[Dataset], submodel: Submodel, **how: Any
     ) -> Experiment:
-        """Return the experiment of samples under a model; the rest says how it is judged."""
+        """Return the experiment of samples under a model, with its method of judgement."""
         regression = structure.regression(samples)
         parts = regression.parts(whole=True)
         chunks = [c for part in parts for c in part.chunks()]
@@ -139,7 +138,7 @@ class Experiment:
         return Information.of_rows(self.names, W, tau, self.log, block, V, self.moves)
 
     def judge(self, whole: Information, tau: Array, W: Array, rng: np.random.Generator) -> Outcome:
-        """Fit and judge one outcome; the arguments are those of `gather`, and what it returned."""
+        """Fit and judge one outcome, with the arguments and the result of `gather`."""
         method = estimate_noise(find_estimator(self.method), whole)
         model = FittedModel.of(
             self.structure,
@@ -182,7 +181,7 @@ def base_columns(regression: Regression) -> tuple[Array, Array | None]:
 
 @frozen
 class Cell:
-    """What was counted in simulated repetitions.
+    """Counts of simulated repetitions.
 
     Attributes
     ----------
@@ -195,7 +194,7 @@ class Cell:
     wrong : Share
         Of these, off by more than half.
     not_judged : float
-        Share of trials whose parameters are not judged, for want of outputs or blocks.
+        Share of trials whose parameters are not judged, because outputs or blocks are too few.
     """
 
     names: tuple[str, ...]
@@ -256,7 +255,7 @@ def count_outcomes(trials: Sequence[Outcome], truth: Array, names: Sequence[str]
     ----------
     trials : sequence of Outcome
     truth : (k,) or (T, k)
-        What the labels meant, in all trials or in each.
+        True values of the labels, in all trials or in each.
     names : sequence of str
         Of the k parameters.
     """
@@ -277,10 +276,10 @@ def count_outcomes(trials: Sequence[Outcome], truth: Array, names: Sequence[str]
     )
 
 
-# True robots that file and logs make likely: what simulated repetitions are made from.
+# True robots that are likely by file and logs. Simulated repetitions use them.
 #
-# The centre is the nearest real robot of the model, which file and logs make likely together; every
-# repetition draws its bodies anew around it, each to ± `SHARE` of the file's moments, made
+# The centre is the nearest physically consistent robot of the model, which is likely by file and
+# logs. Every repetition draws new bodies around it, each to ± `SHARE` of the file's moments, made
 # physically possible.
 
 
@@ -289,7 +288,7 @@ _TO_THETA = np.linalg.pinv(BASIS.reshape(10, 16))
 
 @frozen
 class TrueRobots:
-    """Robots around a likely one.
+    """Distribution of robots around a likely one.
 
     Attributes
     ----------
@@ -297,7 +296,7 @@ class TrueRobots:
     centre : (p,)
         Its standard parameters.
     scatter : (p,)
-        Standard deviations around them; zero for what is no body's.
+        Standard deviations around them; zero for parameters of no body.
     """
 
     structure: Structure
@@ -306,12 +305,12 @@ class TrueRobots:
 
     @staticmethod
     def of(structure: Structure, result: ModelResult) -> TrueRobots:
-        """Return the robots that file and logs make likely.
+        """Return the robots that are likely by file and logs.
 
         Raises
         ------
         LogError
-            If no real robot was found near the model.
+            If no physically consistent robot was found near the model.
         """
         if result.physical is None or result.physical.nearest is None:
             raise LogError(f"No real robot is near {result.name}, which repetitions are made from.")
@@ -333,13 +332,13 @@ class TrueRobots:
 
 
 def make_possible(theta: Array, like: Array) -> Array:
-    """Return the nearest bodies that can exist, (nb, 10).
+    """Return the nearest physically consistent bodies, (nb, 10).
 
     Parameters
     ----------
     theta : (nb, 10) [kg m², kg m, kg]
     like : (nb, 10)
-        Bodies that give the scale in which distances count.
+        Bodies that define the scale of distances.
     """
     s = scale_matrix(*natural_scale(like))
     scale = s[:, :, None] * s[:, None, :]
@@ -352,11 +351,11 @@ def make_possible(theta: Array, like: Array) -> Array:
 
 # `World`: simulated repetitions of an experiment, as like the real one as the log can tell.
 #
-# Torque is that of a true robot, with what the model leaves out, along the measured motion, and
-# noise like the residual's; the motion that is fitted has errors like the log's.
+# The torque is that of a true robot, including parameters that the model omits, along the measured
+# motion. Its noise resembles the residual. The fitted motion has errors like the log's.
 
 
-#: Drawings of the errors of the motion by which the torque that they make is measured.
+#: Draws of the errors of the motion for the estimate of the torque that they cause.
 DRAWS = 8
 
 
@@ -370,11 +369,11 @@ class World:
         The true motion, and how its outcomes are judged.
     robots : TrueRobots
     logs : tuple of (Log, Dataset, Preparation)
-        Each as it was measured and prepared, and how.
+        Each log as measured, as prepared, and its preparation.
     noise : ARNoise
-        Of the torque; with what the errors of the motion add it is like the residual.
+        Of the torque; together with the errors of the motion it resembles the residual.
     runs : Runs
-        Stretches of time without gaps, between which noise remembers nothing.
+        Stretches of time without gaps. Noise is independent between them.
     """
 
     experiment: Experiment
@@ -385,9 +384,9 @@ class World:
 
     @staticmethod
     def of(analysis: Analysis, result: ModelResult, refits: int, rng: np.random.Generator) -> World:
-        """Return the world that is like the logs of an analysis.
+        """Return the world that resembles the logs of an analysis.
 
-        Errors of the motion make part of the residual: the noise of the torque is the rest.
+        Errors of the motion cause part of the residual. The noise of the torque is the rest.
 
         Parameters
         ----------
@@ -427,7 +426,7 @@ class World:
         return world.without_motion_errors(analysis.full.estimate.variance, rng)
 
     def without_motion_errors(self, variance: Array, rng: np.random.Generator) -> World:
-        """Return the world whose noise lacks the torque that errors of the motion make.
+        """Return the world whose noise excludes the torque that errors of the motion cause.
 
         Parameters
         ----------
@@ -453,7 +452,7 @@ class World:
         return base_columns(structure.regression(samples))
 
     def repeat(self, seed: np.random.SeedSequence) -> tuple[Outcome, Array]:
-        """Return one repetition, fitted and judged, and what the labels meant in it, (k,)."""
+        """Return one fitted and judged repetition, and the true values of its labels, (k,)."""
         of_robot, of_noise, of_motion, of_fit = map(np.random.default_rng, seed.spawn(4))
         e = self.experiment
         submodel = e.submodel
@@ -465,7 +464,7 @@ class World:
             self.runs,
             of_noise,
         )
-        # Sticking joints say nothing.
+        # Sticking joints give no information.
         tau = e.W @ beta + noise * e.moves
         W, V = self.measure_anew(of_motion)
         whole = e.gather(
@@ -500,10 +499,10 @@ def find_runs(samples: Sequence[Dataset]) -> list[tuple[int, int]]:
 
 
 def fit_residual_noise(tau: Array, W: Array, runs: JointRuns) -> ARNoise:
-    """Return the noise of torque beside the columns that are fitted to it.
+    """Return the noise of torque, corrected for the columns that are fitted to it.
 
-    A residual looks whiter and smaller than the noise was, because slow noise is swallowed by the
-    columns that are fitted: on the motion of one log a correlation of 0.97 looks like 0.75.
+    A residual is whiter and smaller than the noise, because fitted columns absorb slow noise: on
+    the motion of one log a correlation of 0.97 looks like 0.75.
 
     Parameters
     ----------
@@ -525,12 +524,12 @@ def fit_residual_noise(tau: Array, W: Array, runs: JointRuns) -> ARNoise:
     return tuple(noise)
 
 
-#: Samples before those of a simulated series, after which it does not know how it began.
+#: Samples before those of a simulated series, after which its start no longer matters.
 FORGOTTEN = 10_000
 
 
 def simulate_noise(noise: ARNoise, runs: Runs, rng: np.random.Generator) -> Array:
-    """Return noise of each joint, each stretch by itself, (N, n).
+    """Return noise of each joint, independent in each stretch, (N, n).
 
     Parameters
     ----------
@@ -554,7 +553,7 @@ def simulate_noise(noise: ARNoise, runs: Runs, rng: np.random.Generator) -> Arra
 def sample_anew(
     robot: Robot, logs: Sequence[tuple[Log, Dataset, Preparation]], rng: np.random.Generator
 ) -> list[Dataset]:
-    """Return the samples of logs with as much noise once more, and instruments as they have."""
+    """Return the samples of logs with the same amount of noise added, and the same instruments."""
     again = [noise_again(log, rng) for log, *_ in logs]
     pairs = zip(
         again,

@@ -1,6 +1,6 @@
-"""`Change`: what differs between logs or parts of one, of which size, where and when.
+"""`Change`: a difference between logs or parts of a log, with size, place and time.
 
-And what it may be instead.
+It also lists competing hypotheses.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from identifiability.foundation.values import frozen
 from identifiability.regression.columns import Candidate, number
 from identifiability.robot import Robot
 
-#: Families that may differ beside loads.
+#: Families that may differ, other than loads.
 DIFFERING = (
     "coulomb_friction",
     "viscous_friction",
@@ -32,14 +32,14 @@ DIFFERING = (
     "torque_scale",
     "passive_joint_friction",
 )
-#: Parameters of a load that its weight tells.
+#: Parameters of a load that its weight determines.
 WEIGHT = INERTIAL_KINDS[:4]
 
 
 def list_changes(robot: Robot, bodies: Sequence[str]) -> tuple[Candidate, ...]:
-    """Return what may differ between rows of a robot: a load on some bodies, and families.
+    """Return possible differences between rows of a robot: a load on some bodies, and families.
 
-    A load has those parameters that its weight tells, or all: nobody knows which.
+    A load has either the parameters that its weight determines, or all ten. Both are candidates.
     """
     rigid = FAMILIES["rigid_body"].effect
     loads: tuple[tuple[str, ...], ...] = (WEIGHT, INERTIAL_KINDS)
@@ -56,7 +56,7 @@ def list_changes(robot: Robot, bodies: Sequence[str]) -> tuple[Candidate, ...]:
 
 @frozen
 class DifferentTorque:
-    """Torque of a log beside what a model has in all of them.
+    """Torque of a log minus the torque that the model has in all logs.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class DifferentTorque:
     whole : (N, n) [N·m or N]
         All of the torque.
     measured, explained : (N, n) [N·m or N]
-        What differs as measured, and by what was found; NaN where torque is no data.
+        The measured difference, and its part that the changes explain; NaN where torque is no data.
     """
 
     t: Array
@@ -74,7 +74,7 @@ class DifferentTorque:
 
     @staticmethod
     def of(found: Differences, terms: Terms) -> DifferentTorque:
-        """Return what the torque of the first log has beside the model of all."""
+        """Return the torque of the first log minus that of the model of all logs."""
         seen, p, a = found.missing.seen, len(found.known.precision), found.always.shape[1]
         value = found.solve(terms)[0]
         explained = np.where(seen.data, 0.0, np.nan)
@@ -89,39 +89,39 @@ class DifferentTorque:
         return DifferentTorque(seen.t[first], seen.raw[first], measured[first], explained[first])
 
 
-# `Change`: what differs, of which size, where and when.
+# `Change`: a difference with size, place and time.
 
 
 @frozen(kw_only=True)
 class Change:
-    """What changed between logs, or while one was recorded.
+    """A change between logs or during a log.
 
     Attributes
     ----------
     kind : {"load", "friction", "offset", "gain"}
     family, what, place : str
-        Its name; it in words; and the body or joint, ``all joints`` where it is everywhere.
+        Its name; its description; and the body or joint, ``all joints`` where it is everywhere.
     log : str
-        In which alone it is; empty where it is in all of those that are asked about.
+        The only log with the change; empty if all compared logs have it.
     names, units : tuple of str
         Of its q numbers.
     sizes, sd : (q,)
-        Of these, beside all others that changed.
+        Of these, given all other changes.
     share, share_sd : float
-        Of its torque before; NaN where that is not known.
+        Change relative to its torque before; NaN where that is not known.
     odds : float
-        Log odds, averaged over sizes and ways, less what families and places cost; those of its
+        Log odds, averaged over sizes and ways, less the price of families and places; those of its
         surest part.
     others : tuple of str
-        What else it may be,
+        Competing hypotheses,
     rivals : tuple of (family, place)
-        and that by name.
+        and their names.
     start, stop : float [s]
         When it began and ended; infinite where that was not logged.
     began, ended : (float, float) [s]
-        Where these instants are in 95 % of what is likely.
+        95 % intervals of these instants.
     weight : float
-        Its posterior probability among all that may have changed in part of a log.
+        Its posterior probability among all possible changes in part of a log.
     """
 
     kind: str
@@ -151,7 +151,7 @@ class Change:
 
     @property
     def sure(self) -> bool:
-        """Whether it is as sure as what fitted and unseen rows together name."""
+        """Whether its odds exceed the thresholds of fitted and unseen rows together."""
         return self.odds >= RULES.name + RULES.keep
 
     @property
@@ -163,12 +163,12 @@ class Change:
     @property
     @presented
     def called(self) -> str:
-        """What it is, without a capital letter, and what it may be instead."""
+        """Description of the change without a capital letter, with competing hypotheses."""
         raise NotImplementedError
 
 
 def _describe(found: Differences, term: Term, names: Sequence[str]) -> str:
-    """Return what a group is, in words."""
+    """Return a description of a group."""
     own = found.whose(term)
     if not own.pattern:
         return f"{describe_term(term)} that the model lacks"
@@ -177,13 +177,13 @@ def _describe(found: Differences, term: Term, names: Sequence[str]) -> str:
 
 
 def rows_of(model: MixedModel, terms: Terms, k: int) -> np.ndarray:
-    """Return where the values of a term stand among those of a solution, (m,)."""
+    """Return the indices of the values of a term in a solution, (m,)."""
     first = model.fixed + sum(t.size for t in terms[:k])
     return first + np.arange(terms[k].size)
 
 
 def list_log_changes(found: Differences, terms: Terms, names: Sequence[str]) -> tuple[Change, ...]:
-    """Return what terms say of logs, the surest first; kinds of friction at one place together.
+    """Return the changes of terms, the surest first; friction at one place is one change.
 
     Parameters
     ----------
@@ -212,9 +212,9 @@ def list_log_changes(found: Differences, terms: Terms, names: Sequence[str]) -> 
 
 
 def _share_of(level: Array, rms: Array, sizes: Array, spread: Array) -> tuple[float, float]:
-    """Return by which share of its torque something changed, and its standard error.
+    """Return the change as a share of the torque before, and its standard error.
 
-    NaN where nothing is known of the torque before.
+    NaN where the torque before is not known.
 
     Parameters
     ----------
@@ -232,7 +232,7 @@ def _share_of(level: Array, rms: Array, sizes: Array, spread: Array) -> tuple[fl
 def _join_terms(
     found: Differences, terms: Terms, which: Sequence[int], names: Sequence[str]
 ) -> Change:
-    """Return the change that some terms at one place are, without its size."""
+    """Return the change of some terms at one place, without its size."""
     place, parts = place_of(terms[which[0]]), [found.whose(terms[k]) for k in which]
     columns = [found.columns[n] for k in which for n in found.at(terms[k]).tolist()]
     _, called, units = zip(*columns, strict=True)

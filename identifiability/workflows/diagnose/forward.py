@@ -1,8 +1,8 @@
 """The gap in motion: simulate forward from measured states, before and after the named effects.
 
-The torque-level gap says how well a model explains torques. A user simulates with a model, so the
-second half of the proof is motion: stretches of unseen motion are started from measured states and
-driven by the measured torque, with the nearest real robot of either model.
+The torque-level gap says how well a model explains torques. Users simulate with a model, so motion
+is the second test. Stretches of unseen motion start from measured states and are driven by the
+measured torque. Both models use their nearest physically consistent robot.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ class ForwardGap:
         Time since the start of a stretch.
     before, after : (K, S, n)
         Simulated less measured position, as a share of the distance that the joint moved in a
-        stretch on average; a stretch that has diverged is wrong by all of it.
+        stretch on average; a diverged stretch counts as an error of the whole distance.
     interval : (float, float)
-        95 % of the change of the error, stretches drawn again and again.
+        95 % interval of the change of the error, from resampled stretches.
     note : str
-        Why there is nothing, where there is nothing.
+        Reason why there is no gap; else empty.
     nearest : Physical or None
-        The real robot with the named effects, where it was found.
+        The physically consistent robot with the named effects, if it was found.
     """
 
     horizon: float
@@ -61,7 +61,7 @@ class ForwardGap:
 
     @staticmethod
     def none(note: str) -> ForwardGap:
-        """Return the gap that was not measured, and why."""
+        """Return an empty gap with the reason why it was not measured."""
         empty = np.empty((0, 0, 0))
         return ForwardGap(HORIZON, np.empty(0), empty, empty, note=note)
 
@@ -89,7 +89,7 @@ class ForwardGap:
 
 @frozen
 class Physical:
-    """A robot under a model with the values of a real robot.
+    """A robot under a model with physically consistent values.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ class Physical:
     values : mapping
         Standard parameters by name.
     cad_weight : float
-        Of the prior around the robot file that it was found with.
+        Weight of the prior around the robot file.
     """
 
     structure: Structure
@@ -149,7 +149,7 @@ def compare_forward(
         errors = [_simulate(fit, unseen, at, dt) / moved for fit in (before, after)]
     except IdentifiabilityError as error:
         return ForwardGap.none(str(error))
-    # A stretch that has diverged is wrong by all of the distance.
+    # A diverged stretch counts as an error of the whole distance.
     errors = [np.nan_to_num(np.minimum(share, 1.0), nan=1.0) for share in errors]
     ends = np.stack([share[:, -1:].mean(2) for share in errors], axis=2)
     interval = change_interval(ends, np.ones((len(at), 1)), rng)
@@ -196,7 +196,7 @@ def _stretches(unseen: Sequence[Dataset], dt: float, steps: int, most: int) -> S
 
 
 def _mean_torque(fit: Physical, samples: Dataset, others: Array, rows: np.ndarray) -> Array:
-    """Return the torque over each step, (S, n): what was recorded, less its delay and effects.
+    """Return the mean torque of each step, (S, n), corrected for delay, minus `others`.
 
     Parameters
     ----------
@@ -216,10 +216,10 @@ def _mean_torque(fit: Physical, samples: Dataset, others: Array, rows: np.ndarra
 
 
 def other_torque(fit: Physical, motion: Motion) -> Array:
-    """Return the torque (N, n) of what a model has and MuJoCo does not, along a measured motion.
+    """Return the torque (N, n) of effects that MuJoCo lacks, along a measured motion.
 
-    Simulated motion leaves it little within a stretch, and friction that remembers its way and what
-    drifts over a session are those of the log.
+    Simulated motion stays close to the measured motion within a stretch. Hysteresis of friction and
+    drift over a session are taken from the log.
     """
     robot = fit.structure.robot
     out = np.zeros((len(motion), len(robot.joints)))
@@ -239,7 +239,7 @@ def joint_values(fit: Physical) -> dict[str, float]:
     for body, kind in product(robot.bodies, INERTIAL_KINDS):
         load = values.get(f"{body}.payload_{kind}", 0.0)
         out[f"{body}.{kind}"] = values.get(f"{body}.{kind}", 0.0) + load
-    # What a model does not have is not there, whatever the file says.
+    # Effects that the model lacks are zero, even if the file states them.
     for axis in (*robot.axes, *robot.passive_axes):
         for kind in ("Fv", "K", "off", *robot.inertia_parts):
             out[f"{axis.name}.{kind}"] = values.get(f"{axis.name}.{kind}", 0.0)

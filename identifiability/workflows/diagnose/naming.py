@@ -1,8 +1,8 @@
-"""`Naming`: what is missing beside a model, found and confirmed by one mixed model.
+"""`Naming`: effects that a model lacks, found and confirmed by one mixed model.
 
 Groups of all families at all places, and everywhere, are searched on fitted rows; unseen rows may
-only take out what was found. What stays is written as parts of a model: one shape each, refined
-between those of its grid, at the places where it is sure.
+only remove them. The remaining groups become parts of a model, at the places where they are sure.
+Each has one shape, which is refined between the shapes of the grid.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ from .problem import (
 
 @frozen
 class Part:
-    """A family at a place that is missing.
+    """A missing family at a place.
 
     Attributes
     ----------
@@ -67,13 +67,13 @@ class Part:
     term : Term
         Of the group that was found; its place may be everywhere.
     left_out, unseen : float [nat]
-        What it gains on left-out blocks of fitted rows, and on unseen rows; nan without any.
+        Gain on left-out blocks of fitted rows, and on unseen rows; nan without any.
     rivals : tuple of Term
-        What would do as well in its place, the likeliest first.
+        Competing hypotheses, the likeliest first.
     weight : float
-        Its posterior probability among all that may be in its place.
+        Its posterior probability among all competing hypotheses.
     nearest : tuple of Term
-        Of a function without a name: the likeliest names in its place.
+        For a nonparametric function: the likeliest named families instead of it.
     """
 
     candidate: Candidate
@@ -92,28 +92,29 @@ class Part:
 
 @frozen
 class Naming:
-    """What is missing in some logs.
+    """Effects that a model lacks in some logs.
 
     Attributes
     ----------
     problem : Problem
     fitted, unseen : ResidualRows
-        Unseen ones are those that errors are stated on: fitted ones where there are no others.
+        Errors are stated on the unseen rows. Without any, they are the fitted rows.
     refusals : tuple of Refusal
     asked : Missing
         All that may be missing,
     whole : MixedModel
         and the model of that.
     missing : Missing
-        The parts alone, after friction at reversals, beside the model and its noise.
+        The parts alone, after friction at reversals, given the model and its noise.
     before, after : tuple of Term
-        Log odds of all groups beside the model, and beside what was named.
+        Log odds of all groups, given the model, and given the named effects as well.
     refuted : tuple of (Term, float)
-        What fitted rows named and unseen rows did not confirm, with what it gains on these [nat].
+        Effects that fitted rows named and unseen rows refuted, with their gains there [nat].
     possible : tuple of (Term, float)
-        What may be present beside what is named, with what it gains on left-out blocks [nat].
+        Possible effects that are not named, with their gains on left-out blocks [nat].
     parts : tuple of Part
-        What is missing, families as they came, each in the order of the robot's places.
+        The missing effects: families in the order of their discovery, each in the order of the
+        robot's places.
     """
 
     problem: Problem
@@ -162,7 +163,7 @@ class Naming:
 
     @cached_property
     def completed(self) -> Structure:
-        """The robot under the model with all parts, functions as large as they were found."""
+        """The robot under the model with all parts; functions have their estimated variance."""
         robot, model = self.problem.structure.robot, self.problem.plain.model
         random, own = dict(model.random), dict[str, list[EffectPart]]()
         for p, term in zip(self.parts, self.terms, strict=True):
@@ -187,7 +188,7 @@ class Naming:
     def coordinates(self) -> tuple[Array, Array]:
         """Base parameters of the completed model by values of the model and of all parts.
 
-        ``β = base + C x``, C (b, d + m), and what standard deviation x is known to have, (d + m,).
+        ``β = base + C x``, C (b, d + m), and the prior standard deviation of x, (d + m,).
         """
         known, completed, names = self.known, self.completed, self.names(self.parts)
         own = self.of(self.problem.plain) @ known.directions
@@ -199,7 +200,7 @@ class Naming:
 
     @property
     def known(self) -> KnownValues:
-        """What is known of the base parameters that parts are added to."""
+        """Prior knowledge of the base parameters to which parts are added."""
         same = self.problem.plain is self.problem.structure
         return self.problem.known if same else know_nothing(self.problem.plain)
 
@@ -235,11 +236,11 @@ class Naming:
         return weigh_fit(self.problem.robot, self.problem.samples, known)
 
     def fit(self, parts: Sequence[int]) -> Array:
-        """Return base parameters (b,) of the completed model, of its parts some, as `analyze` does.
+        """Return base parameters (b,) of the completed model with some parts, as in `analyze`.
 
-        Whitened rows judge better what is missing, but of slow noise they keep no levels, and
-        predict worse. Functions are as large as they were found. Weights of rows and
-        noise are found once, with all parts, to compare many models.
+        Whitened rows judge missing effects better. But with slow noise they do not determine levels
+        and predict worse. Functions have their estimated variance. Weights of rows and noise are
+        estimated once, with all parts, to compare many models.
         """
         fit, some = self._fit(parts)
         base: Array = self.of(self.problem.plain) @ self.known.base + some @ fit.value
@@ -253,14 +254,14 @@ class Naming:
         at = [d + k - first for p in parts for k in self.parts[p].candidate.columns]
         C, sd = (x[..., [*range(d), *at]] for x in self.coordinates)
         length = np.linalg.norm(C, axis=0)
-        free = np.argsort(np.isfinite(sd), kind="stable").tolist()  # before what is random
+        free = np.argsort(np.isfinite(sd), kind="stable").tolist()  # before random columns
         some = C[:, scan_columns(C / np.where(length > 0, length, 1.0), free)]
         own = weighed.reduce(some, weighed.columns[: some.shape[1]])
         return by.fit(with_known(own, known_rows(C, sd) @ some, by.noise)), some
 
     @cached_property
     def predicts(self) -> bool:
-        """Whether parts of the fitted logs are predicted better with what is missing."""
+        """Whether the missing effects improve predictions of parts of the fitted logs."""
         weighed, whole, *_ = self.weighed
         held, scores = hold_folds(weighed, whole.estimator)[0], []
         for fit, some in map(self._fit, [(), range(len(self.parts))]):
@@ -270,7 +271,7 @@ class Naming:
 
     @cached_property
     def real(self) -> PhysicalResult | None:
-        """The real robot nearest to the completed model, where values are those of the logs."""
+        """The physical robot nearest to the completed model, if the logs determine the values."""
         if not len(self.problem.recommended):
             return None
         return nearest_robot(self.completed, *self.weighed[:2])
@@ -279,7 +280,8 @@ class Naming:
     def best(self) -> Array:
         """Base parameters (b,) of the completed model to predict with.
 
-        Those of the nearest real robot where it predicts parts of the fitted logs as well.
+        They are those of the nearest physical robot if it predicts parts of the fitted logs as
+        well.
         """
         if self.real is not None and self.real.as_good:
             return self.real.base
@@ -294,14 +296,14 @@ class Naming:
         return predict(self.unseen_regression, np.stack(fits, axis=1))
 
     def predict_excerpt(self, fit: Array) -> Prediction:
-        """Return torque along the rows on which names are looked for."""
+        """Return torque along the rows that are searched for effects."""
         if not self.problem.excerpt:
             return self.predict_fitted([fit])
         return predict(self.completed.regression(self.fitted.samples), fit[:, None])
 
 
 def without_last(naming: Naming, count: int) -> Naming:
-    """Return a naming of the first parts; the last ones may be present beside them."""
+    """Return a naming of the first parts; the last parts become possible effects."""
     first, last = naming.parts[:count], naming.parts[count:]
     placed = [(p, replace(p.term.group, place=p.candidate.place)) for p in last]
     more = [(replace(p.term, group=group), p.left_out) for p, group in placed]
@@ -312,7 +314,7 @@ def without_last(naming: Naming, count: int) -> Naming:
 
 
 def look(problem: Problem, effects: Iterable[str] | None = None) -> Naming:
-    """Return what may be missing beside the model of a problem, before anything is named.
+    """Return the effects that the model of a problem may lack, before any is named.
 
     Parameters
     ----------
@@ -348,9 +350,9 @@ def look(problem: Problem, effects: Iterable[str] | None = None) -> Naming:
 
 
 def name_missing(looked: Naming) -> Naming:
-    """Return what is missing: found on fitted rows, not refuted by unseen ones.
+    """Return the missing effects, found on fitted rows and not refuted by unseen rows.
 
-    Of what stands, left-out blocks of the fitted rows decide in which joints it is.
+    Left-out blocks of the fitted rows decide in which joints each confirmed effect acts.
     """
     looked, kept = _search(looked)
     gains = dict[tuple[str, str], float]()
@@ -373,10 +375,10 @@ def name_missing(looked: Naming) -> Naming:
 
 
 def _search(looked: Naming) -> tuple[Naming, Terms]:
-    """Return what is missing on fitted rows, and the naming whose noise and rows it is found with.
+    """Return the missing effects on fitted rows, and the naming with their noise and rows.
 
-    Friction that rises with speed may be friction that turns when no record can tell. Then it is
-    looked for between reversals alone.
+    Friction that rises with speed may be friction that changes sign at an unrecorded time. It is
+    then searched between reversals only.
     """
     kept = looked.whole.search()
     if any(t.group.family == RisingFriction.name for t in kept):
@@ -390,7 +392,7 @@ def _search(looked: Naming) -> tuple[Naming, Terms]:
 
 
 def _with_missing(looked: Naming, missing: Missing) -> Naming:
-    """Return a naming that asks for effects along other rows, or beside other noise."""
+    """Return a naming that searches effects along other rows, or with another noise model."""
     return replace(looked, asked=missing, whole=missing.model(), missing=missing)
 
 
@@ -401,10 +403,10 @@ Gains = tuple[tuple[Term, float], ...]
 
 
 def _ask_left_out(looked: Naming, found: Terms) -> tuple[Places, Gains]:
-    """Return where terms surely gain on left-out blocks of fitted rows, and those that may gain.
+    """Return places where terms surely gain on left-out blocks, and terms that may gain.
 
-    A family everywhere is one term a place, and each needs its own log odds as well, which know the
-    signs that physics allows. In each round the worst term of each place and family leaves.
+    A family everywhere is one term for each place. Each term also needs its own log odds, which use
+    the signs that physics allows. Each round removes the worst term of each place and family.
     """
     rows = looked.asked.seen
     blocks = looked.asked.products(rows, _block_edges(rows), among=found)
@@ -427,9 +429,9 @@ def _ask_left_out(looked: Naming, found: Terms) -> tuple[Places, Gains]:
 
 
 def _choose_leaving(lacking: Array, owners: Sequence[tuple[str, str]], terms: Terms) -> list[int]:
-    """Return the terms that leave in a round: of a place and of a family at most one, the worst.
+    """Return the terms removed in a round: at most one of a place and of a family, the worst.
 
-    Any one scale of the torque says no more than the others together, and all of them say much.
+    One scale of the torque is redundant given all others, but all scales together are not.
     """
     gone = list[int]()
     for k in np.argsort(lacking).tolist():
@@ -465,10 +467,11 @@ def _block_edges(rows: Excerpt) -> list[int]:
 
 
 def _gains_left_out(model: MixedModel, terms: Terms, blocks: Information) -> tuple[Array, Array]:
-    """Return what each term gains on left-out blocks, and what it must gain there, (t,) [nat].
+    """Return the gain of each term on left-out blocks, and the gain that it needs, (t,) [nat].
 
-    A law is an approximation: of several terms in a joint, all but the likeliest may be its error,
-    and must gain a share of what they gain together. The likeliest may be a family everywhere.
+    A law is an approximation. The likeliest term of a joint may leave an error that other terms
+    fit. Each other term must therefore gain a share of their joint gain. The likeliest may be a
+    family everywhere.
     """
     here = dict[str, list[int]]()
     for k, term in enumerate(terms):
@@ -485,7 +488,7 @@ def _gains_left_out(model: MixedModel, terms: Terms, blocks: Information) -> tup
 
 
 def _confirm(looked: Naming, found: Terms) -> tuple[Terms, dict[tuple[str, str], float]]:
-    """Return the terms that unseen rows do not refute, and what all gain on these, by key."""
+    """Return the terms that unseen rows do not refute, and the gains of all terms there, by key."""
     model, gains = looked.whole, dict[tuple[str, str], float]()
     products = looked.asked.products(looked.unseen.seen, among=found)
     kept = model.confirm(found, products)
@@ -524,7 +527,7 @@ def _write_term(
 
 
 def _may_rival(one: Group, other: Group) -> bool:
-    """Whether groups are two names: a family in a place is a part of itself everywhere."""
+    """Whether groups compete; a family at a place does not compete with itself everywhere."""
     places = {one.place, other.place}
     return one.family != other.family or (len(places) > 1 and EVERYWHERE not in places)
 
@@ -534,7 +537,7 @@ def _family(missing: Missing, term: Term) -> Family:
 
 
 def _candidates(missing: Missing, model: MixedModel, terms: Terms, k: int) -> list[Candidate]:
-    """Return what a term is written as: one candidate a place."""
+    """Return the candidates of a term in a model, one for each place."""
     term, rest = terms[k], terms[:k] + terms[k + 1 :]
     sets = missing.sets[term.key]
     chosen = sets[min(term.member, len(sets) - 1)]
@@ -579,7 +582,7 @@ def _refined(
 ) -> list[Candidate]:
     """Return a continuous family at its places, with the likeliest shape between those of its grid.
 
-    It is where the parabola through the likeliest of the grid and those beside it is highest.
+    A parabola through the likeliest grid shape and its two neighbours has its maximum there.
     """
     odds = _odds_of_each(model, rest, group, group.members[: len(sets)])
     at = where = int(odds.argmax())
@@ -603,16 +606,16 @@ def _odds_of_each(
     return np.array([found[id(g)] for g in each])
 
 
-# What changed while a log was recorded: a mass that was gripped, a brake that dragged for seconds.
+# Changes during a log: a mass that was gripped, a brake that dragged for seconds.
 #
-# No effect of the robot says it, and no unseen motion can judge it: the fitted motion alone has the
-# instant. So a group acts between two instants of a grid, all of which are its prior. What was
-# logged meanwhile is of another robot, and is left out of all that follows.
+# No permanent effect describes them, and unseen motion cannot judge them, because only the fitted
+# motion has the instant. So a group acts between two instants of a grid, all of which are its
+# prior. Rows of the change are those of another robot. All later stages leave them out.
 
 
-#: What may begin and end while a robot is logged: a load, a brake or dirt, a counterweight.
+#: Effects that may begin and end during a log: a load, a brake or dirt, a counterweight.
 CHANGING = ("payload", "coulomb_friction", "viscous_friction", "torque_offset")
-#: Instants of a log at most at which something may change.
+#: Largest number of instants of a log at which something may change.
 INSTANTS = 40
 #: Sizes that a change may have, relative to the torque of its joint.
 CHANGES = np.geomspace(0.01, 1.0, 20)
@@ -623,7 +626,7 @@ SHORTEST: Tolerance = 0.5
 def _parts_of_time(rows: Excerpt) -> tuple[np.ndarray, np.ndarray]:
     """Return rows at which parts of time begin, and the end of the last; and which log each is of.
 
-    What is shorter than two parts is a burst.
+    A change shorter than two parts is an outlier segment.
     """
     begins, log = [0], list[int]()
     for n in np.unique(rows.log):
@@ -637,10 +640,10 @@ def _parts_of_time(rows: Excerpt) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _stays(log: np.ndarray) -> np.ndarray:
-    """Return the first part of time, and the one after the last, that a change may have, (w, 2).
+    """Return the possible intervals of a change, (w, 2): first part of time, and end part.
 
-    Of one log alone what ended in it says as much as what began then. Of most of what was logged
-    nobody knows which part is odd.
+    In a single log, a change that ends is the same as a change that begins. If a change lasts for
+    most of a log, nobody knows which part changed.
     """
     out = []
     for n in np.unique(log):
@@ -652,7 +655,7 @@ def _stays(log: np.ndarray) -> np.ndarray:
 
 
 def _session(rows: ResidualRows, begins: np.ndarray, log: np.ndarray) -> Array:
-    """Return how what warms up through a session may go, by part of time, (2, P)."""
+    """Return time courses of warm-up through a session, by part of time, (2, P)."""
     lasting = np.array([np.ptp(s.output_times()) for s in rows.samples])
     clock = rows.seen.t[begins[:-1]] + (np.cumsum(lasting) - lasting)[log]
     x = (clock - clock.min()) / max(float(np.ptp(clock)), 1e-9)
@@ -661,7 +664,7 @@ def _session(rows: ResidualRows, begins: np.ndarray, log: np.ndarray) -> Array:
 
 @frozen
 class _Grid:
-    """Between which instants of the fitted logs something may have changed.
+    """Pairs of instants of the fitted logs between which something may have changed.
 
     Attributes
     ----------
@@ -672,7 +675,7 @@ class _Grid:
     stays : (w, 2) int
         First part of each possible change, and the one after the last.
     courses : (c, P)
-        How what warms up through a session may go.
+        Time courses of warm-up through a session.
     """
 
     begins: np.ndarray
@@ -688,17 +691,17 @@ class _Grid:
 
     @property
     def weights(self) -> Array:
-        """How much each change, and each course of a session, acts in each part, (w + c, P)."""
+        """Weight of each change, and of each time course of a session, in each part, (w + c, P)."""
         parts = np.arange(len(self.log))
         on = (parts >= self.stays[:, :1]) & (parts < self.stays[:, 1:])
         return np.concatenate([on, self.courses])
 
 
 def find_change_in_log(naming: Naming, effects: Collection[str] | None = None) -> Change | None:
-    """Return the likeliest change in the middle of a log beside what was named, if it is sure.
+    """Return the likeliest change in the middle of a log, given the named effects, if it is sure.
 
-    No unseen motion can take it out: it needs what both thresholds ask together, and nothing that
-    is there all the time may be a rival. Of two logs nobody knows which is odd.
+    Unseen motion cannot refute a change. It must therefore exceed both thresholds together, and no
+    permanent effect may compete with it. For two logs nobody knows which log changed.
 
     Parameters
     ----------
@@ -715,7 +718,7 @@ def find_change_in_log(naming: Naming, effects: Collection[str] | None = None) -
     held = [c for c in naming.missing.candidates if c.family is REVERSALS]
     missing = replace(naming.missing, candidates=tuple(number([*held, *listed])), families=None)
     every = _odds_of_stays(missing, grid)
-    for _ in range(2):  # what it adds is no noise: once it is roughly known, that is without
+    for _ in range(2):  # its torque is no noise, so noise is estimated without it
         every = _odds_of_stays(_noise_outside(missing, grid, every[0]), grid)
     always = [*(x.drifts for x in every), *(t.odds for t in naming.before[:1])]
     needed = max(RULES.name + RULES.keep, *always) + RULES.rival
@@ -723,7 +726,7 @@ def find_change_in_log(naming: Naming, effects: Collection[str] | None = None) -
 
 
 def _noise_outside(missing: Missing, grid: _Grid, stay: _Stay) -> Missing:
-    """Return the same with noise that is measured while a change did not last."""
+    """Return the same with noise estimated outside of a change."""
     seen, noise = missing.seen, list(missing.noise)
     first, last = grid.begins[grid.stays[stay.at]].tolist()
     outside = np.ones((len(seen.y), 1), bool)
@@ -735,7 +738,7 @@ def _noise_outside(missing: Missing, grid: _Grid, stay: _Stay) -> Missing:
 
 
 def _write_change(naming: Naming, grid: _Grid, every: Sequence[_Stay]) -> Change | None:
-    """Return the likeliest change; None where it is of all of one of two logs."""
+    """Return the likeliest change; None if it covers all of one of two logs."""
     best, c = every[0], every[0].candidate
     when = _find_instants(grid, best, naming.fitted.seen.t)
     if when is None:
@@ -763,7 +766,7 @@ def _write_change(naming: Naming, grid: _Grid, every: Sequence[_Stay]) -> Change
 
 
 def _find_instants(grid: _Grid, stay: _Stay, t: Array) -> dict[str, Any] | None:
-    """Return when a change began and ended; None where it is all of one of two logs.
+    """Return when a change began and ended; None if it covers all of one of two logs.
 
     Parameters
     ----------
@@ -794,7 +797,7 @@ class _Stay:
     Attributes
     ----------
     total, drifts : float
-        Averaged over the instants, or of what goes with the session instead, less the price.
+        Averaged over the instants, or for a time course of the session instead, less the price.
     """
 
     candidate: Candidate
@@ -806,12 +809,12 @@ class _Stay:
 
     @property
     def at(self) -> int:
-        """Which two instants are the likeliest."""
+        """The likeliest two instants."""
         return int(self.odds.argmax())
 
     @property
     def title(self) -> str:
-        """What it is and where, in words."""
+        """Name and place of the effect."""
         family = self.candidate.family
         what = "load" if family.name == "payload" else family.title
         return f"{what} of {self.candidate.place}"
@@ -895,7 +898,7 @@ def _odds_of_stay(
 
 
 def _ends(at: np.ndarray, likely: Array, time: Array) -> tuple[float, float]:
-    """Return between which instants 95 % of what is likely lies, a part more on each side."""
+    """Return the 95 % interval of an instant, widened by one part of time on each side."""
     inside = (at >= 0) & (at < len(time))
     share = np.cumsum(np.bincount(at[inside], likely[inside], len(time)))
     low, high = np.searchsorted(share, [0.025, 0.975]).tolist()
@@ -904,16 +907,16 @@ def _ends(at: np.ndarray, likely: Array, time: Array) -> tuple[float, float]:
 
 
 def without_outliers(problem: Problem, outliers: Outliers) -> Problem:
-    """Return a problem in which outlying stretches are no data, as where a joint stands."""
+    """Return a problem without outlier segments, which are treated like rows of a joint at rest."""
     samples = leave_out_rows(problem.samples, outliers)
     excerpt = leave_out_rows(problem.excerpt, outliers, problem.samples)
     return replace(problem, samples=samples, excerpt=excerpt)
 
 
 def leave_out(problem: Problem, change: Change) -> Problem | None:
-    """Return a problem without what was logged while a change lasted; None if too little is left.
+    """Return a problem without the rows of a change; None if too few rows remain.
 
-    So is when it may have lasted.
+    The uncertainty of its start and end is left out as well.
     """
     at = [s.name for s in problem.samples].index(change.log)
     every = [x for x in (problem.samples, problem.excerpt) if x]

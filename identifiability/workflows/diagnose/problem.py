@@ -1,4 +1,4 @@
-"""`Problem`: what is diagnosed, what is known of its values, and the rows of its residual."""
+"""`Problem`: the diagnosed model, prior knowledge of its values, and the rows of its residual."""
 
 from __future__ import annotations
 
@@ -41,30 +41,30 @@ from identifiability.workflows.predict import Fit, Predicts, read_fit
 
 @frozen
 class Problem(OfStructure):
-    """What is diagnosed, and from what.
+    """The diagnosed model and its logs.
 
     Attributes
     ----------
     structure : Structure
         The robot under the model that is diagnosed.
     samples, validation : tuple of Dataset
-        Fitted and unseen motion, of which errors are stated.
+        Fitted and unseen motion, on which errors are stated.
     known : KnownValues
-        What is known of the model's values before the logs.
+        Prior knowledge of the model's values.
     fixed : bool
         Whether the model keeps these values.
     seed : int
     verified_on : str
         The unseen motion in words, to follow "on".
     preparation : Preparation
-        How logs were turned into motion, with one cut-off.
+        Preparation of the logs, with one cut-off.
     changes : tuple of Change
-        What changed in the middle of fitted logs. The time of each change was left out.
+        Changes in the middle of fitted logs. The time of each change was left out.
     commanded : bool
         Whether servos made the torque of commands.
     excerpt, unseen_excerpt : tuple of Dataset
-        Fewer rows of fitted and unseen motion, on which names are looked for; empty where all rows
-        are looked at.
+        Fewer rows of fitted and unseen motion for the search of effects; empty if all rows are
+        used.
     under : Structure or None
         The robot under the model that predicts without the missing effects, if that is another.
     recommended : (b,)
@@ -105,20 +105,21 @@ class Problem(OfStructure):
         return self.under or self.structure
 
 
-#: What a diagnosis may be told of the values it keeps.
+#: Options for the values that a diagnosis keeps.
 Given = bool | float | str | Path | Fit | Predicts
 
 
 @frozen(kw_only=True)
 class KnownValues(Known):
-    """Base parameters of which something is known beside the logs.
+    """Base parameters with prior knowledge from sources other than the logs.
 
     Attributes
     ----------
     words : str
-        What they are, as the beginning of a sentence: "the values of fit.json, with their errors,".
+        Description of the values, as the beginning of a sentence: "the values of fit.json, with
+        their errors,".
     share : float
-        Within which bodies are the file's; 0 where nothing says so.
+        Share within which bodies equal the file's; 0 without such knowledge.
     """
 
     words: str
@@ -126,7 +127,7 @@ class KnownValues(Known):
 
     @property
     def root(self) -> Array:
-        """Rows about the coordinates of what is known, each of variance 1."""
+        """Rows of the prior knowledge of the coordinates, each of variance 1."""
         return np.diag(np.sqrt(self.precision))[self.precision > 0]
 
     @property
@@ -136,12 +137,12 @@ class KnownValues(Known):
 
     @property
     def hint(self) -> str:
-        """What is kept near the file, in one sentence."""
+        """A sentence on the values that are kept near the file."""
         return phrase("kept", "near", share=self.share)
 
 
 def know_nothing(structure: Structure) -> KnownValues:
-    """Return that values are those of the logs, random ones of the model as large as it says."""
+    """Return no prior knowledge, except of random parameters with the variance of the model."""
     b, random = len(structure.base.names), structure.model.random
     own = Known.nothing(np.eye(b), np.zeros(b))
     if random:
@@ -162,17 +163,17 @@ def know_file(structure: Structure) -> KnownValues:
 
 
 def know_share(share: float, structure: Structure, *, refitted: bool = False) -> KnownValues:
-    """Return that values are the robot file's within a share, or as its sidecar states.
+    """Return the robot file's values as known within a share, or as its sidecar states.
 
     Parameters
     ----------
     share : float
-        As a standard deviation: of a body in mass, centre and inertia alike (`state_rows`), of any
-        other parameter of its value.
+        A relative standard deviation. It holds for mass, centre and inertia of a body together
+        (`state_rows`), and for the value of any other parameter.
     structure : Structure
     refitted : bool
-        Whether nothing is known of what joints alone decide, of which files of commanded robots say
-        nothing.
+        Whether parameters that only joints determine have no prior. Files of commanded robots do
+        not state them.
 
     Raises
     ------
@@ -193,7 +194,7 @@ def know_share(share: float, structure: Structure, *, refitted: bool = False) ->
 
 
 def _know_rows(rows: Array, aim: Array, structure: Structure) -> Known:
-    """Return what rows about the standard parameters, each of variance 1, say of the base."""
+    """Return the knowledge of the base parameters from unit-variance rows of the standard ones."""
     size = np.linalg.norm(rows, axis=0)
     size = np.where(size > 0, size, 1.0)
     scaled, G = rows / size, structure.G / size
@@ -206,7 +207,7 @@ def _know_rows(rows: Array, aim: Array, structure: Structure) -> Known:
 
 
 def read_given(given: Given, robot: Robot) -> tuple[Fit | None, str]:
-    """Return the fit whose values are kept, if it is one's, and what to call it."""
+    """Return the fit whose values are kept, or None, and its name in messages."""
     if isinstance(given, str | Path):
         return read_fit(given, robot), Path(given).name
     if isinstance(given, Predicts):
@@ -217,7 +218,8 @@ def read_given(given: Given, robot: Robot) -> tuple[Fit | None, str]:
 def know_fit(fit: Fit, structure: Structure, name: str) -> KnownValues:
     """Return the values of a fit with their covariance, that of the unpruned model.
 
-    What a reduced model leaves out is not known to be nothing: it is only too small to be seen.
+    Parameters that a reduced model omits are not known to be zero. They are only too small to be
+    seen.
 
     Parameters
     ----------
@@ -225,7 +227,7 @@ def know_fit(fit: Fit, structure: Structure, name: str) -> KnownValues:
     structure : Structure
         The robot under the model that is diagnosed.
     name : str
-        What to call it.
+        Its name in messages.
 
     Raises
     ------
@@ -246,8 +248,8 @@ class ResidualRows:
     Attributes
     ----------
     seen : Excerpt
-        Torque that the columns should explain, beside what is known, and those of the model whose
-        values are not exact.
+        Rows minus the torque of known parameters, with the columns of parameters that are not known
+        exactly.
     samples : tuple of Dataset
     measured : (N, n) [N·m or N]
         Measured torque, low-passed like the columns.
@@ -266,7 +268,7 @@ class ResidualRows:
         regression : Regression
             Columns of the base parameters along these logs.
         known : KnownValues
-            What is known of the values beforehand.
+            Prior knowledge of the values.
         """
         samples = regression.samples
         every = sum(s.outputs for s in samples)
@@ -291,7 +293,7 @@ class ResidualRows:
         return q, dq, ddq
 
     def along(self, j: int) -> dict[str, Array]:
-        """Return what the residual of joint j may depend on, each (N,)."""
+        """Return variables that the residual of joint j may depend on, each (N,)."""
         q, dq, ddq = (x[:, j] for x in self.states)
         out = {"velocity": dq, "position": q, "acceleration": ddq, "load": self.measured[:, j]}
         out |= {"time": self.seen.t, "log": self.seen.log}
@@ -301,11 +303,12 @@ class ResidualRows:
         return out
 
 
-#: Bins in which the residual is averaged.
+#: Bins over which the residual is averaged.
 BINS = 12
 
 
-#: Stretches that are drawn again and again for an interval: more, as each weighs by itself.
+#: Stretches that are resampled for an interval: more than for folds, because each counts
+#: separately.
 DRAWN_STRETCHES = 24
 
 
@@ -314,7 +317,7 @@ def change_interval(
 ) -> tuple[float, float]:
     """Return the 95 % interval of the change of ε_RA from one model to another.
 
-    Whole stretches of time are drawn again and again [Künsch 1989].
+    Whole stretches of time are resampled [Künsch 1989].
 
     Parameters
     ----------
@@ -341,19 +344,19 @@ def change_of(
     return change_interval(np.abs(gap.residual[:, :, [first, second]]), gap.apart(), rng)
 
 
-#: ResidualRows weighed by their noise, the fit of their columns, a sentence on outliers, and these.
+#: Weighted residual rows, the fit of their columns, a sentence on outliers, and the outliers.
 WeighedFit = tuple[Information, Estimate, str, Outliers | None]
 
 
 def weigh_fit(robot: Robot, samples: Sequence[Dataset], information: Information) -> WeighedFit:
-    """Return rows weighed by their noise, and the fit of their columns, as `analyze` has them."""
+    """Return rows weighted by their noise, and the fit of their columns, as in `analyze`."""
     estimator = replace(find_estimator("wls"), instruments=information.instrumented)
     weighed, said, outliers = weigh_rows(robot.joints, samples, information, estimator)
     return weighed, estimate_noise(estimator, weighed).fit(weighed), said, outliers
 
 
 def fit_structure(structure: Structure, regression: Regression) -> WeighedFit:
-    """Return the same of the base parameters of a model, random ones as large as it says."""
+    """Return the same for the base parameters of a model, random ones with its variance."""
     information = with_known(gather_information(regression), structure.known)
     return weigh_fit(structure.robot, regression.samples, information)
 
@@ -364,7 +367,7 @@ def nearest_robot(
     fit: Estimate,
     cad_weight: float | None = None,
 ) -> PhysicalResult:
-    """Return the real robot nearest to a fit, and whether it predicts parts of the logs as well.
+    """Return the physical robot nearest to a fit, and whether it predicts the logs equally well.
 
     Parameters
     ----------
@@ -373,7 +376,7 @@ def nearest_robot(
         That was fitted.
     fit : Estimate
     cad_weight : float, optional
-        How strongly it is drawn to the robot file; by default parts of the logs choose.
+        Weight of the robot file; by default parts of the logs choose it.
     """
     model = FittedModel(structure, full_model(structure.base), information, information, fit)
     held_out, short = hold_folds(information, fit.estimator)
@@ -382,7 +385,7 @@ def nearest_robot(
 
 @frozen
 class Discrepancy:
-    """Where the residual of a joint sits.
+    """Size and dependence of the residual of a joint.
 
     Attributes
     ----------
@@ -391,8 +394,8 @@ class Discrepancy:
     share : float
         Of the measured torque's rms.
     explained : mapping
-        Share of the residual's variance that its averages over bins of velocity, position,
-        acceleration, load, time, log and session explain, beyond what white noise would.
+        Adjusted share of the residual's variance explained by its means over bins. The bins are of
+        velocity, position, acceleration, load, time, log and session.
     """
 
     joint: str
@@ -404,7 +407,7 @@ class Discrepancy:
 def find_discrepancies(
     rows: ResidualRows, residual: Array, joints: Sequence[str]
 ) -> tuple[Discrepancy, ...]:
-    """Return where the residual (N, n) of each joint sits."""
+    """Return size and dependence of the residual (N, n) of each joint."""
     out = []
     for j, joint in enumerate(joints):
         data = rows.seen.data[:, j]
@@ -441,17 +444,17 @@ def along_rollouts(
 ) -> tuple[Dataset, ...]:
     """Return samples of logs of commands along the motion of their rollouts.
 
-    Torque of commands is made of the very positions that columns are made of, so that steps of
-    encoders stand in both, and columns that no fit was calibrated for look like them. What torque
-    is more than the rolled out robot's along the measured motion is put upon what it is along the
-    rollout, which differs little from it and has no steps.
+    Torque from commands and the columns use the same positions, so encoder steps are in both.
+    Columns for which no fit was calibrated then correlate with these steps. The returned motion is
+    therefore the rollout, which has no steps and differs little from the measured motion. Its
+    torque is corrected by the change of the rolled-out robot's torque between the two motions.
 
     Parameters
     ----------
     structure : Structure
     samples : sequence of Dataset
     logs : sequence of Log
-        What they were prepared from.
+        The logs before preparation.
     rolled : Rollouts
     """
     robot, model = structure.robot, structure.model

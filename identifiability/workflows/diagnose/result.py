@@ -1,4 +1,4 @@
-"""`Diagnosis`: where model and data disagree, what is missing, with the evidence."""
+"""`Diagnosis`: disagreement of model and data, and missing effects with their evidence."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ if TYPE_CHECKING:
 
 
 class Rival(NamedTuple):
-    """Another name for the same rows: "A or B"."""
+    """A competing hypothesis for the same rows: "A or B"."""
 
     family: str
     place: str
@@ -83,9 +83,9 @@ class Placement:
         Of the torque that it adds at the joint where it is largest.
     rivals : tuple of Rival
     weight : float
-        Its posterior probability among all that may be in its place.
+        Its posterior probability among all competing hypotheses.
     odds, unseen : float [nat]
-        Log odds for it on the fitted motion, and what it gains on unseen motion.
+        Log odds for the effect on the fitted motion, and its gain on unseen motion.
     """
 
     place: str
@@ -109,7 +109,7 @@ class Placement:
 
 @frozen
 class Curve:
-    """What an effect was learned to be, along the fitted motion.
+    """Learned law of an effect along the fitted motion.
 
     Attributes
     ----------
@@ -118,8 +118,8 @@ class Curve:
         Actuated joint where it is largest, and joint whose motion it is drawn over.
     against : {"velocity", "position", "load", "time", "session"}
     x, learned, spread, data : (N,)
-        Motion; torque of the effect, low-passed only where it remembers or is no function of one
-        joint's motion, and its standard error; and the low-passed residual without the effect.
+        Motion; torque of the effect with its standard error; and the low-passed residual without
+        the effect. Only torque with hysteresis, or of several joints' motion, is low-passed.
     """
 
     title: str
@@ -145,9 +145,9 @@ class NamedEffect:
     interval : (float, float)
         95 % of the change.
     everywhere : bool
-        Whether it is at all places where it can be.
+        Whether it acts at all possible places.
     nearest : tuple of str
-        Of such a function: the likeliest names in its stead.
+        For a nonparametric function: the likeliest named families instead of it.
     """
 
     name: str
@@ -165,17 +165,17 @@ class NamedEffect:
 
     @property
     def unnamed(self) -> bool:
-        """Whether it is a function without a name."""
+        """Whether it is a nonparametric function."""
         return find_family(self.name).unnamed
 
     @property
     def confirmed(self) -> bool:
-        """Whether unseen motion says so by itself."""
+        """Whether unseen motion alone confirms it."""
         return self.unseen >= ESTIMATION_RULES.keep
 
     @property
     def weight(self) -> float:
-        """How sure the name is: the least posterior probability over its places."""
+        """Posterior probability of the name: the least over its places."""
         return min(p.weight for p in self.placements)
 
     @property
@@ -185,7 +185,7 @@ class NamedEffect:
 
     @property
     def unseen(self) -> float:
-        """What it gains on unseen motion [nat]."""
+        """Gain of the effect on unseen motion [nat]."""
         return min(p.unseen for p in self.placements)
 
     @property
@@ -195,7 +195,7 @@ class NamedEffect:
 
     @property
     def alternatives(self) -> tuple[str, ...]:
-        """Families that the data do not tell from this one: the name is "A or B"."""
+        """Families that the data do not distinguish from this one: the name is "A or B"."""
         rivals = [r for p in self.placements for r in p.rivals]
         return tuple(dict.fromkeys(r.family for r in rivals))
 
@@ -208,9 +208,9 @@ class Odds:
     ----------
     name, place : str
     before, after : float [nat]
-        Beside the model, and beside what was named as well; nan of what was named itself.
+        Given the model, and given the named effects as well; nan for named effects.
     unseen : float [nat]
-        What it gains on unseen motion; nan where it was not asked.
+        Gain on unseen motion; nan where it was not asked.
     """
 
     name: str
@@ -222,12 +222,12 @@ class Odds:
 
 @frozen(kw_only=True)
 class Diagnosis(Result, Predicts):
-    """What is missing, with the evidence. `to_frame`, `to_json`, `write_report` give it away.
+    """Missing effects with their evidence. `to_frame`, `to_json` and `write_report` export it.
 
     Attributes
     ----------
     problem : Problem
-        What was diagnosed, and from what.
+        The diagnosed model and its logs.
     effects : tuple of NamedEffect
         In order of addition; empty when nothing can be named.
     curves : tuple of Curve
@@ -239,17 +239,17 @@ class Diagnosis(Result, Predicts):
     held_before, held_after : float
         ε_RA on unseen motion.
     refuted : tuple of Odds
-        Of what fitted motion named and unseen motion did not confirm; in no model.
+        Of effects that fitted motion named and unseen motion refuted; in no model.
     possible : tuple of Odds
-        Of what may be present beside the named effects; in no model. `unseen` is what it gains on
-        left-out blocks of the fitted motion.
+        Of possible effects that are not named; in no model. `unseen` is the gain on left-out blocks
+        of the fitted motion.
     interval : (float, float)
         95 % of the change on unseen motion.
     discrepancies : tuple of Discrepancy
-        Where what is left of the fitted motion sits.
+        Residuals of the fitted motion by joint.
     refusals : tuple of Refusal
     evidence : tuple of Odds
-        Of all that was asked, the likeliest first.
+        Of all groups in the search, the likeliest first.
     values : (b,)
         Base parameters of that model.
     completed : Structure
@@ -258,23 +258,23 @@ class Diagnosis(Result, Predicts):
     information : Information
         About its base parameters, with equal rows.
     weighed : WeighedFit or None
-        Its fit to weighted rows, where no value was known before the logs.
+        Its fit to weighted rows, if the values have no prior.
     nearest : PhysicalResult or None
-        The robot nearest to that fit, where it was looked for.
+        The physical robot nearest to that fit, if it was computed.
     included : int
-        How many of the effects are in the model, the first ones.
+        Number of effects in the model; these are the first ones.
     moved : PositionPrediction or None
-        How far rollouts of the nearest real robot are off, of logs of commands.
+        Position errors of rollouts of the nearest physical robot, for logs of commands.
     forward : ForwardGap or None
         Forward simulation before and after, where it was made.
     hints : tuple of str
-        What seems to be wrong with robot file and logs, for the user to check.
+        Possible problems of robot file and logs, for the user to check.
     nothing : str
-        Why nothing was looked for, for after "because"; empty where it was.
+        Reason, after "because", why there was no search; empty if there was.
     alternative : str
-        Under which other reading of the logs it was diagnosed, in a sentence; empty for none.
+        A sentence on the other reading of the logs under which it was diagnosed; else empty.
     reading : CarriedReading or None
-        That reading, where the columns or gravity are read in another way.
+        That reading, if columns or gravity have another one.
     """
 
     schema: ClassVar[str] = "identifiability/diagnosis/1"
@@ -329,7 +329,7 @@ class Diagnosis(Result, Predicts):
 
     @property
     def known(self) -> KnownValues:
-        """What is known of the model's values before the logs."""
+        """Prior knowledge of the model's values."""
         return self.problem.known
 
     @property
@@ -349,12 +349,12 @@ class Diagnosis(Result, Predicts):
 
     @property
     def preparation(self) -> Preparation:
-        """How logs were turned into motion, with one cut-off."""
+        """Preparation of the logs, with one cut-off."""
         return self.problem.preparation
 
     @property
     def changes(self) -> tuple[Change, ...]:
-        """What changed in the middle of fitted logs."""
+        """Changes in the middle of fitted logs."""
         return self.problem.changes
 
     @property
@@ -382,30 +382,30 @@ class Diagnosis(Result, Predicts):
 
     @property
     def mass_warning(self) -> str:
-        """What is wrong with the total mass of the nearest real robot; empty if nothing is."""
+        """A warning if the total mass of the nearest physical robot is wrong; else empty."""
         known = None if self.forward is None else self.forward.nearest
         return "" if known is None else state_mass(self.robot, known.values, known.cad_weight)
 
     @cached_property
     def physical(self) -> dict[str, Any]:
-        """The real robot nearest to the data with the named effects, as `export` reads it."""
+        """The physical robot nearest to the data with the named effects, as `export` reads it."""
         with one_thread("blas"):  # the same bits however many threads there are
             return nearest_dict(self)
 
     @cached_property
     def refitted(self) -> tuple[Information, Known]:
-        """A refit of the model with the named effects, whatever was known beforehand."""
+        """A refit of the model with the named effects, without prior knowledge of the values."""
         information, fit, *_ = self.refit
         return information, Known.of(information, fit, np.random.default_rng(self.seed), 0)
 
     @cached_property
     def fit(self) -> Fit:
-        """The model with the named effects: values, covariance, and how torque scatters."""
+        """The model with the named effects: values, covariance, and residual scatter."""
         with one_thread("blas"):
             return keep_completed(self)
 
     def moved_by(self, logs: Recordings) -> Diagnosis:
-        """Return the diagnosis with how far rollouts are off, where logs are of commands."""
+        """Return the diagnosis with position errors of rollouts, for logs of commands."""
         if not logs.commanded:
             return self
         moved = move_fitted(self.robot, self.physical["parameters"], logs, bool(self.included))
@@ -431,7 +431,7 @@ class Diagnosis(Result, Predicts):
     @property
     @presented
     def unexplained(self) -> str:
-        """What is left, in words."""
+        """Description of the remaining residual."""
         raise NotImplementedError
 
     def rows_by_name(self) -> Iterator[Row]:
@@ -481,7 +481,7 @@ class Diagnosis(Result, Predicts):
         return found if self.moved is None else found | {"rollout": self.moved.to_rollout()}
 
     def _missing(self) -> dict[str, Any]:
-        """Return what is missing, what is not, and what stays unexplained, for JSON."""
+        """Return missing effects, refuted effects and the unexplained residual, for JSON."""
         rms = {x.joint: x.rms for x in self.discrepancies}
         return {
             "effects": [_effect_row(e) for e in self.effects],
@@ -496,7 +496,7 @@ class Diagnosis(Result, Predicts):
         }
 
     def _roles(self) -> dict[str, Any]:
-        """Return what chose, what verified, and what was left out, for JSON."""
+        """Return the logs that chose, verified and were left out, for JSON."""
         return {
             "chosen": "by the evidence of the fitted logs",
             "verified": self.verified_on,
@@ -508,7 +508,7 @@ class Diagnosis(Result, Predicts):
 
 
 def pick(value: Any, *names: str, **renamed: str) -> dict[str, Any]:
-    """Return some attributes as JSON has them, by their names or by others."""
+    """Return some attributes for JSON, by their names or by other names."""
     every = dict(zip(names, names, strict=True)) | renamed
     fields = {new: getattr(value, name) for new, name in every.items()}
     return {name: list(x) if isinstance(x, tuple) else x for name, x in fields.items()}
@@ -525,7 +525,7 @@ def _odds_row(x: Odds) -> dict[str, Any]:
 
 
 def _change_row(c: Change) -> dict[str, Any]:
-    """Return a change as JSON has it; no instant where it was not logged."""
+    """Return a change for JSON, without an instant that was not logged."""
     ends = {"from": [c.start], "to": [c.stop], "from95": c.began, "to95": c.ended}
     known = {name: [x if np.isfinite(x) else None for x in at] for name, at in ends.items()}
     return {
@@ -590,9 +590,9 @@ def logs_disagree(d: Diagnosis) -> bool:
 
 
 def keep_completed(d: Diagnosis) -> Fit:
-    """Return the model with the named effects, with the values that its error is stated of.
+    """Return the model with the named effects, with the values whose error is stated.
 
-    Intervals are those of a refit, whatever was known beforehand.
+    Intervals are those of a refit without prior knowledge of the values.
     """
     structure = d.completed
     submodel = full_model(structure.base, "the diagnosed model")
@@ -641,10 +641,10 @@ def _as_physical(structure: Structure, found: PhysicalResult) -> Physical:
 
 
 def real_robot(d: Diagnosis, structure: Structure, weight: float | None = None) -> Physical:
-    """Return the real robot of a diagnosis under the model without or with the named effects.
+    """Return the physical robot of a diagnosis under the model without or with the named effects.
 
-    It is drawn to the robot file with a weight, where one is given, and the same one is compared.
-    With the file's values kept it is these, and what the named effects add.
+    A given weight pulls it to the robot file, the same for both models. If the file's values are
+    kept, it has these values and those of the named effects.
 
     Raises
     ------
@@ -671,7 +671,7 @@ def real_robot(d: Diagnosis, structure: Structure, weight: float | None = None) 
 
 
 def nearest_dict(d: Diagnosis) -> dict[str, Any]:
-    """Return the real robot with the named effects, with its errors on the fitted logs."""
+    """Return the physical robot with the named effects, with its errors on the fitted logs."""
     structure, known = d.completed, None if d.forward is None else d.forward.nearest
     try:
         real = real_robot(d, structure) if known is None else known
@@ -682,7 +682,7 @@ def nearest_dict(d: Diagnosis) -> dict[str, Any]:
 
 
 def _fold(values: dict[str, float]) -> dict[str, float]:
-    """Return values in which no joint has a Coulomb level for both directions and one for each."""
+    """Return values in which no joint has a common Coulomb level and separate ones."""
     out = dict(values)
     for name in [n for n in values if n.endswith(".Fc") and f"{n}+" in values]:
         level = out.pop(name)

@@ -1,8 +1,8 @@
 """`diagnose`: find, name, add, verify; each stage can be called by itself.
 
-Another reading of the torque columns, or gravity far from the file's, is found before all else
-(`alternatives`), since under a wrong model much seems to be missing that is not: what is diagnosed
-is then the model that the fitted logs prefer.
+`alternatives` first looks for another reading of the torque columns, or gravity far from the
+file's. Under a wrong model many effects seem to be missing. The diagnosis then uses the model that
+the fitted logs prefer.
 """
 
 from __future__ import annotations
@@ -113,35 +113,35 @@ def diagnose(
     progress: Progress | None = None,
     engine: Engine | None = None,
 ) -> Diagnosis:
-    """Find where model and data disagree, name what is missing, add it, verify.
+    """Find disagreements of model and data, name missing effects, add and verify them.
 
     Parameters
     ----------
     robot : Robot, path, shipped name, or Case
         A case has its own logs and preparation, and shares its stages with other verbs.
     logs : log, path, DataFrame, or several
-        What the model is fitted to and effects are named from.
+        Logs from which the model is fitted and effects are named.
     validate : the same, optional
-        Logs that are not fitted: they may refute a name, and measure the gap. Without any, the last
-        log (or the last quarter of the only one) is set aside.
+        Held-out logs: they may refute a name, and measure the gap. Without any, the last log (or
+        the last quarter of the only one) is held out.
     effects : iterable of str, optional
         Families that may be named, such as stribeck_friction; by default all that are registered.
     model : Model, sequence of str, path of a model file or result of `prune`, optional
         Effects of the model to diagnose; by default rigid body, viscous and symmetric Coulomb
-        friction and actuator inertia. What a model file leaves out, holds or ties is free.
+        friction and actuator inertia. Parameters that a model file omits, fixes or ties are free.
     fixed : bool, float, path, Fit or result
         Keep values instead of refitting them; then wrong masses, payloads and gravity are
         candidates too. True: those of the robot file, as if they were exact. A share: those of the
         robot file, which may be off by it, such as 0.1 (a standard deviation). A result: those of
         an `analyze`, `prune` or `diagnose`, of its JSON or its `Fit`, with their covariance, for
-        the model that is diagnosed. What these errors explain is no effect.
+        the model that is diagnosed. Torque that these errors explain is not named as an effect.
     preparation : Preparation, optional
         How derivatives are made.
     seed : int
     quick : bool
         Leave out the simulation of `forward`.
     forward : bool
-        Also simulate the motion that verifies, before and after what was named (half a second).
+        Also simulate the verifying motion, without and with the named effects (half a second).
     progress : callable(str, float), optional
     engine : Engine, optional
         Where logs are prepared; here by default. The result does not depend on it.
@@ -165,13 +165,13 @@ def diagnose(
         if not quick and forward and found.included and found.robot.base is None:
             run.say("simulating forward", 0.95)
             found = replace(found, forward=simulate_forward(found, of_motion))
-        # Columns are large, and nothing needs them any more.
+        # Columns are large and no longer needed.
         return replace(found, problem=replace(found.problem, columns=()))
 
 
 @frozen
 class Request:
-    """How effects are looked for.
+    """Options of the search for effects.
 
     Attributes
     ----------
@@ -192,7 +192,7 @@ class Request:
 
     @property
     def keeps(self) -> bool:
-        """Whether values are kept: those of the file, or of a result."""
+        """Whether the values of the file or of a result are kept."""
         return self.fixed is not False
 
 
@@ -215,7 +215,7 @@ def _diagnose_logs(
     rng: np.random.Generator,
     recordings: Recordings | None = None,
 ) -> tuple[Diagnosis, Data]:
-    """Return what is missing in the logs of a case, and these logs.
+    """Return the diagnosis of the logs of a case, and the data.
 
     If a delay common to joints is found, they are diagnosed again with commands that act later.
 
@@ -241,10 +241,10 @@ def _diagnose_logs(
 
 
 def common_delay(effects: Sequence[NamedEffect], joints: Sequence[str]) -> float:
-    """Return by how much commands act later at most joints than their log was corrected for [s].
+    """Return the median over joints of the command delay that is not yet corrected [s].
 
-    A log's delay is found from all joints together, so that one that is late, or whose gain is
-    wrong, makes the others early. What most of them have in common is the log's.
+    The delay of a log is estimated from all joints together. One delayed joint, or one with a wrong
+    gain, makes the others seem early. The delay that most joints share belongs to the log.
     """
     placements = [p for e in effects if e.name == CommandDelay.name for p in e.placements]
     delays = {p.place: float(p.values[0]) for p in placements}
@@ -255,7 +255,7 @@ def common_delay(effects: Sequence[NamedEffect], joints: Sequence[str]) -> float
 def _with_context(
     case: Case, request: Request, found: Diagnosis, data: Data, *, quick: bool, seed: int
 ) -> Diagnosis:
-    """Return a diagnosis with what its logs, its options and its model ask to be said."""
+    """Return a diagnosis with the hints on its logs, options and model."""
     # Torque of commands is calibrated with the cut-off.
     band = getattr(found.preparation, "band", None)
     said = () if found.commanded else say_band(band, names=True)
@@ -292,13 +292,13 @@ def _list_options(case: Case, request: Request, found: Diagnosis) -> dict[str, A
     return options
 
 
-# From a case to what is diagnosed.
+# From a case to the problem of a diagnosis.
 
 
 def pose_problem(
     case: Case, request: Request, run: Run, recordings: Recordings | None = None
 ) -> tuple[Problem, Data]:
-    """Return what is diagnosed, and the logs under the reading that fits them.
+    """Return the problem and the logs under the reading that fits them.
 
     Parameters
     ----------
@@ -328,13 +328,13 @@ def pose_problem(
 def _problem_of(
     case: Case, request: Request, known: KnownValues, data: Data, run: Run
 ) -> tuple[Problem, Data]:
-    """Return what is diagnosed of prepared logs, and the samples of which errors are stated.
+    """Return the problem of prepared logs, and the samples whose errors are stated.
 
     Parameters
     ----------
     case, request
     known : KnownValues
-        What is known of values that are kept.
+        Prior knowledge of the values that are kept.
     data : Data
     run : Run
     """
@@ -397,7 +397,7 @@ def _unless_all(samples: tuple[Dataset, ...], excerpt: tuple[Dataset, ...]) -> t
 
 
 def _refuse_silent_part(case: Case, data: Data, run: Run) -> None:
-    """Refuse held-out motion that has nothing to explain.
+    """Raise an error if held-out motion has nothing to explain.
 
     Raises
     ------
@@ -410,16 +410,16 @@ def _refuse_silent_part(case: Case, data: Data, run: Run) -> None:
 
 
 def _most_rows(recordings: Recordings) -> int:
-    """Return how many rows of each log are looked at."""
+    """Return the number of rows of each log that are used."""
     return min(MOST_SAMPLES, MOST_IN_ALL // len(recordings.fitted))
 
 
-#: Excerpts of fitted and of held-out logs; empty where all rows are looked at.
+#: Excerpts of fitted and of held-out logs; empty where all rows are used.
 Excerpts = tuple[tuple[Dataset, ...], tuple[Dataset, ...]]
 
 
 def _look_at(case: Case, data: Data, run: Run) -> tuple[Data, Excerpts]:
-    """Return data with second records of the motion, and excerpts on which names are looked for.
+    """Return data with second records of the motion, and excerpts for the search of effects.
 
     Samples of commanded robots are taken along the motion of their rollouts.
     """
@@ -495,7 +495,7 @@ def recommend(
 def _as_diagnosed(structure: Structure, diagnosed: Structure, base: Array) -> Array | None:
     """Return recommended values as base parameters of the diagnosed model; None if it lacks some.
 
-    A recommended model that leaves out what the diagnosed one lacks is the diagnosed one.
+    Both models are the same if the recommended one omits all that the diagnosed one lacks.
     """
     common = [n for n in structure.columns if n in diagnosed.columns]
     G, to = (s.G[:, [s.columns.index(n) for n in common]] for s in (structure, diagnosed))
@@ -518,9 +518,9 @@ def _under_ladder(case: Case, data: Data, entry: LadderEntry, run: Run) -> Data:
 def name_effects(
     problem: Problem, effects: Effects | None, run: Run, rng: np.random.Generator
 ) -> Diagnosis:
-    """Name what is missing, add it, verify.
+    """Name missing effects, add and verify them.
 
-    Rows that hardly count with the named effects are no data for names.
+    Rows of low weight, given the named effects, are not used to name effects.
 
     Parameters
     ----------
@@ -547,7 +547,7 @@ def name_effects(
 def take_loads(naming: Naming, engine: Engine) -> Naming:
     """Return a naming whose load-dependent columns are those of the fit with all names.
 
-    Without the names masses are wrong, and so is the torque that a wrong scale multiplies.
+    Without the named effects masses are wrong. A wrong scale then multiplies a wrong torque.
     """
     problem = naming.problem
     loaded = is_loaded(naming.completed.parameters)
@@ -561,9 +561,9 @@ def take_loads(naming: Naming, engine: Engine) -> Naming:
 
 
 def _find_outliers(problem: Problem, found: Naming) -> tuple[str, Outliers | None]:
-    """Return a sentence on outlying rows, and which are left out before names are looked for."""
+    """Return a sentence on outlying rows, and the rows left out before the search for effects."""
     samples, changes, weighed = problem.samples, found.problem.changes, found.weighed
-    if changes:  # a burst may look like one
+    if changes:  # an outlier segment may look like one
         rows = gather_information(found.completed.regression(samples))
         weighed = weigh_fit(problem.robot, samples, rows)
     *_, hint, outliers = weighed
@@ -574,10 +574,10 @@ def _find_outliers(problem: Problem, found: Naming) -> tuple[str, Outliers | Non
 
 
 def _name_between_changes(problem: Problem, effects: Effects | None, run: Run) -> Naming:
-    """Return what is missing in logs without what changed in their midst.
+    """Return the naming of logs without the rows of a change in the middle of a log.
 
-    A change that explains more than any effect is left out before names are looked for. Else it
-    would be named piece by piece.
+    The rows of a change that explains more than any effect are left out before the search. The
+    search would otherwise name the change as several effects.
     """
     looked = look(problem, effects)
     run.say("naming effects", 0.3)
@@ -587,7 +587,7 @@ def _name_between_changes(problem: Problem, effects: Effects | None, run: Run) -
 
 
 def _last(changes: Sequence[Change], samples: Sequence[Dataset]) -> bool:
-    """Whether a change lasts longer than a burst that was low-passed."""
+    """Whether a change lasts longer than a low-passed outlier segment."""
     for c in changes:
         own = next(s for s in samples if s.name == c.log)
         t, d = own.output_times(), own.decimation
@@ -599,7 +599,7 @@ def _last(changes: Sequence[Change], samples: Sequence[Dataset]) -> bool:
 def _choose_values(
     case: Case, robot: Robot, request: Request, *, commanded: bool
 ) -> tuple[Structure, KnownValues]:
-    """Return what is diagnosed, and what is known of the values that it keeps."""
+    """Return the diagnosed model, and the knowledge of the values that it keeps."""
     fixed = request.fixed
     fit, name = read_given(fixed, robot)
     if fit is not None and request.model is None:
@@ -620,8 +620,8 @@ def _choose_values(
 def usual_effects(robot: Robot, *, commanded: bool = False) -> tuple[str, ...]:
     """Return the effects of the model that is diagnosed when none is given.
 
-    Zeros of commands and encoders differ, of which servos make torque: logs of commands have
-    offsets, as they have in every verb.
+    Zeros of commands and encoders differ, and servos turn the difference into torque. Logs of
+    commands therefore have torque offsets, as in every verb.
     """
     offsets = ("torque_offset",) if commanded else ()
     return default_effects(robot, (*USUAL_EFFECTS, *offsets))
@@ -629,7 +629,7 @@ def usual_effects(robot: Robot, *, commanded: bool = False) -> tuple[str, ...]:
 
 @frozen(kw_only=True)
 class Verified:
-    """The named effects that are in the model, after unseen motion had its say.
+    """The named effects that unseen motion leaves in the model.
 
     Attributes
     ----------
@@ -657,16 +657,16 @@ def verify_effects(
 ) -> Verified:
     """Return the effects that predict better on folds and that unseen motion does not refute.
 
-    Folds of the fitted logs choose what predicts, and unseen motion may refute that. What came last
-    is left out first.
+    Folds of the fitted logs choose the effects, and unseen motion may refute them. The last effect
+    found is removed first.
 
     Parameters
     ----------
     naming : Naming
     ends : sequence of int
-        Where the parts of each family end, the first being 0.
+        End of the parts of each family, after a first 0.
     fits : sequence of (b,)
-        Base parameters without any family, and with each one more.
+        Base parameters without any family, then with one more family each.
     plain : (b,)
         Base parameters of the plain model.
     """
@@ -709,7 +709,7 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     Parameters
     ----------
     naming : Naming
-        What is missing.
+        The missing effects.
     rng : numpy.random.Generator
         For intervals.
     """
@@ -766,7 +766,7 @@ def _list_effects(
 
 
 def _list_odds(found: Gains) -> tuple[Odds, ...]:
-    """Return terms with what they gain on rows that they were not fitted to."""
+    """Return terms with their gains on rows to which they were not fitted."""
     return tuple(Odds(t.group.family, place_of(t), t.odds, unseen=x) for t, x in found)
 
 
@@ -778,13 +778,13 @@ def _list_evidence(naming: Naming) -> tuple[Odds, ...]:
 
 
 def _place(naming: Naming, k: int) -> Placement:
-    """Return what is known of a part."""
+    """Return the placement of a part: values, torque, odds and rivals."""
     part, c = naming.parts[k], naming.parts[k].candidate
     value, covariance = naming.values(k)
     parameters = part.parameters(naming.problem.robot)
     added = [naming.columns([k], j) @ value for j in naming.acts(k)]
     sizes = [float(np.sqrt(np.mean(x**2))) for x in added]
-    every = [r.group for r in part.rivals]  # what is everywhere is here, too
+    every = [r.group for r in part.rivals]  # a family everywhere is here, too
     rivals = [Rival(g.family, g.place.replace(EVERYWHERE, c.place)) for g in every]
     return Placement(
         place=c.place,
@@ -802,9 +802,9 @@ def _place(naming: Naming, k: int) -> Placement:
 
 
 def _unfiltered(naming: Naming, part: Part) -> Array:
-    """Return the columns of a part as they are, (N, n, m).
+    """Return the columns of a part without the low-pass, (N, n, m).
 
-    The low-pass leaves what depends on where the motion came from.
+    Low-passed columns depend on the past of the motion.
     """
     robot, rows, effect = naming.problem.robot, naming.fitted, Placed([part])
     columns = np.zeros((*rows.measured.shape, len(effect.parameters(robot))))
@@ -813,7 +813,7 @@ def _unfiltered(naming: Naming, part: Part) -> Array:
 
 
 def _curve(naming: Naming, left: Array, k: int, placed: Placement) -> Curve:
-    """Return what a part was learned to be, along the fitted motion."""
+    """Return the learned law of a part along the fitted motion."""
     c, rows = naming.parts[k].candidate, naming.fitted
     robot = naming.problem.robot
     columns = {j: naming.columns([k], j) for j in naming.acts(k)}

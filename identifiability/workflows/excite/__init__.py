@@ -2,13 +2,14 @@
 
 What to use when:
 
-- `excite` finds the motion: for a first log (condition number), for what to measure next about
-  some parameters (information), or to tell two effects apart; `find_next` that which decides
-  between the names of a diagnosis;
+- `excite` finds the motion for a first log (condition number), for the next log about some
+  parameters (information), or to separate two effects;
+- `find_next` finds the motion that decides between the effects of a diagnosis;
 - `find_limits` reads limits.
 
-The method, in the order of the files: what must be kept (`limits`), what is asked (`criteria`),
-what candidates cost and the search among them (`search`), and the answer (`result`).
+The files, in the order of the method: `limits` has the constraints of the motion. `criteria` has
+the question and its criterion. `search` has the candidates, their cost and the search. `result`
+holds the answer.
 """
 
 from .limits import find_limits

@@ -1,6 +1,7 @@
-"""What an exciting motion is good for: criteria on Gram matrices ``WᵀW``, of a `Question`.
+"""Criteria of an exciting motion, on Gram matrices ``WᵀW``, for a `Question`.
 
-A question says which columns a motion should tell apart, and what logs say of them already.
+A question lists the columns that a motion should separate. `Known` holds the information of earlier
+logs.
 """
 
 from __future__ import annotations
@@ -25,13 +26,12 @@ from identifiability.regression.structure import BaseParameters, Structure
 from identifiability.robot import Robot
 from identifiability.workflows.provenance import given_paths
 
-# What an exciting motion is good for: the criteria, on Gram matrices ``WᵀW``.
+# Criteria of an exciting motion, on Gram matrices ``WᵀW``.
 #
-# What to use when: `LogDet` for a first log or the next one, about some parameters beside all
-# others [Swevers 1997] (D_s-optimality, [Atkinson 2007, sec. 10.3]), two effects among them that
-# are to be told apart; `Discrimination` for effects of known size, from rivals or from the model.
-# Each gives a cost that is to be made small, batched over candidates, and the figure that a reader
-# knows it by.
+# What to use when: `LogDet` for a first log or the next one, about some parameters with all others
+# unknown [Swevers 1997] (D_s-optimality, [Atkinson 2007, sec. 10.3]), or to separate two effects.
+# `Discrimination` separates effects of known size from rivals or from the model. Each gives a cost
+# to minimise, batched over candidates, and its figure for readers.
 
 
 @frozen
@@ -67,7 +67,7 @@ class LogDet:
 
 @frozen
 class Ask:
-    """A true effect of known size, and what else it may be taken for.
+    """A true effect of known size, and the rival that it may be confused with.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class Ask:
         Its size.
     others : tuple of (q,) int
         Columns of a rival with each of its shapes, of which the most alike counts; one without
-        columns for what is to be told from the model alone.
+        columns if the effect is separated from the model alone.
     """
 
     own: np.ndarray
@@ -87,11 +87,11 @@ class Ask:
 
 @frozen
 class Discrimination:
-    """What of true effects of known size neither the model nor a rival explains.
+    """The part of true effects of known size that neither the model nor a rival explains.
 
     T-optimality [Atkinson & Fedorov 1975]: half of these squares, the non-centrality, is the
     expected logarithm of the likelihood ratio. Gram matrices are in units of the noise. The
-    harmonic mean over `asks` counts, so that what is told apart already weighs little. The first
+    criterion is the harmonic mean over `asks`, so that separated effects weigh little. The first
     `model` columns are the model.
     """
 
@@ -129,8 +129,8 @@ class Discrimination:
         return squares
 
 
-#: A figure of merit of Gram matrices (m, k, k): its `cost` (m,) is made small, its `figure` is what
-#: a reader knows a cost by.
+#: A figure of merit of Gram matrices (m, k, k): its `cost` (m,) is minimised, its `figure` states a
+#: cost for readers.
 Criterion: TypeAlias = LogDet | Discrimination
 
 
@@ -152,7 +152,7 @@ def _log_det(G: Array) -> Array:
     return total
 
 
-# `Question`: which columns a motion should tell apart, and what logs say of them already.
+# `Question`: columns that a motion should separate, and earlier information on them.
 
 
 @frozen
@@ -164,7 +164,7 @@ class Question:
     structure : Structure
         The robot under the model.
     model : Model
-        With the effects that are to be told apart, if any, at its end.
+        With the effects to separate, if any, at its end.
     columns : (k,) int
         Of the model: base parameters, then the columns of these effects.
     names, units : tuple of str
@@ -189,19 +189,19 @@ class Question:
 
 @frozen
 class Known:
-    """What logs say already.
+    """Information of earlier logs.
 
     Attributes
     ----------
     G : (k, k)
         Gram matrix of all logs, actuators weighted; zero without logs.
     weights : (n,)
-        One over the variance of each actuator's noise times its autocorrelation time; ones without
-        logs.
+        Inverse of the variance of each actuator's noise times its autocorrelation time; ones
+        without logs.
     samples : float
-        Of one log, on average; the next one counts as many.
+        Mean number of one log; the next log is assumed to have as many.
     values : (k,)
-        By all logs; without logs those of the robot file, zero where it states none.
+        Estimates from all logs. Without logs they are those of the robot file, or zero.
     logs : tuple of str
     """
 
@@ -246,14 +246,14 @@ def add_beside(structure: Structure, effects: Sequence[Effect]) -> Question:
     whole = Model((*structure.model.effects, *effects)) if effects else structure.model
     every = whole.parameters(structure.robot)
     added = range(len(base.parameters), len(every))
-    taken = {every[k].name for k in added}  # what is to be separated is no part of the model
+    taken = {every[k].name for k in added}  # the model lacks the effects to separate
     columns = np.array([*(k for k in base.kept if every[k].name not in taken), *added], int)
     names, units = (tuple(getattr(every[k], what) for k in columns) for what in ("name", "unit"))
     return Question(structure, whole, columns, names, units, (), LogDet(np.arange(len(columns))))
 
 
 def know_nothing(question: Question, planned: int) -> Known:
-    """Return what is known without logs; the next log has the planned samples."""
+    """Return the knowledge without logs; the next log has the planned samples."""
     k, n = len(question.columns), len(question.structure.robot.actuated)
     nominal = zip(question.structure.base.names, question.structure.nominal_base, strict=True)
     filed = dict(nominal)
@@ -262,7 +262,7 @@ def know_nothing(question: Question, planned: int) -> Known:
 
 
 def gather_known(regression: Regression) -> Known:
-    """Return what logs say of the columns of a question."""
+    """Return the information of logs on the columns of a question."""
     k, samples = len(regression.parameters), regression.samples
     information = gather_information(regression)
     fit = estimate(information)

@@ -1,8 +1,7 @@
-"""What a motion must keep: `Limits`, loops, leaps, drives and collisions.
+"""Constraints of a motion: `Limits`, loops, jumps, drives and collisions.
 
-`Limits` say how far, how fast and how hard joints may move. Beyond those of single joints,
-candidates may lose loops or ask too much of drives by the nominal model, and bodies may come near
-each other.
+`Limits` say how far, how fast and how hard joints may move. Candidates may also open loops or
+overload drives, by the nominal model. Bodies may come near each other.
 """
 
 from __future__ import annotations
@@ -35,14 +34,14 @@ from identifiability.simulation.mujoco_robot import MujocoRobot, compile_shapes
 
 # `Limits`: how far, how fast and how hard the joints may move.
 #
-# A limits file is TOML; every key is optional and replaces what the robot says::
+# A limits file is TOML; every key is optional and replaces the value of the robot::
 #
 # slider1 = {q = [0.62, 0.78], v = 0.16, a = 0.5} # actuated joint [rad or m, per s, per s²]
 # slider2 = {tau = 400, power = 150} # of its drive [N·m or N; W]
 
 
 class LimitsFile(RootModel[dict[str, LimitEntry]]):
-    """The file: joints and what replaces their limits."""
+    """A limits file: joints and replacements of their limits."""
 
 
 @frozen
@@ -55,11 +54,11 @@ class Limits:
     low, high : (n,) [rad or m]
     speed, acceleration : (n,) [rad/s or m/s; rad/s² or m/s²]
     torque, power : (n,) [N·m or N; W]
-        Of the drives; infinite where nobody stated them.
+        Of the drives; infinite where not stated.
     closure_bound : float
         Largest condition number of the closure of a closed chain.
     assumed : tuple of str
-        Limits that nobody stated, such as ``joint1.v``.
+        Limits that are assumed because they are not stated, such as ``joint1.v``.
     """
 
     joints: tuple[str, ...]
@@ -86,18 +85,18 @@ class Limits:
         return half
 
 
-#: What says limits.
+#: Forms in which limits are given.
 LimitsLike: TypeAlias = Mapping[str, Any] | str | Path
 
 
 def find_limits(robot: Robot, given: LimitsLike | None = None) -> Limits:
-    """Return the limits of a robot, or those given where they replace them.
+    """Return the limits of a robot, replaced by given ones.
 
     Parameters
     ----------
     robot : Robot
     given : path, mapping or None
-        A limits file, or what would stand in one.
+        A limits file, or its content.
 
     Raises
     ------
@@ -136,7 +135,7 @@ def _filed_limits(robot: Robot) -> dict[str, Array]:
 
 
 def _choose_limit(stated: Any, filed: Array, likely: Array) -> tuple[Any, bool]:
-    """Return a limit: as stated, else as the file has it, and whether a likely one is assumed."""
+    """Return a limit: given, else of the file, else a default; and whether it is the default."""
     if stated is not None:
         return stated, False
     unknown = ~np.isfinite(filed)
@@ -163,13 +162,13 @@ def _read(given: LimitsLike | None, known: Sequence[str]) -> LimitsFile:
     return entry
 
 
-# How near bodies of a robot that are not joined come to each other along a motion.
+# Distance of unconnected bodies of a robot along a motion.
 
 
-#: Distance that bodies keep which are not joined [m].
+#: Least distance of unconnected bodies [m].
 CLEARANCE: Tolerance = 0.005
 
-#: How far shapes see each other: what is farther away is nobody's concern [m].
+#: Detection distance of shapes: larger distances are not measured [m].
 REACH = 6 * CLEARANCE
 
 
@@ -189,7 +188,7 @@ class Clearance:
 
     @staticmethod
     def of(robot: Robot) -> tuple[Clearance | None, str]:
-        """Return what to watch, and a sentence on what is not watched, and why."""
+        """Return the clearance to watch, and a sentence on unwatched pairs with the reason."""
         if robot.cables:
             return None, phrase("collisions", "tendons", file=robot.path.name)
         try:
@@ -208,7 +207,7 @@ class Clearance:
         return watched, said if len(near) else ""
 
     def near(self, place: Array) -> tuple[Array, Array]:
-        """Return the pairs of shapes (k, 2) that see each other at a place, and their gaps (k,)."""
+        """Return the pairs of shapes (k, 2) within detection distance, and their gaps (k,)."""
         pairs, gaps = self.shapes.meet(place)
         watched = self.pairs[pairs[:, 0], pairs[:, 1]]
         return pairs[watched], gaps[watched]
@@ -234,24 +233,24 @@ def _find_pairs(shapes: MujocoRobot) -> np.ndarray:
 
 
 def nearness(gaps: Array) -> Array:
-    """Return what each sample costs: nothing from twice the margin on, 1 at contact."""
+    """Return the cost of each sample: 1 at contact, zero from four clearances on."""
     near: Array = np.maximum(1.0 - np.asarray(gaps) / (4 * CLEARANCE), 0.0) ** 2
     return near
 
 
-# What a motion asks of the drives: torque and power by the nominal model of the robot file.
+# Load of the drives by a motion: torque and power by the nominal model of the robot file.
 
 
 @frozen
 class Drive:
-    """The nominal model, and what its drives can do.
+    """The nominal model, and the limits of its drives.
 
     Attributes
     ----------
     structure : Structure
-        The robot under its nominal model; what the robot file does not state is zero.
+        The robot under its nominal model; values that the robot file does not state are zero.
     torque, power : (n,) [N·m or N; W]
-        Largest of each drive; infinite where nobody stated it.
+        Largest of each drive; infinite where not stated.
     """
 
     structure: Structure
@@ -260,14 +259,14 @@ class Drive:
 
     @staticmethod
     def of(robot: Robot, limits: Limits) -> Drive | None:
-        """Return the drives of a robot; None where nobody stated what they can do."""
+        """Return the drives of a robot; None where no limit of a drive is stated."""
         if not (np.isfinite(limits.torque).any() or np.isfinite(limits.power).any()):
             return None
         structure = Structure.of(robot, Model.of(*default_effects(robot, USUAL_EFFECTS)))
         return Drive(structure, limits.torque, limits.power)
 
     def load(self, motion: Motion) -> Array:
-        """Return the largest share of a limit that each sample asks for, (N,)."""
+        """Return the largest share of a limit that each sample uses, (N,)."""
         of = self.structure
         torque = np.abs(of.model.regressor(of.robot, motion) @ of.nominal)
         power = np.abs(torque * motion.actuated_v)
@@ -275,16 +274,16 @@ class Drive:
         return share
 
 
-# What candidate motions do beyond the limits of single joints: loops, leaps, drives.
+# Constraints of candidate motions beyond the limits of single joints: loops, jumps, drives.
 
 
-#: Share of a bound from which on the search keeps away from it.
+#: Share of a bound above which the search adds a penalty.
 INNER: Tolerance = 0.9
 
 
 @frozen
 class Workspace:
-    """What candidates do outside their joints' limits.
+    """Violations by candidates of constraints other than joint limits.
 
     Attributes
     ----------
@@ -295,7 +294,7 @@ class Workspace:
     leaps : (m,) int
         Samples before which the dependent joints jump or pass a singular configuration.
     load : (m,)
-        Largest share of a drive's torque or power that is asked for; zero where none is stated.
+        Largest used share of a drive's torque or power; zero where none is stated.
     """
 
     open: np.ndarray
@@ -310,7 +309,7 @@ class Workspace:
         return kept
 
     def cost(self, bound: float) -> Array:
-        """Return what is added to the cost of candidates, (m,): nothing well inside."""
+        """Return the penalty of candidates, (m,); it is zero well inside the workspace."""
         with np.errstate(divide="ignore"):
             near = np.maximum(np.log(np.minimum(self.condition, 1e12) / (INNER * bound)), 0.0)
         heavy = np.maximum(np.log(np.maximum(self.load, INNER) / INNER), 0.0)
@@ -327,7 +326,7 @@ def survey(
     step: float,
     drive: Drive | None = None,
 ) -> Workspace:
-    """Return what candidates do, from the motion of all of them one after the other.
+    """Return the violations by candidates, from the concatenated motion of all candidates.
 
     Parameters
     ----------
@@ -359,7 +358,7 @@ def survey(
 def _closure(robot: Robot, motion: Motion, enough: float) -> tuple[Array, np.ndarray]:
     """Return the condition number (N,), and whether a singular pose is before each next sample.
 
-    Where the whole batch is far from singular its largest condition number will do.
+    If the whole batch is far from singular, its largest condition number is used.
     """
     if motion.condition <= enough and not motion.singular:
         return np.full(len(motion), motion.condition), np.zeros(len(motion) - 1, bool)

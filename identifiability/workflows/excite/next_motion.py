@@ -1,9 +1,8 @@
-"""`NextMotion`: what to measure next, so that "A or B" becomes A, or B.
+"""`NextMotion`: the next motion to measure, so that "A or B" becomes A, or B.
 
-The motion makes the torque that was named as unlike as it can what its rivals explain beside the
-rest of the model, with the logs there are. The logarithm of the likelihood ratio of the true effect
-to its rival is about normal, with half of the non-centrality as its mean and all of it as its
-variance.
+The motion maximises the torque of the named effect that its rivals and the rest of the model cannot
+explain, together with the earlier logs. The log likelihood ratio of the true effect to its rival is
+about normal. Its mean is half of the non-centrality, and its variance is the non-centrality.
 """
 
 from __future__ import annotations
@@ -54,7 +53,7 @@ PERIODS = 32
 LIKELY: Tolerance = 0.95
 #: Motions that the search looks at, and samples of the one that it finds.
 EVALUATIONS, FINAL = 4000, 750
-#: Periods of a motion that are prepared to know what one of many says.
+#: Periods of a motion that are prepared to find the information of one of many.
 PREPARED = 3
 
 
@@ -65,16 +64,16 @@ class NextMotion:
     Attributes
     ----------
     names : tuple of str
-        What was named and its rivals, as a model file writes them.
+        The named effect and its rivals, as a model file writes them.
     excitation : Excitation
         The motion, which begins and ends at rest.
     periods : int
         How often it is gone through.
     chance, before : float
-        That the diagnosis of these logs and the new one gives one name, the true one, where the
-        effect is as large as it was found; and of these logs anew.
+        Chance that the diagnosis of these logs and the new one gives only the true name, if the
+        effect has its estimated size; and the same for these logs measured again.
     same : bool
-        Whether it is all one torque, however the robot moves.
+        Whether all hypotheses give the same torque for every motion.
     """
 
     names: tuple[str, ...]
@@ -95,7 +94,7 @@ class NextMotion:
         return write_json(path, self.to_dict())
 
     def to_dict(self) -> dict[str, Any]:
-        """Return a trajectory file with what is known of the motion beside it."""
+        """Return a trajectory file with the properties of the motion."""
         told = {"separates": list(self.names), "chance": self.chance}
         told |= {"before": self.before, "periods": self.periods}
         return {**self.excitation.to_dict(), "comment": self.statement, "next": told}
@@ -117,7 +116,7 @@ def find_next(
     Parameters
     ----------
     d : Diagnosis
-        Of several names that are "A or B" the one with the largest torque is asked about.
+        Of several names that are "A or B", the motion decides the one with the largest torque.
     duration : float [s]
         The period. It is logged up to 32 times.
     limits : mapping, path or None
@@ -156,7 +155,7 @@ def find_next(
 def decision_chance(squares: Array) -> Array:
     """Return the chance that log likelihood ratios exceed the odds up to which it is "A or B".
 
-    `squares` are non-centralities: what of the true effect is outside of model and rival.
+    `squares` are non-centralities: squares of the true effect's part outside of model and rival.
     """
     squares = np.maximum(squares, 1e-12)
     chance: Array = ndtr((squares / 2 - RULES.rival) / np.sqrt(squares))
@@ -165,16 +164,16 @@ def decision_chance(squares: Array) -> Array:
 
 @frozen
 class Bench:
-    """What was named and its rivals beside the rest of the model, along the logs.
+    """The named effect, its rivals and the rest of the model, along the logs.
 
     Attributes
     ----------
     question : Question
         Its `chosen` are the name and its rivals.
     aim : Discrimination
-        Of each rival two asks: what was named is true, and the rival is, as large as that.
+        Of each rival two asks: either the named effect is true, or the rival with as much torque.
     known : Known
-        What the logs say.
+        Information of the logs.
     """
 
     question: Question
@@ -207,10 +206,9 @@ class Bench:
         return Bench(replace(question, criterion=aim, chosen=names), aim, known)
 
     def told(self, G: Array) -> np.ndarray:
-        """Return of which asks a rival leaves anything, (rivals, 2) bool.
+        """Return the asks of which a rival leaves a residual, (rivals, 2) bool.
 
-        Of an effect that its rival contains no motion says more than the rival does: there the
-        rival has to be the true one.
+        If a rival contains the effect, no motion separates them unless the rival is true.
         """
         asks = self.aim.asks
         whole = np.array([a.values @ G[np.ix_(a.own, a.own)] @ a.values for a in asks])
@@ -218,16 +216,16 @@ class Bench:
         return np.reshape(left > (1.0 - SAME**2) * whole, (-1, 2))
 
     def chance(self, G: Array, told: np.ndarray) -> float:
-        """Return the chance that the least sure of those rivals that are told is decided."""
+        """Return the chance of a decision for the least sure of the separable rivals."""
         each = decision_chance(self.aim.squares(G[None])[:, 0]).reshape(-1, 2)
         some = told.any(1) | ~told.any()
         return float(np.where(told[:, 0], each[:, 0], each[:, 1])[some].min())
 
     def along(self, d: Diagnosis, path: Trajectory) -> Array:
-        """Return what a period of a motion would say, (k, k).
+        """Return the Gram matrix of a period of a motion, (k, k).
 
-        It is prepared like a log: what low-passes torque takes from the columns what is fast, such
-        as where laws of friction differ at a reversal.
+        The motion is prepared like a log. The low-pass removes fast parts of the columns, such as
+        differences of friction laws at a reversal.
         """
         t = np.arange(PREPARED * path.samples) * path.period / path.samples
         q, some = path.motion(t)[0], np.ones((len(t), len(d.robot.joints)))
@@ -236,7 +234,7 @@ class Bench:
         samples, k = prepare_excerpt(d.robot, log, how), len(self.question.columns)
         regression = self.question.along((samples,))
         R = gather_information(regression).factor(self.known.weights)[:, :k]
-        # What a sample says is known of those of the logs.
+        # The information of a sample is known from those of the logs.
         own, theirs = (sampling_step(s.output_times()) for s in (samples, d.samples[0]))
         said: Array = R.T @ R / PREPARED * own / theirs
         return said

@@ -1,4 +1,4 @@
-"""`Excitation`: a motion to measure, what it is good for, and what it keeps.
+"""`Excitation`: a motion to measure, its merit, and the limits that it keeps.
 
 A controller plays it from rest, into the periods, back to rest.
 """
@@ -31,7 +31,7 @@ from identifiability.simulation.motion import PrescribedMotion, Trajectory, writ
 from .criteria import Criterion
 from .limits import CLEARANCE, Clearance, Drive, Limits, survey
 
-# From a periodic motion to what a controller plays: from rest, into the periods, back to rest.
+# From a periodic motion to a motion for a controller: from rest, into the periods, back to rest.
 #
 # The motion stands still in the middle of its range, grows to the full periods, and shrinks back:
 # ``q = c + w(t) (q_F(t) - c)`` with a window w that rises from 0 to 1 with two continuous
@@ -84,12 +84,12 @@ def _keeps(
     return watched is None or float(watched.gaps(whole.q).min()) >= CLEARANCE
 
 
-# `Excitation`: a motion to measure, what it is good for, and what it keeps.
+# `Excitation`: a motion to measure, its merit, and the limits that it keeps.
 
 
 @frozen
 class Merit:
-    """What a motion tells, together with the logs there are.
+    """Information of a motion, together with earlier logs.
 
     Attributes
     ----------
@@ -98,8 +98,7 @@ class Merit:
     sigma : (k,)
         Standard deviations under white noise, up to a factor shared by all motions compared.
     told : (c,) bool
-        Of which of the columns that the criterion is about standard deviations of 20 % and less
-        are to be expected.
+        Columns of the criterion with an expected standard deviation of 20 % or less.
     """
 
     figure: float
@@ -108,13 +107,13 @@ class Merit:
 
     @property
     def identifiable(self) -> int:
-        """How many of them."""
+        """Number of these columns."""
         return int(self.told.sum())
 
 
 @frozen(kw_only=True)
 class Excitation(Result):
-    """A motion within limits that makes a criterion as good as was found.
+    """A motion within limits with the best criterion that the search found.
 
     `to_frame` has one row a joint: its motion, and the limits that it keeps.
 
@@ -130,7 +129,7 @@ class Excitation(Result):
     chosen : tuple of str
         Parameters or effects that the criterion is about; empty for all.
     logs : tuple of str
-        What was measured already.
+        Logs that were measured already.
     before, after : Merit
         Of the same logs measured again, or of a random motion in the middle of many within the
         same limits; and of the trajectory.
@@ -141,9 +140,9 @@ class Excitation(Result):
         Motions looked at.
     seed : int
     gap : float [m]
-        Least distance at any sample of bodies that are not joined; infinite where none is watched.
+        Least distance of unconnected bodies at any sample; infinite where none is watched.
     hints : tuple of str
-        What was not used, assumed or watched.
+        Unused inputs, assumptions, and pairs that are not watched.
     provenance : mapping
         Versions, seed, options, and hashes of the inputs.
     """
@@ -171,7 +170,7 @@ class Excitation(Result):
     @property
     @presented
     def beside(self) -> str:
-        """What `before` is about."""
+        """Description of the motion of `before`."""
         raise NotImplementedError
 
     @cached_property
@@ -192,7 +191,7 @@ class Excitation(Result):
         raise NotImplementedError
 
     def play(self, rate: float = DEFAULTS.rate, periods: int = 1) -> PrescribedMotion:
-        """Return what a controller plays: from rest, through whole periods, back to rest.
+        """Return the motion for a controller: from rest, through whole periods, back to rest.
 
         Parameters
         ----------
@@ -218,7 +217,7 @@ class Excitation(Result):
         raise LogError(Finding("excite.rest", motion=path.name, robot=self.robot.name))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return a trajectory file with what is known of the trajectory beside it."""
+        """Return a trajectory file with the properties of the trajectory."""
         path = self.trajectory
         joints = {
             name: {
@@ -259,8 +258,8 @@ class Excitation(Result):
         ----------
         path : path
             CSV with t, JOINT.q, JOINT.dq and JOINT.ddq, and JOINT.cmd of position servos, which
-            are told the positions; NumPy arrays (.npz: t, q, dq, ddq, joints); or an MCAP bag with
-            one message of ``trajectory_msgs/JointTrajectory`` (extra ``ros``).
+            take positions as commands; NumPy arrays (.npz: t, q, dq, ddq, joints); or an MCAP bag
+            with one message of ``trajectory_msgs/JointTrajectory`` (extra ``ros``).
         rate : float [Hz]
         periods : int
 
@@ -286,11 +285,11 @@ class Excitation(Result):
     @property
     @presented
     def worth(self) -> str:
-        """What the motion tells, in words; nothing of what only `diagnose --next` asks."""
+        """Description of the merit of the motion; empty for motions of `diagnose --next`."""
         raise NotImplementedError
 
     @property
     @presented
     def limits_statement(self) -> str:
-        """What the motion keeps, in words."""
+        """Description of the limits that the motion keeps."""
         raise NotImplementedError

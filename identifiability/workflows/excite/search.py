@@ -1,4 +1,4 @@
-"""Candidate motions, what they keep by construction and cost, and the search among them.
+"""Candidate motions within limits, their cost, and the search among them.
 
 Many random candidates, the best of them improved one after the other.
 """
@@ -22,25 +22,25 @@ from identifiability.simulation.motion import Trajectory
 from .criteria import Known, Question
 from .limits import CLEARANCE, Clearance, Drive, Limits, Workspace, nearness, survey
 
-# Candidate motions: what a series keeps by construction, what it does, and what it costs.
+# Candidate motions: limits that a series keeps by construction, its motion and its cost.
 #
-# A candidate is a vector x of 2H + 1 numbers a joint: amplitudes of velocity in shares of the
-# speed limit, and where in the room that is left the motion is centred. Whatever x is, its series
-# is scaled down into the limits of position, speed and acceleration, so an optimiser needs no
-# constraints [Swevers 1997]. What depends on the whole robot (loops, singular configurations,
-# drives) is punished while searching and refused at the end.
+# A candidate is a vector x of 2H + 1 numbers a joint: amplitudes of velocity in shares of the speed
+# limit, and where in the room that is left the motion is centred. The series of any x is scaled
+# down into the limits of position, speed and acceleration, so an optimiser needs no constraints
+# [Swevers 1997]. Violations that depend on the whole robot (loops, singular configurations, drives)
+# are penalised during the search and refused at the end.
 #
 # A closure or a regressor costs about as much for one sample as for a hundred, so gradients by
 # finite differences are one batch: candidate and all its neighbours.
 
 
-#: Times a harmonic at which peaks are looked for. A trigonometric polynomial of degree H exceeds
-#: its values at M even points by at most 1/cos(πH/M) [Ehlich 1964]: 0.3 % here.
+#: Times a harmonic at which peaks are searched. A trigonometric polynomial of degree H exceeds its
+#: values at M even points by at most 1/cos(πH/M) [Ehlich 1964]: 0.3 % here.
 FINENESS = 40
 
 
-#: Cost of each sample at which bodies touch that are not joined, and the step of its gradient, over
-#: which distances change by more than their rounding.
+#: Cost of each sample at which unconnected bodies touch, and the step of its gradient. Distances
+#: change by more than their rounding over this step.
 TOUCHING: Tolerance = 4.0
 NUDGE: Tolerance = 1e-3
 #: Cost of a candidate whose loops do not close everywhere; more for each sample.
@@ -68,13 +68,13 @@ class Series:
 
     @property
     def looks(self) -> int:
-        """Samples at which a search looks at a candidate."""
+        """Samples at which a search evaluates a candidate."""
         # The regressor has harmonics of its own.
         return 12 * self.harmonics
 
     @property
     def size(self) -> int:
-        """Numbers a candidate has, ``n (2H + 1)``."""
+        """Number of values of a candidate, ``n (2H + 1)``."""
         return len(self.limits.joints) * (2 * self.harmonics + 1)
 
     def draw(self, count: int, rng: np.random.Generator) -> Array:
@@ -160,12 +160,12 @@ class Objective:
 
     @cached_property
     def drive(self) -> Drive | None:
-        """What the drives can do, if it was stated."""
+        """The drives with their limits, if any limit is stated."""
         return Drive.of(self.question.structure.robot, self.limits)
 
     @cached_property
     def watched(self) -> tuple[Clearance | None, str]:
-        """What of the robot may collide, or the sentence that says why nothing is watched."""
+        """The pairs that may collide, or a sentence on why none is watched."""
         return Clearance.of(self.question.structure.robot)
 
     def __call__(self, x: Array) -> Array:
@@ -256,8 +256,8 @@ class Objective:
 
 # `search`: many random candidates, the best of them improved one after the other.
 #
-# BFGS copes with the kinks that peaks and singular values make [Lewis 2013]; its curvature is
-# thrown away when it gets stuck at one, and found again from there.
+# BFGS copes with the kinks of peaks and singular values [Lewis 2013]. If it gets stuck at a kink,
+# its curvature is discarded and estimated again.
 
 
 #: Random candidates that are tried.
@@ -268,7 +268,7 @@ STUCK: Tolerance = 2e-3
 
 @frozen
 class Search:
-    """What was found.
+    """Result of a search.
 
     Attributes
     ----------

@@ -80,8 +80,8 @@ def excite(
         Base parameters about which the log-determinant of the information is made large; by
         default all.
     model : Model, sequence of str, path of a model file or result of `prune`, optional
-        Effects of the model; what a model file leaves out, holds or ties is free. By default rigid
-        bodies, viscous and Coulomb friction and actuator inertia; of a case, the model that
+        Effects of the model; parameters that a model file omits, fixes or ties are free. By default
+        rigid bodies, viscous and Coulomb friction and actuator inertia; of a case, the model that
         `analyze` reduces.
     start_from : log, path, DataFrame, or several
         Log that was measured already: the motion is the best one to measure next.
@@ -91,7 +91,7 @@ def excite(
     preparation : Preparation, optional
         How derivatives of the logs are made.
     evaluations : int
-        Motions that are looked at, at most, after the first random ones. The same number gives the
+        Largest number of evaluated motions, after the first random ones. The same number gives the
         same motion on every machine of a kind.
     seed : int
     progress : callable(str, float), optional
@@ -132,7 +132,7 @@ def _pose(
     run: Run,
     planned: int | None,
 ) -> tuple[Question, Known, Data | None]:
-    """Return the question about a robot as logs show it, what they say, and the logs.
+    """Return the question about a robot as logs show it, their information, and the logs.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def _pose(
     else:
         usual = default_effects(case.robot, USUAL_EFFECTS)
         structure = Structure.of(case.robot, choose_model(model, usual))
-    question = ask(structure)  # what is asked amiss is refused before logs are read
+    question = ask(structure)  # wrong arguments are refused before logs are read
     if planned is not None:
         return question, know_nothing(question, planned), None
     data = case.data(structure, run)
@@ -177,13 +177,13 @@ def find_motion(
     evaluations: int,
     name: str = "excite",
 ) -> Excitation:
-    """Find the motion that answers a question best beside what is known.
+    """Find the motion that answers a question best, given earlier information.
 
     Parameters
     ----------
     question : Question
     known : Known
-        What was measured already.
+        Information of logs that were measured already.
     series : Series
         All motions that may be found.
     run : Run
@@ -231,7 +231,7 @@ def find_motion(
 
 
 def _judge(objective: Objective, noisy: Objective, x: Array | None, samples: int) -> Merit:
-    """Return what a motion tells, or the logs' motion measured again for None.
+    """Return the merit of a motion; None means the motion of the logs, measured again.
 
     Parameters
     ----------
@@ -254,7 +254,7 @@ def _judge(objective: Objective, noisy: Objective, x: Array | None, samples: int
 def _best(objective: Objective, found: Search, samples: int) -> tuple[Array, Workspace, float]:
     """Return the best candidate that keeps the workspace at all samples.
 
-    Last is how near bodies come that are not joined [m].
+    The last value is the least distance of unconnected bodies [m].
     """
     order = [k for k in np.argsort(found.costs)[:10] if found.costs[k] < OPEN]
     for x in [*(x for _, x in found.found), *found.draws[order]]:

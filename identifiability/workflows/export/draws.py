@@ -1,9 +1,9 @@
-"""`Draws`: robots that the logs leave possible, for randomising a simulator by what is not known.
+"""`Draws`: robots consistent with the logs, for domain randomisation of a simulator.
 
-The estimate of the unpruned model is normal about the values to use, with the covariance that its
-result keeps; of what the motion never showed it says nothing. Bodies are the file's within a share
-of their size, no more is said of joints, and no draw is impossible: its bodies exist, its friction
-brakes. Draws are those of that normal on the physical set, by the sampler of posteriors.
+The estimate of the unpruned model is normal about the values to use, with the covariance of its
+result. It does not constrain directions that the motion never excites. The prior of bodies is the
+file's value within a share of their size. Joints have almost no prior. The sampler of posteriors
+draws from this normal on the physical set. Every draw is therefore physically consistent.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ WARMUP, APART, WALKERS = 12, 3, 16
 
 @frozen(kw_only=True)
 class Draws:
-    """Robots that the logs leave possible. Make them with `draw_robots`.
+    """Robots consistent with the logs, made by `draw_robots`.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Draws:
     share : float
         By which bodies may differ from the file's.
     servos : DataFrame
-        Delay of commands [s] and gains that logs told, of each draw.
+        Delay of commands [s] and gains that the logs determine, of each draw.
     """
 
     structure: Structure
@@ -90,7 +90,7 @@ class Draws:
     @property
     @presented
     def statement(self) -> str:
-        """What they are, in words."""
+        """Description of the draws."""
         raise NotImplementedError
 
 
@@ -103,7 +103,7 @@ def draw_robots(
     seed: Seed = 0,
     prior: Positive | None = None,
 ) -> Draws:
-    """Draw robots from what the logs of a result leave possible.
+    """Draw robots that are consistent with the logs of a result.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def _draw_values(fit: Fit, share: float, count: int, rng: np.random.Generator) -
 
 
 def _prior(structure: Structure, data: LeastSquares, share: float) -> Prior:
-    """Return bodies within a share of the file's, and what is hardly a prior of all else."""
+    """Return the prior: bodies within a share of the file's, all else almost free."""
     prior = state_prior(structure, data, share)
     known = np.isin(structure.columns, list(structure.robot.prior))
     known[structure.inertial] = True

@@ -1,7 +1,8 @@
 """`write_snippet`: torque of joints that a robot file cannot hold, as a function for MuJoCo.
 
-What depends on a joint's own speed and position alone is tabulated: levels of dry friction, which
-the simulator's friction takes over, and torque beside it. Its tables are those of Isaac, too.
+The tables hold torque that depends only on the speed and position of its joint. One table has
+levels of dry friction for the simulator's friction. The other has the remaining torque. Isaac uses
+the same tables.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ OWN = {
     family.title: family.effect
     for family in FAMILIES.values()
     if isinstance(family.effect, AlongAxes)
-    and family.name != "coulomb_friction"  # one level stands for both directions, too
+    and family.name != "coulomb_friction"  # one level may be that of both directions
     and (family.told_by in (SPEEDS, RESTS, POSTURES) or family.name == "position_friction")
     and not family.loaded
 }
@@ -65,14 +66,14 @@ Parts = dict[str, tuple[AlongAxes, list[float]]]
 
 
 def write_snippet(whole: Robot, alone: Robot, path: Path) -> tuple[Path | None, list[str]]:
-    """Write what a robot has beside its file; return the path, and titles of effects in it.
+    """Write the torque that a robot file lacks; return the path, and titles of its effects.
 
     Parameters
     ----------
     whole, alone : Robot
-        As file and sidecar say, and as the file alone does.
+        The robot of file and sidecar, and that of the file alone.
     path : Path
-        Where it is written if anything is.
+        Path of the function, if one is written.
     """
     tables, titles = {}, dict[str, None]()
     for axis in (a for a in whole.axes if a.name in whole.joints):
@@ -127,7 +128,7 @@ def _tabulate(robot: Robot, axis: Axis, parts: Parts, friction: float) -> dict[s
 
 
 def _halves(robot: Robot, axis: Axis, parts: Any, home: float, q: Array, v: Array) -> list[Array]:
-    """Return what turns with the sign of speed, and what does not, of effects along an axis."""
+    """Return the odd and the even part, in the sign of speed, of effects along an axis."""
     both = []
     for sign in (1.0, -1.0):
         ones = np.ones_like(v)
@@ -146,7 +147,7 @@ def _halves(robot: Robot, axis: Axis, parts: Any, home: float, q: Array, v: Arra
 
 
 def _rounded(x: Array, y: Array) -> tuple[list[float], ...]:
-    """Return a table; what is the same everywhere as its ends alone."""
+    """Return a table; a constant table has two rows, its ends."""
     # Values that are all the same but for rounding.
     rows = [0, -1] if np.ptp(y) < 1e-12 else slice(None)
     return tuple([float(f"{value:.6g}") for value in each[rows]] for each in (x, y))

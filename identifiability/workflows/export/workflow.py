@@ -67,7 +67,7 @@ from .snippet import write_snippet
 
 
 def check_result(robot: Robot, path: Path, content: ResultEntry, known: set[str]) -> None:
-    """Refuse a result of another robot, or of a part of one, and bodies that cannot exist.
+    """Refuse a result of another robot, or of a part of one, and impossible bodies.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def check_result(robot: Robot, path: Path, content: ResultEntry, known: set[str]
         why = phrase("result.other", "unknown", name=unknown)
         raise refuse_robot(path, content.robot, robot, why)
     masses = {body: robot.nominal[f"{body}.m"] for body in robot.bodies}
-    # A body with less than this share of the robot's mass weighs nothing: formats want a number.
+    # A body with less than this share of the robot's mass has no mass: formats need a number.
     heavy = [b for b, mass in masses.items() if mass > ROUNDOFF * sum(masses.values())]
     missing = [b for b in heavy if not abs(given.get(f"{b}.m", 0.0)) > SMALLEST]
     if missing:
@@ -97,14 +97,14 @@ def check_result(robot: Robot, path: Path, content: ResultEntry, known: set[str]
 
 @frozen
 class Written:
-    """What was written.
+    """Written files.
 
     Attributes
     ----------
     robot : Path
     sidecar : Path or None
     beside : tuple of str
-        Parameters that the robot file cannot hold and the sidecar does.
+        Parameters that the sidecar holds because the robot file cannot.
     """
 
     robot: Path
@@ -140,7 +140,7 @@ def write_parameters(
     reference: Mapping[str, float] | None = None,
     comment: str = "",
 ) -> Written:
-    """Write a robot file with other parameters; what it cannot hold stands in its sidecar.
+    """Write a robot file with other parameters; a sidecar holds the values that it cannot.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def write_parameters(
     shapes : mapping, optional
         Shapes of effects by ``<joint>.<effect>``; by default those that the robot has.
     reference : mapping, optional
-        Standard parameters by which loads are known; by default those that the robot has.
+        Standard parameters that determine loads; by default those that the robot has.
 
     Raises
     ------
@@ -213,7 +213,7 @@ def _write_native(
 
 
 def _convert(robot: Robot, path: Path) -> Robot:
-    """Return the same robot in the other format, as a template that stands in a file."""
+    """Return the same robot in the other format, as a template file."""
     write_converted(robot, path)
     converted = replace(Robot.load(path), rest=robot.rest, servo=robot.servo)
     return converted.turned(robot.gravity)
@@ -238,7 +238,7 @@ def _rests(robot: Robot, values: Mapping[str, float]) -> dict[str, float]:
 # Write the feasible standard parameters of a result into the robot file.
 
 
-#: What is written, and the ending of its file.
+#: Kinds of written files, and their endings.
 Format = ExportFormat
 ENDINGS: dict[Format, str] = {
     "mjcf": ".xml",
@@ -248,32 +248,32 @@ ENDINGS: dict[Format, str] = {
 }
 
 
-#: Effects that a log has of how it was measured, and no robot.
+#: Effects of the measurement of a log, which no robot has.
 MISREADS = ("torque_scale", "time_delay", "clock_error", "encoder_bias")
 
 
 @frozen(kw_only=True)
 class Exported:
-    """What was exported.
+    """Result of an export.
 
     Attributes
     ----------
     robot : Path
     sidecar : Path or None
     beside : mapping
-        What the robot file cannot hold and the sidecar does: parameters by effect.
+        Values that the sidecar holds because the robot file cannot: parameters by effect.
     error_ra, error_ra_file : float or None
-        ε_RA on the fitted logs of all that was fitted, and of what the robot file alone holds;
-        None where the torque does not vary.
+        ε_RA on the fitted logs, with all fitted values and with those that the robot file alone
+        holds; None where the torque does not vary.
     unseen : Unseen, PositionPrediction or None
         Errors of the files on logs that were not fitted, where some were given; of logs of commands
         those of positions.
     mass : str
-        What is wrong with the total mass, and the remedy; empty if nothing is.
+        A warning on the total mass, and the remedy; empty if the mass is plausible.
     notes : tuple of str
-        What else a user has to know of it.
+        Further remarks for the user.
     snippet : Path or None
-        Torque of what the file cannot hold, as a function for MuJoCo.
+        Torque that the file cannot hold, as a function for MuJoCo.
     added : tuple of str
         Effects that are in it.
     """
@@ -292,7 +292,7 @@ class Exported:
     @property
     @presented
     def statement(self) -> str:
-        """What the files hold, in words."""
+        """Description of the files."""
         raise NotImplementedError
 
 
@@ -306,7 +306,7 @@ def export(
     validate: Logs = (),
     force: bool = False,
 ) -> Exported:
-    """Write the nearest real robot of a JSON result as a robot file, and a sidecar if it needs one.
+    """Write the nearest physical robot of a JSON result as a robot file, with a sidecar if needed.
 
     Parameters
     ----------
@@ -316,18 +316,17 @@ def export(
         JSON of `analyze`, `prune` or `diagnose`.
     out : path
         ``.xml`` for MJCF, ``.urdf`` for URDF, from either kind of file; ``.py`` for a configuration
-        of actuators (isaaclab); ``.patch`` for what changes in the robot's own file and sidecar, as
-        a unified diff.
+        of actuators (isaaclab); ``.patch`` for the changes of the robot's file and sidecar, as a
+        unified diff.
     form : {"mjcf", "urdf", "isaaclab", "patch"}, optional
-        What to write; by default what the ending says. From an MJCF comes a URDF as well, and the
+        What to write; by default that of the ending. From an MJCF comes a URDF as well, and the
         other way round, without geometry; isaaclab is a configuration of actuators for robots with
         servos.
     validate : log, path, DataFrame, or several
-        Logs that were not fitted, on which the file that is written is compared with the robot's
-        own.
+        Logs that were not fitted. The written file is compared with the robot's file on them.
     force : bool
-        Whether a robot file is written that errs more than the robot's own: on these, on the
-        fitted logs of the result, or on those that it held out.
+        Whether to write a robot file with larger errors than the robot's file. Errors count on
+        these logs, on the fitted and on the held-out logs of the result.
 
     Raises
     ------
@@ -361,10 +360,10 @@ def export(
 
 
 def _state_rises(robot: Robot, content: ResultEntry, kind: Kind, name: str) -> tuple[str, ...]:
-    """Return how much a file would err more than the robot's own, a sentence for each motion.
+    """Return a sentence for each motion on which a file has larger errors than the robot's file.
 
     Of logs of commands these are errors of positions, else of torque. Files of one format are
-    compared. A rise that no evidence counts as one is left out.
+    compared. Rises without evidence are left out.
 
     Parameters
     ----------
@@ -402,7 +401,7 @@ def _prepare_writing(
     shapes = content.physical.shapes
     groups = {p.name: p.group for p in every_parameter(robot, shapes).values()}
     loaded = any(x and n in groups and FAMILIES[groups[n]].loaded for n, x in given.items())
-    # What torque told hangs on no servo of the file, which stay as they are.
+    # Values from torque do not depend on servos of the file, which are kept.
     moved = robot if content.rollout else replace(robot, servo=None)
     reference, comment = reference_values(robot) if loaded else {}, state_servos(robot, content)
     how: Any = {"shapes": shapes, "reference": reference, "comment": comment}
@@ -417,7 +416,7 @@ def _describe(
     kind: Kind | None = None,
     unseen: Unseen | PositionPrediction | None = None,
 ) -> Exported:
-    """Return what was exported, without a function for MuJoCo.
+    """Return the export without a function for MuJoCo.
 
     Parameters
     ----------
@@ -445,10 +444,10 @@ def _describe(
 
 
 def _add_snippet(robot: Robot, found: Exported) -> Exported:
-    """Return what was exported, with a function for MuJoCo where its file lacks torque."""
+    """Return the export, with a function for MuJoCo where its file lacks torque."""
     assert found.sidecar is not None
     read = partial(_reread, robot, found.robot, found.sidecar)
-    # Not that of another format's file.
+    # The name differs from that of the other format's file.
     stem = found.sidecar.stem.replace(".", "_")
     place = found.robot.with_name(f"{stem}_torque.py")
     snippet, added = write_snippet(read(alone=False), read(alone=True), place)
@@ -459,7 +458,7 @@ def _add_snippet(robot: Robot, found: Exported) -> Exported:
 
 
 def _write_patch(robot: Robot, result: Path | str, path: Path, **how: Any) -> Exported:
-    """Write what an export changes in a robot's own file and sidecar: ``patch -p1`` applies it."""
+    """Write the changes of an export to a robot's file and sidecar; ``patch -p1`` applies them."""
     with temporary_folder() as folder:
         made = export(robot, result, Path(folder) / robot.path.name, **how)
         pairs = ((robot.path, made.robot), (robot.sidecar, made.sidecar))
@@ -468,7 +467,7 @@ def _write_patch(robot: Robot, result: Path | str, path: Path, **how: Any) -> Ex
 
 
 def _difference(own: Path | None, new: Path) -> str:
-    """Return a unified diff of two files, the first of which need not be there."""
+    """Return a unified diff of two files, of which the first may be missing."""
     before = "/dev/null" if own is None else for_patch(f"a/{own.name}")
     after = for_patch(f"b/{(own or new).name}")
     old = [] if own is None else _read_lines(own)
@@ -484,7 +483,7 @@ def _read_lines(path: Path) -> list[str]:
 
 
 def _as_stated(robot: Robot, given: Mapping[str, float]) -> dict[str, float]:
-    """Return the bodies that are those of the file but for rounding, as it states them."""
+    """Return, as the file states them, the bodies that differ from the file's by rounding only."""
     out: dict[str, float] = {}
     for body in robot.bodies:
         names = [f"{body}.{kind}" for kind in INERTIAL_KINDS]
@@ -515,7 +514,8 @@ def _notes(
 # How much files err on logs that were not fitted, as this package reads them.
 
 
-#: Tables of a sidecar that no simulator reads: without them a robot is what its file alone says.
+#: Tables of a sidecar that no simulator reads: without them a robot has the content of its file
+#: alone.
 _BESIDE = ("nominal", "shapes", "reference", "rest", "known_torque")
 
 
@@ -533,7 +533,7 @@ class Unseen:
     worst : str
         Joint at which the written file alone errs most over its own variation.
     callback : str
-        What else holds all that the sidecar does: the function for MuJoCo.
+        Another holder of the sidecar's values: the function for MuJoCo.
     """
 
     logs: tuple[str, ...]
@@ -552,23 +552,24 @@ class Unseen:
     @property
     @presented
     def told(self) -> str:
-        """They, in a sentence."""
+        """The errors, in a sentence."""
         raise NotImplementedError
 
 
 def judge_files(
     robot: Robot, written: Written, logs: Logs, content: ResultEntry
 ) -> Unseen | PositionPrediction:
-    """Return how much a robot's own file and another one err, each read as any file is.
+    """Return the errors of a robot's file and of another one, both read like any file.
 
     Parameters
     ----------
     robot : Robot
     written : Written
     logs : log, path, DataFrame, or several
-        With torque; of commands where the fitted ones were, which move what the files alone hold.
+        With torque. If the fitted logs had commands, these need commands, too; they move the robots
+        of the files alone.
     content : ResultEntry
-        Which says that, and how logs become motion.
+        States the kind of logs and their preparation.
     """
     read = partial(_reread, robot, written.robot, written.sidecar)
     if content.rollout is not None:
@@ -589,7 +590,7 @@ def judge_files(
 def _predict_by_file(
     robot: Robot, logs: Logs, how: Preparation | None, reading: ReadingEntry | None
 ) -> tuple[Prediction, tuple[str, ...]]:
-    """Return torque along logs by all that a robot file states, and the names of the logs.
+    """Return torque along logs by all values of a robot file, and the names of the logs.
 
     Logs are read as those of the result, without gravity where their torque lacks it.
     """
@@ -608,13 +609,13 @@ def _predict_by_file(
 
 
 def _reread(robot: Robot, path: Path, sidecar: Path | None, *, alone: bool) -> Robot:
-    """Return what a robot file says, or says alone, of logs that are named as the robot's are."""
+    """Return the robot of a written file; `alone` leaves out torque that only its sidecar holds."""
     with temporary_folder() as folder:
         given = {} if sidecar is None else tomllib.loads(sidecar.read_text("utf-8-sig"))
         kept = {key: x for key, x in given.items() if not alone or key not in _BESIDE}
         beside = Path(folder) / "sidecar.toml"
         write_text(beside, toml_text(kept))
-        # What was written says itself what is locked, or has it as one body with its host.
+        # A written file states locked joints itself, or merges their bodies.
         lock = {name: robot.locked[name] for name in robot.lock_option if path == robot.path}
         base: Any = robot.base_option
         copy = Robot.load(path, beside, lock=lock, base=base)
@@ -623,11 +624,11 @@ def _reread(robot: Robot, path: Path, sidecar: Path | None, *, alone: bool) -> R
     )
 
 
-# What a simulator has to know of servos beside their gains.
+# Numbers of servos that a simulator needs, other than gains.
 
 
 def state_servos(robot: Robot, content: ResultEntry) -> str:
-    """Return what an exported robot file says of its servos; nothing where it has none."""
+    """Return a sentence on the servos of an exported robot file; empty where it has none."""
     servo, moved = robot.servo, content.rollout
     if servo is None or moved is None:
         return ""

@@ -2,9 +2,9 @@
 
 What to use when:
 
-- `workflow.prune` does it all, from robot and logs to a `result.Ladder`;
+- `workflow.prune` runs all stages, from robot and logs to a `result.Ladder`;
 - `elimination.find_path` walks the path of any linear regression from its `Information`;
-- `moves.propose_moves` says what the robot's joints suggest about the shape of its bodies.
+- `moves.propose_moves` proposes moves from the symmetries that the robot's joints suggest.
 
 The files, in the order of the method: `moves` defines the moves and finds those that symmetries
 suggest. `elimination` predicts folds, walks the path, chooses a model of it, and measures how

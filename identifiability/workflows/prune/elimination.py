@@ -1,13 +1,13 @@
 """The path down: from every column to few, one physically meaningful move at a time.
 
-1. What this motion never excites, or excites only together with something else, goes first.
-2. Moves that knowledge of the robot suggests, in the order merge, zero, tie: each is made unless
-   the predictive log density of unseen stretches falls by more than the judge lets a smaller model
-   fall below the best, and by more than its standard error.
-3. Then the group whose loss raises the sum of squares least, until nothing is left. A joint's two
-   Coulomb levels are merged or dropped together, never torn apart.
+1. Columns that this motion never excites, or excites only in combination, are removed first.
+2. Suggested moves come next, in the order merge, zero, tie. A move is refused if it lowers the
+   predictive log density of unseen stretches too far. The fall must exceed its standard error and
+   the tolerance for smaller models.
+3. Then the group is removed that raises the sum of squares least, until none is left. The two
+   Coulomb levels of a joint are merged or removed together.
 
-Of the path the smallest model as good as the best is used.
+The smallest model of the path that is as good as the best is used.
 
 Autocorrelated noise hides parameters, so whitened rows choose where there are any
 (`find_path`). Rows as measured may refute their choice (`is_contradicted`).
@@ -43,7 +43,7 @@ from identifiability.regression.information import Information
 
 from .moves import Kind, Move, Partition
 
-# What nested models of one regression predict of folds, from `Information` alone.
+# Predictions of folds by nested models of one regression, from `Information` alone.
 #
 # Every model is the full one under linear constraints (a column zero, two columns equal); its fits
 # to everything and to each fold's rest are the estimator's own (`Refits`). The
@@ -59,13 +59,13 @@ class Step:
     ----------
     partition : Partition
     score : Score
-        What it predicts of each fold, fitted to the rest. It chooses the model.
+        Prediction of each fold by the fit to the rest. It chooses the model.
     errors : Score
         The score on rows as measured. It differs from `score` if whitened rows choose.
     values : (F + 1, c)
         All columns, fitted to everything, then to the rest of each fold.
     move : Move or None
-        What led here; None for the start.
+        Move to this model; None for the start.
     """
 
     partition: Partition
@@ -90,7 +90,7 @@ def nested_halves(fit: Normal, h: Array, free: np.ndarray) -> Array:
     fit : Normal
     h : (k, M)
     free : (M,) int
-        How many of the first values each leaves free; the others are zero.
+        Number of first values that are free; the others are zero.
     """
     inside = np.arange(len(fit.factor))[:, None] < free
     half = solve_triangular(
@@ -131,11 +131,11 @@ class Refits:
         R : (k + 1, k + 1)
             Its loss.
         train : (F, B) bool
-            Blocks that each fit rests on.
+            Blocks that each fit uses.
         """
         k, member = len(R) - 1, np.vstack([np.ones(train.shape[1]), train])
         _, to_x, both = full.estimator.equations(information, full)
-        # What was known beforehand counts in each.
+        # Prior knowledge counts in each.
         member = np.pad(
             member,
             ((0, 0), (0, len(both) - member.shape[1])),
@@ -162,7 +162,7 @@ class Refits:
         Parameters
         ----------
         turn : (k, k)
-            Orthonormal; its first columns span what a model leaves free.
+            Orthonormal; its first columns span the free space of a model.
         free : (M,) int
             How many.
         """
@@ -197,9 +197,10 @@ class WhitenedRegression:
     unit : float
         Variance of noise of weight 1: the errors of y of the full fit.
     tests : Information
-        About y and what the full fit leaves of the torque: what each fold predicts.
+        About y and the residual of the full fit, for predictions of each fold.
     gram : (F, k + 1, k + 1)
-        What densities are of: products of all of it, whitened, or of what instruments see of it.
+        Products for densities: of whitened columns and errors, or of their projections on
+        instruments.
     variation : (n,) [torque²]
         Of the torque of each joint about its mean: the scale of its errors.
     folds : Folds
@@ -217,12 +218,12 @@ class WhitenedRegression:
     refits: Refits
 
     def along(self, path: Sequence[Made]) -> list[Step]:
-        """Return nested models with their fits, and what these predict of the folds.
+        """Return nested models with their fits, and their predictions of the folds.
 
         Parameters
         ----------
         path : sequence of (Move, Partition)
-            What led to each model, of all that the motion excites first.
+            The move to each model, beginning with the model of all excited columns.
         """
         partitions = [partition for _, partition in path]
         turn, free = self._turn(partitions), np.array(list(map(len, partitions)))
@@ -239,7 +240,7 @@ class WhitenedRegression:
         return found
 
     def _turn(self, partitions: Sequence[Partition]) -> Array:
-        """Return orthonormal directions (k, k): the first ones span what a model leaves free."""
+        """Return orthonormal directions (k, k); the first ones span the free space of a model."""
         rows = [before.rows_to(after) for before, after in pairwise(partitions)]
         fixed = np.concatenate([np.empty((0, len(self.inverse))), *rows]) @ self.inverse
         fixed /= np.linalg.norm(fixed, axis=1, keepdims=True)
@@ -323,11 +324,11 @@ def whiten_regression(
 
 
 def _see(information: Information, full: Estimate, R: Array, tests: Information) -> Array:
-    """Return what densities are of, ``[Y, e]ᵀ [Y, e]`` of each fold, (F, k + 1, k + 1).
+    """Return the products ``[Y, e]ᵀ [Y, e]`` of each fold, for densities, (F, k + 1, k + 1).
 
-    Noise in the motion is in columns and errors alike: a model that fits it would predict the log's
-    torque better and the robot's worse. Where there are instruments, all is projected on what they
-    see: they have no part in it.
+    Noise in the motion enters both columns and errors. A model that fits this noise predicts the
+    log better and the robot worse. Where there are instruments, columns and errors are projected on
+    them, because instruments do not contain this noise.
     """
     k = information.size
     one = np.eye(k + 1)
@@ -350,17 +351,17 @@ def _see(information: Information, full: Estimate, R: Array, tests: Information)
 # Which move is the cheapest.
 
 
-#: A constraint of which so small a share is left beside those before it holds already.
+#: A constraint already holds if earlier constraints leave less than this share of it free.
 SATISFIED: Tolerance = 1e-5
 
-# Only the fit to everything says what is cheapest. So the order is found with that fit alone, and
-# those without each fold follow for all models at once (`WhitenedRegression.along`), as they are
-# nested.
+# Only the fit to all rows decides which move is cheapest. So this fit alone gives the order. The
+# fits without each fold follow for all models at once (`WhitenedRegression.along`), because models
+# are nested.
 
 
 @frozen
 class Remaining:
-    """What is left to be taken away from the fit to everything.
+    """The fit to all rows after some moves, with the remaining free directions.
 
     Attributes
     ----------
@@ -368,7 +369,7 @@ class Remaining:
     values : (c,)
         Of all columns under the constraints so far.
     X : (c, k)
-        ``x = X z`` in coordinates z of unit information, in which only what is free moves.
+        ``x = X z`` in coordinates z of unit information, in which only free directions move.
     size : (c,)
         Length of each row of X without constraints.
     """
@@ -380,7 +381,7 @@ class Remaining:
 
     @staticmethod
     def of(own: WhitenedRegression) -> Remaining:
-        """Return what all columns are."""
+        """Return the state with all columns."""
         refits = own.refits
         values, vectors = np.linalg.eigh(refits.grams[0])
         seen = np.maximum(values, SATISFIED**2 * values.max(initial=0.0))
@@ -394,7 +395,7 @@ class Remaining:
         )
 
     def after(self, move: Move) -> tuple[Remaining, float]:
-        """Return what is left after a move, and by how much the estimator's loss rises."""
+        """Return the state after a move, and the rise of the estimator's loss."""
         partition = self.partition.apply(move)
         rows = self.partition.rows_to(partition)
         rows = rows / (np.abs(rows) @ self.size)[:, None]
@@ -411,7 +412,7 @@ class Remaining:
         ), float(off @ off)
 
     def cost(self, move: Move) -> float:
-        """Return the rise of the estimator's loss per parameter that a move takes away."""
+        """Return the rise of the estimator's loss per parameter that a move removes."""
         after, rise = self.after(move)
         return rise / max(len(self.partition) - len(after.partition), 1)
 
@@ -439,7 +440,7 @@ class Remaining:
 
 @frozen
 class Plan:
-    """What may be done.
+    """Allowed, forced and suggested moves.
 
     Attributes
     ----------
@@ -448,7 +449,7 @@ class Plan:
     pairs : tuple of Move
         Merges of Coulomb levels; such columns are dropped in pairs only.
     forced : tuple of Move
-        Made first, whatever the data say.
+        Made first, without regard to the data.
     kept : frozenset of str
         Columns that must not be dropped.
     """
@@ -461,7 +462,7 @@ class Plan:
 
 @frozen
 class Refusal:
-    """A suggested move that was not made, and what it would do to the predictive log density."""
+    """A refused move, and its change of the predictive log density."""
 
     move: Move
     gain: Gain
@@ -472,12 +473,12 @@ class Refusal:
         return phrase("pruned", "refused", fall=-self.gain.value, se=self.gain.se)
 
 
-#: What led to a model, and the model.
+#: The move to a model, and the model.
 Made = tuple[Move | None, Partition]
 
 
 def walk(fit: WhitenedRegression, plan: Plan) -> tuple[list[Step], list[Refusal]]:
-    """Return the models from a fit of all columns down, and what was refused on the way."""
+    """Return the models from a fit of all columns down, and the refused moves."""
     left, made = _force(Remaining.of(fit), plan.forced)
     refused = []
     for kind in (Kind.OFFSET, Kind.MERGE, Kind.ZERO, Kind.TIE):
@@ -486,7 +487,7 @@ def walk(fit: WhitenedRegression, plan: Plan) -> tuple[list[Step], list[Refusal]
             move = asked.pop(int(np.argmin([left.cost(m) for m in asked])))
             after, rise = left.after(move)
             step = move, after.partition
-            # What costs no more of the fit than models near the best may is not asked of folds.
+            # Moves that cost less fit than models near the best may lose are not tested on folds.
             gain = _ask_folds(fit, made, step) if rise > 2.0 * LEVELS.nats * fit.unit else None
             if gain is not None and gain.value < -max(LEVELS.nats, gain.se):
                 refused.append(Refusal(move, gain))
@@ -500,7 +501,7 @@ def walk(fit: WhitenedRegression, plan: Plan) -> tuple[list[Step], list[Refusal]
 
 
 def _force(left: Remaining, forced: Sequence[Move]) -> tuple[Remaining, list[Made]]:
-    """Return what remains after forced moves, and the models on the way."""
+    """Return the state after forced moves, and the models on the way."""
     made: list[Made] = [(None, left.partition)]
     for move in forced:
         if left.partition.alive(move.zero):
@@ -510,7 +511,7 @@ def _force(left: Remaining, forced: Sequence[Move]) -> tuple[Remaining, list[Mad
 
 
 def _ask_folds(fit: WhitenedRegression, made: Sequence[Made], step: Made) -> Gain:
-    """Return what one more step does to the predictive log density of folds."""
+    """Return the change of the predictive log density of folds by one more step."""
     *_, before, then = fit.along([made[0], made[-1], step])
     return then.score.gain(before.score)
 
@@ -520,7 +521,7 @@ def _ask_folds(fit: WhitenedRegression, made: Sequence[Made], step: Made) -> Gai
 
 @frozen
 class Search:
-    """A path and what it was walked with.
+    """A path, with the regression and the plan of the search.
 
     Attributes
     ----------
@@ -561,9 +562,9 @@ def find_path(
     variation : (n,), optional [(N·m)² or N²]
         Of the torque of each joint about its mean, as in `whiten_regression`.
     suggested : sequence of Move
-        What knowledge of the robot suggests.
+        Moves that knowledge of the robot suggests.
     forbid, force : sequence of str
-        Columns that must not be dropped, and that are dropped whatever the data say.
+        Columns that must not be dropped, and columns that are always dropped.
     method : str or Estimator
         Its refits are the fits of the path.
     """
@@ -589,7 +590,7 @@ def find_path(
             walked, refused = _measure_errors(steps, measured), others
     first, *steps = walked
     idle = tuple(measured.start.zeroed())
-    if idle:  # what the motion does not excite is the first move
+    if idle:  # the first move drops unexcited columns
         move = Move(Kind.UNEXCITED, idle, why=phrase("pruned", "idle"))
         steps = [replace(first, move=move), *steps]
         first = replace(first, partition=Partition.of(full.columns))
@@ -636,21 +637,21 @@ def is_contradicted(whitened: Sequence[Step], measured: Sequence[Step], held_out
 
 
 def first_allowed(steps: Sequence[Step]) -> int:
-    """Return the first step after what must go: what the motion or the user leaves out."""
+    """Return the first step after the removals that the motion or the user forces."""
     kinds = [s.move and s.move.kind for s in steps]
     must = (Kind.UNEXCITED, Kind.FORCED)
     return max((k for k, kind in enumerate(kinds) if kind in must), default=0)
 
 
 def best_step(steps: Sequence[Step]) -> int:
-    """Return the step with the best predictive log density of those that may be used."""
+    """Return the allowed step with the best predictive log density."""
     first = first_allowed(steps)
     densities = [s.density for s in steps[first:]]
     return first + int(np.argmax(densities))
 
 
 def good_steps(steps: Sequence[Step]) -> list[int]:
-    """Return the steps that may stand for the best, the smallest first."""
+    """Return the steps that predict as well as the best, the smallest first."""
     best = steps[best_step(steps)].score
     down = range(len(steps) - 1, first_allowed(steps) - 1, -1)
     return [k for k in down if may_stand(steps[k].score, best)]

@@ -1,4 +1,4 @@
-"""What a pruning step does to the columns of a model: zero some, or make some equal.
+"""Moves: a pruning step sets columns of a model to zero, or makes some equal.
 
 Moves that knowledge of the robot suggests are declared in its sidecar or proposed from its
 kinematics.
@@ -28,7 +28,7 @@ from identifiability.robot import Robot
 from identifiability.robot.description import Link
 from identifiability.robot.kinematics import WORLD, Joint
 
-# What a pruning step does to the columns of a model: zero some, or make some equal.
+# Moves: a pruning step sets columns of a model to zero, or makes some equal.
 
 
 #: Stands for "held at zero" where a column's group is named.
@@ -49,7 +49,7 @@ class Kind(StrEnum):
 
 @frozen
 class Move:
-    """One step down the ladder.
+    """One step of the path.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class Move:
     tie : tuple of tuple of str
         Sets of columns that are equal from now on.
     why : str
-        What suggests it, as the beginning of a sentence.
+        The reason to suggest it, as the beginning of a sentence.
     """
 
     kind: Kind
@@ -74,7 +74,7 @@ class Move:
 
     @property
     def text(self) -> str:
-        """What is done, ``zero platform.mz`` or ``slider1.Fc+ = slider1.Fc-``."""
+        """The move as text, ``zero platform.mz`` or ``slider1.Fc+ = slider1.Fc-``."""
         parts = [" = ".join(members) for members in self.tie]
         if self.zero:
             parts.append(f"zero {', '.join(self.zero)}")
@@ -198,12 +198,12 @@ def _beginning(texts: Sequence[str]) -> str:
     return "".join(each[0] for each in letters)
 
 
-# What the kinematics of a robot suggest about the shape of its bodies.
+# Shapes of bodies that the kinematics of a robot suggest.
 #
-# A body is built around its joints. If a mirror maps the joints of a body onto themselves, the
-# body is probably its own mirror image too, and if two legs have equal joints they are probably
-# equal. Nothing of this is certain, so it is only ever *proposed*; the data may contradict it.
-# Masses and inertias that the robot file states are not looked at.
+# A body is built around its joints. If a mirror maps the joints of a body onto themselves, the body
+# is probably its own mirror image. Legs with equal joints are probably equal. None of this is
+# certain, so it is only *proposed*; the data may contradict it. Masses and inertias that the robot
+# file states are not looked at.
 
 
 #: Lengths [m] and directions that agree to this are equal; robot files have six digits or more.
@@ -212,7 +212,7 @@ CLOSE: Tolerance = 1e-5
 
 @frozen
 class Attachment:
-    """What fixes a body to another: a point, a hinge line, or a slide that goes one way.
+    """An attachment of a body to another: a point, a hinge line, or a slide along one direction.
 
     Attributes
     ----------
@@ -267,7 +267,7 @@ class Mirror:
 
 
 def attachments(robot: Robot) -> list[list[Attachment]]:
-    """Return what each body is fixed by: its own joint, the joints on it, and loop closures."""
+    """Return the attachments of each body: its joint, the joints on it, and loop closures."""
     joints, links = robot.tree.joints, robot.links
     body_of = {last: k for k, last in enumerate(link.last for link in links)}
     found: list[list[Attachment]] = [[] for _ in links]
@@ -308,11 +308,11 @@ def _kind(robot: Robot, link: Link) -> Literal["point", "hinge", "slide", "free"
 def find_mirrors(parts: list[Attachment]) -> list[Mirror]:
     """Return the mirrors that map a body's attachments onto themselves.
 
-    Only those along the axes of its frame make single parameters of it vanish.
+    Only mirrors along the axes of its frame make single parameters zero.
     """
     mirrors: list[Mirror] = []
     for normal in np.eye(3):
-        # A hinge along the normal says nothing of where along it the plane is.
+        # A hinge along the normal does not determine the plane's position along it.
         fixed = [a for a in parts if a.kind == "point" or abs(a.axis @ normal) < 1 - CLOSE]
         if not fixed:
             continue
@@ -340,7 +340,7 @@ def find_equal_bodies(robot: Robot) -> list[tuple[int, ...]]:
 def _are_alike(robot: Robot, parts: Sequence[list[Attachment]], a: int, b: int) -> bool:
     """Whether two bodies, and the chains to them from the bodies before, are equal.
 
-    Of chains on the base, where they stand does not count.
+    The positions of chains on the base do not count.
     """
     joints, links = robot.tree.joints, (robot.links[a], robot.links[b])
     one, other = (joints[link.first : link.last + 1] for link in links)
@@ -386,7 +386,7 @@ def propose_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
 def offset_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
     """Return the zeros of torque offsets.
 
-    An offset looks like gravity; asked late, it would stand for a mass that was dropped.
+    An offset looks like gravity. If it is tested last, it can replace a dropped mass.
     """
     names = (f"{joint}.off" for joint in structure.robot.joints)
     return [Move(Kind.OFFSET, (n,), why="Torque without offset") for n in names if n in columns]
@@ -409,14 +409,17 @@ def declared_moves(robot: Robot, columns: Sequence[str]) -> list[Move]:
 
 
 def zero_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
-    """Return what vanishes if bodies are mirror images of themselves, equal bodies together."""
+    """Return moves that zero the columns which mirror symmetry of bodies makes zero.
+
+    Columns of equal bodies are set to zero together.
+    """
     robot = structure.robot
     parts = attachments(robot)
     sets = find_equal_bodies(robot)
     single = [(k,) for k in range(len(parts)) if not any(k in s for s in sets)]
     known, moves, seen = set(columns), [], set[str]()
     for bodies in [*single, *sets]:
-        # One hinge says nothing of the shape of what hangs on it.
+        # One hinge does not constrain the shape of its body.
         mirrors = find_mirrors(parts[bodies[0]]) if len(parts[bodies[0]]) > 1 else []
         if not mirrors:
             continue
@@ -434,7 +437,7 @@ def zero_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
 
 
 def tie_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
-    """Return what becomes equal if bodies of equal chains are equal."""
+    """Return moves that tie columns which become equal if equal chains have equal bodies."""
     sets = find_equal_bodies(structure.robot)
     reach, size = _confine(structure, [(bodies, np.eye(len(GROUPED_KINDS))) for bodies in sets])
     told = np.abs(reach).max(1, initial=0.0) > RANK_TOLERANCE * size
@@ -459,7 +462,7 @@ def _columns(structure: Structure, body: int) -> np.ndarray | None:
 def _confine(
     structure: Structure, confined: Sequence[tuple[Sequence[int], Array]]
 ) -> tuple[Array, Array]:
-    """Return base parameters where some bodies have one shape, and their sizes without.
+    """Return base parameters if some bodies have one shape, and their sizes without this condition.
 
     Parameters
     ----------

@@ -24,21 +24,21 @@ from .elimination import Refusal, Step
 
 @frozen(kw_only=True)
 class PrunedModel(ModelResult):
-    """One model on the way down, judged with the memory of the chosen model's residual.
+    """One model of the path, judged with the autocorrelation of the chosen model's residual.
 
-    Only the model to use has a real robot beside it.
+    Only the model to use has a physically consistent robot.
 
     Attributes
     ----------
     step : Step
-        The move that led here, and what the model predicts of folds.
+        The move that led here, and the predictions of folds by the model.
     crossed : Prediction
         On stretches (or logs) that the fits have not seen; `unseen` is of validation logs, if there
         are any.
     spread : float
         Relative standard error of the difference of its error on folds to the best model's.
     density, density_se : float [nats]
-        What the model was chosen by: predictive log density of these stretches, less that of the
+        The criterion of the choice: predictive log density of these stretches, less that of the
         best model; and the standard error.
     weight : float
         Of the model in the mixture of all (`elimination.weigh_models`).
@@ -101,7 +101,7 @@ class PrunedModel(ModelResult):
 
 @frozen(kw_only=True)
 class Ladder(Laddered[PrunedModel]):
-    """The answer of `prune`. `to_frame`, `to_json`, `write_report`, `write_model` give it away.
+    """The answer of `prune`. `to_frame`, `to_json`, `write_report` and `write_model` export it.
 
     Attributes
     ----------

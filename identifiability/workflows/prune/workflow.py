@@ -76,7 +76,7 @@ from .elimination import (
 from .moves import propose_moves
 from .result import Ladder, PrunedModel
 
-#: Models as good as the best, and smaller ones, whose physical certificate is asked for.
+#: Models as good as the best, and smaller ones, for which a physical certificate is computed.
 CERTIFIED = 4
 
 
@@ -109,15 +109,15 @@ def prune(
     logs : log, path, DataFrame, or several
         The size of the model is chosen on these only.
     validate : the same, optional
-        Held-out logs, which are only reported on. Without any, the last log (or the last quarter
-        of the only one) is set aside; with "none" all logs are fitted.
+        Held-out logs, which serve only for reported errors. Without any, the last log (or the last
+        quarter of the only one) is held out; with "none" all logs are fitted.
     ladder : path, LadderEntry or result of `prune`, optional
         Its first model is where pruning starts; by default every base parameter, with
         torque offsets.
     forbid : sequence of str
         Parameters that must not be dropped.
     force : sequence of str
-        Parameters that are dropped whatever the data say.
+        Parameters that are always dropped.
     preparation : Preparation, optional
         How derivatives are made.
     method : str or Estimator
@@ -128,18 +128,18 @@ def prune(
         Resampled logs of the bootstrap; by default `DEFAULTS.resampled`, or
         `DEFAULTS.resampled_quick` if `quick`.
     cad_prior : float, optional
-        As for `analyze`: keeps the nearest real robot near the robot file.
+        As for `analyze`: keeps the nearest physical robot near the robot file.
     prior : float, optional
         The same as the share within which the bodies are the file's, as for `analyze`.
     seed : int
         Of every random choice.
     progress : callable(str, float), optional
-        Called with what is being done and the share that is done.
+        Called with the current stage and the finished share.
     engine : Engine, optional
-        Where stretches of logs that are too long for memory are worked on; by default in several
+        Where stretches of logs that are too long for memory are processed; by default in several
         processes. The result does not depend on it.
     quick : bool
-        Fewer replicates, where nobody says how many.
+        Fewer replicates, unless their number is given.
 
     Raises
     ------
@@ -165,7 +165,7 @@ def prune(
 def _reduce(
     question: Question, source: LadderSource, settings: Mapping[str, Any], run: Run
 ) -> Ladder:
-    """Walk down from a model, choose a step and measure the models on the way.
+    """Walk the path from a model, choose a step and measure the models of the path.
 
     Parameters
     ----------
@@ -213,7 +213,7 @@ def weigh_unpruned(
 
 
 def pose_question(case: Case, source: LadderSource, rows: WeightedRows) -> Question:
-    """Return what is pruned: the first model of a ladder, on weighted rows."""
+    """Return the question: the first model of a ladder, on weighted rows."""
     entry = LadderEntry(models=source.entry.models[:1])
     start = build_ladder(entry, rows.data.structure)[0]
     noise_known = estimate_noise(rows.estimator, start.reduce(rows.information))
@@ -255,7 +255,7 @@ def walk_down(
     whitened : Information or None
         Whitened rows of all base parameters, as `whiten_rows` returned them.
     forbid, force : sequence of str
-        Parameters that are kept, and that are dropped, whatever the logs say.
+        Parameters that are always kept, and parameters that are always dropped.
     """
     rows, start = question.rows, question.start
     data = rows.data
@@ -272,7 +272,7 @@ def walk_down(
 
 
 def _hint(rows: WeightedRows, models: Sequence[PrunedModel], selected: int) -> tuple[str, ...]:
-    """Return what seems to be wrong with robot file, logs and their cut-off."""
+    """Return findings on robot file, logs and their cut-off."""
     data = rows.data
     other = of_key(data.hints, "alternative")
     return (
@@ -286,7 +286,7 @@ def _hint(rows: WeightedRows, models: Sequence[PrunedModel], selected: int) -> t
 
 
 def _state_foreign(full: PrunedModel) -> str:
-    """Return that logs held out look like those of another robot, in one sentence."""
+    """Return a sentence if held-out logs look like those of another robot; else empty."""
     error, own = full.error_ra_validation, full.error_ra_unseen
     constant = full.unseen.constant_error()
     if not error > max(constant, 2.0 * own):
@@ -306,10 +306,10 @@ def _check_wishes(start: Submodel, forbid: Sequence[str], force: Sequence[str]) 
 
 
 def _choose(question: Question, search: Search, cad_prior: float | None) -> tuple[int, LadderFit]:
-    """Return the step to use: the smallest as good as the best, and its nearest real robot.
+    """Return the step to use, the smallest as good as the best, and its nearest physical robot.
 
-    What a model with impossible values says of the robot is its nearest real robot. A smaller
-    model whose values a real robot has stands for it if these two predict alike.
+    A model whose values are not physically consistent is replaced by its nearest physical robot. If
+    a smaller model with physically consistent values predicts equally well, that model is used.
     """
     steps, tried = search.steps, []
     held_out = HeldOut.of(
@@ -341,7 +341,7 @@ def _choose(question: Question, search: Search, cad_prior: float | None) -> tupl
 
 @frozen
 class Question:
-    """What is pruned: a model, and what the logs say of all its base parameters.
+    """The model to prune, and the information of the logs on all its base parameters.
 
     Attributes
     ----------
@@ -377,14 +377,14 @@ class Question:
         )
 
     def recall(self, submodel: Submodel, estimate: Estimate) -> FittedModel:
-        """Return a model that was fitted before; all of them at once would fill the memory."""
+        """Return a model that was fitted before. All of them at once would fill the memory."""
         structure, whole = self.rows.data.structure, self.rows.information
         return FittedModel(structure, submodel, whole, submodel.reduce(whole), estimate)
 
 
 @frozen
 class PathPredictions:
-    """What the models of a path predict, going through the logs once.
+    """Predictions by the models of a path, from one pass through the logs.
 
     Attributes
     ----------
@@ -404,7 +404,7 @@ class PathPredictions:
 
 
 def predict_path(question: Question, search: Search, chosen: LadderFit) -> PathPredictions:
-    """Return what the models of a path predict.
+    """Return the predictions by the models of a path.
 
     Parameters
     ----------
@@ -436,7 +436,7 @@ def measure_models(
     replicates: int,
     rng: np.random.Generator,
 ) -> dict[str, Any]:
-    """Fit every model of a path and say how it predicts. Fields of a `Ladder` are returned.
+    """Fit every model of a path, measure its predictions, and return fields of a `Ladder`.
 
     Parameters
     ----------
@@ -457,7 +457,7 @@ def measure_models(
     models = []
     for k in range(len(steps)):
         robot = chosen.robot if k == selected else None
-        # Models on the way are judged by σ alone.
+        # Intermediate models are judged by σ alone.
         draws = replicates if k in (0, selected) else 0
         model = judge_step(question, search, found, k, robot, draws, rng)
         models.append(replace(model, weight=float(weights[k])))

@@ -25,10 +25,10 @@ from identifiability.robot.table import write_table
 from identifiability.workflows.case_file import FILE
 from identifiability.workflows.inspect import template_frame
 
-# `new_study`: copy or write what a study begins with.
+# `new_study`: copy or write the files of a new study.
 
 
-#: What a study begins with where nothing is said: the arm whose logs are shipped.
+#: Default robot of a study: the arm whose logs are shipped.
 SHIPPED = "six-dof-arm"
 
 #: Logs that a study has in its script.
@@ -53,7 +53,7 @@ class Study:
     has_logs : bool
         Whether these are there.
     notes : tuple of str
-        What a table of the robot left open.
+        Facts that a table of the robot lacks.
     """
 
     folder: Path
@@ -90,8 +90,8 @@ def new_study(
     folder : str or Path
         Folder to make: new, or empty.
     robot : str or Path
-        MJCF or URDF file, which is copied with its sidecar, a table of Denavit and Hartenberg
-        (TOML), of which URDF and sidecar are written, or a shipped robot's name, such as 3-rps.
+        MJCF or URDF file, copied with its sidecar; a table of Denavit and Hartenberg (TOML),
+        converted to URDF and sidecar; or the name of a shipped robot, such as 3-rps.
     logs : sequence of path, optional
         Your own logs, which stay where they are: the case file names them. The last of several
         is held out.
