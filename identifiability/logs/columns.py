@@ -659,7 +659,7 @@ def rename(name: str, known: Conventions) -> str:
 def resolve_codes(naming: Naming, first: pd.DataFrame, known: Conventions) -> Naming:
     """Return the columns of a log, with the number codes that its first rows show.
 
-    Where they show none, the codes of other logs hold.
+    If they show none, the codes of other logs hold.
     """
     values = {c.name: to_floats(first[c.source]) for c in naming.columns if c.name != "t"}
     shown = show_codes(values)
