@@ -359,11 +359,6 @@ def export(
     return found if found.sidecar is None else _add_snippet(own, found)
 
 
-#: Rise of an error that is none: a share of the torque, or a position [rad or m]. Noise-free logs
-#: of the robot's own file show errors of rounding alone.
-SMALLEST_RISE = 5e-4
-
-
 def _state_rises(robot: Robot, content: ResultEntry, kind: Kind, name: str) -> tuple[str, ...]:
     """Return a sentence for each motion on which a file has larger errors than the robot's file.
 
@@ -395,7 +390,7 @@ def _state_rises(robot: Robot, content: ResultEntry, kind: Kind, name: str) -> t
     for rows, (new, before) in errors.items():
         if new is None or before is None:
             continue
-        if new > (1.0 + LEVELS.rise) * before + SMALLEST_RISE:
+        if new > (1.0 + LEVELS.rise) * before + LEVELS.least_rise:
             both = {"file": name, "new": new, "own": robot.path.name, "before": before}
             said.append(phrase("errs_more", rows, **both))
     return tuple(said)
