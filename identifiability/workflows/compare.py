@@ -6,22 +6,9 @@ logs only. Effects that all logs may lack are groups, too.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator
 from typing import Any, ClassVar
 
-import numpy as np
-
-from identifiability.effects import find_families
-from identifiability.estimation.differences import (
-    EXCERPT,
-    LACKS,
-    Compared,
-    Differences,
-    Known,
-    pooled_values,
-)
-from identifiability.estimation.groups import Excerpt
 from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
@@ -32,71 +19,17 @@ from identifiability.foundation.presenter import presented
 from identifiability.foundation.result import Result
 from identifiability.foundation.runs import Run
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import Dataset, Preparation
-from identifiability.logs.rules import RULES as LOG_RULES
+from identifiability.logs.prepare import Preparation
 from identifiability.quality.recordings import Logs, Recordings
-from identifiability.regression.columns import list_candidates
 from identifiability.regression.reduction import LadderLike, LadderSource, Submodel, build_ladder
-from identifiability.regression.regression import Regression
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Motion, RobotLike
-from identifiability.robot.robot import tool_bodies
-from identifiability.workflows.diagnose.changes import (
-    Change,
-    DifferentTorque,
-    list_changes,
-    list_log_changes,
-)
 
 from .case import MEASURED, Case, Data, take_case
-from .provenance import given_paths
+from .changes import Change, DifferentTorque, list_log_changes
+from .sides import Sides, find_changes
 
-# Logs of several sides as one question.
-
-
-@frozen
-class Sides:
-    """Logs of two sides, prepared under one model; those of the first side come first.
-
-    Attributes
-    ----------
-    count : int
-        How many logs the first side has.
-    regression : Regression
-        Of all logs.
-    """
-
-    count: int
-    regression: Regression
-
-    @property
-    def samples(self) -> tuple[Dataset, ...]:
-        """The prepared logs."""
-        return self.regression.samples
-
-    @property
-    def names(self) -> list[str]:
-        """Names of the logs."""
-        return [s.name for s in self.samples]
-
-    @property
-    def paths(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Paths of the logs of each side."""
-        paths = given_paths(self.samples)
-        return paths[: self.count], paths[self.count :]
-
-    def look(self, values: int) -> Excerpt:
-        """Return the rows of the logs, if there are enough for so many values.
-
-        Raises
-        ------
-        LogError
-        """
-        seen = Excerpt.of(self.regression, EXCERPT)
-        fewest = int(np.bincount(seen.log, minlength=len(self.samples)).min())
-        if fewest < LOG_RULES.fewest or fewest * len(seen.robot.joints) <= values:
-            raise LogError(Finding("sides.few", samples=fewest, values=values))
-        return seen
+# The logs of a comparison.
 
 
 def read_sides(case: Case, run: Run) -> Recordings:
@@ -116,47 +49,6 @@ def read_sides(case: Case, run: Run) -> Recordings:
     if sides.commanded:
         raise LogError(Finding("sides.commands"))
     return sides
-
-
-def find_differences(
-    structure: Structure,
-    seen: Excerpt,
-    bodies: Sequence[str],
-    known: Known,
-    later: int,
-    single: int,
-) -> Differences:
-    """Return the possible differences between logs.
-
-    Parameters
-    ----------
-    structure : Structure
-    seen : Excerpt
-        Rows of all logs.
-    bodies : sequence of str
-        That may carry a load.
-    known : Known
-    later, single : int
-        How many of the first logs may have changed together, and how many separately.
-    """
-    robot, motions = structure.robot, [piece.motion for piece in seen.pieces]
-    lacks, _ = list_candidates(robot, find_families(LACKS), structure.present, motions, fixed=False)
-    # Torque of a wrong scale, which the model has found, is read as it should have been.
-    stated = dict(zip(structure.base.names, known.base.tolist(), strict=True))
-    gain = 1.0 + np.array([stated.get(f"{joint}.scale", 0.0) for joint in robot.joints])
-    base = [0.0 if name.endswith(".scale") else x for name, x in stated.items()]
-    known = replace(known, base=np.array(base))
-    rows = Compared.about(replace(seen, y=seen.y / gain, raw=seen.raw / gain), known)
-    asked = (np.arange(rows.log[-1] + 1) < later).astype(float)
-    each = [x for x in np.eye(len(asked))[:single] if np.ptp(np.abs(x - asked))]
-    return Differences.of(
-        rows,
-        list_changes(robot, bodies),
-        lacks,
-        known,
-        (asked, *each),
-        names=structure.base.names,
-    )
 
 
 # `Comparison`: the changes as numbers.
@@ -280,7 +172,7 @@ def compare(
         every = unchanged.unseen.followed_by(unchanged.regression)
         sides = Sides(len(unchanged.validation), every)
         submodel = build_ladder(source.entry, unchanged.structure)[0]
-        found = _find_changes(sides, unchanged.structure, submodel)
+        found = find_changes(sides, unchanged.structure, submodel)
         terms = found.model.search()
         hints = (*_check_reading(case, unchanged, found.known.base, run), *unchanged.hints)
     later, earlier = sides.paths
@@ -315,13 +207,3 @@ def _check_reading(case: Case, data: Data, base: Array, run: Run) -> list[Findin
         return []
     literal = case.data(carried.structure, run, seek=False)
     return carried.find_contradictions(data.structure, base, data.validation, literal.validation)
-
-
-def _find_changes(sides: Sides, structure: Structure, submodel: Submodel) -> Differences:
-    """Return possible changes between the sides or in single logs, under a model."""
-    seen, count = sides.look(len(submodel)), sides.count
-    unchanged = seen.log >= count
-    values = pooled_values(seen.X[unchanged], seen.y[unchanged], submodel.M, submodel.fixed)
-    known = Known.nothing(submodel.M, values)
-    bodies = tool_bodies(structure.robot)
-    return find_differences(structure, seen, bodies, known, count, len(sides.samples))

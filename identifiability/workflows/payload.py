@@ -49,11 +49,12 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, RobotLike
 from identifiability.robot.robot import Point, body_of, ten_parameters, tool_bodies
-from identifiability.workflows.diagnose.changes import Change, DifferentTorque, list_log_changes
+from identifiability.workflows.changes import Change, DifferentTorque, list_log_changes
 
 from .case import MEASURED, Case, take_case
-from .compare import Sides, find_differences, read_sides
+from .compare import read_sides
 from .predict import Fit, FitLike, find_fit, is_result, state_missing, state_reading
+from .sides import Sides, find_differences
 from .torque_scale import UNSCALED, TorqueScale, measure_torque_scale
 
 # `LoadEstimate`: the ten parameters of a load, with their full uncertainty.

@@ -19,8 +19,8 @@ from .common import AnsweringPresenter, Command, answer, command, sentence
 from .tables import with_hints
 
 if TYPE_CHECKING:
+    from identifiability.workflows.changes import Change
     from identifiability.workflows.compare import Comparison
-    from identifiability.workflows.diagnose.changes import Change
 
 
 class ComparisonPresenter(AnsweringPresenter):

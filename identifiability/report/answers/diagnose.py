@@ -40,7 +40,7 @@ from .compare import table_changes
 from .tables import make_table
 
 if TYPE_CHECKING:
-    from identifiability.workflows.diagnose.changes import Change
+    from identifiability.workflows.changes import Change
     from identifiability.workflows.diagnose.forward import ForwardGap
     from identifiability.workflows.diagnose.result import Diagnosis, NamedEffect, Odds
 

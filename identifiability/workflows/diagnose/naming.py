@@ -43,8 +43,8 @@ from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure, known_rows
 from identifiability.robot import Robot
 from identifiability.workflows.analyze.ladder import hold_folds
+from identifiability.workflows.changes import Change, rows_of
 
-from .changes import Change, rows_of
 from .problem import (
     KnownValues,
     Problem,

@@ -34,6 +34,7 @@ from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.workflows.analyze.result import disagree
+from identifiability.workflows.changes import Change
 from identifiability.workflows.predict import (
     Fit,
     PositionPrediction,
@@ -43,7 +44,6 @@ from identifiability.workflows.predict import (
 )
 from identifiability.workflows.provenance import given_paths
 
-from .changes import Change
 from .forward import ForwardGap, Physical, compare_forward
 from .problem import (
     Discrepancy,

@@ -64,10 +64,10 @@ from identifiability.workflows.case import (
     look_up_ladder,
     take_case,
 )
+from identifiability.workflows.changes import Change
 from identifiability.workflows.provenance import state_provenance
 from identifiability.workflows.roles import require_held_out
 
-from .changes import Change
 from .naming import (
     Gains,
     Naming,

@@ -1,0 +1,155 @@
+"""Logs of two sides as one question: which changes lie between them.
+
+`Sides` holds the logs. `find_differences` and `find_changes` return the possible changes under a
+model. `find_loads` returns the loads that only held-out logs have.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from identifiability.effects import find_families
+from identifiability.estimation.differences import (
+    EXCERPT,
+    LACKS,
+    Compared,
+    Differences,
+    Known,
+    pooled_values,
+)
+from identifiability.estimation.groups import Excerpt
+from identifiability.foundation.errors import LogError
+from identifiability.foundation.findings import Finding
+from identifiability.foundation.values import frozen
+from identifiability.logs.prepare import Dataset
+from identifiability.logs.rules import RULES as LOG_RULES
+from identifiability.regression.columns import list_candidates
+from identifiability.regression.reduction import Submodel
+from identifiability.regression.regression import Regression
+from identifiability.regression.structure import Structure
+from identifiability.robot.robot import tool_bodies
+
+from .case import Data
+from .changes import Change, list_changes, list_log_changes
+from .provenance import given_paths
+
+
+@frozen
+class Sides:
+    """Logs of two sides, prepared under one model; those of the first side come first.
+
+    Attributes
+    ----------
+    count : int
+        How many logs the first side has.
+    regression : Regression
+        Of all logs.
+    """
+
+    count: int
+    regression: Regression
+
+    @property
+    def samples(self) -> tuple[Dataset, ...]:
+        """The prepared logs."""
+        return self.regression.samples
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the logs."""
+        return [s.name for s in self.samples]
+
+    @property
+    def paths(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Paths of the logs of each side."""
+        paths = given_paths(self.samples)
+        return paths[: self.count], paths[self.count :]
+
+    def look(self, values: int) -> Excerpt:
+        """Return the rows of the logs, if there are enough for so many values.
+
+        Raises
+        ------
+        LogError
+        """
+        seen = Excerpt.of(self.regression, EXCERPT)
+        fewest = int(np.bincount(seen.log, minlength=len(self.samples)).min())
+        if fewest < LOG_RULES.fewest or fewest * len(seen.robot.joints) <= values:
+            raise LogError(Finding("sides.few", samples=fewest, values=values))
+        return seen
+
+
+def find_differences(
+    structure: Structure,
+    seen: Excerpt,
+    bodies: Sequence[str],
+    known: Known,
+    later: int,
+    single: int,
+) -> Differences:
+    """Return the possible differences between logs.
+
+    Parameters
+    ----------
+    structure : Structure
+    seen : Excerpt
+        Rows of all logs.
+    bodies : sequence of str
+        That may carry a load.
+    known : Known
+    later, single : int
+        How many of the first logs may have changed together, and how many separately.
+    """
+    robot, motions = structure.robot, [piece.motion for piece in seen.pieces]
+    lacks, _ = list_candidates(robot, find_families(LACKS), structure.present, motions, fixed=False)
+    # Torque of a wrong scale, which the model has found, is read as it should have been.
+    stated = dict(zip(structure.base.names, known.base.tolist(), strict=True))
+    gain = 1.0 + np.array([stated.get(f"{joint}.scale", 0.0) for joint in robot.joints])
+    base = [0.0 if name.endswith(".scale") else x for name, x in stated.items()]
+    known = replace(known, base=np.array(base))
+    rows = Compared.about(replace(seen, y=seen.y / gain, raw=seen.raw / gain), known)
+    asked = (np.arange(rows.log[-1] + 1) < later).astype(float)
+    each = [x for x in np.eye(len(asked))[:single] if np.ptp(np.abs(x - asked))]
+    return Differences.of(
+        rows,
+        list_changes(robot, bodies),
+        lacks,
+        known,
+        (asked, *each),
+        names=structure.base.names,
+    )
+
+
+def find_changes(sides: Sides, structure: Structure, submodel: Submodel) -> Differences:
+    """Return possible changes between the sides or in single logs, under a model."""
+    seen, count = sides.look(len(submodel)), sides.count
+    unchanged = seen.log >= count
+    values = pooled_values(seen.X[unchanged], seen.y[unchanged], submodel.M, submodel.fixed)
+    known = Known.nothing(submodel.M, values)
+    bodies = tool_bodies(structure.robot)
+    return find_differences(structure, seen, bodies, known, count, len(sides.samples))
+
+
+def find_loads(data: Data, submodel: Submodel) -> list[Change]:
+    """Return the loads that only held-out logs surely have, without a competing hypothesis.
+
+    Parameters
+    ----------
+    data : Data
+        With held-out logs.
+    submodel : Submodel
+        The model that logs are compared under.
+    """
+    assert data.unseen is not None
+    held_out = Sides(len(data.validation), data.unseen.followed_by(data.regression))
+    try:
+        found = find_changes(held_out, data.structure, submodel)
+    except LogError:  # too few samples to compare
+        return []
+    changes = list_log_changes(found, found.model.search(), held_out.names)
+    fitted = held_out.names[held_out.count :]
+    loads = [c for c in changes if c.kind == "load" and c.log not in fitted]
+    return [c for c in loads if c.sure and not c.others]

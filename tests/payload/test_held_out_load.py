@@ -1,0 +1,51 @@
+"""A held-out log with another load is named; the same load or a hidden effect is not."""
+
+import numpy as np
+import pytest
+from planted_load import PlantedLoad
+
+from identifiability import analyze
+from identifiability.foundation.findings import of_key
+
+LOAD = PlantedLoad(1.5, np.array([0.4, 0.0, 0.0]), 0.01 * np.eye(3))
+
+
+def look(logs, validate):
+    """Return the analysis of logs, and its findings on loads."""
+    found = analyze("two-link", logs, validate, replicates=0)
+    return found, of_key(found.hints, "held_out_load")
+
+
+def stribeck(moves):
+    """Return friction that makes the error on the other motion 1.45 times that on the fitted."""
+    speed = moves("two-link").move.dq
+    return 3.0 * np.sign(speed) * np.exp(-np.abs(speed) / 0.3)
+
+
+def test_a_load_of_a_held_out_log_is_named_with_its_mass(make_logs):
+    heavier = make_logs("two-link", LOAD, seed=9)[1]
+    found, (load,) = look(make_logs("two-link", seed=1), heavier)
+    assert load.decides
+    assert abs(load.numbers["mass"] - 1.5) < 4 * load.numbers["sd"] < 0.3
+    assert f"{heavier.name}, which was held out, seems to carry 1." in load
+    assert load.numbers["more"] == "more"
+    (trust,) = (a for a in found.answers() if a.question == "May I trust it?")
+    assert "read the warning" in trust.short
+
+
+def test_the_lighter_log_is_named_where_the_fitted_logs_carry_the_load(make_logs):
+    _, (load,) = look(make_logs("two-link", LOAD, seed=1), make_logs("two-link", seed=9)[1])
+    assert load.numbers["more"] == "less"
+
+
+@pytest.mark.parametrize("hidden", [False, True])
+def test_the_same_load_and_a_hidden_effect_are_no_other_load(make_logs, moves, hidden):
+    extra = stribeck(moves) if hidden else None
+    first, other = make_logs("two-link", seed=1, extra=extra)
+    _, loads = look(first, other)
+    assert loads == []
+
+
+def test_a_part_that_was_set_aside_is_not_compared(make_logs):
+    _, loads = look([make_logs("two-link", seed=1)[0], make_logs("two-link", LOAD, seed=9)[1]], ())
+    assert loads == []
