@@ -131,7 +131,7 @@ def test_a_law_of_another_form_gets_one_name_and_no_function_beside_it(named, tm
     assert (function["name"], function["place"]) == ("function_of_velocity", "shoulder")
     assert function["left_out"] > 0
     page = d.write_report(tmp_path / "d.html").read_text()
-    assert "What may also be present" in page
+    assert "Effects that may also be present" in page
 
 
 def paper_logs(rps, parameters=None, excess=0.0, seed=1):
