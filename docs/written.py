@@ -236,7 +236,7 @@ def write_messages() -> str:
     """Return the page of what data-quality checks say, by what follows from it."""
     follows = {
         Does.MENDS: "What is mended",
-        Does.MISREADS: "Columns that are read as what they are not",
+        Does.MISREADS: "Columns that are read with a wrong meaning",
         Does.EXPLAINS: "What explains other contradictions",
         Does.HINTS: "What is only said",
         Does.WEIGHS: "What has less weight in the fit",

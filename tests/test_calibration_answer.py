@@ -30,7 +30,9 @@ def test_yes_where_intervals_hold(log):
     assert found.word == "yes"
     first, second, third = found.statement.splitlines()
     assert first.startswith("Yes. Of 95 % intervals of no torque offset, ")
-    assert second.startswith("None of the parameters called identifiable are off by more than half.")
+    assert second.startswith(
+        "None of the parameters called identifiable are off by more than half."
+    )
     assert third.endswith("This is so if no effect is missing: diagnose looks for one.")
     told = found.to_dict()
     assert (told["answer"], told["statement"]) == ("yes", found.statement)

@@ -34,8 +34,8 @@ class Does(StrEnum):
     """The consequence of a check's finding."""
 
     MENDS = "it is mended when logs are read, and said"
-    MISREADS = "columns are read as what they are not: no verdict stands"
-    EXPLAINS = "whatever else contradicts physics follows from it, and is not said"
+    MISREADS = "columns are read with a wrong meaning: no verdict stands"
+    EXPLAINS = "other contradictions of physics follow from it, and are not reported"
     HINTS = "it is said"
     WEIGHS = "rows have less weight in the fit, and it is said where that moves a value"
 
