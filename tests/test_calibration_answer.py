@@ -45,7 +45,7 @@ def test_no_where_noise_remembers_longer_than_the_log(log):
     noisy = replace(exact, tau=exact.tau + 0.05 * exact.tau.std() * slow)
     found = calibrate(analyze("two-link", noisy, replicates=60), **FEW)
     assert found.word == "no"
-    assert "give longer logs" in found.statement
+    assert "Give longer logs" in found.statement
 
 
 def cell(coverage, *, se=0.005, wrong=(0.0, 0.0, 0.01), single=(0.95, 0.9, 0.99), silent=0.0):

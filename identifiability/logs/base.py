@@ -123,7 +123,8 @@ def read_base(base: Base, t: Array, values: Values, source: str) -> tuple[Array,
         raise LogError(
             f"{source} does not say how the base moved{has}: give the readings of its inertial "
             "sensor, 'base.acc.x' … 'base.gyro.z', or its pose, 'base.x' … 'base.z' and "
-            "'base.qw' … 'base.qz'; if the robot hung on a stand, say base = \"fixed\" in its sidecar."
+            "'base.qw' … 'base.qz'; if the robot hung on a stand, say base = \"fixed\" in its "
+            "sidecar."
         )
     if turn is None:
         up = turned.inv().apply(slow)

@@ -88,8 +88,8 @@ def _check_angles(robot: Robot, windows: Sequence[Log]) -> None:
             raise LogError(
                 f"{windows[0].name}: {_span(joint, columns[odd[0]])}, and the joint's limits are "
                 f"{low:.4g} … {high:.4g} rad: it {why} state the scale of ticks or normalised "
-                f"units: [columns] {joint} = {{scale = …, offset = …}} in the sidecar (rad = scale × "
-                "value + offset)."
+                f"units: [columns] {joint} = {{scale = …, offset = …}} in the sidecar "
+                "(rad = scale × value + offset)."
             )
 
 
