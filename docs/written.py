@@ -124,7 +124,7 @@ def write_schema(schema: type[BaseModel]) -> str:
             said = inspect.getdoc(table) or ""
             out += [f"## `[{heading}]`", "", said.replace("``", "`"), ""]
         if rows:
-            out += ["| key | value | default | what it is |", "|---|---|---|---|"]
+            out += ["| key | value | default | meaning |", "|---|---|---|---|"]
             out += [*rows, ""]
     return "\n".join(out)
 
@@ -194,7 +194,7 @@ def write_effects() -> tuple[str, dict[str, str]]:
                 "- Its shape is searched" + (" continuously" if family.continuous else " on a grid")
             )
         if family.told_by:
-            out.append(f"- What tells it from what it resembles: {family.told_by.rstrip(',')}")
+            out.append(f"- How to separate it from similar effects: {family.told_by.rstrip(',')}")
         if effect.source:
             out.append(f"- Source: {effect.source}")
         out.append("")
@@ -235,11 +235,11 @@ def write_table_of_messages(keys: Sequence[str]) -> list[str]:
 def write_messages() -> str:
     """Return the page of what data-quality checks say, by what follows from it."""
     follows = {
-        Does.MENDS: "What is mended",
-        Does.MISREADS: "Columns that are read with a wrong meaning",
-        Does.EXPLAINS: "What explains other contradictions",
-        Does.HINTS: "What is only said",
-        Does.WEIGHS: "What has less weight in the fit",
+        Does.MENDS: "Data that are repaired",
+        Does.MISREADS: "Columns with the wrong name, unit or sign",
+        Does.EXPLAINS: "Causes of other contradictions",
+        Does.HINTS: "Hints",
+        Does.WEIGHS: "Rows with less weight in the fit",
     }
     out = []
     import_module("identifiability.workflows.case")  # whose checks need a fit
@@ -249,7 +249,7 @@ def write_messages() -> str:
         out += write_table_of_messages([c.key for c in CHECKS if c.does is does])
     checks = {c.key for c in CHECKS}
     others = [key for key, own in sentences().items() if "level" in own and key not in checks]
-    out += ["## What reading, preparation and fit say", "", *write_table_of_messages(others)]
+    out += ["## Messages of reading, preparation and fit", "", *write_table_of_messages(others)]
     return "\n".join(out)
 
 
@@ -262,7 +262,7 @@ CHANNELS = {
     "tau": "torque or force",
     "current": "motor current, a torque by `[torque]` of the sidecar",
     "tau_ff": "torque that is fed forward",
-    "wanted": "of what was commanded, beside a word for the channel",
+    "wanted": "a command, with a word for the channel",
     "name": "text that says which joint a row is about",
     "silent": "says nothing",
     "silent of commands": "says nothing of commands and currents",
@@ -271,7 +271,7 @@ CHANNELS = {
 
 def write_words() -> str:
     """Return the page of the words and units by which columns of logs are found."""
-    out = ["| words | what the column is |", "|---|---|"]
+    out = ["| words | meaning of the column |", "|---|---|"]
     for channel, said in names.WORDS.items():
         told = CHANNELS.get(channel) or f"`{channel}` of a base that moves"
         out.append(f"| {' '.join(f'`{w}`' for w in said.split())} | {_cell(told)} |")
@@ -297,8 +297,8 @@ def write_studies() -> str:
 NOTE = "<!-- Written by docs/written.py from the code: change that, not this page. -->\n"
 SIDECAR = """# The sidecar
 
-A TOML file with the robot file's name (`arm.toml` beside `arm.urdf`), for what the robot file
-cannot say. Every key may be left out.
+A TOML file with the robot file's name (`arm.toml` for `arm.urdf`, in one folder). It states facts
+that the robot file cannot state. Every key may be left out.
 """
 CASES = """# Studies in a folder
 
@@ -315,7 +315,7 @@ masses = {forearm = [1.9, 2.1]}
 cutoff = 10
 ```
 
-- `inspect` lists what the case holds, and checks all logs.
+- `inspect` lists the robot, logs and settings of the case, and checks all logs.
 - `analyze`, `prune` and `diagnose` fit the logs and verify on the held-out logs. `calibrate` fits
   the logs.
 - `analyze` also writes the result. `predict` predicts the held-out logs from the result.
@@ -339,9 +339,9 @@ A TOML file with models that `analyze --ladder` and `prune --ladder` compare; `p
 """
 EFFECTS = """# Effects
 
-What a model can be made of, by the name that ladders, `--effects` and results use. A user's own
-effect is one class in a file of its own (`--plugin`). Pictures: torque per unit of each parameter,
-at a joint of an arm that swings.
+Parts of a model, by the name that ladders, `--effects` and results use. A user's own effect is
+one class in a file of its own (`--plugin`). Pictures: torque per unit of each parameter, at a
+joint of an arm that swings.
 """
 MESSAGES = """# Messages
 
@@ -354,14 +354,14 @@ LOG_WORDS = """# Words of logs
 
 A column is `<joint>.<channel>`, or has the joint's name or number, one word for the channel, and
 else only words that say nothing: `/joint_states/elbow/position`, `A1.Iststrom [A]`, `q_3`. Two
-words may be written as one. What is called otherwise, `--map` or `[columns]` of the sidecar say.
+words may be written as one. For other names use `--map`, or `[columns]` of the sidecar.
 Units stand in brackets behind a name, or in a row under the header; angles and lengths also by the
 second (`deg/s`, `mm/s²`).
 """
 STUDIES = """# Studies
 
-A study in `studies/` measures what a sentence of this documentation claims, and writes a page and
-a JSON file to `reports/`. From a checkout `identifiability paper NAME` or `python studies NAME`
+A study in `studies/` measures a claim of this documentation, and writes a page and a JSON file to
+`reports/`. From a checkout `identifiability paper NAME` or `python studies NAME`
 runs it (`--quick`: in short); without a name those of the paper are run. The logs of real arms are
 no part of this project: `$IDENTIFIABILITY_DATA` is their folder.
 """

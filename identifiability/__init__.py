@@ -83,7 +83,7 @@ if TYPE_CHECKING:
     from identifiability.workflows.study import Study as Study, new_study as new_study
 
 
-#: Where each public name stands.
+#: The module of each public name.
 _HOMES = {
     name: home
     for home, names in {

@@ -11,7 +11,7 @@ from identifiability.foundation.loading import loading
 
 def main() -> None:
     """Run the command line; Ctrl-C ends it without a traceback from its first moment on."""
-    # A job of cron may have neither: what is said then goes nowhere, and the work is done.
+    # A cron job may lack both streams: output is then dropped, and the work is done.
     sys.stdout, sys.stderr = sys.stdout or _nowhere(), sys.stderr or _nowhere()
     try:
         with loading():
@@ -30,8 +30,7 @@ def main() -> None:
             sys.stderr.write(f"Error: the output cannot be written: {error.strerror or error}.\n")
         raise SystemExit(2) from None
     except (ImportError, RuntimeError) as error:
-        # What interrupts a library of C++ while it is loaded, or a class while it is made, comes
-        # wrapped.
+        # An interrupt arrives wrapped if it comes while a C++ library is loaded or a class is made.
         reason: BaseException | None = error
         while reason is not None and not isinstance(reason, (KeyboardInterrupt, SystemExit)):
             reason = reason.__cause__ or reason.__context__

@@ -86,7 +86,7 @@ STUDIES = (
     Study("real_logs", "What do models err on logs of four real arms that chose nothing?"),
     Study("logs_compared", "Is what changed between logs named, and nothing where nothing did?"),
     Study("servo_robots", "Are motors, delays and motion of servos found from commands alone?"),
-    Study("readings", "Are misread columns read right, and sound logs left as they are?"),
-    Study("benchmark_peers", "How fast is it beside Pinocchio's loop, FIGAROH and cvxpy?"),
+    Study("readings", "Are wrongly named columns corrected, and sound logs left as they are?"),
+    Study("benchmark_peers", "How fast is it, compared with Pinocchio's loop, FIGAROH and cvxpy?"),
     Study("foreign_logs", "Are foreign and spoilt logs read right, or their faults named?"),
 )

@@ -36,6 +36,12 @@ RUN += ["docs/how-to/python.md", "docs/how-to/many.md"]
 #: asks the same; of the same verb twice it does the first.
 SLOW = {"prune", "calibrate", "excite", "diagnose", "demo"}
 AGAIN = ("--ladder",)
+#: Lines of the README that no test runs.
+CHECKOUT = ("make demo", "make test")
+INSTALL = (
+    "git clone https://github.com/robot-identifiability/identifiability",
+    "pip install ./identifiability",
+)
 #: What the others are called with in its Python.
 FEW = {
     "analyze": {"replicates": 20, "engine": Serial()},
@@ -74,7 +80,7 @@ def type_in(line: str, *, quick: bool) -> None:
         done = CliRunner().invoke(app, words)
         assert done.exit_code == 0, f"{line}\n{done.output}\n{done.exception}"
     else:
-        assert line in ("pip install .", "make demo", "make test"), f"nothing runs '{line}' here"
+        assert line in (*CHECKOUT, *INSTALL), f"nothing runs '{line}' here"
 
 
 def run(page: Path, folder: Path, *, quick: bool) -> list[tuple[str, str]]:
@@ -143,16 +149,16 @@ def test_only_rounding_may_be_otherwise():
     assert not agree("it is possible", "it is impossible")
 
 
-def test_the_readme_is_short_and_begins_with_two_commands_and_pictures():
+def test_the_readme_is_short_and_begins_with_a_picture_and_two_commands():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert len(text.splitlines()) <= 120
+    assert len(text.splitlines()) <= 90
     first, second, study, *_ = (block for _, _, block in blocks(ROOT / "README.md"))
-    assert lines(first) == ["make demo", "make test"]
+    assert lines(first) == [*CHECKOUT]
     before = text[: text.index(first)].partition("\n")[2]
     assert len(re.findall(r"\.(?=\s)", before)) == 3  # sentences
-    assert lines(second) == ["pip install ."]
-    assert text[: text.index(second)].count("](docs/images/") == 6
-    assert len(lines(study)) <= 3
+    assert lines(second) == [*INSTALL]
+    assert text.count("](docs/images/") == 1
+    assert sum(line.startswith("identifiability ") for line in lines(study)) == 5
 
 
 #: What each picture shows, as docs/pictures.py wrote it beside them.
@@ -225,6 +231,8 @@ def test_there_is_a_tutorial_that_leads_to_a_decision():
 def shown_commands() -> set[str]:
     """Every ``identifiability …`` of the pages and of the commands' own help."""
     told = [line for page in PAGES for _, kind, text in blocks(page) for line in lines(text)]
+    readme = PAGES[0].read_text(encoding="utf-8")
+    told += re.findall(r"\| `(identifiability [^`]+)` \|", readme)
     told += [line.strip() for c in COMMANDS.values() for line in (c.help or "").splitlines()]
     return {line for line in told if line.startswith("identifiability ")}
 
@@ -249,7 +257,10 @@ def test_every_command_has_a_place_in_the_documentation():
         assert f"`{name}" in told or f"identifiability {name} " in told, name
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+READ = [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "llms.txt"]
+
+
+@pytest.mark.parametrize("page", READ, ids=lambda p: str(p.relative_to(ROOT)))
 def test_links_and_paths_lead_somewhere(page):
     text = page.read_text(encoding="utf-8")
     for path in re.findall(r"`((?:identifiability|models|studies)/[\w./-]+\.\w+)`", text):

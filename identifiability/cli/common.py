@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from identifiability.workflows.case_file import CaseFile
 
 
-#: If work without a terminal takes so many seconds more it is said [s].
+#: Work without a terminal reports its duration if it takes this much longer [s].
 PATIENCE = 10.0
 
-#: Whether all that is said is printed.
+#: Whether all details are printed.
 VERBOSE = ContextVar("VERBOSE", default=False)
 
 #: The case file that the command reads its robot, logs and settings from.
@@ -115,7 +115,7 @@ def print_table(shown: Table, rows: int, title: str) -> None:
     """Print a table of a result with at most `most` rows, under its caption or a title."""
     from rich.table import Table as Grid  # noqa: PLC0415
 
-    # a title of its own would be wrapped to its width
+    # rich would wrap a title of the table to its width
     console = terminal()
     grid = Grid()
     own = shown.brief(rows)

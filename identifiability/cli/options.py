@@ -82,7 +82,7 @@ def help_numbers() -> dict[str, str]:
     return {name: f"{value:,g}" for name, value in (vars(DEFAULTS) | rules).items()}
 
 
-# What is known of an option beside its kind.
+# Descriptions of an option, in addition to its type.
 
 
 @dataclass(frozen=True)
@@ -269,7 +269,7 @@ def _flattened(
     own = {field.name: field for field in options_of(function)}
     settings: dict[str, Field] = {}
     options: dict[str, Field] = {}
-    owners: dict[str, Any] = {}  # of two of one name the last stands
+    owners: dict[str, Any] = {}  # the last of two of one name stays
 
     def add(fields: Iterable[Field], owner: Any) -> None:
         for field in fields:
@@ -410,7 +410,7 @@ def defaults_of_case(case: CaseFile, verb: str, *, has_logs: bool) -> dict[str, 
     return said | {"logs": logs.get(verb, case.logs), "validate": validate}
 
 
-# What is looked at before anything large is imported: are files there, can they be written?
+# Checks before any large import: do the files exist, and can they be written?
 
 
 def _check_kind(path: Path, kinds: Sequence[str]) -> None:
@@ -535,7 +535,7 @@ def _as_kind(kind: Any, text: str) -> Any:
     return text
 
 
-# What options take.
+# Values that options accept.
 
 
 def split_names(_: str, text: str) -> list[str]:
@@ -616,7 +616,7 @@ def _load_plugins(context: typer.Context, paths: list[Path] | None) -> list[Path
 Logs = Annotated[list[str], Records()]
 MoreLogs = Annotated[Sequence[str], Records()]
 OptionalLogs = Annotated[Sequence[str], Argument(), Records()]
-#: What analyze, prune and diagnose write.
+#: Outputs of analyze, prune and diagnose.
 JsonResult = Annotated[Path, Reads("result", "JSON")]
 Table = Writes(".csv", ".parquet", ".pq")
 Report = Annotated[Path | None, Writes(".html", ".htm")]
@@ -728,7 +728,7 @@ class Work:
     def running(self) -> Iterator[tuple[Callable[[str, float], None], dict[str, Any], Engine]]:
         """Yield the progress callback, the common options of fits, and the engine."""
         with progress() as say, self.place.running() as engine:
-            # A verb left to itself ends its processes sooner.
+            # A verb ends its processes sooner by itself.
             asked = engine if self.place != Place() else None
             preparation = self.derived.preparation()
             yield say, {"preparation": preparation, "engine": asked, "progress": say}, engine

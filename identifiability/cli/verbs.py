@@ -85,7 +85,7 @@ def run(said: dict[str, Any], verb: str, write: str = "", **options: Any) -> tup
         return result, outputs.write(result, say, *files)
 
 
-#: What the functions of verbs take after the robot, in their order.
+#: Arguments that the functions of verbs take after the robot, in their order.
 GIVEN = ("result", "before", "after", "logs")
 
 
@@ -322,7 +322,7 @@ def calibrate(
     print_result(result, written)
 
 
-# What is done with a fit.
+# Verbs that use a fit.
 
 
 @Verb
@@ -338,7 +338,7 @@ def predict(
     print_result(*run(locals(), "predict", "write"))
 
 
-#: Endings of what is exported.
+#: Endings of exported files.
 EXPORTED = (".xml", ".urdf", ".json", ".py", ".patch", ".csv", ".parquet", ".pq")
 
 

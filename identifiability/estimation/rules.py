@@ -70,6 +70,9 @@ class Rules(RuleTable):
     rollout_contradicted: Annotated[
         float, "error of the best rollout where gains contradict it, calibrated"
     ] = 0.5
+    constants_within: Annotated[
+        float, "torque constants are right to this share, one standard deviation, by hand"
+    ] = 0.1
     sigma_other: Annotated[float, "share of σ from which other causes are reported, by hand"] = 0.5
 
 

@@ -6,8 +6,8 @@ from typing import Any
 #: Of the package, which its metadata takes from here.
 __version__ = "0.1.0"
 
-#: What lower rooms call of those above by its name, so that imports run one way all the same; all
-#: else that they call is of the room that shows results.
+#: Functions of higher rooms that lower rooms call by name, so that imports still run one way. All
+#: names that are not listed here belong to the room that shows results.
 _ABOVE = {"save_robot": "workflows.export.workflow", "find_presenter": "report.answers"}
 
 

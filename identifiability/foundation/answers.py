@@ -46,7 +46,7 @@ class Cell:
     link: str = ""
 
 
-#: What a column looks like: its kind, or the function that writes its numbers.
+#: Format of a column: its kind, or the function that writes its numbers.
 Look: TypeAlias = Kind | Callable[[Any], str]
 
 

@@ -23,7 +23,7 @@ Schema = TypeVar("Schema", bound=BaseModel)
 
 _PARSERS = {"TOML": tomllib.loads, "JSON": json.loads}
 
-#: Bytes of a document that is read; of TOML, what people write, and of JSON, what results are.
+#: Largest documents to read, in bytes: people write TOML, and results are JSON.
 MOST_BYTES = {"TOML": 1_000_000, "JSON": 50_000_000}
 
 #: Tables in tables that a dotted key may name; its parser takes the square of them in memory.
@@ -114,7 +114,7 @@ def read_document(
 
 
 def first_problem(error: ValidationError, schema: type[BaseModel]) -> str:
-    """Return the first problem of a validation as the sentence ``'key': what was expected``."""
+    """Return the first problem of a validation as the sentence ``'key': the expected value``."""
     problems = error.errors(include_url=False)
     first = _keys_of(problems[0]["loc"])
     within = (p for p in problems if _keys_of(p["loc"])[: len(first)] == first)
@@ -138,7 +138,7 @@ def _keys_of(place: tuple[str | int, ...]) -> tuple[str | int, ...]:
     return tuple(part for part in place if not (isinstance(part, str) and _TYPE.fullmatch(part)))
 
 
-#: What stands in a place for one of several types that a value may have.
+#: Parts of an error's place that name one of several types of a value.
 _TYPE = re.compile(
     r"constrained-\w+|(?:literal|dict|list|tuple|union|function-\w+)\[.*\]|float|int|str|bool"
 )

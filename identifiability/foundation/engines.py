@@ -180,7 +180,7 @@ class Processes(Engine):
         except BrokenExecutor:
             raise EngineError(Finding("workers.lost", workers=self.workers)) from None
         finally:
-            if not ended:  # what is under way is wanted no more
+            if not ended:  # running items are no longer needed
                 self.close()
 
     def _started(self) -> Callable[..., Any]:
@@ -203,8 +203,8 @@ class Processes(Engine):
         pool = self._pool
         self._pool = None
         if pool is not None:
-            # Its own shutdown(kill_workers=True) fails in its thread while items wait (joblib 1.6);
-            # lost workers it handles well.
+            # Its shutdown(kill_workers=True) fails in its thread while items wait (joblib 1.6). It
+            # handles lost workers well.
             for worker in list((pool._processes or {}).values()):
                 worker.terminate()
             pool.shutdown(wait=True)
@@ -246,7 +246,7 @@ class Dask(Engine):
         except ImportError:
             raise EngineError(Finding("cluster.install")) from None
         self.scheduler = scheduler
-        # Dask's client writes on standard error what we say in a sentence.
+        # Dask's client prints on standard error what our error already states.
         logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
         try:
             self.client: Any = distributed.Client(scheduler, timeout=PATIENCE, set_as_default=False)
@@ -271,7 +271,7 @@ class Dask(Engine):
         from distributed.core import CommClosedError, RPCClosed  # noqa: PLC0415
 
         try:
-            # As a task, not as data: what a lost worker had of it is made again.
+            # A task, not data: if a worker is lost, its part is computed again.
             with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1PB"}):
                 sent = self.client.submit(bytes, cloudpickle.dumps(function), pure=False)
             submit = partial(self.client.submit, run_pickled, sent, pure=False)
@@ -303,7 +303,7 @@ class Resumed(Engine):
     Parameters
     ----------
     engine : Engine
-        Does what is missing.
+        Computes missing results.
     folder : path
         Made if it does not exist, for the user alone. One folder serves any number of runs.
 
@@ -335,7 +335,7 @@ class Resumed(Engine):
         for path, old in zip(paths, kept, strict=True):
             if not old:
                 write_bytes(path, pickle.dumps(next(fresh), protocol=5))
-            # Bit by bit what is read back, and so is what follows.
+            # Yield the stored result, so that a resumed run continues with the same bits.
             yield (old or _read_back(path))[0]
 
     def close(self) -> None:
@@ -360,7 +360,7 @@ def fingerprint(function: Callable[..., Any], item: Any = None) -> str:
         function = function.func
     home = str(getattr(function, "__module__", None) or "").partition(".")[0]
     parts += [source_digest("identifiability"), source_digest(home)]
-    # Of lambdas and local functions the content is hashed, by what cloudpickle sends.
+    # Lambdas and local functions are hashed by their content, as cloudpickle sends it.
     return str(joblib.hash([*parts, cloudpickle.dumps(function)], "sha1"))
 
 

@@ -8,10 +8,10 @@ from collections.abc import Iterable
 
 from .quoting import for_terminal
 
-#: Letters of a quoted name beyond which its middle is left out, and letters of its ends.
+#: Longest quoted name before its middle is omitted, and lengths of its ends [letters].
 _LONG, _HEAD, _TAIL = 240, 100, 60
 
-#: Letters of a sentence beyond which its middle is left out.
+#: Longest sentence before its middle is omitted [letters].
 LONGEST = 4000
 
 

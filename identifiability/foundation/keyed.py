@@ -76,7 +76,7 @@ class UnknownNameError(IdentifiabilityError, KeyError):
 class Keyed:
     """A result whose rows are found by name: ``result["joint_2.Fc"]``."""
 
-    #: What its rows are about, for the sentence that refuses a name.
+    #: Subject of the rows, for the sentence that refuses a name.
     row_kind: ClassVar[str] = "parameter"
 
     def rows_by_name(self) -> Iterable[Row]:
@@ -98,7 +98,8 @@ class Keyed:
         Raises
         ------
         UnknownNameError
-            If there is none, with the nearest name and how to list all names.
+            If there is no such row. The error names the nearest name and the call that lists all
+            names.
         """
         rows = {row.name: row for row in self.rows_by_name()}
         if name in rows:

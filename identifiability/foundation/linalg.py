@@ -21,13 +21,15 @@ SPAN_TOLERANCE = 1e-7
 #: Matrices beyond this size together are worked on in turn [bytes].
 MOST_BYTES = 2**26
 
-#: Share below which what is left of one sum of products is rounding.
+#: Relative size below which the remainder of one sum of products is rounding.
 TINY = 1e-12
 
-#: Share below which what is left of a chain of products, differences and solves is rounding.
+#: Relative size below which the remainder of a chain of products, differences and solves is
+#: rounding.
 ROUNDOFF = 1e-9
 
-#: What differs by less than this share is the same to data: nothing measured has six digits.
+#: Data do not distinguish values that differ by less than this share: no measurement has six
+#: digits.
 NEARLY = 1e-6
 
 
@@ -46,7 +48,7 @@ def triangular_factor(A: Array) -> Array:
     """Return R, upper triangular, with ``RᵀR = AᵀA``."""
     if not A.size:
         return A[: A.shape[1]]
-    # Of small matrices NumPy's own takes twice the time.
+    # For small matrices NumPy's function takes twice the time.
     return np.asarray(np.triu(dgeqrf(A)[0][: A.shape[1]]))
 
 
@@ -77,9 +79,9 @@ def scan_columns(unit: Array, order: Sequence[int]) -> list[int]:
     Gram-Schmidt that skips dependent columns; unpivoted QR would instead project every later
     column on the rounding noise that a dependent one leaves behind.
     """
-    if len(order) <= len(unit):  # where no column is near to being dependent, one factor says so
+    if len(order) <= len(unit):  # if no column is nearly dependent, one factor shows it
         sizes = np.abs(np.diag(np.linalg.qr(unit[:, list(order)], mode="r")))
-        # Beyond so many times that, rounding does not decide.
+        # Above this multiple of it, rounding does not decide.
         if (sizes > 10.0 * SPAN_TOLERANCE).all():
             return list(order)
     kept: list[int] = []

@@ -16,10 +16,11 @@ from .values import frozen
 # The names, units and sign constraints of parameters: one grammar, ``<owner>.<kind>``.
 
 
-#: Arrays of numbers or flags; docstrings say which. NumPy types its results too loosely for more.
+#: Arrays of numbers or flags; docstrings state which. NumPy's types of results are too loose for
+#: more.
 Array = NDArray[Any]
 
-#: Names or sentences in order; and numbers by what they are of, such as values by parameter.
+#: Names or sentences in order; and numbers by name, such as values by parameter.
 Strings: TypeAlias = tuple[str, ...]
 NumberByName: TypeAlias = Mapping[str, float]
 
@@ -27,8 +28,8 @@ NumberByName: TypeAlias = Mapping[str, float]
 #: entries of inertia (Ixy = -∫xy dm) about the origin of the body's joint frame.
 INERTIAL_KINDS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 
-#: The same ten in the order of a pseudo-inertia, in which its columns are offered to
-#: the grouping: mass last, so that masses are regrouped into the moments that they act through.
+#: The same ten in the order of a pseudo-inertia, in which the grouping tries their columns. Mass is
+#: last, so that masses are regrouped into the moments through which they act.
 GROUPED_KINDS = ("Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "mx", "my", "mz", "m")
 
 #: Units in which times are written, in s.
@@ -173,10 +174,10 @@ def inertial_unit(kind: str) -> str:
     return _INERTIAL_UNITS.get(kind, "kg·m²")
 
 
-# `Renames`: how names in one place become names in another, by rules that are literal or regular.
+# `Renames`: map names of one source to names of another, by literal or regular rules.
 #
-# A rule ``fer_joint(\d)`` = ``panda_joint\1`` is a regular expression for the whole of a name and
-# what it becomes. What stands literally in a rule is itself, brackets and dots included.
+# A rule ``fer_joint(\d)`` = ``panda_joint\1`` has a regular expression for the whole name, and the
+# new name. A name that equals the left side literally fits, too, including brackets and dots.
 
 
 #: Repetitions in a rule, and letters of a name that it is tried on: a search takes the length of
@@ -194,7 +195,7 @@ class Renames:
     Attributes
     ----------
     rules : tuple of (str, str)
-        Name or regular expression, and what it becomes. Make them with `Renames.of`.
+        Name or regular expression, and the new name. Make them with `Renames.of`.
     """
 
     rules: tuple[tuple[str, str], ...] = ()

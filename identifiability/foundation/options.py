@@ -33,7 +33,7 @@ from typing import get_type_hints as resolve
 from .errors import IdentifiabilityError, near_match, with_article
 from .values import frozen
 
-if TYPE_CHECKING:  # what is refused at once waits for no library
+if TYPE_CHECKING:  # errors at the border load no library
     import numpy as np
 
 P = ParamSpec("P")
@@ -82,7 +82,7 @@ Names = Annotated[Sequence[str], Expected("a list of names")]
 #: Of effects, which a command line takes as ``a,b``.
 Effects = Names
 
-#: Choices that a command line offers without the rooms that know what they mean.
+#: Choices of a command line, without the rooms that use them.
 Derivatives = Literal["auto", "given", "butterworth", "fourier", "spline"]
 EstimatorKind = Literal["auto", "ls", "iv"]
 ExportFormat = Literal["mjcf", "urdf", "isaaclab", "patch"]
@@ -197,7 +197,7 @@ def allows(kind: Any, value: Any) -> bool:
         return callable(value) if Callable in (kind, origin) else isinstance(value, kind)
     if issubclass(origin, Mapping):
         return isinstance(value, Mapping)
-    # What is read only once, such as a generator, is not looked into.
+    # Values that can be read only once, such as a generator, are not checked.
     items = value if isinstance(value, Collection) else ()
     several = isinstance(value, Iterable) and not isinstance(value, (str, bytes, Mapping))
     return several and all(allows(inner[0], item) for item in items)
@@ -237,7 +237,7 @@ def _shown(value: Any) -> str:
     """Return a value as the sentence quotes it: short ones as they are, others by their type."""
     plain = isinstance(value, (str, Real, NoneType, bool, list, tuple))
     text = repr(value.item() if hasattr(value, "item") else value) if plain else ""
-    # A sentence quotes what fits into it.
+    # A sentence quotes only short values.
     return text if 0 < len(text) <= 60 else with_article(type(value).__name__)
 
 

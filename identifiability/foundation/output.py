@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-#: What folders for a while are called, and files that are not in their place yet.
+#: Prefix of temporary folders, and of files that are not complete yet.
 FOLDER, HALF = "identifiability-", ".identifiability-"
 
 
@@ -48,7 +48,7 @@ def check_writable(path: FilePath) -> Path:
             "special": there and not path.is_file(),
             "nowhere": not folder.is_dir(),
             "closed": not os.access(folder, os.W_OK),
-            # Another run may put its file there at any time, and take none away.
+            # Another run may add its file there at any time, but removes none.
             "protected": there and not os.access(path, os.W_OK),
         }
     except (OSError, ValueError) as error:
@@ -125,7 +125,7 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
 def write_together(files: Sequence[tuple[Path, bytes]]) -> None:
     """Write files that are of no use without each other, or one.
 
-    All are filled before the first is put in its place, the one that the others belong to last.
+    All files are complete before the first is put in its place. The main file comes last.
 
     Raises
     ------
@@ -147,7 +147,7 @@ def write_together(files: Sequence[tuple[Path, bytes]]) -> None:
     except OSError as error:
         names = " and ".join(f"'{path}'" for path, _ in files)
         raise OutputError(f"{names} cannot be written: {_reason(error)}.") from None
-    finally:  # also after Ctrl-C; nothing is left there when the files are in their place
+    finally:  # also after Ctrl-C; nothing remains there once the files are in place
         for temporary in fresh:
             with suppress(OSError):
                 temporary.unlink(missing_ok=True)

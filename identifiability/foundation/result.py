@@ -45,7 +45,7 @@ class Result(Keyed, ABC):
     @property
     @presented
     def statement(self) -> str:
-        """The answers and warnings in plain words, one a line, without what to do next."""
+        """Return the answers and warnings in plain words, one a line, without next steps."""
         raise NotImplementedError
 
     @presented

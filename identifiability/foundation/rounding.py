@@ -19,7 +19,7 @@ from .values import frozen
 # Numbers as text.
 
 
-#: What stands where there is no number.
+#: Text in place of a missing number.
 NONE = "—"
 
 #: Digits of a value whose σ is (nearly) zero.

@@ -13,7 +13,8 @@ from typing import TypeAlias
 from .options import check_fields
 from .values import frozen
 
-#: A number of an algorithm: a step, a width, a rounding. It says how an answer is found, not which.
+#: A number of an algorithm: a step, a width, a rounding. It affects how an answer is found, not the
+#: answer.
 Tolerance: TypeAlias = float
 
 
@@ -27,6 +28,6 @@ class RuleTable:
         If a number is out of the range of its annotation.
     """
 
-    #: What its numbers decide.
+    #: Purpose of its numbers.
     def __post_init__(self) -> None:
         check_fields(self)

@@ -33,9 +33,9 @@ class Stages:
         make : callable
             A function of a module.
         inputs
-            What decides the result.
+            Inputs that determine the result.
         call
-            What does not: the engine, progress.
+            Arguments that do not affect it: the engine, progress.
         """
         key = (make, *map(_identity, inputs))
         if key not in self._kept:

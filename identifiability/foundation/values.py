@@ -29,7 +29,7 @@ def frozen(cls: Any = None, *, kw_only: bool = False) -> Any:
     arrays = tuple(n for n, a in vars(cls).get("__annotations__", {}).items() if "rray" in str(a))
     for name in vars(cls).get("__annotations__", {}):
         value = vars(cls).get(name)
-        if value.__hash__ is None:  # each object has a default of its own
+        if value.__hash__ is None:  # each object has a copy of its default
             setattr(cls, name, field(default_factory=partial(copy, value)))
     own = getattr(cls, "__post_init__", None)
     if arrays:
@@ -65,7 +65,7 @@ def _short(self: Any) -> str:
     return shorten(f"{type(self).__name__}({', '.join(parts)})", 280, placeholder="…)")
 
 
-# What was made last is kept: many ask for the same few things in turn.
+# A cache of the last results: many callers need the same few in turn.
 
 
 K = TypeVar("K", bound=Hashable)

@@ -24,10 +24,10 @@ from identifiability.robot.floating import Base, Contact
 from . import signals
 from .names import words_for
 
-#: What comes first in the name of a column about the base.
+#: Prefixes of the names of columns about the base.
 OWNERS = ("base", "imu", "odom", "odometry", "pose", "trunk", "floating_base", "torso")
 
-#: What is measured of it, by words for it and letters that stand for it before an axis.
+#: Quantities of the base, by their words and by the letters before an axis.
 _KINDS = {
     word: kind for kind in ("acc", "gyro", "pos", "quat") for word in words_for(f"base.{kind}")
 } | {"": "pos"}
@@ -66,7 +66,7 @@ def _key(name: str, base: Base) -> str:
         return ""
     kind = _KINDS[found[1]]
     axis = found[2]
-    if kind == "quat":  # nothing but names says which of four numbers is which
+    if kind == "quat":  # only names identify the four numbers
         return "" if axis.isdecimal() else f"quat.{axis}"
     axis = "xyz"[int(axis)] if axis.isdecimal() else axis
     return "" if axis == "w" else f"{kind}.{axis}"
@@ -157,7 +157,7 @@ def _orientation(values: Values, source: str) -> scipy.spatial.transform.Rotatio
         return None
     size = np.linalg.norm(quat, axis=1)
     worst = int(np.argmax(np.abs(size - 1)))
-    # A quaternion whose norm is further from one than this is none.
+    # Largest deviation of the norm of a quaternion from one.
     if not abs(size[worst] - 1) < 0.01:
         raise LogError(
             f"{source}: the quaternion of the base has norm {size[worst]:.3g} in data row "
@@ -193,7 +193,7 @@ def _mean_acceleration(
     rotation = scipy.spatial.transform.Rotation
     moves = rotation.from_rotvec(0.5 * (omega[1:] + omega[:-1]) * step).as_matrix()
     turn = rotation.from_matrix(np.stack([*accumulate(moves, np.matmul, initial=np.eye(3))]))
-    # So long a gyroscope is trusted, after which gravity corrects it [s].
+    # After this time gravity corrects the gyroscope [s].
     at = np.linspace(-1, 1, len(t))
     spans = np.polynomial.chebyshev.chebvander(at, int(step * len(t) / 10.0))
     slow = spans @ np.linalg.lstsq(spans, turn.apply(acc), rcond=None)[0]
@@ -209,7 +209,7 @@ def _check_gravity(base: Base, t: Array, slow: Array, source: str) -> None:
         If it reads another unit, or gravity was taken off.
     """
     fall = float(np.linalg.norm(base.gravity))
-    if not fall or t[-1] - t[0] < 2.0:  # so long nothing falls
+    if not fall or t[-1] - t[0] < 2.0:  # nothing falls for longer
         return
     found = float(np.median(np.linalg.norm(np.atleast_2d(slow), axis=1)))
     if not 0.5 <= found / fall <= 2.0:

@@ -18,10 +18,10 @@ from .rules import RULES
 if TYPE_CHECKING:
     import pandas as pd
 
-#: What was commanded of each joint: position, velocity, torque that is fed forward.
+#: Commands of each joint: position, velocity, feed-forward torque.
 COMMANDS = ("q_ref", "dq_ref", "tau_ff")
 
-#: What a log has of each joint.
+#: Channels of a log for each joint.
 CHANNELS = ("q", "dq", "ddq", "tau", *COMMANDS)
 
 
@@ -71,17 +71,17 @@ class Numbers:
 
     @property
     def clean(self) -> bool:
-        """Whether every cell so far is empty or a finite number of a size that can be."""
+        """Return whether every cell so far is empty or a finite number of possible size."""
         return self.bad == self.empty and self._large is None
 
     @property
     def lost(self) -> bool:
-        """Whether cells are empty, and nothing else is wrong."""
+        """Return whether cells are empty, and nothing else is wrong."""
         return self.clean and self.bad > 0
 
     @property
     def usable(self) -> bool:
-        """Whether every value so far is a finite number of a size that can be."""
+        """Return whether every value so far is a finite number of possible size."""
         return self._first is None and self._large is None
 
     def finish(self) -> None:

@@ -57,7 +57,22 @@ class Code:
         return before > 0 and after <= (1 - RULES.nearly_all) * before
 
 
-def find_codes(values: Mapping[str, Array]) -> dict[str, Code]:
+def show_codes(values: Mapping[str, Array]) -> dict[str, Code]:
+    """Return the codes that columns show, by the kind of column.
+
+    Parameters
+    ----------
+    values : mapping of str to (N,)
+        Columns by ``<joint>.<kind>``.
+    """
+    return {
+        name.rpartition(".")[2]: code
+        for name, x in values.items()
+        if (code := find_code(x)) is not None
+    }
+
+
+def find_codes(values: Mapping[str, Array], shown: Mapping[str, Code]) -> dict[str, Code]:
     """Return the codes of columns, by name.
 
     A column that is always negative does not show its code. Another one of its kind does, or the
@@ -67,12 +82,10 @@ def find_codes(values: Mapping[str, Array]) -> dict[str, Code]:
     ----------
     values : mapping of str to (N,)
         Columns by ``<joint>.<kind>``.
+    shown : mapping of str to Code
+        Codes by the kind of column, which columns of this log or of other logs show.
     """
-    kinds = {
-        name.rpartition(".")[2]: code
-        for name, x in values.items()
-        if (code := find_code(x)) is not None
-    }
+    kinds = dict(shown)
     if "tau" not in kinds and any(
         is_negative(x) for name, x in values.items() if name.endswith(".tau")
     ):

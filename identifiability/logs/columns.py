@@ -24,7 +24,7 @@ from identifiability.foundation.quoting import option_for_shell, toml_key
 from identifiability.foundation.values import frozen
 
 from .checks import CHANNELS, COMMANDS, to_floats
-from .codes import describe_codes, find_codes
+from .codes import Code, describe_codes, find_codes, show_codes
 from .conventions import Conventions
 from .names import (
     BARE,
@@ -74,6 +74,8 @@ class Naming:
         Torque columns filled with zeros, because only motion or commands are needed.
     commands : tuple of str
         Columns of commands that replace torque.
+    codes : mapping of str to Code
+        Codes that the table shows, by the kind of column.
     """
 
     columns: tuple[Column, ...]
@@ -82,6 +84,7 @@ class Naming:
     locked: tuple[Column, ...] = ()
     made: Strings = ()
     commands: Strings = ()
+    codes: Mapping[str, Code] = {}
 
     @property
     def time(self) -> Column:
@@ -292,7 +295,7 @@ def _free(names: Mapping[str, str], taken: Mapping[str, Column]) -> list[str]:
     return [name for column, name in names.items() if column not in used]
 
 
-# What makes SI units of a column: what the log states, else what the sidecar says.
+# Conversion of a column to SI units: by the unit of the log, or else of the sidecar.
 
 
 def _in_si(column: Column, units: Mapping[str, str], source: str, known: Conventions) -> Column:
@@ -326,7 +329,7 @@ def _in_si(column: Column, units: Mapping[str, str], source: str, known: Convent
             f"{_map_word(name, f'{column.name} [{example}]')}, "
             f"or {gain if column.kind == 'tau' else 'correct the header'}."
         )
-    # A scale of 1 leaves degrees what they are; others are of ticks.
+    # A scale of 1 leaves degrees unchanged; other scales are for ticks.
     degrees = kind in ANGULAR and column.joint in known.degrees and scale == 1.0
     factor = DEGREE if degrees else scale
     return replace(column, factor=factor, offset=offset / factor)
@@ -363,7 +366,7 @@ def _convert_torque(
     return out, [*notes, BEHIND] if torque.side == "link" else notes
 
 
-#: What is said of a sensor behind the gears.
+#: Note on a sensor behind the gears.
 BEHIND = (
     "torque was measured behind the gears, where no inertia of rotors is seen: the model has none"
 )
@@ -401,7 +404,7 @@ def _tell(
     return [text.format(listing(found, 4)) for text, found in told.items() if found]
 
 
-# Columns that tell their joint by a number: ``q1`` … ``q6``, ``position[0]``.
+# Columns that identify their joint by a number: ``q1`` … ``q6``, ``position[0]``.
 
 
 def resolve_numbers(
@@ -493,7 +496,7 @@ def _number(joint: str) -> int | None:
     return int(found[-1]) if found else None
 
 
-# Columns of commands: whether they stand for torque, which a table lacks then.
+# Columns of commands, which replace torque if a table has none.
 
 
 def resolve_commands(
@@ -549,7 +552,7 @@ _NO_STAND = (
 )
 
 
-# What is missing, with the remedy ready to copy.
+# Missing columns, with a remedy that can be copied.
 
 
 def _refuse_missing(
@@ -581,7 +584,7 @@ def _refuse_missing(
     raise LogError(tell_missing(source, missing, wanted, free, known.passive))
 
 
-#: What to do where no column is left that could be a missing one.
+#: Remedy if no remaining column could be a missing one.
 RECORD = " Log what is missing, too: no mass follows from positions alone."
 
 
@@ -653,18 +656,23 @@ def rename(name: str, known: Conventions) -> str:
     return "/".join(parts) + name[len(plain) :]
 
 
-def resolve_codes(naming: Naming, first: pd.DataFrame) -> Naming:
-    """Return the columns of a log, with the number codes that its first rows show."""
+def resolve_codes(naming: Naming, first: pd.DataFrame, known: Conventions) -> Naming:
+    """Return the columns of a log, with the number codes that its first rows show.
+
+    If they show none, the codes of other logs hold.
+    """
     values = {c.name: to_floats(first[c.source]) for c in naming.columns if c.name != "t"}
-    codes = find_codes(values)
+    shown = show_codes(values)
+    codes = find_codes(values, {**known.codes, **shown})
     columns = tuple(replace(c, code=codes.get(c.name)) for c in naming.columns)
-    return replace(naming, columns=columns, notes=(*naming.notes, *describe_codes(codes)))
+    notes = (*naming.notes, *describe_codes(codes))
+    return replace(naming, columns=columns, notes=notes, codes=shown)
 
 
-# What a log's times are given in: seconds, thousandths of them, dates; taken only when certain.
+# Unit of a log's times: seconds, fractions of them, or dates; taken only if it is certain.
 #
-# A unit that the sidecar, an option or the column itself states is taken. Else steps of up to half
-# a second are seconds, and longer ones in the one unit in which they are steps of a log of motion.
+# A unit that the sidecar, an option or the column states is taken. Else steps up to half a second
+# are in seconds. Longer steps are in the one unit in which they are steps of a log of motion.
 
 
 #: First samples that show which steps there are.
@@ -700,10 +708,10 @@ def resolve_time(naming: Naming, first: pd.DataFrame, source: str, known: Conven
         return naming.timed(note, dates=start, factor=1.0)
     t = to_floats(given)[:SHOWN] if given.dtype.kind not in "cb" else np.empty(0)
     if len(t) < 3 or not np.isfinite(t).all() or not np.median(np.diff(t)) > 0:
-        return naming  # what is wrong with them is said by others
+        return naming  # other checks report their errors
     unit = known.time_unit
     why = "as was said"
-    if not unit and time.unit is None:  # what the log states is taken
+    if not unit and time.unit is None:  # the unit of the log is taken
         unit, why = _find_unit(t, source)
     factor = TIME_UNITS[unit] if unit else time.factor
     notes = [f"the times are in {unit}, {why}"] if unit and unit != "s" else []
@@ -791,7 +799,7 @@ def _find_unit(t: Array, source: str) -> tuple[str, str]:
         return "", ""
     fits = [u for u, size in TIME_UNITS.items() if RULES.steps[0] <= step * size <= RULES.steps[1]]
     fits = [u for u in fits if _is_dated(t[0] * TIME_UNITS[u])] or fits
-    if not fits:  # what is wrong with them is said by others
+    if not fits:  # other checks report their errors
         return "", ""
     each = [f"{u} ({1 / (step * TIME_UNITS[u]):.4g} Hz)" for u in fits]
     if len(fits) == 1:

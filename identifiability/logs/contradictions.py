@@ -93,7 +93,7 @@ def _check_angles(robot: Robot, windows: Sequence[Log]) -> None:
             )
 
 
-#: What positions beyond limits are, and what to say.
+#: Explanations of positions beyond limits, and remedies.
 _DEGREES = (
     'looks like degrees: say --set angles=deg (or angles = "deg" in the sidecar; a unit in the '
     "header goes before both: correct that), or --set angles=rad if they are rad, or"
@@ -182,14 +182,14 @@ def _compare(t: Array, x: Array, rate: Array) -> tuple[float, float] | None:
     whole = dt < RULES.gap * np.median(dt)
     given = np.cumsum(np.where(whole, np.diff(x), 0.0))
     integral = np.cumsum(np.where(whole, 0.5 * (rate[1:] + rate[:-1]) * dt, 0.0))
-    # An offset of the rate is a drift of its integral, which says nothing of its shape.
+    # An offset of the rate is a drift of its integral, which has no information on its shape.
     drift = np.column_stack([np.ones(len(dt)), t[1:] - t[0]])
     Q = np.linalg.qr(drift)[0]
     given = given - Q @ (Q.T @ given)
     integral = integral - Q @ (Q.T @ integral)
     noise = np.sqrt(np.mean(np.diff(x, 2) ** 2) / 6) if len(x) > 2 else 0.0
     size = float(np.sqrt(np.mean(given**2)))
-    # Motion must stand out this much from the noise of single samples to be compared.
+    # Least ratio of motion to the noise of single samples for a comparison.
     if not size > 4.0 * noise or not size > 0:
         return None
     square = float(integral @ integral)

@@ -14,6 +14,8 @@ from identifiability.robot.floating import Base
 from identifiability.robot.servo import Servo
 from identifiability.robot.sidecar import MeasuredTorque
 
+from .codes import Code
+
 
 @frozen
 class Conventions:
@@ -47,6 +49,8 @@ class Conventions:
         The floating base; logs contain its motion.
     passive : tuple of str
         Joints without a motor, which need no columns.
+    codes : mapping of str to Code
+        Codes that other logs show, by the kind of column.
     """
 
     joints: Strings = ()
@@ -62,6 +66,7 @@ class Conventions:
     commands: bool = False
     base: Base | None = None
     passive: Strings = ()
+    codes: Mapping[str, Code] = {}
 
     @staticmethod
     def of(robot: Robot) -> Conventions:
@@ -69,7 +74,7 @@ class Conventions:
         gear = robot.transmission
         motors = gear.motors if gear else ()
         turns = [j for j in robot.motor_joints if not robot.is_prismatic(robot.dof_index(j))]
-        # Of a locked joint nothing says whether it turns, as nearly all do.
+        # A locked joint may be revolute or prismatic; nearly all are revolute.
         degrees = (*turns, *motors, *robot.locked) if robot.angles == "deg" else ()
         return Conventions(
             joints=robot.motor_joints or robot.joints[:1],  # of a body alone no column is about it

@@ -20,7 +20,7 @@ from .names import are_units
 #: Marks that begin a line of comment.
 COMMENTS = ("#", "%", "//")
 
-#: Separators of fields, and what notes call them; blanks are tried last.
+#: Separators of fields, and their names in notes; blanks are tried last.
 SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "'|'", " ": "spaces"}
 
 #: How Windows writes Western text that is no Unicode; ISO 8859-1 has the same signs of units.
@@ -86,18 +86,18 @@ class Form:
             yield at, list(lines[at : at + 1])
 
     def is_comment(self, line: str) -> bool:
-        """Whether a line is passed over."""
+        """Return whether a line is skipped."""
         return bool(self.comment) and line.lstrip().startswith(self.comment)
 
     def is_number(self, field: str) -> bool:
-        """Whether a field is a number in this form."""
+        """Return whether a field is a number in this form."""
         text = field.strip()
         if len(text) > LONGEST:
             return False
         return bool(_POINT.fullmatch(text) or (self.decimal == "," and _COMMA.fullmatch(text)))
 
 
-#: Written as the documentation says.
+#: The format of the documentation.
 PLAIN = Form()
 
 
@@ -137,7 +137,7 @@ def find_form(text: str, encoding: str) -> Form:
         for s, d in pairs
     )
     found = [f for f in tried if f is not None]
-    if not found:  # no table of numbers: read as it stands
+    if not found:  # no table of numbers: read literally
         at, header = next(form.rows(lines), (0, []))
         return replace(
             form,
@@ -172,8 +172,8 @@ def _try(form: Form, lines: Sequence[str]) -> Form | None:
         units = tuple(cell.strip() for cell in rows[full.pop()][1])
     if full:
         columns = [" ".join(c.split()) if "\n" in c else c for c in rows[full[0]][1]]
-        first = full[1] if len(full) > 1 else first  # what is neither is told of as data
-    else:  # the header may stand in the last line of comment
+        first = full[1] if len(full) > 1 else first  # other cells count as data
+    else:  # the header may be the last line of comment
         marked = [line for line in lines[: rows[first][0]] if form.is_comment(line)]
         bare = replace(form, comment="")
         columns = bare.split(marked[-1].strip().lstrip("#%/").strip()) if marked else []

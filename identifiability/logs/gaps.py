@@ -23,14 +23,14 @@ from .checks import Clock
 from .log import Log
 from .rules import RULES
 
-# Samples that repeat the one before, because nothing new had arrived when they were written.
+# Repeated samples: no new value had arrived when a row was written.
 #
-# Robots and loggers have clocks of their own: every so often a row holds what the row before held.
-# Half a step of motion is then missing at one sample, which differences take for a blow. Such
-# values are recognised by what the joint did before and after, and interpolated.
+# Robots and loggers have separate clocks, so some rows repeat the row before. Half a step of motion
+# is then missing at one sample, and differences show a jump. Such values are recognised by the
+# motion before and after, and interpolated.
 
 
-#: What channels are called.
+#: Names of channels.
 NAMES = {"q": "position", "dq": "velocity", "ddq": "acceleration", "tau": "torque"}
 
 
@@ -104,13 +104,13 @@ def find_stale(x: Array, steps: Array) -> Array:
     first = np.flatnonzero(edges == 1) + 1
     last = np.flatnonzero(edges == -1)
     for a, b in zip(first.tolist(), last.tolist(), strict=True):
-        # Rows a … b hold what row a - 1 holds.
+        # Rows a … b repeat row a - 1.
         if b - a >= RULES.lost or a < 2 or b + 1 >= len(x):
             continue
         after = x[b + 1] - x[b]
         before = x[a - 1] - x[a - 2]
-        # Across a run of repeated values a joint moves by at least so many steps of its
-        # encoder, else rounding explains that nothing changed.
+        # Least motion across a run of repeated values, in steps of the encoder; else rounding
+        # explains the run.
         moved = (after * before > 0) & (np.abs(after) >= 4.0 * steps)
         stale[a : b + 1] = moved.any()
     return stale
@@ -127,12 +127,12 @@ def interpolate(x: Array, stale: Array) -> Array:
     return out
 
 
-# Lost samples: which steps of a clock are gaps, which of them are bridged, where a log is split.
+# Lost samples: find gaps in the steps of a clock, bridge short ones, split the log at others.
 #
 # A filter and two differences need samples at even steps. Samples that are nowhere farther apart
-# than half a period of the cut-off determine what the filter lets through: such gaps are bridged
-# by a cubic. Across a longer one nothing is computed: the log falls into stretches, each filtered
-# and differentiated by itself.
+# than half a period of the cut-off determine the filtered signal, so a cubic bridges such gaps.
+# Nothing is computed across a longer gap: the log is split into stretches, each filtered and
+# differentiated by itself.
 
 
 @frozen
@@ -190,8 +190,7 @@ class Gaps:
         rows, t, then = clock.odd
         rows = rows.astype(int)
         ratio = (then - t) / dt
-        # A gap stands out from what 95 % of nearer steps deviate by: four standard
-        # deviations.
+        # A gap is longer than the deviation of 95 % of nearer steps: four standard deviations.
         gap = ratio - 1 > max((RULES.gap - 1), 2.0 * usual)
         gap &= ~_late(rows, ratio)
         jitter = float(np.abs(ratio[~gap] - 1).max(initial=usual))

@@ -10,7 +10,7 @@ for memory stays in its file. The file is checked once and then read by ranges o
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
@@ -30,6 +30,7 @@ from identifiability.foundation.values import frozen
 from . import signals
 from .base import read_base
 from .checks import CHANNELS, COMMANDS, Clock
+from .codes import Code
 from .columns import tell_missing
 from .conventions import Conventions
 from .form import PLAIN
@@ -93,6 +94,8 @@ class Log:
     speed_error : (n,) or None [rad/s or m/s]
         Standard deviation of its velocities if its motion is a fitted series; None for measured
         motion.
+    codes : mapping of str to Code
+        Codes of signed numbers that its table shows, by the kind of column.
     """
 
     name: str
@@ -115,13 +118,14 @@ class Log:
     base: Array | None = None
     path: str = ""
     speed_error: Array | None = None
+    codes: Mapping[str, Code] = {}
 
     def __len__(self) -> int:
         return len(self.t)
 
     @property
     def long(self) -> bool:
-        """Whether it has so many rows that they stay on the disk."""
+        """Return whether it has so many rows that they stay on the disk."""
         return is_long(len(self))
 
     @cached_property
@@ -166,7 +170,7 @@ class Log:
         Parameters
         ----------
         name : str
-            What reports call it.
+            Name of the log in reports.
         conventions : Conventions, optional
             As in `read`.
         """
@@ -297,7 +301,7 @@ class Log:
 
     @property
     def torque(self) -> bool:
-        """Whether any torque is not zero."""
+        """Return whether any torque is not zero."""
         return any(self.tau[a:b].any() for a, b in divide_rows(len(self)))
 
     def __repr__(self) -> str:
@@ -325,7 +329,7 @@ class Log:
         Raises
         ------
         OutputError
-            If it cannot be written, or is none of these.
+            If it cannot be written, or has another ending.
         """
         return write_table(path, self.to_frame())
 
@@ -374,7 +378,7 @@ def _read_log(reader: TableReader, pieces: Iterable[Whole]) -> Log:
     tau = values["tau"]
     if np.isnan(find_range(tau)[0]).any():
         gone = fields["unmeasured"] = np.isnan(tau)
-        # Straight lines stand where it is lost, zeros where all of it is.
+        # Gaps are interpolated linearly; torque that is missing entirely is zero.
         bridged = fields["tau"] = np.zeros(tau.shape)
         for k, known in enumerate(~gone.T):
             if known.any():
@@ -390,6 +394,7 @@ def _read_log(reader: TableReader, pieces: Iterable[Whole]) -> Log:
         notes=notes,
         motion_alone=bool(naming.made),
         start=reader.start,
+        codes=naming.codes,
         **fields,
     )
 
@@ -431,7 +436,7 @@ def check_held_out(train: Sequence[Log], held_out: Sequence[Log]) -> None:
 
 
 def _same(one: Log, other: Log) -> bool:
-    """Whether two logs are from one record and share some of its time."""
+    """Return whether two logs are from one record and share some of its time."""
     if one.sha256 != other.sha256:
         return False
     if not (len(one) and len(other)):

@@ -149,7 +149,7 @@ def _name_joints(labels: pd.Series, known: Conventions) -> bool:
     joints = find_joints(labels)
     longest = max(map(len, joints), default=0)
     few = 0 < len(joints) <= min(MOST_LABELS, len(labels) // 2)
-    # A table of one joint is about that joint, whatever the label says.
+    # A table of one joint belongs to that joint, for any label.
     other = len(known.joints) == len(joints) == 1 and rename(joints[0], known) != known.joints[0]
     return few and longest <= LONGEST_NAME and not other
 

@@ -25,11 +25,11 @@ from .codes import Code
 
 _TABLES = tomllib.loads(Path(__file__).with_name("words.toml").read_text(encoding="utf-8"))
 
-#: Words of names by what a column holds, and what each channel of a log can be measured in.
+#: Words of names by their meaning, and the quantities of each channel of a log.
 WORDS: dict[str, str] = _TABLES["words"]
 DIMENSIONS: dict[str, list[str]] = _TABLES["dimensions"]
 
-#: Units by what they measure, and how much of SI one is.
+#: Units by quantity, with their value in SI.
 SIZES: dict[str, dict[str, float]] = _TABLES["units"]
 
 
@@ -38,7 +38,7 @@ def words_for(channel: str) -> Strings:
     return tuple(WORDS[channel].split())
 
 
-#: Units by how they are written: what they measure, and how much of SI one is.
+#: Units by spelling: their quantity, and their value in SI.
 UNITS = {
     name: (what, size)
     for what, sizes in SIZES.items()
@@ -52,7 +52,7 @@ UNITS |= {
     for end in ("/s", "/sec", "/s2", "/sec2")
 }
 
-#: What stands where a column has no unit.
+#: Text of a column without a unit.
 NONE = ("", "-", "–", "1", "none", "n/a")
 
 #: Letters of a unit, and of the name of a column; and columns of a table, at most.
@@ -135,7 +135,7 @@ def check_names(source: str, names: Sequence[str]) -> None:
 
 
 def are_units(row: Sequence[str]) -> bool:
-    """Whether a row states the units of its columns."""
+    """Return whether a row states the units of its columns."""
     units = [find_unit(cell) for cell in row]
     return any(units) and all(u or is_no_unit(x) for u, x in zip(units, row, strict=True))
 
@@ -163,8 +163,8 @@ def split_unit(name: str) -> tuple[str, Unit | None]:
 CHANNEL_WORDS = {kind: words_for(kind) for kind in ("q", "dq", "ddq", "tau", "current")}
 KINDS = {word: kind for kind, words in CHANNEL_WORDS.items() for word in words}
 
-#: Words that say nothing about which joint and which channel, those of what was wanted and not
-#: measured, and for time; then what more says nothing, and is wanted, of commands.
+#: Neutral words, which name neither a joint nor a channel; words for desired values, and for time;
+#: then further neutral words and words for desired values of commands.
 SILENT = frozenset(words_for("silent"))
 COMMANDED = frozenset(words_for("wanted"))
 TIME_WORDS = frozenset(words_for("t"))
@@ -175,15 +175,15 @@ _AHEAD = frozenset(words_for("tau_ff"))
 SPELLED = {kind: kind for kind in (*CHANNEL_WORDS, "q_ref", "dq_ref", "tau_ff")}
 SPELLED |= {"cmd": "q_ref", "q_cmd": "q_ref", "dq_cmd": "dq_ref", "tau_cmd": "tau_ff"}
 
-#: What is called as a joint, or its number, and nothing else: a position, where no other is.
+#: A column with only the name or number of a joint: a position, if there is no other.
 BARE = "bare"
 
-#: What a command is of, by the channel that it is called after; a bare one is a position.
+#: Channel of a command, by the channel in its name; without one it is a position.
 _WANTED = {"q": "q_ref", "": "q_ref", "dq": "dq_ref", "tau": "tau_ff"}
 
 _TIME_UNITS = tuple(name for name, (what, _) in UNITS.items() if what == "time")
 
-#: What a table of pandas without a name for its index is stored under.
+#: Name of an index without a name in files of pandas.
 INDEX = "__index_level_0__"
 
 
@@ -276,7 +276,7 @@ def guess_column(source: str, name: str, joints: Sequence[str]) -> Column | None
     owner, _, end = plain.rpartition(".")
     if plain == "t" or (owner in joints and end in SPELLED):
         return Column(source, SPELLED.get(end, "t"), owner, -1, unit, literal=True)
-    if unit is None and unread_unit(name, joints):  # what it is of can be told all the same
+    if unit is None and unread_unit(name, joints):  # the quantity can be recognised all the same
         plain = name[: name.rindex(bracketed(name)) - 1]
     parts = [p for p in plain.split("/") if p]
     words = words_of(" ".join(parts[-2:]))
@@ -348,7 +348,7 @@ def take_joint(words: list[str], joints: Sequence[str]) -> tuple[str, list[str]]
                 found.append((len(name), at[0], joint))
         if found:
             size, k, joint = max(found, key=lambda f: f[0])
-            # Two names that differ in case or signs only cannot be told apart.
+            # Names that differ only in case or signs cannot be distinguished.
             alike = sum(length == size for length, *_ in found) > 1
             return ("", ["?"]) if alike else (joint, words[:k] + words[k + size :])
     return "", list(words)

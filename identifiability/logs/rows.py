@@ -18,7 +18,7 @@ from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
 
-#: Decisions about a long log are made on this many windows of so many samples.
+#: Decisions about a long log are made on a number of windows with a number of samples each.
 WINDOWS, WINDOW = 8, 16_384
 
 #: Logs of more rows are long: these stay on the disk.

@@ -1,4 +1,4 @@
-"""`Rules`: limits and levels by which logs are read, mended and low-passed."""
+"""`Rules`: limits and levels for reading, correcting and filtering logs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from identifiability.foundation.values import frozen
 
 @frozen
 class Rules(RuleTable):
-    """Limits and levels by which logs are read, mended and low-passed."""
+    """Limits and levels for reading, correcting and filtering logs."""
 
     fewest: Annotated[int, "fewer samples say nothing about any robot, by hand"] = 20
     largest: Annotated[float, "no time, position or torque in SI units is larger, reasoned"] = 1e12

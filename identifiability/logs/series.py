@@ -47,7 +47,7 @@ HARMONICS = (3, 5, 7, 10, 14, 20, 28, 40)
 #: A period this close to a whole number of samples is that number [samples].
 WHOLE: Tolerance = 0.05
 
-#: A series of this kind was asked for and leaves so many times the power that splines leave.
+#: Largest ratio of the residual power of a requested series to that of splines.
 UNLIKE: Tolerance = 2.0
 
 
@@ -116,7 +116,7 @@ def smooth_log(log: Log, kind: Kind, *, strict: bool = True) -> Log:
         If the motion does not repeat and a Fourier series must be used.
     """
     found = find_series(log)
-    # Of so few rows a series says no more than they do.
+    # A series of few rows has no more information than these.
     if "spline" not in found:
         return log
     series, spline = found.get(kind, found["spline"]), found["spline"]
@@ -231,7 +231,7 @@ def resample(left: Array, rng: np.random.Generator) -> Array:
 
 def measured_noise(x: Array, t: Array) -> Array:
     """Return the standard deviation of white noise in signals (N, n), (n,)."""
-    # While a coarse encoder stands still, its noise does so too: differences do not see it.
+    # While a coarse encoder stands still, its noise is constant, so differences do not show it.
     return np.asarray(np.maximum(noise_level(x, t), resolution(x) / np.sqrt(12)))
 
 
@@ -284,7 +284,7 @@ def _solve(
         weights = _channel_weights(own, [s[joint] for s in noise])
         bands = sum(w * G for w, G in zip(weights, squares, strict=True))
         right = sum(w * (B.T @ x) for w, B, x in zip(weights, bases, own, strict=False))
-        # A spline may have coefficients in a gap, of which no sample tells.
+        # A spline may have coefficients in a gap, which no sample determines.
         bands[-1] += TINY * bands[-1].mean()
         values = scipy.linalg.solveh_banded(bands, right)
         for order, basis in enumerate(bases):
@@ -393,7 +393,7 @@ def _refine(t: Array, channels: Sequence[Array], noise: Sequence[Array], period:
     harmonics = min(HARMONICS[1], int(period / (4 * step)))
     if period > t[-1] or not harmonics:  # the whole log
         return period
-    # Two thousand samples tell it well enough; the fastest harmonic keeps four of them.
+    # Two thousand samples are enough; the fastest harmonic has four samples per period.
     spare = min(-(-len(t) // 2000), int(period / (4 * harmonics * step)))
     every = slice(None, None, max(spare, 1))
     few = t[every], [x[every] for x in channels], noise, harmonics

@@ -49,7 +49,7 @@ def held_since(t: Array, changes: Array) -> Array:
     apart = np.diff(t[rows])
     uneven = 2 * float(np.quantile(np.abs(np.diff(t) - dt), 0.99)) + ROUNDOFF
     usual = apart[apart <= 2 * np.median(apart)].mean()  # others are of several values
-    for _ in range(3):  # lost values make what is usual too long to count those of a long pause
+    for _ in range(3):  # with lost values the usual step is too long to count those of a long pause
         number = np.concatenate([[0.0], np.cumsum(np.rint(apart / usual))])
         usual, first = np.polyfit(number, t[rows], 1)
     behind = t[rows] - usual * number - first
@@ -149,18 +149,22 @@ def lowpass(x: Array, dt: float, cutoff: float) -> Array:
 def _filter_once(x: Array, poles: Array) -> Array:
     """Return x (N, m) filtered once, as if it had always been as its first sample.
 
-    Each pair of conjugate poles is a section of second order.
+    Each pair of conjugate poles is a section of second order. A constant is not subtracted first:
+    rounding would then depend on where a piece of a log begins, and so would the sign of a speed
+    that is zero but for rounding.
     """
-    y = x - x[0]
+    y = x
     for pole in poles[poles.imag > 0]:
         denominator = np.array([1.0, -2 * pole.real, abs(pole) ** 2])
         gain = denominator.sum() / 4
-        driven = y.copy()
-        driven[1:] += 2 * y[:-1]
-        driven[2:] += y[:-2]
-        y = filter_from_rest(denominator, gain * driven)
-    filtered: Array = y + x[0]
-    return filtered
+        first = y[:1]
+        past = np.concatenate([first, first, y])
+        driven = gain * (past[2:] + 2 * past[1:-1] + past[:-2])
+        # What the recursion would have kept of its past.
+        driven[:1] -= (denominator[1] + denominator[2]) * first
+        driven[1:2] -= denominator[2] * first
+        y = filter_from_rest(denominator, driven)
+    return y
 
 
 def settling_rows(dt: float, cutoff: float) -> int:
@@ -173,7 +177,7 @@ def settling_rows(dt: float, cutoff: float) -> int:
     return int(np.ceil(np.log(1e-14) / np.log(slowest)))
 
 
-#: Samples on each side that a difference draws on, and what those ahead count for.
+#: Samples on each side that a difference uses, and the weights of those ahead.
 REACH = 8
 AHEAD = [-((-1) ** k) / k * binom(16, 8 - k) / binom(16, 8) for k in range(1, REACH + 1)]
 

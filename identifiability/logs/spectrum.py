@@ -30,12 +30,12 @@ from .rules import RULES
 #: time, but no longer than this.
 COARSE: Tolerance = 0.02
 
-#: The noise at a frequency is the median over these multiples of it: a motion falls there by
-#: orders of magnitude, and white noise does not; neither does the rounding of coarse encoders,
-#: whose spectrum is flat up to the rate of its steps only.
+#: The noise at a frequency is the median over these multiples of it. A motion falls there by orders
+#: of magnitude, and white noise does not. Rounding of coarse encoders has a flat spectrum only up
+#: to the rate of its steps.
 ABOVE: tuple[Tolerance, Tolerance] = (2.0, 8.0)
 
-#: Samples that are left at least where those of a coarse encoder are averaged.
+#: Fewest averages of the samples of a coarse encoder.
 LEFT = 256
 
 
@@ -231,7 +231,7 @@ class Band:
 
     @property
     def sampled_slowly(self) -> bool:
-        """Whether the rate of samples makes the cut-off so low that it cuts into the motion."""
+        """Return whether slow sampling makes the cut-off so low that it cuts into the motion."""
         limited = self.cutoff >= RULES.nearly_all * RULES.cutoff_highest * self.rate
         return limited and self.cutoff < 2.0 * self.bandwidth
 
@@ -296,9 +296,9 @@ def choose_band(
     return Band(wide, chosen, band, limit, noise(wide), reason, rate)
 
 
-# White noise, gaps and steps of measured signals, told from differences between their samples.
+# White noise, gaps and steps of measured signals, from differences between their samples.
 #
-# Differences of high order leave nothing of a smooth motion and all of white noise.
+# Differences of high order remove a smooth motion and keep white noise.
 
 
 #: Order of the differences that leave noise alone.
@@ -353,10 +353,10 @@ def noise_at_rest(x: Array) -> Array:
     return np.asarray((_rough(x, None) ** 2 * slow).sum(0) / slow.sum(0))
 
 
-# How long a series remembers.
+# The autocorrelation time of a series.
 
 
-#: Correlations are added up over so many times what they add up to.
+#: Autocorrelations are summed over this many times their sum.
 WINDOW: Tolerance = 5.0
 
 

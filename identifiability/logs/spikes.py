@@ -16,28 +16,28 @@ from identifiability.foundation.values import frozen
 from .rows import PIECE, divide_rows, find_range, forget
 from .rules import RULES
 
-# Single wrong samples of a column: found among their neighbours, before anything is filtered.
+# Single wrong samples of a column: compare each with its neighbours, before any filter.
 #
-# A filter smears a wrong torque over every output that draws on it, and two differences turn a
-# wrong position into many wrong accelerations; so they are looked for in the raw column. A spike
-# leaves the column and comes back within `spike_widest` samples. It stands above the opening of the
-# column, or below its closing [Serra 1982], which steps, ramps and plateaus do not. It is wrong if
-# it is also
+# A filter spreads a wrong torque over all outputs that use it. Two differences turn a wrong
+# position into many wrong accelerations. So the raw column is searched. A spike leaves the column
+# and comes back within `spike_widest` samples. It is above the opening of the column, or below its
+# closing [Serra 1982]; steps, ramps and plateaus are not. It is wrong if it is also
 #
-# - higher than any step of the column where spikes are taken off: friction that reverses, a joint
-#   at full speed, a repeated sample of it and a coarse encoder make steps;
-# - higher than the spikes around it, of which noise, chatter and vibration make many;
+# - higher than any step of the column without spikes: reversing friction, a joint at full speed, a
+#   repeated sample of it and a coarse encoder make steps;
+# - higher than the spikes around it: noise, chatter and vibration make many;
 # - far beyond the tail of the column's other spikes.
 
 
-#: A wrong value, and the same repeated, lasts at most so many samples.
+#: Most consecutive samples of a wrong value, and of its repetitions.
 WIDEST = 3
 
 #: Samples on each side that show how high spikes are here; the highest `ALLOWED` of both sides
 #: may be wrong themselves.
 NEAR, ALLOWED = 20, 3
 
-#: The tail is one sample in so many, at least and at most so many samples; no more are mended.
+#: The tail is one sample in TAIL_SHARE, at least TAIL_LEAST and at most TAIL_MOST samples; no more
+#: are corrected.
 TAIL_SHARE, TAIL_LEAST, TAIL_MOST = 2000, 20, 200
 
 #: Samples on each side that a judgement draws on, and the filters.
@@ -85,7 +85,7 @@ def _find(x: Array, *, first: bool, last: bool) -> list[Spike]:
     before, after = (FILTERS if at else 0 for at in (first, last))
     inner = slice(before, before + len(x))
     wide = _extend(_extend(x, before)[::-1], after)[::-1]
-    with np.errstate(invalid="ignore", over="ignore"):  # what is no number is refused later
+    with np.errstate(invalid="ignore", over="ignore"):  # other values are refused later
         low = scipy.ndimage.grey_opening(wide, 1 + WIDEST)
         high = scipy.ndimage.grey_closing(wide, 1 + WIDEST)
         above = (wide - low)[inner]
@@ -103,8 +103,8 @@ def _find(x: Array, *, first: bool, last: bool) -> list[Spike]:
     )
     far = np.flatnonzero(height > least).tolist()
     found = [k for k in far if height[k] > RULES.spike * _usual(height, k)]
-    # Consecutive samples on one side make one spike. Beside a high one, a right sample stands in a
-    # hole that its neighbours do not show.
+    # Consecutive samples on one side make one spike. Next to a high spike, a valid sample looks
+    # like a hole, which its neighbours do not show.
     wrong = set()
     for _, group in groupby(enumerate(found), lambda e: (e[1] - e[0], above[e[1]] >= below[e[1]])):
         spike = [k for _, k in group]
@@ -153,10 +153,10 @@ def mend_column(values: Array, spikes: Iterable[Spike], start: int = 0) -> Array
     return mended
 
 
-# Angles that were written within one turn: where they jump by a turn, the joint went on.
+# Angles within one turn: a jump by a turn means that the joint moved on.
 #
-# A column is unwrapped if each of its large jumps is a whole turn but for what the joint usually
-# moves in one sample, and if all of it lies within one turn; nothing else does so.
+# A column is unwrapped if each of its large jumps is a full turn, up to the usual motion of the
+# joint in one sample, and if all of it lies within one turn. No other column has these properties.
 
 
 TURN = 2 * np.pi

@@ -34,15 +34,16 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-# Columns at rates of their own: merged topics leave cells empty, loggers repeat what they know.
+# Columns with different rates: merged topics leave cells empty, loggers repeat the last value.
 #
-# Two messages seldom come at the same time. Merged into one table, each row has what came then; a
-# logger that is faster than its sources writes the last values again and again. Both are brought
-# to the times of the slowest of position and torque: positions and their derivatives by cubics
-# through their own samples, torque on straight lines, which no friction step makes overshoot.
+# Two messages seldom come at the same time. A merged table has in each row the values that arrived
+# then. A logger that is faster than its sources repeats the last values. Both are resampled at the
+# times of the slowest of position and torque. Positions and their derivatives are interpolated by
+# cubics. Torque is interpolated linearly, which does not overshoot at friction steps.
 
 
-#: Values repeat in runs at least so long; what comes twice is recognised one by one (`stale`).
+#: Shortest usual run of repeated values; values that come twice are recognised one by one
+#: (`stale`).
 LEAST = 3
 
 
@@ -72,7 +73,7 @@ def unify_rates(values: Mapping[str, Array]) -> tuple[dict[str, Array], str]:
     slowest = min(needed, key=lambda name: counts[name])
     if counts[slowest] < RULES.fewest:
         return same
-    # Velocities that come slower than positions by this factor are left out, and computed.
+    # Velocities that are slower than positions by this factor are left out, and computed.
     kept = [n for n in counts if n in needed or 2.0 * counts[n] >= counts[slowest]]
     at = t[known[slowest]]
     out = {name: _resample(t[known[name]], values[name][known[name]], at, name) for name in kept}
@@ -118,15 +119,14 @@ def _resample(t: Array, x: Array, at: Array, name: str) -> Array:
         return np.full(len(at), np.nan)
     right = np.clip(np.searchsorted(t, at), 1, len(t) - 1)
     inside = (at >= t[0]) & (at <= t[-1])
-    # Nothing is put between samples of a column that lie farther apart than so many of its
-    # steps.
+    # Samples of a column that are farther apart than this many of its steps are not interpolated.
     near = t[right] - t[right - 1] <= 2.5 * np.median(np.diff(t))
     found = np.interp(at, t, x) if name.endswith(".tau") else signals.cubic(at, t, x)
     exact = np.isin(at, t)
     return np.where(inside & (near | exact), found, np.nan)
 
 
-# `TableReader`: reads a table piece by piece, and finds what its columns are.
+# `TableReader`: reads a table piece by piece, and identifies its columns.
 
 
 def with_index(frame: pd.DataFrame) -> pd.DataFrame:
@@ -197,8 +197,8 @@ class TableReader:
         Raises
         ------
         LogError
-            If a column is missing, there twice, or of another kind altogether, a value cannot be,
-            or the times are too few or do not increase.
+            If a column is missing, repeated or of another kind, a value is impossible, or the times
+            are too few or do not increase.
         """
         tables = unstack(_as_tables(pieces, self.source), self.known, self.source)
         values = gather(self._take(*piece) for piece in tables)
@@ -210,7 +210,7 @@ class TableReader:
         notes += [note] if note else []
         self.naming = replace(self.naming, notes=tuple(notes))
         if any(not x.usable for c, x in self._numbers.items() if c.endswith(".q_ref")):
-            values.pop("q_ref", None)  # before the first command there is none
+            values.pop("q_ref", None)  # no command before the first one
         self._check(values)
         if self.known.base is not None:
             known = {key: np.isfinite(x) for key, x in raw.items()}
@@ -269,11 +269,11 @@ class TableReader:
             self._base = find_base(columns, self.known.base, self.known.columns)
             columns = [c for c in columns if c not in self._base.values()]
         units = dict(zip(columns, self._form.units, strict=False))
-        # Stamps that nobody set begin with zero.
+        # Stamps that were never set begin with zero.
         unset = [c for c in columns if is_stamp(c) and (to_floats(frame[c][:1]) == 0.0).any()]
         columns = [c for c in columns if c not in unset]
         naming = name_columns(columns, self.source, self.known, units, first)
-        naming = resolve_codes(naming, frame)
+        naming = resolve_codes(naming, frame, self.known)
         self.naming = resolve_time(naming, frame, self.source, self.known)
         self._numbers = {c.name: Numbers(c.name, self.source) for c in self.naming.columns}
         torque = {f"{j}.tau": np.nan for j in naming.joints} | dict.fromkeys(naming.made, 0.0)
@@ -334,9 +334,9 @@ class TableReader:
             if c in CHANNELS
             for k, j in enumerate(joints)
         }
-        for few in [WINDOW] * is_long(len(t)) + [len(t)]:  # of a long log the first rows tell
+        for few in [WINDOW] * is_long(len(t)) + [len(t)]:  # the first rows of a long log decide
             columns = {c: x[:few] for c, x in every.items()}
-            # Torque that is missing for a while, or altogether, comes at no rate of its own.
+            # Torque that is missing for a while, or entirely, has no separate rate.
             lost = {c: np.isnan(x) for c, x in columns.items() if c.endswith(".tau")}
             ends = {c: np.count_nonzero(np.diff(x, prepend=False)) for c, x in lost.items()}
             gone = {c for c, x in lost.items() if x.any() and ends[c] < RULES.fewest}

@@ -55,7 +55,7 @@ def write_table(path: str | Path, frame: pd.DataFrame) -> Path:
     Raises
     ------
     OutputError
-        If it cannot be written, or is none of these.
+        If it cannot be written, or has another ending.
     """
     path = Path(path)
     check_ending(path, ".csv", *PARQUET)
@@ -186,7 +186,7 @@ def _read_csv(path: Path) -> Iterator[tuple[pd.DataFrame, Form]]:
         pieces = iter(partial(file.readlines, PIECE_LETTERS), [])
         for lines in chain([next(pieces, [])], pieces):
             if lines and not lines[-1].endswith(("\n", "\r")):
-                half = lines.pop()  # it may lack digits that nobody misses
+                half = lines.pop()  # it may lack digits without any sign of it
                 if half.strip() and not form.is_comment(half):
                     note = "its last line has no end and was left out, for it may have been cut"
                     form = replace(form, notes=(*form.notes, note))

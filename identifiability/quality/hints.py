@@ -27,12 +27,12 @@ from identifiability.regression.information import Information
 
 from .registry import Does, MeasuredLogs, check, without
 
-# Torque in another unit, or before a gear: its size beside what the robot file's masses ask for.
+# Torque in another unit, or before a gear: compare its size with the robot file's prediction.
 #
-# At each joint the measured torque is regressed on what the file's masses predict, beside what any
-# drive adds (friction, rotor inertia, offset); or on all that the file predicts, where it states
-# the drive too. A file can be wrong, but hardly by a factor of `unit_factor`. One joint's alone is
-# a reading of the logs (`reading`) where other joints show it.
+# At each joint the measured torque is regressed on the prediction by the file's masses and on the
+# columns of any drive (friction, rotor inertia, offset). If the file also states the drive, the
+# regressor is its whole prediction. A file can be wrong, but hardly by a factor of `unit_factor`.
+# A factor at one joint alone is a reading of the logs (`reading`), if other joints show it.
 
 
 @check("effects", Does.HINTS, always=True)
@@ -71,7 +71,7 @@ def find_joint_unit(logs: MeasuredLogs) -> list[Finding]:
     apart = np.abs(np.log(np.where(known, factors, 1.0)))
     odd = np.flatnonzero(apart > np.log(RULES.unit_factor)).tolist()
     agreeing = int(known.sum()) - len(odd)
-    # One joint is odd beside the others, not most joints beside a file that is wrong.
+    # One joint contradicts the others; the file is not wrong at most joints.
     if len(odd) > agreeing:
         return []
     found = list[Finding]()
@@ -111,12 +111,12 @@ def _slope(predicted: Array, measured: Array, known: Array) -> float:
     m = without(measured, known)
     length = float(np.linalg.norm(p))
     varies = float(np.linalg.norm(predicted - predicted.mean()))
-    # What is known explains most of it, or the one hardly follows the other (correlation).
+    # The known part explains most of it, or the two are hardly correlated.
     hidden = length <= 0.3 * varies or p @ m < 0.7 * length * np.linalg.norm(m)
     return np.nan if hidden or not m.any() else float(p @ m) / length**2
 
 
-# Torque that stops at an extreme value: what a drive was asked for beyond it is not in the log.
+# Torque that saturates: the log lacks the torque that the drive requested beyond the limit.
 
 
 @check("flat", Does.HINTS)
@@ -132,7 +132,7 @@ def find_saturation(logs: MeasuredLogs) -> list[Finding]:
                 near = np.count_nonzero(np.abs(x - top) <= band)
                 share = at.mean()
                 lasts = at[3:] & at[2:-1] & at[1:-2] & at[:-3]
-                # It is met this often in all, and so much more often than what is next to it.
+                # The value occurs this often in all, and this much more often than its neighbours.
                 if share >= 0.005 and lasts.any() and at.sum() > 6 * (near - at.sum()):
                     found[joint] = phrase(
                         "flat",
@@ -155,7 +155,7 @@ def find_saturation(logs: MeasuredLogs) -> list[Finding]:
     )
 
 
-# What is odd about the robot file, and about joints that say nothing: asked of any logs.
+# Problems of the robot file, and joints without information; checked for any logs.
 
 
 @check("bodies", Does.HINTS, always=True)

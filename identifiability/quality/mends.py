@@ -39,11 +39,11 @@ def find_silent(log: Log) -> tuple[Log, list[Finding]]:
     return log, [said]
 
 
-# What stands still while the robot moves: a sensor or a logger hangs there.
+# Stuck torque and repeated rows: a sensor or a logger hangs while the robot moves.
 #
-# Torque of a joint that never changes was not measured; where it stops changing its sensor hangs,
-# unless it stands at its largest or smallest value, as a motor at its limit does. Rows that repeat
-# from the midst of a motion on are the logger's.
+# Torque of a joint that never changes was not measured. If torque stops changing, its sensor hangs,
+# unless it is at its largest or smallest value, as for a saturated motor. If rows repeat from the
+# middle of a motion on, the logger hangs.
 
 
 @mend_each("stuck")
@@ -144,8 +144,8 @@ def find_runs(x: Array) -> list[tuple[int, int]]:
     return [(int(a), int(a + n)) for a, n in zip(edges[:-1][long], lengths[long], strict=True)]
 
 
-# Angles that were written within one turn, and single wrong samples: none that stands alone
-# decides what is identified.
+# Angles within one turn, and single wrong samples: no check here decides alone which parameters are
+# identifiable.
 
 
 @mend_each("wraps")
@@ -243,7 +243,7 @@ def _drop_contradictions(log: Log, *, asked: bool) -> tuple[Log, list[Finding]]:
                 columns=columns,
             )
         ]
-    # What is derived from a wrong velocity cannot be compared with anything.
+    # A derivative of a wrong velocity cannot be checked.
     gone = ("dq", "ddq") if any(c.kind == "dq" for c in wrong) else ("ddq",)
     names = {"dq": "velocities", "ddq": "accelerations"}
     words = " and ".join(names[c] for c in gone if c in log.channels)

@@ -15,6 +15,7 @@ from identifiability.foundation.names import Strings, shorten_paths
 from identifiability.foundation.options import Expected
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
+from identifiability.logs.codes import Code
 from identifiability.logs.commands import of_commands
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.formats.containers import frame_of
@@ -29,7 +30,7 @@ Logs = Annotated[
     Sequence[LogLike] | LogLike,
     Expected("a log (the path of a file, a DataFrame, arrays by name or a Log) or a list of logs"),
 ]
-#: Makes torque of commands where a log has none.
+#: Computes torque from commands, for logs without torque.
 MakeTorque = Callable[[list[Log]], list[Log]]
 InMemory = TypeVar("InMemory", Log, Dataset)
 
@@ -67,12 +68,12 @@ class Recordings:
 
     @property
     def commanded(self) -> bool:
-        """Whether torque of any log comes from commands."""
+        """Return whether torque of any log comes from commands."""
         return any(map(of_commands, self.fitted))
 
     @property
     def long(self) -> bool:
-        """Whether a log is too long for memory."""
+        """Return whether a log is too long for memory."""
         return any(log.long for log in (*self.fitted, *self.held_out))
 
 
@@ -85,7 +86,8 @@ def list_logs(logs: Logs) -> list[LogLike]:
 def read_logs(logs: Logs, known: Conventions, before: int = 0) -> list[Log]:
     """Return logs of any form; long files stay files.
 
-    Each episode of a dataset is a log. Logs without a name get a number.
+    Each episode of a dataset is a log. Logs without a name get a number. A log whose columns do not
+    show their codes is read again with the codes that other logs show.
 
     Parameters
     ----------
@@ -95,20 +97,38 @@ def read_logs(logs: Logs, known: Conventions, before: int = 0) -> list[Log]:
     before : int
         Number of other logs, after which numbers begin.
     """
-    out = []
     given = [
         one
         for item in list_logs(logs)
         for one in (find_parts(Path(item)) if isinstance(item, (str, Path)) else [item])
     ]
-    for k, item in enumerate(given, before):
-        if isinstance(item, Mapping):
-            item = frame_of(item, f"log {k + 1}")  # noqa: PLW2901 - the same in another form
-        if isinstance(item, pd.DataFrame):
-            out.append(Log.from_frame(item, f"log {k + 1}", known))
-        else:
-            out.append(item if isinstance(item, Log) else Log.read(item, known))
+    named = [(item, f"log {k + 1}") for k, item in enumerate(given, before)]
+    out = [_read_one(item, name, known) for item, name in named]
+    informed = replace(known, codes={**_shared_codes(out), **known.codes})
+    for k, (item, name) in enumerate(named):
+        resolved = {*known.codes, *out[k].codes}
+        if not informed.codes.keys() <= resolved:
+            out[k] = _read_one(item, name, informed)
     return out
+
+
+def _read_one(item: LogLike, name: str, known: Conventions) -> Log:
+    """Return a log of any form; one without a name gets this one."""
+    if isinstance(item, Log):
+        return item
+    if isinstance(item, Mapping):
+        item = frame_of(item, name)
+    if isinstance(item, pd.DataFrame):
+        return Log.from_frame(item, name, known)
+    return Log.read(item, known)
+
+
+def _shared_codes(logs: Sequence[Log]) -> dict[str, Code]:
+    """Return the codes that logs show, by the kind of column; the first log that shows one wins."""
+    codes = dict[str, Code]()
+    for log in logs:
+        codes = {**log.codes, **codes}
+    return codes
 
 
 def read_recordings(
@@ -145,6 +165,7 @@ def read_recordings(
     """
     known = known or Conventions()
     train = read_logs(logs, known)
+    known = replace(known, codes={**_shared_codes(train), **known.codes})
     held_out = read_logs(validate, known, len(train))
     if not train:
         raise LogError(Finding("logs.none"))

@@ -23,8 +23,8 @@ from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot
 
-#: Returns findings of `MeasuredLogs`, none for sound logs; what mends returns logs that are being
-#: read (`RawLogs`) as they are then, with what it found.
+#: It returns findings on `MeasuredLogs`, none for sound logs. A correction returns the `RawLogs`
+#: after its change, with its findings.
 Find: TypeAlias = Callable[..., Any]
 
 F = TypeVar("F", bound=Find)
@@ -33,11 +33,11 @@ F = TypeVar("F", bound=Find)
 class Does(StrEnum):
     """The consequence of a check's finding."""
 
-    MENDS = "it is mended when logs are read, and said"
-    MISREADS = "columns are read with a wrong meaning: no verdict stands"
-    EXPLAINS = "other contradictions of physics follow from it, and are not reported"
-    HINTS = "it is said"
-    WEIGHS = "rows have less weight in the fit, and it is said where that moves a value"
+    MENDS = "logs are repaired when they are read, and the repair is reported"
+    MISREADS = "columns have a wrong name, unit or sign: no verdict is given"
+    EXPLAINS = "all other contradictions of physics follow from it, and are not reported"
+    HINTS = "it is reported"
+    WEIGHS = "rows have less weight in the fit. This is reported if it moves a value"
 
 
 @frozen
@@ -91,7 +91,7 @@ def check(key: str, does: Does, *, always: bool = False) -> Callable[[F], F]:
     return decorate
 
 
-# Logs that are being read: what can be mended is.
+# Logs during reading: correctable faults are corrected.
 
 
 @frozen
@@ -132,7 +132,7 @@ class RawLogs:
         )
 
     def each(self, mend: Callable[[Log], tuple[Log, list[Finding]]]) -> RawLogs:
-        """Return the logs, each mended by itself."""
+        """Return the logs after a correction of each."""
         pairs = [mend(log) for log in self.every]
         return self.having((log for log, _ in pairs), (x for _, found in pairs for x in found))
 
@@ -155,7 +155,7 @@ def mend(logs: RawLogs) -> RawLogs:
     return logs
 
 
-# Logs that were prepared: columns as they were measured, and what the robot file predicts.
+# Prepared logs: measured columns, and the predictions of the robot file.
 
 
 #: Samples, spread over all logs, at which measured torque is compared with the file's.
@@ -215,7 +215,7 @@ class MeasuredLogs:
 
     @cached_property
     def weighs(self) -> bool:
-        """Whether the robot file states masses to compare with."""
+        """Return whether the robot file states masses to compare with."""
         return has_masses(self.robot)
 
     @cached_property

@@ -207,7 +207,7 @@ class CarriedReading:
         common = [name for name in literal.columns if name in structure.columns]
         own = [structure.columns.index(name) for name in common]
         to_literal = literal.G[:, [literal.columns.index(name) for name in common]]
-        # Directions of the standard parameters that the fitted model cannot tell.
+        # Directions of the standard parameters that the fitted model does not identify.
         untold = scipy.linalg.null_space(structure.G[:, own])
         standard = np.linalg.lstsq(structure.G[:, own], base, rcond=None)[0]
         return literal, to_literal @ standard, scipy.linalg.orth(to_literal @ untold)

@@ -32,13 +32,14 @@ from identifiability.regression.structure import Structure
 
 from .reading import Reading
 
-#: Most rows of the excerpt, as so many windows of so many rows, and most numbers of its columns.
+#: Size of the excerpt: most rows, as a number of windows of a number of rows, and most numbers of
+#: its columns.
 ROWS, NUMBERS = (2000, 8, 250), 8_000_000
-#: Directions of the smooth functions whose size is less than this share of the largest are left in.
+#: Directions of the smooth functions below this share of the largest size are not removed.
 STRONG: Tolerance = 0.03
 #: Blocks of each log, which belong to two parts by turns.
 BLOCKS = 8
-#: Families beside the smooth functions from which rows are adjusted.
+#: Families, in addition to the smooth functions, that are removed from the rows.
 CONFOUNDERS = (Hysteresis.name, ActuatorInertia.name, "passive_joint_friction")
 
 
@@ -157,12 +158,17 @@ class TorqueRows:
         """Return gravity (3,) [m/s²] of the same size, without its part that acts in no column.
 
         A planar arm does not feel gravity across its plane. A tilt in that direction has no value.
+        Gravity that acts in no column at all is returned as it is.
         """
         along_axes = self.parts[..., 1:].reshape(-1, 3)
         sizes, directions = np.linalg.eigh(along_axes.T @ along_axes)
         acts = directions[:, sizes > ROUNDOFF * sizes.max()]
         acting = acts @ (acts.T @ gravity)
-        return np.asarray(acting * np.linalg.norm(gravity) / np.linalg.norm(acting))
+        size = np.linalg.norm(gravity)
+        acting_size = np.linalg.norm(acting)
+        if acting_size <= ROUNDOFF * size:
+            return gravity
+        return np.asarray(acting * size / acting_size)
 
     @staticmethod
     def of(
@@ -195,7 +201,7 @@ class TorqueRows:
 
     @property
     def turns_gravity(self) -> bool:
-        """Whether the columns are known under any gravity."""
+        """Return whether the columns are known under any gravity."""
         return bool(self.parts.shape[3] > 1)
 
     @cached_property
@@ -431,7 +437,7 @@ class TorqueRows:
 def _shorten(functions: Array) -> Array:
     """Return orthogonal functions (N, m), each as long as the share of it that is projected."""
     basis, size, _ = np.linalg.svd(functions, full_matrices=False)
-    weak = max(STRONG * float(size[0]), 1e-300)  # a joint that stands has no size
+    weak = max(STRONG * float(size[0]), 1e-300)  # a joint at rest has size zero
     return np.asarray(basis * (1.0 - 1.0 / np.hypot(1.0, size / weak)))
 
 

@@ -117,7 +117,7 @@ class Reading:
 
     @property
     def moves_joints(self) -> bool:
-        """Whether the positions differ from the literal ones."""
+        """Return whether the positions differ from the literal ones."""
         n = len(self.order)
         return not np.array_equal(self.motion, np.eye(n))
 
@@ -130,7 +130,7 @@ class Reading:
 
     @property
     def keeps_columns(self) -> bool:
-        """Whether all columns are read literally, so that at most gravity differs."""
+        """Return whether all columns are read literally, so that at most gravity differs."""
         return not (self.changes_torque.any() or self.separate_offsets or self.moves_joints)
 
     @property

@@ -41,7 +41,7 @@ JUDGED = 3
 #: Factors between two units or delays that are tried, of several numbers and of one.
 BETWEEN = np.geomspace(1 / 3, 3.0, 101)
 COARSE = BETWEEN[::5]
-#: Sum of the logs of the residual by which one reading is as good as another.
+#: Sum of the log residuals within which two readings are equally good.
 EVEN: Tolerance = 0.02
 #: Share of the largest log odds from which two readings explain nearly the same.
 ALIKE: Tolerance = 0.8
@@ -89,7 +89,7 @@ class ReadingSearch:
 
     @property
     def is_informative(self) -> bool:
-        """Whether there are rows enough, and torque that varies in each joint."""
+        """Return whether there are rows enough, and torque that varies in each joint."""
         columns = len(self.structure.base.kept)
         enough = self.rows.counts.sum() >= 2 * columns
         return bool(enough and (self.rows.variation > 0).all())
@@ -153,10 +153,14 @@ class ReadingSearch:
                 gains.append((gain, replace(reading, error_ratio=ratio)))
         # The first of equally good readings comes first.
         gains.sort(key=lambda pair: -pair[0])
-        return [reading for _, reading in gains[:JUDGED]]
+        # Another unit or delay of the same column is no other reading: step 2 finds its number.
+        best = dict[tuple[str, str], Reading]()
+        for _, reading in gains:
+            best.setdefault((reading.description, reading.remedy), reading)
+        return list(best.values())[:JUDGED]
 
     def _cannot_gain(self, reading: Reading, squares: Array) -> bool:
-        """Whether a robot has many joints, and those that change have too small a residual.
+        """Return whether a robot has many joints, and those that change have too small a residual.
 
         Singles and pairs of many joints are too many fits.
         """

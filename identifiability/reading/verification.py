@@ -45,12 +45,12 @@ class Verification:
 
     @property
     def can_confirm(self) -> bool:
-        """Whether the logs can confirm the reading at all."""
+        """Return whether the logs can confirm the reading at all."""
         return self.predicted >= RULES.unseen_gain
 
     @property
     def holds(self) -> bool:
-        """Whether the reading is used."""
+        """Return whether the reading is used."""
         # A gain of z²/2 has a standard deviation of z.
         sd = float(np.sqrt(2.0 * max(self.predicted, 0.0)))
         replicates = self.gain >= self.predicted - 2.0 * sd

@@ -58,7 +58,7 @@ from .sidecar import (
     renaming,
 )
 
-#: Joints by name; a number is where one is held, none is its home position.
+#: Joints by name; a number is the position of a lock, None the home position.
 Locks = Mapping[str, float | None]
 
 LockOption = Annotated[
@@ -244,7 +244,7 @@ def combine_joints(path: Path, extra: Sidecar, stated: Stated, taken: Collection
         If a joint is not there or cannot be part of an axis, or a name is taken.
     """
     known = (*stated.tree.single, *stated.locked)
-    # An export writes what a motor that mixes joints has of its own as a tendon of its name.
+    # An export writes the numbers of a motor that mixes joints as a tendon of its name.
     motors = extra.transmission.motors if extra.transmission else ()
     found = {name: c for name, c in stated.combinations.items() if name not in motors}
     rests = {**stated.rests}
@@ -268,7 +268,7 @@ def combine_joints(path: Path, extra: Sidecar, stated: Stated, taken: Collection
     return replace(stated, combinations=found, rests=rests, numbers=numbers)
 
 
-# What a sidecar says of masses and centres of mass, body by body.
+# A sidecar's data on masses and centres of mass, body by body.
 
 
 def read_bounds(path: Path, extra: Sidecar, bodies: Strings, stated: Stated) -> tuple[Bound, ...]:
@@ -309,10 +309,10 @@ def read_bounds(path: Path, extra: Sidecar, bodies: Strings, stated: Stated) -> 
     return (*bounds, Bound(bodies, total))
 
 
-# Which joints move the robot, which follow, and whether its home position says so.
+# Find the actuated and the dependent joints, and check the home position.
 #
-# A closed chain has several assemblies; home selects one, so it must nearly close the loops. Of a
-# robot whose files state no home it is where Newton's steps from the drawing end, if that is near.
+# A closed chain has several assemblies. Home selects one, so it must nearly close the loops. If the
+# files state no home, Newton's steps from the drawn position find one, if it is near.
 
 
 def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Description:
@@ -346,7 +346,7 @@ def choose_joints(robot: Description, extra: Sidecar, stated: Stated) -> Descrip
     robot = stretch_home(replace(robot, home=_state_home(robot, extra)))
     if not len(dependent) and not robot.equations:
         return robot
-    # Beside the closed configurations redundant equations contradict each other.
+    # Redundant equations contradict each other away from closed configurations.
     enough = robot.equations >= len(dependent) > 0
     there = newton(robot, robot.home[None], most=0)
     closed = newton(robot, robot.home[None]) if enough else there
@@ -421,7 +421,7 @@ def position_limits(
 
 
 def _close_home(robot: Description, gap: float, closed: Closed, *, stated: bool) -> Description:
-    """Return a robot whose home closes its loops, which are open by a gap, if nobody stated it.
+    """Return a robot whose home closes its loops, unless the files state home.
 
     A home that is stated may be rounded; one that is far from closing them is refused.
     """
@@ -507,7 +507,7 @@ def assemble(path: Path, sidecar: Path | None, extra: Sidecar, stated: Stated) -
         acceleration_limits=np.array([limit.a or np.inf for limit in limits.values()]),
         transmission=_transmission(robot, extra),
     )
-    if robot.motor_joints:  # a body alone has none
+    if robot.motor_joints:  # a single body has none
         servo = read_servo(path, extra.servo, stated.servos, robot.motor_joints)
         if robot.base is None:
             robot = replace(robot, servo=servo)

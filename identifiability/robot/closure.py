@@ -73,12 +73,12 @@ def _distance(tree: Tree, frames: Frames, first: Point, second: Point) -> tuple[
 
 # Solve the loop equations of each sample for the dependent joints.
 #
-# There may be more equations than dependent joints: a planar loop in space has one that follows
-# from the others, and an overconstrained linkage several. No fixed choice among them holds
-# everywhere, so every sample has its own: the orthonormal directions that its dependent joints
-# span (a QR factorisation). Its triangular factor has the singular values of all the equations
-# together, so a pose is as near to singular as the mechanism is there, whatever axes the equations
-# are written in.
+# There may be more equations than dependent joints. A planar loop in space has one redundant
+# equation, and an overconstrained linkage has several. No fixed choice of equations is valid
+# everywhere. So every sample uses the orthonormal directions that its dependent joints span (a QR
+# factorisation). The triangular factor has the singular values of all equations together. The
+# distance of a pose from a singularity is then that of the mechanism, for any axes of the
+# equations.
 
 
 def invert(A: Array) -> tuple[Array, Array]:
@@ -137,8 +137,8 @@ def passes_singular(A: Array) -> Array:
     Q, R = np.linalg.qr(A)
     overlap = np.linalg.det(Q[:-1].swapaxes(1, 2) @ Q[1:])
     sign = np.sign(np.diagonal(R, axis1=1, axis2=2)).prod(1)
-    # Two samples whose equations span directions that overlap less than this (a determinant
-    # of cosines) are too far apart to say whether a singular pose lies between them.
+    # Two samples whose equations span directions with less overlap than this (a determinant of
+    # cosines) are too far apart to detect a singular pose between them.
     sure = np.abs(overlap) > 0.5
     passed: Array = sure & (np.sign(overlap) * sign[1:] != sign[:-1])
     return passed
@@ -258,7 +258,7 @@ def close_loops(robot: Description, q: Array) -> Closed:
     chosen = np.unique(np.linspace(0, n - 1, count).astype(int))
     seeds = follow_from_home(robot, q[chosen])
     good = seeds.error < ROUNDOFF
-    if not good.any():  # what closes nowhere on the way is not worth minutes
+    if not good.any():  # without any closed seed, Newton's steps would take minutes
         return Closed(
             seeds.q[np.zeros(n, int)], np.full(n, seeds.error.min()), seeds.A[np.zeros(n, int)]
         )
@@ -551,7 +551,7 @@ def count_independent(A: Array) -> int:
     return int((np.abs(np.diag(r)) > ROUNDOFF).sum())
 
 
-# Along a motion: torque of the actuated joints, what is known of it, and where springs are relaxed.
+# Along a motion: torque of the actuated joints, known torque, and rest positions of springs.
 
 
 def project(robot: Description, motion: Motion, tree: Array) -> Array:

@@ -27,7 +27,7 @@ from .locate import ROOTS, parse_xml, read_included
 from .servo import Servo
 from .sidecar import KnownTorque, MeasuredTorque, Sidecar
 
-# What robot files state of joints, tendons and actuators in numbers: one table of fields.
+# Numbers of joints, tendons and actuators in robot files: one table of fields.
 
 
 @frozen
@@ -63,7 +63,7 @@ FIELDS = {
     "offset": Field(("off",), 1, signed=True),
 }
 
-#: Kinds of parameters that are not negative, beside those of rotors.
+#: Kinds of parameters that are not negative, without those of rotors.
 NOT_NEGATIVE = {"m", "Ixx", "Iyy", "Izz"}.union(
     *(field.kinds for field in FIELDS.values() if not field.signed)
 )
@@ -78,7 +78,7 @@ def name_numbers(joint: str, numbers: NumberByName, inertia_parts: Strings) -> d
     return {f"{joint}.{kind}": value for word, value in numbers.items() for kind in kinds[word]}
 
 
-# Parts of a robot: closures, axes, how motors drive joints, and what its file states of them.
+# Parts of a robot: closures, axes, transmissions, and the statements of its file.
 
 
 @frozen
@@ -302,7 +302,7 @@ class Stated:
     radii: Mapping[str, float] = {}
 
 
-# What is known of the mass of bodies and of where their centres are.
+# Known limits of masses and centres of mass.
 
 
 @frozen
@@ -327,7 +327,7 @@ class Bound:
     origin: Array = np.zeros(3)
 
 
-# `Description`: what the rest of the library needs to know of a robot file.
+# `Description`: the data of a robot file that the rest of the library uses.
 
 
 _NO_PLACES = np.empty(0, int)
@@ -533,7 +533,7 @@ class Description(Stated):
 
     @property
     def closed(self) -> bool:
-        """Whether the robot has loops or coupled joints."""
+        """Return whether the robot has loops or coupled joints."""
         return len(self.dependent) > 0
 
     @cached_property
@@ -582,7 +582,7 @@ class Description(Stated):
 
     @property
     def slides(self) -> np.ndarray:
-        """Whether each actuated joint slides, (n,) bool."""
+        """Return whether each actuated joint slides, (n,) bool."""
         return np.array([self.is_prismatic(int(k)) for k in self.actuated], bool)
 
     @property
@@ -611,7 +611,7 @@ class Description(Stated):
             ) from None
 
     def is_prismatic(self, dof: int) -> bool:
-        """Whether the degree of freedom with this index slides."""
+        """Return whether the degree of freedom with this index slides."""
         for j in self.tree.joints:
             if j.iv <= dof < j.iv + j.nv:
                 return j.kind == "prismatic" or (j.kind == "free" and dof < j.iv + 3)

@@ -191,7 +191,7 @@ def _read_limits(model: Any, tree: Tree) -> dict[str, Any]:
     }
 
 
-#: The root link that stands for the world: what is fixed to it is bolted down.
+#: Name of a root link that means the world: links that are fixed to it are bolted down.
 WORLD_LINK = "world"
 
 
@@ -266,7 +266,7 @@ def _ask_for_base(path: Path, model: Any) -> None:
         )
 
 
-#: What identification needs of a URDF: elements by the one that they are parts of.
+#: Parts of a URDF that identification needs: elements by their parent element.
 _NEEDED = {
     "robot": ("link", "joint"),
     "link": ("inertial",),

@@ -25,8 +25,8 @@ from .kinematics import Frames, Point, Tree
 from .rules import RULES
 from .servo import Servo
 
-#: The joints of a base that floats, slides first: rows of its force and of its moment about its
-#: origin, along its own axes.
+#: The joints of a floating base, slides first: rows of its force, and of its moment about its
+#: origin, along its axes.
 BASE_JOINTS = ("base.x", "base.y", "base.z", "base.rx", "base.ry", "base.rz")
 SIX = len(BASE_JOINTS)
 
@@ -135,7 +135,7 @@ class Base:
 
     @property
     def pressed(self) -> bool:
-        """Whether forces from outside act behind joints that motors drive."""
+        """Return whether forces from outside act behind joints that motors drive."""
         points = [c.point for c in self.contacts] + [w.point for w in self.wrenches]
         return any(point.joint >= SIX for point in points)
 
@@ -271,8 +271,8 @@ def _pinv(A: Array, smallest: float) -> tuple[Array, Array]:
     """
     U, s, V = np.linalg.svd(A, full_matrices=False)
     top = s.max(1, keepdims=True, initial=0.0)
-    # Singular values are compared with this at least [m or m/rad]: a leg without joints has
-    # none.
+    # Singular values are compared with at least this value [m or m/rad], because a leg without
+    # joints has none.
     real = s > NEARLY * np.maximum(top, 1e-3)
     weak = (real & (s < smallest * top)).any(1)
     inverse = np.where(real, 1.0 / np.where(real, s, 1.0), 0.0)
@@ -288,10 +288,10 @@ def closed_contacts(contacts: Sequence[Contact], t: Array, flags: Array) -> Arra
     return np.reshape(each, (-1, len(t))).T > 0.5
 
 
-# Legs: what a robot that may walk has, by the names of its joints and bodies.
+# Legs of a robot that may walk, by the names of its joints and bodies.
 
 
-#: What links and joints of legs are called.
+#: Names of links and joints of legs.
 _LEG = re.compile(r"(?i)leg|hip|thigh|knee|calf|shank|shin|ankle|foot|haa|hfe|kfe")
 
 

@@ -213,7 +213,7 @@ class Tree:
         axes: dict[int, Array] = {}
         origin: dict[int, Array] = {}
         q = np.ascontiguousarray(q.T)
-        # Parents come before what they move.
+        # Parents come before their children.
         for k in sorted({k for j in joints for k in self.chain(j)}):
             j = self.joints[k]
             fixed = self._aligned[k]

@@ -105,7 +105,7 @@ LARGEST: Tolerance = 1e15
 SMALLEST: Tolerance = 1e-12
 
 
-# Parse the XML of a robot file as far as its size allows: what has no end is refused at once.
+# Parse the XML of a robot file within limits of size; a file without end is refused at once.
 
 
 #: Bytes of meshes that weigh, and bytes of XML with all includes.
@@ -227,7 +227,7 @@ class _Builder:
         return self.tree.start(tag, attributes)
 
     def _check_copies(self, tag: str, key: str, text: str) -> None:
-        """Refuse a number of copies, rows, samples or vertices that nobody waits for."""
+        """Refuse a number of copies, rows, samples or vertices that would take too long."""
         if not all(abs(number) <= MOST_COPIES[key] for number in _read_numbers(text)):
             what = f"<{tag} {key}=…>, with a number larger than {MOST_COPIES[key]}"
             raise _too_large(self.path, what)

@@ -40,10 +40,10 @@ _NO_BIAS, _AFFINE = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_A
 ENDLESS_SPAN = np.array([-np.inf, np.inf])
 
 
-# Compile an MJCF with MuJoCo, whose reading of the file is the reference.
+# Compile an MJCF with MuJoCo, which is the reference for the meaning of the file.
 #
-# What carries no inertia (looks, sensors, contact pairs, meshes of bodies that state their
-# inertia) is taken out first, so that its files need not be there.
+# Parts without inertia (visuals, sensors, contact pairs, meshes of bodies with stated inertia) are
+# removed first, so that their files may be missing.
 
 
 def read_spec(
@@ -156,7 +156,7 @@ def quiet() -> Iterator[None]:
 
 
 def _is_idle(compiler: Any, geom: Any) -> bool:
-    """Whether a geom needs another file and adds no inertia to a moving body."""
+    """Return whether a geom needs another file and adds no inertia to a moving body."""
     if geom.hfieldname or not (geom.meshname or geom.type == mujoco.mjtGeom.mjGEOM_SDF):
         return bool(geom.hfieldname)
     body = geom.parent
@@ -207,10 +207,10 @@ def _name_all(spec: Any) -> None:
         name_element(tendon, f"tendon{k}")
 
 
-# Scenes: which bodies of an MJCF are the robot's.
+# Scenes: find the robot's bodies in an MJCF.
 #
-# Files made for simulation hold tables, doors and cups beside the robot. What no actuated joint
-# reaches has no share in its torque.
+# Files for simulation also hold tables, doors and cups. Bodies that no actuated joint reaches do
+# not affect its torque.
 
 
 _ON_JOINT = (_TRN.mjTRN_JOINT, _TRN.mjTRN_JOINTINPARENT)
@@ -464,14 +464,14 @@ def find_drives(actuators: Sequence[Actuator], locked: Collection[str]) -> list[
     return list(dict.fromkeys(names)) if actuators else None
 
 
-# Damping, dry friction, rotors and springs of a compiled MJCF, by what they act along.
+# Damping, dry friction, rotors and springs of a compiled MJCF, by their coordinate.
 #
-# Those of actuators and of tendons along one joint are that joint's, and a tendon along several is
-# an axis of its own. What no parameter can hold (forces on balls, tendons in space, bent springs,
-# fluids) is refused: left out, it would make the robot another one.
+# Numbers of actuators and of tendons along one joint belong to that joint. A tendon along several
+# joints is an axis. Forces that no parameter can hold are refused (forces on balls, tendons in
+# space, nonlinear springs, fluids), because without them the robot would be another one.
 
 
-#: What is not linear in speed or position; older versions of MuJoCo lack some.
+#: Arrays of nonlinear terms in speed or position; older versions of MuJoCo lack some.
 _BENT = (
     *("jnt_stiffnesspoly", "jnt_springyield", "dof_dampingpoly", "tendon_stiffnesspoly"),
     *("tendon_dampingpoly", "tendon_springyield", "actuator_dampingpoly"),
@@ -485,7 +485,7 @@ def tendon_parts(m: Any, t: int) -> range:
 
 
 def straight(m: Any, t: int) -> bool:
-    """Whether a tendon of a compiled model runs straight between sites."""
+    """Return whether a tendon of a compiled model runs straight between sites."""
     return all(m.wrap_type[w] == _WRAP.mjWRAP_SITE for w in tendon_parts(m, t))
 
 
@@ -538,12 +538,12 @@ def read_forces(path: Path, m: Any, actuators: Sequence[Actuator], locked: Numbe
     return found, rests, combinations
 
 
-#: What acts along a sum of joints, or a straight tendon: its name, coefficients, numbers by word,
-#: where it is relaxed, and whether it is such a tendon.
+#: Numbers along a sum of joints or a straight tendon: its name, coefficients, numbers by word, rest
+#: position, and whether it is a straight tendon.
 Line = tuple[str, NumberByName, NumberByName, float, bool]
 
-#: Numbers by what they act along, then by word; where springs are relaxed; coefficients of tendons
-#: along several joints.
+#: Numbers by coordinate, then by word; rest positions of springs; coefficients of tendons along
+#: several joints.
 Forces = tuple[dict[str, dict[str, float]], dict[str, float], dict[str, dict[str, float]]]
 
 
@@ -598,7 +598,7 @@ def _refusal(path: Path, what: str) -> RobotError:
     )
 
 
-# Build the Pinocchio model of a robot body by body from what MuJoCo compiled.
+# Build the Pinocchio model of a robot body by body from the compiled MJCF.
 
 
 #: Where a point of a body, in its frame, is in the tree.

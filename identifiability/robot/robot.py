@@ -74,14 +74,14 @@ def ten_parameters(mass: float, centre: Point, inertia: Moments) -> Array:
 
 
 def possible(theta: Array) -> bool:
-    """Whether some real body has these ten parameters."""
+    """Return whether some real body has these ten parameters."""
     return least_eigenvalue(theta) >= -TINY * float(np.abs(theta).max())
 
 
 # Robots that are changed in code: other numbers in a copy of the file, or another file.
 #
-# A robot is always a standard file, also one that is made in code: until it is saved it stands in
-# a folder that goes with the program.
+# A robot is always a standard file, also if it is made in code. Until it is saved, its file is in a
+# temporary folder that the program deletes.
 
 
 _NUMBERS = count()
@@ -107,7 +107,7 @@ def write(robot: Any, values: NumberByName, path: str | Path) -> Path:
     RobotError
         If the robot has no such parameter.
     """
-    # What a file holds of friction, rotors and springs effects say, which stand above robots.
+    # Effects define the friction, rotors and springs of a file; their room is above robots.
     written: Path = handed("save_robot")(robot, values, path)
     return written
 
@@ -238,27 +238,28 @@ class Robot(Description):
             TOML with data that the file cannot hold (actuated joints of a URDF, loops, symbols …);
             by default the ``.toml`` of the same stem in its folder.
         columns : mapping, optional
-            What its logs call columns or joints, and what they are here, as in the sidecar's
-            ``[columns]`` and before it: ``{r"fer_joint(\d)": r"panda_joint\1"}``.
+            Names of columns or joints in its logs, and their new names, as in the sidecar's
+            ``[columns]``, which they override: ``{r"fer_joint(\d)": r"panda_joint\1"}``.
         lock : list of str or mapping, optional
             Joints that do not move, such as a gripper's: ``["finger"]`` holds one at its home
-            position, ``["finger=0.02"]`` or ``{"finger": 0.02}`` there [rad or m]. What hangs
-            behind them is one body with what is before. They add to the sidecar's ``locked``.
+            position, ``["finger=0.02"]`` or ``{"finger": 0.02}`` there [rad or m]. Bodies behind a
+            locked joint become part of the body before it. These locks add to the sidecar's
+            ``locked``.
         time_unit : {"s", "ms", "us", "ns"}, optional
-            Of the times in its logs, before what the sidecar's ``[time]`` says; without any, times
-            that can only be in one of these units are taken in it.
+            Unit of the times in its logs; it overrides the sidecar's ``[time]``. Without both, a
+            unit is taken only if it is the only possible one.
         angles : {"rad", "deg"}, optional
-            Unit of the angles (and their rates) in its logs, before the sidecar's ``angles``.
-            Where neither says it, it is rad, and what looks like degrees is refused.
+            Unit of the angles (and their rates) in its logs; it overrides the sidecar's ``angles``.
+            Without both it is rad, and values that look like degrees are refused.
         base : {"fixed", "floating"}, optional
-            Whether the root stood still while logs were measured, as on a stand, before what the
-            sidecar says. By default a root with a free joint floats.
+            Whether the root was fixed while logs were measured, as on a stand; it overrides the
+            sidecar. By default a root with a free joint floats.
 
         Raises
         ------
         RobotError
-            If the file cannot be read, states what cannot be held, or leaves joints undetermined;
-            if a rule of `columns` is none.
+            If the file cannot be read, has parts that no model can hold, or leaves joints
+            undetermined; if a rule of `columns` is not valid.
         """
         try:
             given = Renames.of(columns or {})

@@ -23,13 +23,13 @@ from identifiability.foundation.values import frozen
 
 from .sidecar import ServoEntry, by_name
 
-#: What states gains that a robot file does not.
+#: Source of gains that a robot file does not state.
 SIDECAR = "the sidecar"
 
-#: What they are called where logs told them.
+#: Source of gains that logs determined.
 FOUND = "the logs"
 
-#: What a sidecar says of a gain that logs shall tell.
+#: Word of a sidecar for a gain to fit.
 FIT = "fit"
 
 

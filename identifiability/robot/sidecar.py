@@ -48,18 +48,17 @@ class Strict(BaseModel):
     )
 
 
-# `MeasuredTorque`: what the numbers in torque columns are: in what, of which side and sign.
+# `MeasuredTorque`: quantity, side and sign of the numbers in torque columns.
 
 
 #: Where torque is measured: at the joint with all that drives it, behind the gears, or before them.
 Side = Literal["joint", "link", "motor"]
 
 
-# `KnownTorque`: torque that is known beforehand as a function of a position.
+# `KnownTorque`: known torque as a function of a position.
 #
-# A cable, a counter-spring or a gravity compensation that was measured by itself: a table or a
-# polynomial along a joint. It is taken off the measured torque before anything else is done with
-# it.
+# Examples are a cable, a counter-spring or a gravity compensation that was measured separately. It
+# is a table or a polynomial along a joint. It is subtracted from the measured torque first.
 
 
 class KnownTorque(Strict):
@@ -443,7 +442,7 @@ def read_sidecar(path: Path | None) -> Sidecar:
     Raises
     ------
     RobotError
-        With the file, the key and what was expected.
+        The error names the file, the key and the expected value.
     """
     if path is None:
         return Sidecar()
@@ -553,7 +552,7 @@ def expand_names(
     Raises
     ------
     RobotError
-        If it names what the robot does not have.
+        If it names a part that the robot does not have.
     """
     moving = (*joints, *lines)
     gone = {*locked, *welded}

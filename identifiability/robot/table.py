@@ -56,7 +56,7 @@ from .locate import is_computed
 from .sidecar import Named, Sidecar, Strict, Triple
 from .write import numbers, turn_base, urdf_inertial, urdf_joint
 
-#: The link on which the first ones stand.
+#: The parent of the first links.
 BASE = "base"
 
 
@@ -253,7 +253,7 @@ def _inertial(link: ET.Element, row: Row, inside: pin.SE3) -> None:
     urdf_inertial(link, mass, centre, inside.rotation @ own @ inside.rotation.T)
 
 
-# What both formats of a robot are written from.
+# Data for a robot file in either format.
 
 
 def body_joints(robot: Description, ground: str) -> Iterator[tuple[str, str, list[Joint]]]:
@@ -282,10 +282,10 @@ def in_file(robot: Description, most: int) -> dict[str, Coupling]:
     return {c.joint: c for c in short}
 
 
-# A robot as MJCF, from what is known of it.
+# Write a robot as MJCF, from its description.
 
 
-#: What stands still.
+#: Name of the fixed body.
 GROUND = "world"
 
 
@@ -343,7 +343,7 @@ def _add_closures(top: ET.Element, bodies: dict[str, ET.Element], robot: Descrip
         ET.SubElement(equality, "joint", joint1=joint, joint2=next(iter(c.terms)), polycoef=padded)
 
 
-# A robot as URDF, from what is known of it.
+# Write a robot as URDF, from its description.
 
 
 def ground_of(robot: Description) -> str:
@@ -374,7 +374,7 @@ def converted_urdf(robot: Description) -> ET.Element:
         for joint in joints:
             name = joint.dofs[0]
             span = position_limits(robot, joint.dofs, {})[0]
-            size = TINY if name in between else 1.0  # simulators refuse none
+            size = TINY if name in between else 1.0  # simulators refuse zero
             stated = {
                 "name": between.get(name, body),
                 "parent": rows[-1].name if joint is not joints[0] else above,
@@ -400,7 +400,7 @@ def converted_urdf(robot: Description) -> ET.Element:
 
 # The sidecar of a robot that is written in the other format.
 #
-# What is locked is one body with its host there. An MJCF states home, motors and loops itself; a
+# A locked body is one body with its host there. An MJCF states home, motors and loops itself; a
 # URDF does not.
 
 
@@ -450,8 +450,8 @@ def converted_sidecar(robot: Description, path: Path) -> dict[str, Any]:
 
 # The same robot in the other format: an MJCF of a URDF, a URDF of an MJCF.
 #
-# It is written from what is known of the robot (joints, their places, loops, couplings), not from
-# the text of its file: no geometry, so a simulator shows nothing and nothing collides.
+# It is written from the description of the robot (joints, placements, loops, couplings), not from
+# the text of its file. It has no geometry, so a simulator shows nothing and nothing collides.
 
 
 def _check_names(top: ET.Element, source: str | Path) -> None:

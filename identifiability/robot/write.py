@@ -40,13 +40,13 @@ from .locate import (
 from .servo import FOUND, Servo
 from .sidecar import read_sidecar
 
-# The text of a robot file, of which only what changed is written anew: comments, order and
-# indentation stay, so that a comparison with the file that was read shows the numbers alone.
+# Edit the text of a robot file: only changed parts are written anew. Comments, order and
+# indentation stay, so a comparison with the old file shows only the numbers.
 
 
 _QUOTED = r"""(?:"[^"]*"|'[^']*')"""
 _ASIDE = r"<!--.*?-->|<\?.*?\?>"
-#: What stands before a tag, its name, and its attributes up to its end.
+#: The text before a tag, its name, and its attributes up to its end.
 _PIECE = re.compile(rf"""((?:[^<]|{_ASIDE})*)(</?[^!?\s/>]+)((?:{_QUOTED}|[^>"'])*>)""", re.DOTALL)
 _ATTRIBUTE = re.compile(rf"(\s+)([^\s=/>]+)(\s*=\s*)({_QUOTED})")
 
@@ -101,7 +101,7 @@ def _edited_tag(old: str, new: str) -> str:
 
 
 def _alike(text: str, other: str) -> bool:
-    """Whether two texts are the same, or the same numbers but for rounding."""
+    """Return whether two texts are the same, or the same numbers but for rounding."""
     try:
         one, two = (np.array(x.split(), float) for x in (text, other))
     except ValueError:
@@ -117,11 +117,12 @@ def part_of(element: ET.Element, tag: str) -> ET.Element:
     return ET.SubElement(element, tag) if found is None else found
 
 
-# Numbers in the XML of a robot file: inertials, and what would change them in compiling.
+# Numbers in the XML of a robot file: inertials, and settings that would change them in compilation.
 
 
-#: What would change the written values in compiling, or add to them: elements and attributes. The
-#: compiler changes masses; what tendons and actuators add to joints is part of the joints' values.
+#: Elements and attributes by which compilation would change the written values or add to them. The
+#: compiler changes masses. Numbers of tendons and actuators add to those of joints, whose values
+#: include them.
 _GONE = (
     ("compiler", "settotalmass boundmass boundinertia balanceinertia"),
     ("compiler", "inertiafromgeom inertiagrouprange"),
@@ -160,7 +161,7 @@ def urdf_inertial(link: ET.Element, mass: float, centre: Array, inertia: Array) 
 
 
 def in_radians(top: ET.Element) -> bool:
-    """Whether the angles of an MJCF are in radians; MuJoCo's default is degrees."""
+    """Return whether the angles of an MJCF are in radians; MuJoCo's default is degrees."""
     stated = [c.get("angle") for c in top.iter("compiler") if c.get("angle")]
     return bool(stated) and stated[-1] == "radian"
 
@@ -257,7 +258,7 @@ def write_inertial(top: ET.Element, body: str, mass: float, centre: Array, inert
     _take_mass_off(element)
 
 
-#: How else an inertial says which way its axes point, and its moments along them.
+#: Other attributes of an inertial for the directions of its axes, and its moments along them.
 _PLACED = ("diaginertia", "quat", "axisangle", "xyaxes", "zaxis", "euler")
 
 
@@ -280,7 +281,7 @@ def _parts(element: ET.Element, *tags: str) -> list[ET.Element]:
     return found
 
 
-# Write what is along several joints into an MJCF, as fixed tendons.
+# Write the numbers of axes of several joints into an MJCF, as fixed tendons.
 
 
 def write_axes(top: ET.Element, robot: Description, stated: Mapping[str, NumberByName]) -> None:
@@ -325,9 +326,8 @@ def _add(top: ET.Element, axis: Axis) -> ET.Element:
 
 # Write parameters back into a robot file: inertials, friction, rotors, springs.
 #
-# The file is parsed and written as XML; everything but the numbers stays. What a format cannot
-# hold stands in a sidecar, where the library reads it back; which parameters these are, effects
-# say.
+# The file is parsed and written as XML, and only numbers change. Values that a format cannot hold
+# go to a sidecar, which the library reads back. Effects define these values.
 
 
 #: Where gravity points in a URDF, and by how little it may be off [rad].
@@ -459,8 +459,8 @@ def _write_forces(
     servo = robot.known_servo
     if servo is None:
         return
-    # At this step MuJoCo moves it as rollouts do: dry friction does not creep, and rotors lack
-    # what late positions and implicit damping are taken for.
+    # At this step MuJoCo moves the robot as rollouts do: dry friction does not creep. Written
+    # rotors are reduced by the effects of delayed positions and implicit damping.
     write_option(top, "timestep", "0.001")
     write_option(top, "integrator", "implicitfast")
     write_servos(top, robot.joints, servo, offsets)
@@ -538,7 +538,7 @@ def _write_urdf_inertial(
         name = link.get("name")
         while name in hosts and name != body:
             name = hosts[name]
-        if name == body != link.get("name"):  # what is fixed to this one is part of it now
+        if name == body != link.get("name"):  # bodies that are fixed to this one are part of it now
             _remove_all(link, "inertial")
 
 
@@ -667,7 +667,7 @@ def share_out(robot: Description, bodies: Mapping[str, Array]) -> dict[str, Arra
     hosts: dict[str, list[str]] = {}
     for body in robot.welded:
         index = robot.model.frames[robot.model.getFrameId(body, pin.FrameType.BODY)].parentJoint
-        if index:  # what hangs on the ground has no say
+        if index:  # bodies that are fixed to the ground have no influence
             host = robot.bodies[robot.carriers.index(index)]
             hosts.setdefault(host, []).append(body)
     for host, behind in hosts.items():

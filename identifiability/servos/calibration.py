@@ -1,10 +1,10 @@
 """Torque of commands minus the error of recording.
 
 The encoder's steps, the rate of the log and the low-pass affect the servos' torque and the columns.
-They bias least squares by some ten percent. A rollout of the fitted robot, sampled and rounded as
-the log, shows the residual due to recording alone, because the model explains its torque exactly.
-This residual is subtracted. The rollout itself is the second record of the motion, whose errors are
-not those of the log (calibrated instrumental variables).
+They bias least squares by some ten percent. A rollout of the fitted robot is sampled and rounded as
+the log. The model explains its torque exactly, so its residual is due to recording alone. This
+residual is subtracted. The rollout itself is the second record of the motion, whose errors are not
+those of the log (calibrated instrumental variables).
 """
 
 from __future__ import annotations

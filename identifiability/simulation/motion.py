@@ -203,8 +203,8 @@ def random_trajectory(
 ) -> Trajectory:
     """Return a random Fourier trajectory that fills the robot's limits without leaving them.
 
-    Joints without limits move by at most ± 1 rad or ± 0.1 m about home, at 2 rad/s or 0.3 m/s and
-    10 rad/s² or 1 m/s².
+    Joints without limits move by at most ± 1 rad or ± 0.1 m about home. Their limits are 2 rad/s or
+    0.3 m/s, and 10 rad/s² or 1 m/s².
     """
     n = len(robot.actuated)
     usual = usual_limits(robot)

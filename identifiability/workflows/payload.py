@@ -54,6 +54,7 @@ from identifiability.workflows.diagnose.changes import Change, DifferentTorque, 
 from .case import MEASURED, Case, take_case
 from .compare import Sides, find_differences, read_sides
 from .predict import Fit, FitLike, find_fit, is_result, state_missing, state_reading
+from .torque_scale import UNSCALED, TorqueScale, measure_torque_scale
 
 # `LoadEstimate`: the ten parameters of a load, with their full uncertainty.
 
@@ -219,19 +220,24 @@ def describe_body(theta: Array) -> Array:
     return np.array([mass, *centre, *(tensor[at] for at in _ENTRIES)])
 
 
-def state_quantities(found: LoadEstimate, body: Array, length: float) -> tuple[Quantity, ...]:
+def state_quantities(
+    found: LoadEstimate, body: Array, length: float, scale: TorqueScale
+) -> tuple[Quantity, ...]:
     """Return the quantities of a body with the intervals of its estimate.
 
     Parameters
     ----------
     found : LoadEstimate
+        As measured.
     body : (10,)
-        The physically consistent body nearest to it.
+        The physically consistent body nearest to it, divided by the factor.
     length : float [m]
         Size of the robot's bodies: a centre with a wider interval is not identifiable.
+    scale : TorqueScale
+        The factor by which torque is read too large.
     """
     values = describe_body(body)
-    half = _half_widths(found, body)
+    half = _half_widths(found, body, scale)
     low, high = values - half, values + half
     # Quantities that follow from its inertia are stated with any interval.
     unsure = np.where(POSITIVE, low <= 0, half > length) & (np.arange(len(values)) < 7)
@@ -250,7 +256,7 @@ def state_quantities(found: LoadEstimate, body: Array, length: float) -> tuple[Q
     return tuple(out)
 
 
-def _half_widths(found: LoadEstimate, body: Array) -> Array:
+def _half_widths(found: LoadEstimate, body: Array, scale: TorqueScale) -> Array:
     """Return half the 95 % interval of each quantity, (10,); infinite if not identifiable.
 
     Quantities are linearised about a body.
@@ -258,7 +264,8 @@ def _half_widths(found: LoadEstimate, body: Array) -> Array:
     # Steps by which derivatives are taken, as a share of a body's own numbers.
     steps = 1e-6 * TYPICAL * max(body[9], LIGHTEST)
     slopes = scipy.optimize.approx_fprime(body, describe_body, steps)
-    half = REACH * np.sqrt(np.einsum("qi,ij,qj->q", slopes, found.covariance, slopes))
+    covariance = found.covariance / scale.factor**2 + scale.sd**2 * np.outer(body, body)
+    half = REACH * np.sqrt(np.einsum("qi,ij,qj->q", slopes, covariance, slopes))
     sizes = slopes * TYPICAL
     along = np.abs(sizes @ found.unknown).max(1, initial=0.0)
     return np.where(along > NEARLY * np.linalg.norm(sizes, axis=1), np.inf, half)
@@ -347,7 +354,12 @@ class Load(Result):
         Of the nearest physically consistent body, in the order of `GROUPED_KINDS`, about the origin
         of the frame.
     quantities : tuple of Quantity
-        Mass, centre, and moments of inertia about it.
+        Mass, centre, and moments of inertia about it. The intervals contain the doubt about the
+        torque constants.
+    as_measured : tuple of Quantity
+        The same if the torque columns are right as they are read.
+    scale : TorqueScale
+        By which factor torque is read too large.
     gains : tuple of Quantity
         Of each joint's torque column, for the sidecar, where the load's mass is known.
     known : float or None
@@ -368,6 +380,8 @@ class Load(Result):
     motion: Motion
     parameters: Array
     quantities: tuple[Quantity, ...]
+    as_measured: tuple[Quantity, ...]
+    scale: TorqueScale
     gains: tuple[Quantity, ...] = ()
     known: float | None = None
     hints: tuple[str, ...] = ()
@@ -418,6 +432,8 @@ class Load(Result):
             "robot": self.robot.identity,
             **{name: getattr(self, name) for name in own},
             "quantities": [{**asdict(q), "told": q.told} for q in self.quantities],
+            "as_measured": [{**asdict(q), "told": q.told} for q in self.as_measured],
+            "torque_scale": asdict(self.scale),
             "parameters": dict(zip(GROUPED_KINDS, self.parameters.tolist(), strict=True)),
             "estimate": dict(zip(GROUPED_KINDS, self.estimate.theta.tolist(), strict=True)),
             "covariance": self.estimate.covariance.tolist(),
@@ -485,7 +501,10 @@ def payload(
         unloaded = case if isinstance(robot, Case) else [*empty, *case.validate]
         sides, hints = _gather_sides(fit, structure, logs, unloaded, run)
         found = _find_load(sides, fit, structure, place, load)
-        numbers = _state_load(found, sides, structure, load)
+        scale = UNSCALED
+        if fit is not None and mass is None:
+            scale = measure_torque_scale(fit, [sample.motion for sample in sides.samples])
+        numbers = _state_load(found, sides, structure, load, scale)
     return Load(
         robot=case.robot,
         body=place,
@@ -498,7 +517,7 @@ def payload(
 
 
 def _state_load(
-    found: Differences, sides: Sides, structure: Structure, load: KnownLoad
+    found: Differences, sides: Sides, structure: Structure, load: KnownLoad, scale: TorqueScale
 ) -> dict[str, Any]:
     """Return logs, the estimate of a load, its quantities and gains, as a `Load` names them."""
     loaded, unloaded = sides.paths
@@ -511,8 +530,10 @@ def _state_load(
         "without": unloaded,
         "motion": sides.samples[0].motion,
         "estimate": estimate,
-        "parameters": nearest,
-        "quantities": state_quantities(estimate, nearest, length),
+        "parameters": nearest / scale.factor,
+        "quantities": state_quantities(estimate, nearest / scale.factor, length, scale),
+        "as_measured": state_quantities(estimate, nearest, length, UNSCALED),
+        "scale": scale,
         "gains": () if load.mass is None else find_gains(found, load.parameters(nearest)),
     }
 

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from identifiability import Log
+from identifiability.quality.recordings import read_recordings
 
 BITS = (8, 11, 12, 16, 24, 32)
 
@@ -80,3 +81,24 @@ def test_noise_of_a_coarse_sensor_is_no_code():
     log = counted(8)
     log["elbow.tau"] = rng.integers(0, 8, len(log))
     np.testing.assert_array_equal(Log.from_frame(log).tau[:, 1], log["elbow.tau"])
+
+
+@pytest.mark.parametrize(("code", "fitted"), [(two_complement, 2), (sign_bit, 2), (sign_bit, 1)])
+def test_a_log_that_shows_no_code_is_read_by_the_code_of_the_logs_before(code, fitted):
+    shows = encoded(counted(11), code, 11, "tau")
+    silent = counted(11, seed=1)
+    torque = ["shoulder.tau", "elbow.tau"]
+    silent[torque] = -100.0 - np.abs(silent[torque]) // 2
+    logs = [shows, encoded(silent, code, 11, "tau")]
+    recordings = read_recordings(logs[:fitted], logs[fitted:])
+    read = (*recordings.fitted, *recordings.held_out)[1]
+    np.testing.assert_array_equal(read.tau, silent[torque])
+
+
+def test_a_code_that_only_a_held_out_log_shows_does_not_change_the_fitted_logs():
+    silent = counted(11, seed=1)
+    silent["elbow.tau"] = -100.0 - np.abs(silent["elbow.tau"]) // 2
+    silent["shoulder.tau"] = np.abs(silent["shoulder.tau"])
+    silent = encoded(silent, sign_bit, 11, "tau")
+    recordings = read_recordings(silent, encoded(counted(11), sign_bit, 11, "tau"))
+    np.testing.assert_array_equal(recordings.fitted[0].tau, silent[["shoulder.tau", "elbow.tau"]])

@@ -5,14 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from readings import Truths, as_right, examine, is_right
-from readings_faults import FAULTS, draw, folder_name, plant_fault
+from readings_faults import FAULTS, draw, folder_name, plant, plant_fault
 
-from identifiability import Log
+from identifiability import Log, analyze
 from identifiability.reading import Reading
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 
 NUMBER, ARM = 2, "two-link"
+#: A draw of a planar closed chain that stands level.
+LEVEL = 16
 
 
 @pytest.fixture(scope="module")
@@ -21,14 +23,27 @@ def drawn():
 
 
 @pytest.mark.parametrize(
-    ("row", "outcome"),
-    [("nothing wrong", "moves nothing"), ("sign of one", "right"), ("uint16", "right")],
+    ("row", "logs", "outcome"),
+    [
+        ("nothing wrong", 1, "moves nothing"),
+        ("sign of one", 1, "right"),
+        ("uint16", 1, "right"),
+        # The right unit of a column competes with a wrong unit of the same column.
+        ("unit of one", 2, "right"),
+    ],
 )
-def test_a_drawn_arm_is_read_as_it_was_logged(drawn, tmp_path, row, outcome):
-    logged = replace(plant_fault(drawn, row), fitted=1)
+def test_a_drawn_arm_is_read_as_it_was_logged(drawn, tmp_path, row, logs, outcome):
+    logged = replace(plant_fault(drawn, row), fitted=logs)
     result = examine(logged, row, tmp_path / folder_name(row, NUMBER), Truths())
     assert result["outcome"] == outcome
     assert result["over"] < 1.05
+
+
+def test_a_linkage_that_moves_in_a_level_plane_is_read_as_it_was_logged():
+    # Gravity that acts in no joint has no direction to be tried.
+    logged = plant("0", LEVEL, "nothing wrong")
+    logs = [logged.frame(k) for k in range(logged.fitted)]
+    assert analyze(logged.robot, logs, "none", replicates=0).alternative is None
 
 
 def result_structure(robot):

@@ -46,7 +46,7 @@ BAGS = (".mcap", ".db3", ".bag")
 #: Bytes before the records of MCAP, and the type of its chunks; bytes of a record's header in bags.
 _MCAP_MAGIC, _MCAP_CHUNK, _BAG_HEADER = 8, 6, 4096
 
-#: What ROS 2 and ROS 1 call the type.
+#: Names of the type in ROS 2 and ROS 1.
 JOINT_STATE = ("sensor_msgs/msg/JointState", "sensor_msgs/JointState")
 
 _TABLES = tomllib.loads(Path(__file__).with_name("bags.toml").read_text(encoding="utf-8"))
@@ -68,7 +68,7 @@ def split_topic(path: str | Path) -> tuple[Path, str]:
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path is, or by its name wants to be, a bag."""
+    """Return whether a path is a bag, or has the name of one."""
     try:
         return path.suffix.lower() in BAGS or (path / "metadata.yaml").is_file()
     except OSError:  # no name of a file
@@ -246,7 +246,7 @@ def _add_commands(reader: Any, frame: pd.DataFrame, topic: str) -> None:
             names = getattr(message, names_of) if names_of else numbered(len(q))
             yield names, {"cmd": q, "dq_cmd": dot}
 
-    table = _table(told()).dropna(axis=1)  # velocities that nobody commands
+    table = _table(told()).dropna(axis=1)  # velocities without a command
     if when:
         last = np.searchsorted(when, frame.attrs["recorded"], side="right") - 1
         held = np.where((last < 0)[:, None], np.nan, table.to_numpy()[last])

@@ -39,7 +39,8 @@ _MAT_HEADER, _COMPRESSED, _STEP = 128, 15, 1 << 20
 #: Orders of bytes, by the last two letters of the header.
 _ORDERS: Mapping[bytes, Literal["little", "big"]] = {b"IM": "little", b"MI": "big"}
 
-#: Bytes of XML that any workbook may have, and cells, empty ones included, beside those of its XML.
+#: Bytes of XML that any workbook may have; and most cells, including empty ones, in addition to
+#: those of its XML.
 SHEETS, CELLS = 8_000_000, 200_000
 
 #: Texts of cells that hold nothing, as pandas reads them, and errors of formulas.
@@ -84,7 +85,7 @@ def read_mat(path: Path, _: Conventions) -> Whole:
         raise LogError(Finding("arrays.matlab", path))
     check_unpacked(path, _count_matlab(path))
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # on objects of MATLAB's own, which hold no arrays
+        warnings.simplefilter("ignore")  # on MATLAB objects, which hold no arrays
         arrays = loadmat(path, simplify_cells=True)
     return frame_of(arrays, str(path)), PLAIN, hash_files(path)
 

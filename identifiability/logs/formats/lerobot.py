@@ -33,10 +33,10 @@ if TYPE_CHECKING:
 
     from identifiability.logs.conventions import Conventions
 
-#: Where a folder says that it is a dataset.
+#: File that marks a folder as a dataset.
 INFO = Path("meta") / "info.json"
 
-#: Columns that are read, and the channel of a log that their values are unless names say otherwise.
+#: Columns that are read, and the channel of their values, unless their names state another.
 FEATURES = {
     "observation.state": "q",
     "observation.velocity": "dq",
@@ -55,7 +55,7 @@ _EPISODES = re.compile(r"(\d{1,9})(?:-(\d{1,9}))?")
 
 
 def is_dataset(path: Path) -> bool:
-    """Whether a folder, with episodes behind a colon or without, is a LeRobot dataset."""
+    """Return whether a folder, with episodes behind a colon or without, is a LeRobot dataset."""
     try:
         return (split_episodes(path)[0] / INFO).is_file()
     except OSError:  # no name of a file
@@ -76,7 +76,7 @@ def list_episodes(path: str | Path) -> list[Path]:
     Raises
     ------
     LogError
-        If there is none, or the folder is of another version.
+        If there is no episode, or the folder has another version.
     """
     folder, text = split_episodes(path)
     info = _read_info(folder)
@@ -124,7 +124,7 @@ def read_episode(path: str | Path) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        ``t`` [s], ``<joint>.q`` and ``<joint>.cmd`` in the dataset's unit, and what else there is.
+        ``t`` [s], ``<joint>.q`` and ``<joint>.cmd`` in the dataset's unit, and further columns.
 
     Raises
     ------
@@ -147,7 +147,7 @@ def read_episode(path: str | Path) -> pd.DataFrame:
         )
     number = int(split_episodes(episodes[0])[1])
     info = _read_info(folder)
-    # In v2 each has a file of its own: else a thousand files are opened a thousand times.
+    # In v2 each episode has a file: else a thousand files are opened a thousand times.
     files = [str(f) for f in (folder / "data").glob(f"*/episode_{number:06d}.parquet")]
     data = ds.dataset(files or folder / "data", format="parquet")
     for file in data.files:

@@ -19,15 +19,15 @@ if TYPE_CHECKING:
     from identifiability.logs.conventions import Conventions
 
 
-#: What is read: a table, how it was written, and the SHA-256 of what was read.
+#: The result of a reader: a table, its format, and the SHA-256 of its bytes.
 Whole: TypeAlias = "tuple[pd.DataFrame, Form, str]"
 
 Read: TypeAlias = "Callable[[Path, Conventions], Whole]"
 
-#: What is said where nothing lies.
+#: Error if there is no file.
 MISSING = "There is no log file '{}'; give a CSV or Parquet file."
 
-#: What can be read, for sentences.
+#: Readable formats, for sentences.
 READ = (
     "tables of text (.csv, .tsv, .txt …), Parquet, .npz, .mat, .xlsx, ROS bags (.mcap, .db3, .bag) "
     "and folders of LeRobot are read"
@@ -41,11 +41,11 @@ class Reader:
     Attributes
     ----------
     kind : str
-        What sentences call it.
+        Name of the format in messages.
     suffixes : tuple of str
         Of its files.
     read : callable(Path, Conventions) -> (DataFrame, Form, str)
-        Returns the table, how it was written, and the hash of what was read.
+        Returns the table, its format, and the hash of its bytes.
     sniff : callable(Path) -> bool
         Whether something without such a suffix is of this format.
     place : callable(Path) -> Path
@@ -115,7 +115,7 @@ def check_there(path: Path) -> None:
     try:
         there = place.exists()
         other = there and not place.is_file() and not place.is_dir()
-    except OSError:  # no name of a file; its reader says why
+    except OSError:  # no name of a file; its reader states why
         return
     if not there:
         raise LogError(MISSING.format(place))
@@ -157,7 +157,7 @@ def check_text(path: Path, start: str) -> None:
         )
 
 
-#: Bytes that any file may unpack to, and how many times its own size larger files may.
+#: Unpacked size that any file may have, and the largest ratio to its size for larger files.
 UNPACKED, TIMES = 64_000_000, 100
 
 

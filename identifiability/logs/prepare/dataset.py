@@ -33,10 +33,10 @@ from identifiability.robot.floating import SIX, closed_contacts, wrench_torque
 
 from .preparation import Plan, Preparation, joint_log, make_plan, smoothed
 
-# `Survey`: what there is to know of a prepared log as a whole.
+# `Survey`: the summary of a prepared log.
 #
-# Here it is said once whether logs have anything to explain (`find_signal`, `explain_silence`):
-# ε_RA has no denominator where they have not, and nothing is fitted to them.
+# It is decided here whether logs have any information (`find_signal`, `explain_silence`). Without
+# any, ε_RA has no denominator and nothing is fitted.
 
 
 #: Rows of a log, from the first to the last (exclusive).
@@ -75,7 +75,7 @@ def stands_still(surveys: Sequence[Survey]) -> Array:
     """Return which actuated joints are at one place in these logs, (n,) bool."""
     low = np.min([s.low for s in surveys], axis=0)
     high = np.max([s.high for s in surveys], axis=0)
-    # The joints that stand for a base are at zero wherever it goes.
+    # The joints of a base have position zero for any motion of the base.
     based = (low[0] == 0.0) & (high[0] == 0.0) & ~never_moves(low[2], high[2])
     still: Array = never_moves(low[0], high[0]) & ~based
     return still
@@ -256,7 +256,7 @@ class Dataset:
 
     @property
     def long(self) -> bool:
-        """Whether it has so many rows that they stay on the disk."""
+        """Return whether it has so many rows that they stay on the disk."""
         return is_long(len(self.tau))
 
     def divided(self) -> list[Dataset]:
@@ -324,7 +324,7 @@ class Dataset:
             raw = p.raw
             where = p.moves
             rows = rows + where.sum(0)
-            # As measured: what is low-passed changes beside rows that are no data.
+            # As measured: low-passed torque changes near rows that are no data.
             low = raw.min(0, initial=np.inf, where=where)
             ends.append(np.stack([low, raw.max(0, initial=-np.inf, where=where)]))
         low, high = np.stack(ends, 1)
@@ -549,7 +549,7 @@ def check_left(name: str, left: int, total: int, notes: Sequence[str]) -> None:
 # From a `Log` to a `Dataset`.
 
 
-#: Samples that are prepared at a time, at least in units of what filters draw on.
+#: Number of samples to prepare at a time, at least in units of the reach of the filters.
 MARGINS = 4
 
 
@@ -652,7 +652,7 @@ def require_signal(samples: Sequence[Dataset], done: str) -> None:
     ----------
     samples : sequence of Dataset
     done : str
-        What cannot be done, as a participle.
+        The refused step, as a participle.
 
     Raises
     ------

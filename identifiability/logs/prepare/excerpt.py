@@ -44,7 +44,7 @@ def prepare_excerpt(
     if how is None:
         factor = find_factor(log)
         how = Preparation(decimate=factor) if factor > 1 else Preparation()
-    # So many times as many samples are read, in longer stretches.
+    # This many times as many samples are read, in longer stretches.
     read = 40
     if log.long and len(log) > read * most:
         windows = spread(len(log), read * STRETCH, most // STRETCH)
@@ -63,7 +63,7 @@ def thin_prepared(
         The log, prepared as a whole.
     log : Log
     asked : Preparation or None
-        What the user asked for.
+        Options of the user.
     most : int
         Rows after decimation.
     """
@@ -86,7 +86,7 @@ def find_factor(log: Log) -> int:
     band = RULES.cutoff_wide * bandwidth_of_windows([w.q for w in windows], step)
     cutoff = min(max(band, RULES.cutoff_lowest), RULES.cutoff_highest / step)
     factor = int(0.5 / (cutoff * step))
-    # Of a short part of a log enough must be left.
+    # A short part of a log must keep enough rows.
     while factor > 1 and signals.Decimation(factor).outputs(len(log)) < RULES.fewest:
         factor -= 1
     return max(factor, 1)

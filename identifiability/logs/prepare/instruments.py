@@ -41,7 +41,7 @@ def add_instrument(
     ----------
     robot : Robot
     log : Log
-        What the samples were prepared from.
+        Log of the samples.
     samples : Dataset
     always : bool
         Also of logs whose torque was measured.
@@ -53,7 +53,7 @@ def add_instrument(
     motion = complete_along(robot, samples.motion, record)
     if motion is None:
         return None
-    # Both have one sign: what is left of an expected sign depends on neither.
+    # Both have one sign: the error of an expected sign depends on neither.
     motion = replace(motion, smooth_v=samples.motion.smooth_v)
     return replace(
         samples,

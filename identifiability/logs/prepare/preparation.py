@@ -43,7 +43,7 @@ from identifiability.logs.spectrum import (
 from identifiability.robot import Robot
 from identifiability.robot.floating import BASE_JOINTS, SIX, base_acceleration
 
-# Velocities that were measured with noise are smoothed: signs of speed are taken of what is left.
+# Noisy measured velocities are smoothed before their signs are used.
 
 
 @frozen
@@ -86,8 +86,7 @@ class Smoothing:
         cutoff = min(max(RULES.cutoff_wide * band, RULES.cutoff_lowest), 0.45 / dt)
         sd = np.sqrt(2 * cutoff * dt) * level
         at_rest = np.sqrt(np.mean([noise_at_rest(x) for x in windows], axis=0))
-        # Noise at rest of less than this share of that in motion (rms) cannot be told
-        # from none.
+        # Noise at rest below this share of that in motion (rms) counts as none.
         at_rest[~noisy | (at_rest < 0.3 * level)] = 0.0
         raw = at_rest <= sd
         return None if not at_rest.any() else Smoothing(cutoff, np.minimum(at_rest, sd), raw)
@@ -98,10 +97,10 @@ class Smoothing:
         return np.stack([smooth, np.broadcast_to(self.sd, x.shape)], axis=1)
 
 
-# `Plan`: what was decided about the preparation of a log once; `DwellRule`: where joints stand.
+# `Plan`: decisions about the preparation of a log; `DwellRule`: joints at rest.
 
 
-#: Below so many standard deviations the sign of a speed is in doubt.
+#: Below this number of standard deviations the sign of a speed is uncertain.
 UNSURE: Tolerance = 3.0
 
 #: Samples of a dwell at least.
@@ -204,7 +203,7 @@ class Stays:
         typical = np.full(len(never), np.inf)  # of a Gaussian the median is .67 of its spread
         typical[~never] = np.nanmedian(moving[:, ~never], axis=0) / 0.6745
         typical = np.where(typical > 0, typical, np.inf)
-        # How often a speed that says nothing is halved; noise of the record hides slower ones.
+        # Number of halvings of the speed at rest; noise of the record hides slower ones.
         creep = np.maximum(creep / 2.0 ** np.arange(6)[:, None], 4.0 * plan.speed_noise(windows))
         creep[:, never] = np.inf
         return Stays(plan, tuple(v for _, v, _ in parts), creep, typical, never)
@@ -218,7 +217,7 @@ class Stays:
         slowest = 0.32 / np.sqrt(rare) * np.where(self.never, np.inf, self.typical)
         crossing = 2 * np.where(self.never, 0.0, self.creep) / slowest
         blurred = 0.0 if cutoff is None else 1.0 / cutoff
-        told = crossing >= blurred  # below, the filter tells nothing apart
+        told = crossing >= blurred  # the filter cannot resolve slower ones
         told[0] = True
         creep, crossing = (np.where(told, x, x[0]) for x in (self.creep, crossing))
         longer = np.maximum(np.ceil(crossing / step), SEVERAL).astype(int)
@@ -473,7 +472,7 @@ def joint_log(robot: Robot, log: Log) -> Log:
         q_ref=q_ref,
         dq_ref=rate(log.dq_ref),
         tau_ff=None,
-        # Torque of a joint is what all its motors give.
+        # Torque of a joint is the sum over its motors.
         unmeasured=None if gone is None else gone @ (gear.coupling != 0),
     )
     return _on_base(robot, changed)
@@ -506,7 +505,7 @@ def has_motors(robot: Robot, log: Log) -> bool:
     return gear is not None and all(m in log.joints for m in gear.motors)
 
 
-# Where decisions about a log are made, and what is decided about the samples that are lost.
+# The windows of a log for decisions, and the decisions about lost samples.
 
 
 @frozen
@@ -595,14 +594,14 @@ def plan_gaps(plan: Plan, gaps: Gaps, samples: int) -> Plan:
     )
 
 
-# How a log is turned into motion: what is asked for, and the plan that is made of it once.
+# Turn a log into motion: the requested options, and the plan that follows from them.
 #
-# Everything that must be the same all along a log (cut-off, sampling step, when a joint stands,
-# decimation) is decided on a bounded number of samples, so that a log can then be prepared in any
-# parts with the result that it would have as a whole.
+# Some decisions must hold all along a log: cut-off, sampling step, joints at rest, decimation. They
+# are made on a bounded number of samples. A log can then be prepared in any parts, with the same
+# result as for the whole log.
 
 
-#: So few samples do not tell noise from the motion.
+#: Fewer samples do not separate noise from motion.
 SHORT = 4 * ORDER
 
 
@@ -793,7 +792,7 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
     Raises
     ------
     LogError
-        If the log does not fit the robot or what is asked for.
+        If the log does not fit the robot or the requested options.
     """
     log = smoothed(robot, log, how)
     filtered = is_filtered(log, how)
@@ -841,8 +840,8 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
         stands = how.stands if isinstance(how, CommonPreparation) else None
         stands = ever_stand([stays]) if stands is None else stands
         dwells = stays.rule()
-        # Reversals are data unless a joint ever stands. What friction does as a joint turns, a
-        # rollout does, too, and calibrated torque lacks.
+        # Reversals are data unless a joint ever stands. For commanded robots they are always data:
+        # a rollout has the same friction at reversals, so calibrated torque lacks it.
         if stands and not of_commands(log):
             dwells = replace(dwells, turning=max(1, dwells.beside))
     return replace(

@@ -100,7 +100,21 @@ def _answer_load(result: Load) -> Answer:
     question = sentence("payload.load", "question", body=result.body)
     if not result.mass.told:
         return Answer(question, result.answer, "", "amber")
-    return Answer(question, result.answer, sentence("payload.how", "proportional"), "blue")
+    return Answer(question, result.answer, _state_readings(result), "blue")
+
+
+def _state_readings(result: Load) -> str:
+    """Return the mass as measured, and what torque constants that are off make of it."""
+    scale, raw, mass = result.scale, result.as_measured[0], result.mass
+    measured_mass = measured(raw.value, raw.half, "kg")
+    if np.isnan(scale.ratio):
+        return sentence("payload.scale", "prior", percent=100.0 * scale.sd, raw=measured_mass)
+    low, high = scale.ratio_interval
+    about = {"ratio": scale.ratio, "low": low, "high": high, "raw": measured_mass}
+    if not scale.contradicts:
+        return sentence("payload.scale", "agrees", **about)
+    corrected = measured(mass.value, mass.half, "kg")
+    return sentence("payload.scale", "contradicts", **about, value=corrected)
 
 
 def _answer_known(result: Load) -> Answer:
@@ -120,6 +134,8 @@ def _answer_trust(result: Load) -> Answer:
         part, text = "one", sentence(about, "motion")
     if any(change.kind == "load" for change in changes):
         part, text = "loads", ""
+    if result.scale.contradicts:
+        part = "scale"
     if result.warnings:
         part = "warning"
     if result.caveats:

@@ -126,8 +126,8 @@ class Series:
 def _from_rest(amplitude: Array) -> Array:
     """Return the nearest velocity amplitudes (…, 2H) that begin without speed or acceleration.
 
-    The amplitudes are those of sines and cosines of position, so the first sum up to no speed, and
-    the second, times their harmonics, to no acceleration.
+    The amplitudes are those of sines and cosines of position. The first are changed so that the
+    starting speed is zero. The second are changed so that the starting acceleration is zero.
     """
     sin, cos = np.split(amplitude, 2, axis=-1)
     order = np.arange(1, sin.shape[-1] + 1)
