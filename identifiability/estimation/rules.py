@@ -52,7 +52,7 @@ class Rules(RuleTable):
     simpler: Annotated[float, "nats within which fewer columns go first, derived"] = 3.0
     rival: Annotated[float, "nats within which it is A or B, derived"] = 4.0
     law_error: Annotated[Share, "largest error of a law by gain in its joint, calibrated"] = 0.15
-    smooth_price: Annotated[float, "gain of a function from noise alone [nat], calibrated"] = 6.0
+    smooth_price: Annotated[float, "gain that a slow function must exceed [nat], calibrated"] = 6.0
     unlikely: Annotated[float, "log odds of no alternative to speak of, by hand"] = -6.0
     grades: Annotated[
         tuple[float, float, float, float],
