@@ -69,5 +69,6 @@ def test_every_verb_takes_the_same_band(two_link, coarse, verb, monkeypatch):
         result.predict(other) if verb == "predict" else payload(robot, result, other)
     cutoff = 5.65
     if verb in ("compare", "inspect"):
-        cutoff = analyze(robot, asked, "none", replicates=0).samples[0].cutoff
+        # Logs after are compared in the band of the logs before.
+        cutoff = analyze(robot, asked[:1], "none", replicates=0).samples[0].cutoff
     assert {how.cutoff for how in taken} == {cutoff}

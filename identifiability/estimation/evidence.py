@@ -62,6 +62,9 @@ class Levels:
         one is below.
     rise : float
         *As good* if neither, and the error surely rises by less than this share.
+    least_rise : float
+        Rise of an error [share of the torque, rad or m] that is none. A noise-free log of the
+        robot's own file shows errors of rounding alone.
     nats : float
         The smallest model within so many nats of the best predictive log density is used, or one
         that is as good as the best.
@@ -73,6 +76,7 @@ class Levels:
 
     confidence: float = 0.95
     rise: float = 0.02
+    least_rise: float = 5e-4
     nats: float = 2.0
     folds: int = 10
     fewest: int = 5

@@ -58,7 +58,7 @@ def test_a_result_of_another_robot_is_refused(exported, command, tmp_path):
     path = result.to_json(tmp_path / "result.json")
     run = command("export", "two-link", path, "--out", tmp_path / "x.xml")
     assert run.exit_code == 2
-    assert "is about '3-rps'" in run.output
+    assert "made with ('3-rps', sha256" in run.output
     path.write_text(json.dumps({"robot": {"name": "3-rps"}}))
     run = command("export", "3-rps", path, "--out", tmp_path / "x.xml")
     assert "holds no real robot to be exported" in run.output.replace("\n", " ")

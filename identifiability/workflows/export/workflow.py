@@ -346,7 +346,7 @@ def export(
         return _describe(robot, content, given, Written(write_isaaclab(robot, given, content, out)))
     rises = _state_rises(own, content, wanted, out.name)
     if rises and not force:
-        raise IdentifiabilityError(phrase("exported", "errs_more", rises=rises))
+        raise IdentifiabilityError(phrase("exported", "errs_more", rises=" ".join(rises)))
     write, unseen = _prepare_writing(robot, content, given), None
     if list_logs(validate):
         with temporary_folder() as folder:
@@ -388,7 +388,9 @@ def _state_rises(robot: Robot, content: ResultEntry, kind: Kind, name: str) -> t
         errors = {rows: (new.get(kind), own.get(kind)) for rows, (new, own) in pairs.items()}
     said = []
     for rows, (new, before) in errors.items():
-        if new is not None and before is not None and new > (1.0 + LEVELS.rise) * before:
+        if new is None or before is None:
+            continue
+        if new > (1.0 + LEVELS.rise) * before + LEVELS.least_rise:
             both = {"file": name, "new": new, "own": robot.path.name, "before": before}
             said.append(phrase("errs_more", rows, **both))
     return tuple(said)
