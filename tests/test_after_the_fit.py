@@ -45,7 +45,7 @@ def test_a_fit_read_back_has_the_same_tables_and_a_short_name(result, robot, tmp
     told = Analysis.from_json(path)  # what it says, without the robot
     assert told.to_json(tmp_path / "again.json").read_text() == path.read_text()
     assert list(told.to_frame().index) == list(result.to_frame().index)
-    with pytest.raises(AttributeError, match="reads what predicts"):
+    with pytest.raises(AttributeError, match="reads the fitted model"):
         told.predict(LOGS[2])
     back = Analysis.from_json(path, robot)
     sd = np.sqrt(np.diag(result.covariance_frame()))

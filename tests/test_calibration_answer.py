@@ -30,7 +30,9 @@ def test_yes_where_intervals_hold(log):
     assert found.word == "yes"
     first, second, third = found.statement.splitlines()
     assert first.startswith("Yes. Of 95 % intervals of no torque offset, ")
-    assert second.startswith("None of what is called identifiable is off by more than half.")
+    assert second.startswith(
+        "None of the parameters called identifiable are off by more than half."
+    )
     assert third.endswith("This is so if no effect is missing: diagnose looks for one.")
     told = found.to_dict()
     assert (told["answer"], told["statement"]) == ("yes", found.statement)
@@ -43,7 +45,7 @@ def test_no_where_noise_remembers_longer_than_the_log(log):
     noisy = replace(exact, tau=exact.tau + 0.05 * exact.tau.std() * slow)
     found = calibrate(analyze("two-link", noisy, replicates=60), **FEW)
     assert found.word == "no"
-    assert "give longer logs" in found.statement
+    assert "Give longer logs" in found.statement
 
 
 def cell(coverage, *, se=0.005, wrong=(0.0, 0.0, 0.01), single=(0.95, 0.9, 0.99), silent=0.0):

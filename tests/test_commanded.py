@@ -431,7 +431,7 @@ def test_gains_that_nobody_states_are_found_and_one_known_body_fixes_their_scale
     arm, unstated, frames, tmp_path
 ):
     assert unstated.servo.unknown.all()
-    with pytest.raises(IdentifiabilityError, match="logs of commands shall tell"):
+    with pytest.raises(IdentifiabilityError, match="to be found from logs of commands"):
         move(unstated, frames[1])
     log = read(arm, frames[0])
     shares = file_shares(unstated)

@@ -130,7 +130,7 @@ def test_the_choice_is_printed_without_being_asked_for(simulated_session, succee
     noisy, _ = disturb(simulated_session("two-link", "a", noise=Noise()), "multiplicative", 0)
     noisy.to_frame().to_csv(tmp_path / "run.csv", index=False)
     said = " ".join(succeeds("analyze", "two-link", tmp_path / "run.csv").output.split())
-    assert "Note: The motion that is fitted is a" in said
+    assert "Note: The fit uses a" in said
 
 
 def test_what_was_chosen_is_said_and_another_record_can_be_asked_for(simulated_session):

@@ -172,7 +172,7 @@ def _refuse(robot: Robot, _place: str) -> str:
 
 
 @declare(
-    "an inertial sensor mounted otherwise than stated",
+    "a mounting of the inertial sensor other than stated",
     lambda robot: () if robot.base is None else (BASE,),
     against="time",
     refuse=_refuse,

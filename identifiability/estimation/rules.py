@@ -47,16 +47,12 @@ class Rules(RuleTable):
     columns_most: Annotated[
         float, "columns of the noise-free part, as a share of rows, by hand"
     ] = 0.45
-    name: Annotated[float, "log odds that name what a model lacks, on fitted rows, derived"] = 1.0
+    name: Annotated[float, "log odds that name a missing effect, on fitted rows, derived"] = 1.0
     keep: Annotated[float, "and how much more with unseen rows keeps it [nat], derived"] = 2.0
     simpler: Annotated[float, "nats within which fewer columns go first, derived"] = 3.0
     rival: Annotated[float, "nats within which it is A or B, derived"] = 4.0
-    law_error: Annotated[
-        Share, "error of a law at most, of what names in its joint gain, calibrated"
-    ] = 0.15
-    smooth_price: Annotated[
-        float, "what a function explains beside the noise [nat], calibrated"
-    ] = 6.0
+    law_error: Annotated[Share, "largest error of a law by gain in its joint, calibrated"] = 0.15
+    smooth_price: Annotated[float, "gain that a slow function must exceed [nat], calibrated"] = 6.0
     unlikely: Annotated[float, "log odds of no alternative to speak of, by hand"] = -6.0
     grades: Annotated[
         tuple[float, float, float, float],
@@ -77,9 +73,7 @@ class Rules(RuleTable):
     constants_within: Annotated[
         float, "torque constants are right to this share, one standard deviation, by hand"
     ] = 0.1
-    sigma_other: Annotated[
-        float, "share of σ from which on what else moves a value is said, by hand"
-    ] = 0.5
+    sigma_other: Annotated[float, "share of σ from which other causes are reported, by hand"] = 0.5
 
 
 RULES = Rules()

@@ -320,7 +320,7 @@ class Resumed(Engine):
         try:
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             if self.folder.stat().st_mode & 0o002:
-                why = "it can be written to by everybody, and what it keeps is run as a program"
+                why = "everybody can write to it, and its files are run as programs"
         except (OSError, ValueError) as error:
             why = getattr(error, "strerror", None) or error
         if why:

@@ -197,4 +197,4 @@ def ledger(said: Iterable[str], *, every: bool = False) -> tuple[Table, ...]:
             touched = listing(found.numbers.get("columns", ()), 4)
             count = str(found.numbers.get("rows", ""))
             rows.append((found.key, found.subject, count, touched, found.done or "said"))
-    return (Table.of("What was done with the logs", columns, rows),) if rows else ()
+    return (Table.of("Changes made to the logs", columns, rows),) if rows else ()

@@ -73,7 +73,7 @@ def check_ending(path: FilePath, *endings: str) -> None:
     """
     if Path(path).suffix.lower() not in endings:
         known = ", ".join(endings[:-1]) + " or " * (len(endings) > 1) + endings[-1]
-        raise OutputError(f"'{path}' does not end in {known}, as what is written there does.")
+        raise OutputError(f"'{path}' does not end in {known}; give one of these endings.")
 
 
 def check_apart(outputs: Iterable[str | Path], inputs: Iterable[str | Path]) -> None:

@@ -112,7 +112,7 @@ def read_base(base: Base, t: Array, values: Values, source: str) -> tuple[Array,
             _mean_acceleration(acc, omega, t) if turn is None else (turn, turn.apply(acc).mean(0))
         )
         _check_gravity(base, t, slow, source)
-        note = "the base's motion is what its inertial sensor says"
+        note = "the base's motion is measured by its inertial sensor"
     elif turn is not None and place is not None:
         omega = _spin(turn, step)
         velocity = signals.differentiate(place, step)
@@ -121,9 +121,10 @@ def read_base(base: Base, t: Array, values: Values, source: str) -> tuple[Array,
     else:
         has = f" (it has {listing(sorted(values))})" if values else ""
         raise LogError(
-            f"{source} does not say how the base moved{has}: give what its inertial sensor read, "
-            "'base.acc.x' … 'base.gyro.z', or its pose, 'base.x' … 'base.z' and 'base.qw' … "
-            "'base.qz'; if the robot hung on a stand, say base = \"fixed\" in its sidecar."
+            f"{source} does not say how the base moved{has}: give the readings of its inertial "
+            "sensor, 'base.acc.x' … 'base.gyro.z', or its pose, 'base.x' … 'base.z' and "
+            "'base.qw' … 'base.qz'; if the robot hung on a stand, say base = \"fixed\" in its "
+            "sidecar."
         )
     if turn is None:
         up = turned.inv().apply(slow)
@@ -214,7 +215,7 @@ def _check_gravity(base: Base, t: Array, slow: Array, source: str) -> None:
     if not 0.5 <= found / fall <= 2.0:
         raise LogError(
             f"{source}: the acceleration of the base averages {found:.2g} and not the {fall:.3g} "
-            "m/s² of gravity, which a sensor feels as it does not fall: give what it reads itself, "
+            "m/s² of gravity, which a sensor feels as it does not fall: give its raw readings, "
             "'base.acc.x' … in m/s² and 'base.gyro.x' … in rad/s."
         )
 

@@ -362,7 +362,7 @@ def _convert_torque(
     changed = [f"{j}: {f:.6g}" for j, f in factors.items() if f != 1.0 or given[j].current]
     currents = any(c.current for c in given.values())
     what = "torques are currents times" if currents else "torques were multiplied by"
-    notes = [f"{what} what the sidecar says ({listing(changed, 4)})"] if changed else []
+    notes = [f"{what} the values of the sidecar ({listing(changed, 4)})"] if changed else []
     return out, [*notes, BEHIND] if torque.side == "link" else notes
 
 
@@ -389,7 +389,7 @@ def _tell(
         "columns were renamed ({})": [
             f"{a.strip()} is {b}" for a, b in names.items() if a.strip() != b
         ],
-        f"columns were taken for what their names usually mean: {{}}{how}": [
+        f"columns were read by the usual meaning of their names: {{}}{how}": [
             f"{'its index' if c.source == INDEX else repr(c.source)} as {c.name}"
             for c in own
             if not c.literal
@@ -485,7 +485,7 @@ def _in_order(loose: Sequence[Column], source: str, known: Conventions) -> list[
         return []
     columns = [g.source for g in loose]
     raise LogError(
-        f"{source} numbers its joints otherwise than the robot has them ({listing(columns)}; the "
+        f"{source} numbers its joints differently from the robot ({listing(columns)}; the "
         f"robot has {count}: {listing(known.joints)}); say which is which, as in "
         f"{_map_word(columns[0], f'{known.joints[0]}.{kind}')}."
     )
@@ -622,7 +622,7 @@ def tell_missing(
         source,
         missing=listing(missing, 4),
         near=near_match(missing[0], free),
-        locks=f" Lock what does not move: {' '.join(options)}." if some else "",
+        locks=f" Lock joints that do not move: {' '.join(options)}." if some else "",
         maps=f" If one of {others} is it, add {_map_word('OLD', first)}." if free else RECORD,
     )
 

@@ -87,9 +87,9 @@ def _check_angles(robot: Robot, windows: Sequence[Log]) -> None:
             joint, (low, high) = windows[0].joints[odd[0]], robot.limits[odd[0]]
             raise LogError(
                 f"{windows[0].name}: {_span(joint, columns[odd[0]])}, and the joint's limits are "
-                f"{low:.4g} … {high:.4g} rad: it {why} what ticks or normalised units are: "
-                f"[columns] {joint} = {{scale = …, offset = …}} in the sidecar (rad = scale × "
-                "value + offset)."
+                f"{low:.4g} … {high:.4g} rad: it {why} state the scale of ticks or normalised "
+                f"units: [columns] {joint} = {{scale = …, offset = …}} in the sidecar "
+                "(rad = scale × value + offset)."
             )
 
 
@@ -98,7 +98,7 @@ _DEGREES = (
     'looks like degrees: say --set angles=deg (or angles = "deg" in the sidecar; a unit in the '
     "header goes before both: correct that), or --set angles=rad if they are rad, or"
 )
-_TICKS = "spans more than twice the joint's limits; say"
+_TICKS = "spans more than twice the joint's limits;"
 
 
 def _beyond(q: Array, low: float, high: float) -> bool:

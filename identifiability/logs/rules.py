@@ -14,12 +14,10 @@ class Rules(RuleTable):
 
     fewest: Annotated[int, "fewer samples say nothing about any robot, by hand"] = 20
     largest: Annotated[float, "no time, position or torque in SI units is larger, reasoned"] = 1e12
-    small: Annotated[float, "what is this share of the whole, or of a rad, is little, by hand"] = (
-        0.01
-    )
+    small: Annotated[float, "this share of the whole, or of a rad, is little, by hand"] = 0.01
     negligible: Annotated[float, "noise below this share moves no value, by hand"] = 1e-3
     nearly_all: Annotated[float, "share that counts as nearly all, by hand"] = 0.9
-    unexplained: Annotated[float, "share that what is told of columns may leave, by hand"] = 0.2
+    unexplained: Annotated[float, "share that conventions of columns may leave, by hand"] = 0.2
     unit_factor: Annotated[float, "a file's masses are hardly wrong by so much, by hand"] = 5.0
     steps: Annotated[tuple[float, float], "usual steps of a log [s], by hand"] = (5e-5, 0.5)
     epoch: Annotated[

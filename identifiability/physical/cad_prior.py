@@ -172,7 +172,7 @@ class WithFile:
     def words(self) -> str:
         """The prior belief about the file, in words."""
         if not self.share:
-            return "what the sidecar states of bodies and parameters"
+            return "the values of bodies and parameters in the sidecar"
         return f"that bodies are within {100 * self.share:g} % of the robot file's"
 
     @property
@@ -382,9 +382,9 @@ def state_mass(robot: Robot, parameters: Mapping[str, float], cad_weight: float 
     if alike or robot.guessed or not (stated > 0 and mass_rows(robot, parameters)):
         return ""
     return (
-        f"The nearest real robot weighs {mass:.4g} kg, that of the robot file {stated:.4g} kg: "
-        "identified masses disagree with the file's; look whether a mass of the file, gravity (its "
-        "direction, a compensation), a unit, a torque scale or an encoder's zero is wrong, or "
+        f"The nearest physically consistent robot weighs {mass:.4g} kg, that of the robot file "
+        f"{stated:.4g} kg: identified masses disagree with the file's. Check a mass of the file, "
+        "gravity (its direction, a compensation), a unit, a torque scale and an encoder's zero. Or "
         f"--set cad_prior={10 * cad_weight or WEAK:g} keeps it nearer to the file's proportions."
     )
 

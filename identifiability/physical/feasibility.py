@@ -125,8 +125,8 @@ def find_impossible_bodies(robot: Robot) -> str:
     if not faults:
         return ""
     return (
-        f"{describe_faults(faults)} Correct <inertial> there: the nearest real robot, its prior "
-        "and every comparison with the file rest on it."
+        f"{describe_faults(faults)} Correct <inertial> there: physically consistent values, "
+        "their prior and every comparison with the file rest on it."
     )
 
 
@@ -276,7 +276,7 @@ def find_nearest(model: FittedModel, cad_weight: float = WEAK) -> PhysicalResult
     try:
         nearest = _projection(model, cad_weight).solve(data)
     except ValueError as error:
-        return replace(found, sentence=f" The nearest real robot was not found: {error}")
+        return replace(found, sentence=f" No physically consistent values were found: {error}")
     nearest = replace(nearest, phi=leave_to_terms(structure, data.R, nearest.phi))
     phi = dict(zip(structure.columns, nearest.phi, strict=True))
     every = [phi, *file_values(structure.robot, phi)]

@@ -181,7 +181,7 @@ class ReadingCandidates:
         pairs = zip(self.names, factors, strict=True)
         each = ", ".join(f"{name} {x:.2g}" for name, x in pairs if np.isfinite(x))
         yield self._other(
-            f"Torque is so many times what the robot file asks for: {each}",
+            f"Torque is a multiple of the torque that the robot file predicts: {each}",
             CORRECT_GEARS,
             factor=np.where(shows, mean / factors, 1.0),
             fitted_numbers=len(self.names) - 1,

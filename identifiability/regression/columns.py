@@ -134,7 +134,7 @@ def _refuse(robot: Robot, family: Family, present: Present, fixed: bool) -> str:
     if not fixed and all((family.name, place) in present for place in places):
         return HAS
     if family.fixed_only and not fixed and any(name == "rigid_body" for name, _ in present):
-        return "every mass is refitted, so it cannot be told from the bodies' own parameters"
+        return "every mass is refitted, so it cannot be separated from the parameters of the bodies"
     return ""
 
 

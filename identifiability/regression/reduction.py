@@ -60,7 +60,7 @@ class ModelEntry(BaseModel):
     name: str = key("Its name.", min_length=1)
     description: str = key("A sentence on it.", "")
     effects: list[str] | None = key(
-        "What its torque is made of, for the first model: an effect everywhere, in some joints "
+        "Effects that make its torque, for the first model: an effect everywhere, in some joints "
         "(`@slider1+slider2`, `@leg*`), with its shape behind a colon.",
         None,
         ["rigid_body", "viscous_friction", "stribeck_friction@slider1:0.02"],
@@ -202,8 +202,8 @@ def free_again(model: ModelLike | None) -> tuple[str, ...]:
     if len(submodels) <= 1 and not any((r.zero or r.hold or r.tie or r.keep) for r in submodels):
         return ()
     return (
-        "Of the model file only the effects were used: what its models leave out, hold or tie is "
-        "free here.",
+        "Of the model file only the effects were used: parameters that its models leave out, "
+        "hold or tie are free here.",
     )
 
 
@@ -263,7 +263,7 @@ def ladder_model(entry: LadderEntry) -> Model:
     if later:
         raise ModelError(
             f"The model '{later[0]}' names effects, but a ladder reduces one model: name all "
-            "effects in its first model and zero or tie what the others leave out."
+            "effects in its first model and zero or tie the parameters that the others leave out."
         )
     model = Model.of(*(first.effects if first.effects is not None else DEFAULT_EFFECTS))
     return replace(model, random=first.random)

@@ -150,7 +150,7 @@ class BaseParameters:
 
     def _repr_html_(self) -> str:
         total = len(self.parameters)
-        said = f"{self.rank} of {total} parameters can be told apart, in these sums:"
+        said = f"{self.rank} of {total} combinations of parameters can be determined:"
         return shown(said, self.to_frame(), "to_frame()")
 
     def to_frame(self) -> pd.DataFrame:

@@ -140,7 +140,7 @@ def comparison_sections(result: Comparison) -> list[Section | None]:
 def diagnosis_heading(d: Diagnosis) -> tuple[str, str]:
     """Return the kind of the page and its subject."""
     about = f"{d.robot.path.name} · model: {', '.join(d.base)}"
-    return "What the model misses", f"{about}{' · values fixed' if d.fixed else ''}"
+    return "Effects that the model lacks", f"{about}{' · values fixed' if d.fixed else ''}"
 
 
 def diagnosis_moving(d: Diagnosis) -> Moving | None:

@@ -401,8 +401,8 @@ class KeptResult(Result):
 
     def __getattr__(self, name: str) -> Any:
         raise AttributeError(
-            f"'{name}' is not kept in {self.path}: from_json(path, robot) reads what predicts, "
-            "all else stays in the run that made it."
+            f"'{name}' is not kept in {self.path}: from_json(path, robot) reads the fitted "
+            "model, all else stays in the run that made it."
         )
 
 

@@ -399,7 +399,9 @@ def _refuse_loose(robot: Description, count: int) -> NoReturn:
         advice += "loop; write a ball that is driven as three hinges in one body."
     if single:
         locks = listing([option_for_shell("--lock", name) for name in single], between=" ")
-        advice += f" What stands still, as a gripper may, is locked: {locks} (or {single[0]}=0.02)."
+        advice += (
+            f" Lock joints that stand still, such as a gripper: {locks} (or {single[0]}=0.02)."
+        )
     raise RobotError(
         f"{robot.path}: {len(robot.dependent)} joints have no actuator ({listing(robot.passive)}) "
         f"and the loops give only {count} independent equations; name the missing actuated joints "
@@ -435,7 +437,7 @@ def _close_home(robot: Description, gap: float, closed: Closed, *, stated: bool)
         such_as = f", such as {', '.join(found)}"
     if stated and robot.mjcf:
         sites = "if an anchor of <connect> is meant there, name two sites instead (site1, site2), "
-        sites += "as it lies where bodies are drawn (all joints at 0), whatever a key says; else "
+        sites += "as it lies where bodies are drawn (all joints at 0, without any key); else "
     raise RobotError(
         f"{robot.path}: the loops are open by {gap:.2g} m at the home position "
         f"({robot.describe_home()}), so their assembly is not determined; {sites}give a position "

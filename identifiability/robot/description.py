@@ -647,7 +647,7 @@ class Description(Stated):
         at = listing(f"{name} = {x:.4g}" for name, x in self.home_table.items())
         return (
             f"{self.path.name} states no home position: the nearest one that closes its loops is "
-            f"used ({at}). If the robot is assembled otherwise, what follows is wrong: state its "
+            f"used ({at}). If the robot is assembled otherwise, the results are wrong: state its "
             "home position."
         )
 

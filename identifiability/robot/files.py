@@ -260,9 +260,9 @@ def _ask_for_base(path: Path, model: Any) -> None:
     if len(legs) > 1 and model.inertias[0].mass:
         raise RobotError(
             f"{path}: its root link '{root}' hangs on nothing and carries the legs "
-            f"{listing(legs, 4)}, so it may walk; if it was bolted down or hung up while it was "
-            f'measured, write base = "fixed" into {path.with_suffix(".toml").name} beside it, and '
-            'base = "floating" if it stood on its own feet.'
+            f"{listing(legs, 4)}, so it may walk. State in "
+            f'{path.with_suffix(".toml").name} how it was measured: base = "fixed" if it was '
+            'bolted down or hung up, base = "floating" if it stood on its own feet.'
         )
 
 

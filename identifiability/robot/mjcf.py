@@ -315,7 +315,7 @@ def find_floating(
     if joint in m.actuator_trnid[np.isin(m.actuator_trntype, _ON_JOINT), 0]:
         raise RobotError(
             f"{path}: the free joint '{m.joint(joint).name}' cannot be actuated; only joints with "
-            "one axis can, and what pushes a base is a measured wrench of the sidecar."
+            "one axis can. State a force on the base as a measured wrench in the sidecar."
         )
     return str(m.joint(joint).name)
 

@@ -129,9 +129,9 @@ class Servo:
             return ""
         more = float(np.max(self.kp)) * self.age  # at half the rate it is twice as old
         return (
-            f"Nobody states how often the servos measure: {self.rate:g} times a second is assumed, "
-            f"and damping (Fv) would be up to {more:.2g} higher at half of that, and as much lower "
-            "if they measured all the time, which intervals allow for; say it in the sidecar "
+            f"Nobody states how often the servos measure: {self.rate:g} times a second is assumed. "
+            f"Damping (Fv) would be up to {more:.2g} higher at half of that, and as much lower if "
+            "they measured all the time. Intervals allow for it; say it in the sidecar "
             "([servo] rate = …) where Fv itself matters, as rollouts hardly change."
         )
 

@@ -161,7 +161,7 @@ ByJoint: TypeAlias = T | dict[str, T] | None
 class ColumnEntry(Strict):
     """Positions and commands of a joint in the logs, in ticks, degrees or normalised units."""
 
-    scale: Factor = key("What one is [rad or m].", 1.0)
+    scale: Factor = key("Size of one unit [rad or m].", 1.0)
     offset: Value = key("Position where the log holds zero [rad or m].", 0.0)
 
 
@@ -211,7 +211,9 @@ class _TransmissionEntry(Strict):
     """Motors that are coupled: motor = ratio ∘ (coupling · (q − offset))."""
 
     motors: Names = key("Their names, also more than there are joints.")
-    coupling: list[list[float]] = key("What a motor turns by per joint.", ..., [[1, 0], [1, 1]])
+    coupling: list[list[float]] = key(
+        "Motion of a motor per motion of each joint.", ..., [[1, 0], [1, 1]]
+    )
     ratio: list[float] | None = key("Ratios of the gears behind that.", None)
     offset: list[float] | None = key("Joint positions where motors are at zero.", None)
 
@@ -246,7 +248,7 @@ class LimitEntry(Strict):
 class _TimeEntry(Strict):
     """The clock of logs."""
 
-    unit: Literal["s", "ms", "us", "ns"] | None = key("Of `t`; else what can only be meant.", None)
+    unit: Literal["s", "ms", "us", "ns"] | None = key("Of `t`; else the only plausible one.", None)
 
 
 class MeasuredTorque(Strict):
@@ -320,8 +322,8 @@ class ImuEntry(Strict):
 
     rotation: Triple = key("Roll, pitch and yaw on the base [rad].", (0.0, 0.0, 0.0))
     place: Triple = key("Where it is on the base [m].", (0.0, 0.0, 0.0))
-    acc_bias: Triple = key("What the accelerometer reads too much [m/s²].", (0.0, 0.0, 0.0))
-    gyro_bias: Triple = key("What the gyroscope reads too much [rad/s].", (0.0, 0.0, 0.0))
+    acc_bias: Triple = key("Bias of the accelerometer [m/s²].", (0.0, 0.0, 0.0))
+    gyro_bias: Triple = key("Bias of the gyroscope [rad/s].", (0.0, 0.0, 0.0))
     fit: list[Mounting] = key(
         "Those that a fit corrects freely; else all, as far as sensors are off.", []
     )
@@ -395,7 +397,7 @@ class Sidecar(Strict):
     effects: Names = key("Effects that are at some places only.", [], ["joint_stiffness@roll"])
     massless: Names = key("Links of a URDF between the axes of one joint, which are no bodies.", [])
     guessed: Names = key("Bodies whose masses in the file are guesses, compared with nothing.", [])
-    inertia_parts: Kinds = key("What an actuator's inertia is made of.", ["Ia"], ["Jr", "Js"])
+    inertia_parts: Kinds = key("Parts of an actuator's inertia.", ["Ia"], ["Jr", "Js"])
     home: Numbers = key(
         "Positions that select the assembly of a closed chain.", {}, {"joint1": 0.3}
     )

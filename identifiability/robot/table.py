@@ -159,7 +159,7 @@ def write_table(table: str | Path | Mapping[str, Any], out: str | Path) -> Strin
         read = read_document(table, Table, "TOML", "DH table", RobotError)
     _check(source, read)
     guessed = [r.name for r in read.links if r.joint and r.mass is None]
-    ball = "has no mass and is taken for a ball of 1 kg; state what is known."
+    ball = "has no mass and is taken for a ball of 1 kg; state the known values."
     notes = (f"{listing(guessed)} {ball}",) if guessed else ()
     top = _urdf(read)
     _check_names(top, source)

@@ -74,8 +74,8 @@ class CommandedRobot:
         if servo.unknown.any():
             raise RobotError(
                 f"The gains of {listing([*compress(robot.joints, servo.unknown)], 4)} in "
-                f"{robot.path} are what logs of commands shall tell, so nothing moves as yet: "
-                "analyze such logs and give the result."
+                f"{robot.path} are to be found from logs of commands, so nothing can move "
+                "yet: analyze such logs and give the result."
             )
         if robot.loops or robot.cables or robot.transmission is not None:
             raise RobotError(

@@ -643,7 +643,7 @@ def take_case(
         return Case(robot, logs, validate, preparation=preparation, use=use)
     if list_logs(logs) or list_logs(validate) or preparation is not None:
         raise OptionError(
-            "A Case was given, and logs or a preparation beside it. A case has its own: make "
+            "A Case was given together with logs or a preparation. A case has its own: make "
             "another one, Case(robot, logs, validate=…), or case.with_(preparation=…)."
         )
     return robot

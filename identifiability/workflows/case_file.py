@@ -53,7 +53,9 @@ class CaseEntry(Strict):
     """A robot, its logs and settings."""
 
     robot: FilePath = key("The robot file, or the name of a shipped robot.", ..., "arm.urdf")
-    sidecar: FilePath | None = key("Its sidecar; else the one beside the robot file.", None)
+    sidecar: FilePath | None = key(
+        "Its sidecar; else the one in the folder of the robot file.", None
+    )
     lock: list[Named] = key(
         "Joints that stand still, each as NAME or NAME=VALUE.", [], ["finger=0.02"]
     )

@@ -31,7 +31,7 @@ def test_a_log_of_another_robot_is_left_out_and_effects_are_named_from_the_other
     )  # fmt: skip
     assert np.isinf(change.start)
     assert np.isinf(change.stop)
-    assert "N·m ± " in d.statement.partition(f" in {logs[1].name}. What was logged meanwhile")[0]
+    assert "N·m ± " in d.statement.partition(f" in {logs[1].name}. The rows logged meanwhile")[0]
     assert [s.name for s in d.samples] == [log.name for log in (logs[0], *logs[2:4])]
     assert d.to_dict()["roles"]["left_out"] == [logs[1].name]
     alone = diagnose("two-link", [logs[0], *logs[2:4]], logs[4:], **few)

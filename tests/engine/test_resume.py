@@ -112,5 +112,5 @@ def test_a_folder_that_everybody_can_write_to_is_refused(tmp_path):
     folder = tmp_path / "work"
     folder.mkdir()
     folder.chmod(0o777)
-    with pytest.raises(IdentifiabilityError, match="can be written to by everybody"):
+    with pytest.raises(IdentifiabilityError, match="everybody can write to it"):
         Resumed(Serial(), folder)

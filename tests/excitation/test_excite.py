@@ -146,7 +146,7 @@ def test_a_bound_on_the_closure_is_kept_or_refused(find, monkeypatch):
     assert find(robot, **short).closure <= bound
     bound_by(1.01)
     with pytest.raises(
-        IdentifiabilityError, match="No motion of five-bar was found whose loops close"
+        IdentifiabilityError, match="No motion of five-bar was found that meets three conditions"
     ):
         find(robot, **short)
 

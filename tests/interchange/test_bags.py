@@ -98,7 +98,7 @@ def test_bags_without_torque_or_without_joint_states_are_refused(
     bag = write_bag({"/joint_states": states(frame, JOINTS, without=("tau",))})
     assert refused(bag) == (
         f"{bag}: the joint states on /joint_states have no effort in some or all messages; record "
-        "a topic that has position and effort, or commands beside position."
+        "a topic that has position and effort, or position and commands."
     )
     header = joint_state((), [], [], [], 1).header
     bag = write_bag({"/clock": [header]}, name="clock")

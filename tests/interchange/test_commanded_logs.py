@@ -240,7 +240,7 @@ def test_effort_goes_before_commands_and_a_bag_without_either_is_refused(ros, ar
     alone = [m for m in recorded(types, frame, arm.joints, KINDS[1]) if m[1] == "/joint_states"]
     said = refused(arm, write(tmp_path / "b", alone))
     assert "have no effort" in said
-    assert "or commands beside position" in said
+    assert "or position and commands" in said
 
 
 # Words.

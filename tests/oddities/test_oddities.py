@@ -21,7 +21,7 @@ def test_a_good_log_is_not_spoken_of(say, good):
 def test_torque_in_another_unit(say, good, factor):
     structure, log = good
     (hint,) = say(structure, replace(log, tau=factor * log.tau))
-    assert "what the robot file asks for" in hint
+    assert "the torque that the robot file predicts" in hint
     assert "by about as much at all joints" in hint
     guess = replace(structure.robot, guessed=structure.robot.bodies)  # of which nothing follows
     assert say(Structure.of(guess, MODEL), replace(log, tau=factor * log.tau)) == ()

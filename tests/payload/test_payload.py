@@ -94,7 +94,7 @@ def test_a_robot_that_changed_is_said(fit, make_logs, planted, moves):
     odd = np.zeros_like(moves(ARM).torque)
     odd[:, 2] = 12.0 * np.sin(7.0 * moves(ARM).move.q[:, 2])
     found = payload(ARM, fit(ARM), make_logs(ARM, planted, seed=10, extra=odd)[1])
-    assert "unction of position in joint_3 is seen" in found.statement
+    assert "unction of position in joint_3 in addition to the load" in found.statement
     assert not payload(ARM, fit(ARM), make_logs(ARM, planted, seed=11)[1]).caveats
 
 

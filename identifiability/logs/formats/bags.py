@@ -341,8 +341,9 @@ def _find_whole(
         first, other, *_ = groups.values()
         raise LogError(
             f"{source} tell of different joints ({listing(first)}; then {listing(other)}), and "
-            "no message of all joints that are needed: if they are called otherwise, add "
-            "--map 'OLD=NEW', and lock what does not move (a gripper, say), --lock JOINT=VALUE."
+            "no message of all joints that are needed: if they have other names, add "
+            "--map 'OLD=NEW', and lock joints that do not move, such as a gripper "
+            "(--lock JOINT=VALUE)."
         )
     return whole
 
@@ -361,7 +362,7 @@ def _driven(table: pd.DataFrame, known: Conventions, source: str, *, commanded: 
     if lacking and (lacking != ["tau"] or not commanded):
         raise LogError(
             f"{source} have no {FIELDS[lacking[0]]} in some or all messages; record a topic that "
-            "has position and effort, or commands beside position."
+            "has position and effort, or position and commands."
         )
     own = {*known.motors, *known.joints, *known.locked}
 

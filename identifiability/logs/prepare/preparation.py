@@ -490,7 +490,7 @@ def _on_base(robot: Robot, log: Log) -> Log:
         return log
     if log.base is None:
         raise LogError(
-            f"{log.name} was read without what it says of the base, which floats: read it with "
+            f"{log.name} was read without its columns of the floating base: read it with "
             "Conventions.of(robot), or give its file."
         )
     before = np.zeros((len(log), SIX))
@@ -565,7 +565,7 @@ def plan_gaps(plan: Plan, gaps: Gaps, samples: int) -> Plan:
     if plan.cutoff is not None and abs(gaps.drift) > RULES.small:
         hints.append(
             f"{gaps.name} is sampled unevenly: the mean step is {percent(gaps.drift, 2)} off the "
-            f"usual {gaps.step:.3g} s, and what is differentiated errs by as much: give samples at "
+            f"usual {gaps.step:.3g} s, and derivatives err by as much: give samples at "
             "even steps, or measured velocities and accelerations."
         )
     if grid is None:
@@ -817,7 +817,7 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
         notes += [stale.note] if stale.note else []
     if len(windows) > 1:
         notes.append(
-            f"what holds for the whole log was decided on {len(windows)} windows of "
+            f"settings of the whole log were decided on {len(windows)} windows of "
             f"{WINDOW} samples, evenly spaced in time"
         )
     if robot.known_torque:
@@ -825,8 +825,8 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
         notes.append(f"known torque was taken off the measured one: {known}")
     if robot.torque.compensated:
         notes.append(
-            "what holds the weight by the file was added to the measured torque, which lacks it "
-            "(compensated): what gravity tells of masses is the file's"
+            "the gravity torque of the file was added to the measured torque, which lacks it "
+            "(compensated): information of gravity about masses comes from the file"
         )
     own = 1 if plan.band is None else max(1, int(0.5 / (plan.band * plan.step)))
     plan = replace(

@@ -98,7 +98,7 @@ class Discrimination:
     model: int
     asks: tuple[Ask, ...]
     name = "discriminate"
-    title = "what only the true effect explains, in standard deviations"
+    title = "torque that only the true effect explains, in standard deviations"
 
     def cost(self, G: Array) -> Array:
         """Return half the logarithm of the mean of one over one more than the squares, (m,)."""

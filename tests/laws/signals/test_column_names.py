@@ -75,7 +75,7 @@ def test_usual_names_are_understood_and_said(case):
     assert log.joints == joints
     assert log.q[0].tolist() == q
     assert log.tau[0].tolist() == tau
-    assert "taken for what their names usually mean" in log.notes[0]
+    assert "read by the usual meaning of their names" in log.notes[0]
     numbered = case in ("letters", "from zero", "actual and target")
     assert log.notes[0].endswith("(in the robot's order)") == numbered
 
@@ -89,12 +89,12 @@ REFUSED = {
     "more numbers": (
         ["t", *each("{k}{j}", (1, 2, 3), ("q", "tau"))],
         PAIR,
-        r"numbers its joints otherwise .* the robot has 2: .*--map 'q1=shoulder\.q'",
+        r"numbers its joints differently .* the robot has 2: .*--map 'q1=shoulder\.q'",
     ),
     "other order": (
         ["t", *each("{k}{j}", (1, 2), ("q", "tau"))],
         ("j2", "j1"),
-        r"numbers its joints otherwise than the robot has them .*the robot has 2: j2, j1",
+        r"numbers its joints differently from the robot .*the robot has 2: j2, j1",
     ),
     "commands": (
         ["t", *each("{k}_{j}", (0, 1), ("actual_q", "target_moment"))],

@@ -70,7 +70,7 @@ def test_a_gap_is_bridged_below_half_of_the_period_of_the_cut_off(two, lost, spl
     assert len(s.breaks) == split == len(s.hints)
     assert not split or "after data row 2000: it was taken as 2 stretches" in s.hints[0]
     assert s.lost == split
-    assert sum("beside long gaps" in note for note in s.notes) == split
+    assert sum("next to long gaps" in note for note in s.notes) == split
 
 
 def test_stretches_are_what_they_are_by_themselves(two):
