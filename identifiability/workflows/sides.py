@@ -21,6 +21,7 @@ from identifiability.estimation.differences import (
     pooled_values,
 )
 from identifiability.estimation.groups import Excerpt
+from identifiability.estimation.mixed_model import Terms
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.values import frozen
@@ -33,7 +34,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot.robot import tool_bodies
 
 from .case import Data
-from .changes import Change, list_changes, list_log_changes
+from .changes import Change, list_changes, list_log_changes, rows_of
 from .provenance import given_paths
 
 
@@ -136,6 +137,8 @@ def find_changes(sides: Sides, structure: Structure, submodel: Submodel) -> Diff
 def find_loads(data: Data, submodel: Submodel) -> list[Change]:
     """Return the loads that only held-out logs surely have, without a competing hypothesis.
 
+    They must explain most of the squared error on the held-out logs.
+
     Parameters
     ----------
     data : Data
@@ -144,12 +147,40 @@ def find_loads(data: Data, submodel: Submodel) -> list[Change]:
         The model that logs are compared under.
     """
     assert data.unseen is not None
-    held_out = Sides(len(data.validation), data.unseen.followed_by(data.regression))
+    sides = Sides(len(data.validation), data.unseen.followed_by(data.regression))
     try:
-        found = find_changes(held_out, data.structure, submodel)
+        found = find_changes(sides, data.structure, submodel)
     except LogError:  # too few samples to compare
         return []
-    changes = list_log_changes(found, found.model.search(), held_out.names)
-    fitted = held_out.names[held_out.count :]
+    terms = found.model.search()
+    changes = list_log_changes(found, terms, sides.names)
+    fitted = sides.names[sides.count :]
     loads = [c for c in changes if c.kind == "load" and c.log not in fitted]
-    return [c for c in loads if c.sure and not c.others]
+    sure = [c for c in loads if c.sure and not c.others]
+    return sure if sure and _explains_most(found, terms, sides.count) else []
+
+
+def _explains_most(found: Differences, terms: Terms, count: int) -> bool:
+    """Return whether loads explain most of the squared error on the first logs.
+
+    The errors are those of the values that fit the other logs.
+
+    Parameters
+    ----------
+    found : Differences
+    terms : tuple of Term
+    count : int
+        How many logs the first side has.
+    """
+    seen, value = found.missing.seen, found.solve(terms)[0]
+    sizes = np.zeros(len(found.columns))
+    for k, term in enumerate(terms):
+        if found.whose(term).kind == "load":
+            sizes[found.at(term)] = value[rows_of(found.model, terms, k)]
+    torque = np.zeros_like(seen.y)
+    for (joint, column), x in found.missing.entries.items():
+        torque[:, joint] += sizes[column] * x
+    rows = seen.data & (seen.log < count)[:, None]
+    error = np.sum(seen.y[rows] ** 2)
+    remaining = np.sum((seen.y - torque)[rows] ** 2)
+    return bool(2 * remaining < error)
