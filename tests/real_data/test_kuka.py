@@ -4,6 +4,8 @@ from functools import cache
 
 import pytest
 
+from identifiability import analyze
+from identifiability.foundation.findings import of_key
 from identifiability.logs.prepare.preparation import choose_cutoff
 
 
@@ -93,3 +95,11 @@ def test_positions_and_velocities_of_the_files_agree_until_the_filter_runs_out(k
     assert found["lag"] == pytest.approx(0.5, abs=0.05)  # backward differences
     assert found["mismatch"] < 0.02
     assert found["tail_mismatch"] > 0.5
+
+
+@pytest.mark.everything
+def test_a_wider_motion_is_no_other_load(kuka, folder, robot):
+    """A load of 0.27 kg explains a part of the error on run 3, but less than half of its square."""
+    narrow, wide = (kuka.load_log(folder, robot, run) for run in (1, 3))
+    found = analyze(robot, narrow, wide, replicates=0)
+    assert not of_key(found.hints, "held_out_load")
