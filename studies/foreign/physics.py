@@ -18,7 +18,7 @@ RATED = (300.0, 300.0, 150.0, 30.0, 25.0, 15.0)
 #: Ratios of gears.
 GEARS = (160.0, 160.0, 120.0, 100.0, 80.0, 50.0)
 
-UNIT = ("what the robot file asks for", "a wrong scale of the torque")
+UNIT = ("torque that the robot file predicts", "a wrong scale of the torque")
 
 
 def every(kind: str, factor: object, only: str = "") -> Writer:
