@@ -188,7 +188,7 @@ TORQUE = [
         "positions for torque",
         "torque",
         csv(lambda f, _: f.assign(**{f"{j}.tau": f[f"{j}.q"] for j in joints(f)})),
-        ("what the robot file asks for", "than a constant torque"),
+        ("torque that the robot file predicts", "than a constant torque"),
     ),
     Case("nothing but zeros", "torque", every("tau", 0.0), ("zero",)),
     Case("one column of zeros", "torque", every("tau", 0.0, "joint_3"), ("was not measured",)),
@@ -208,7 +208,7 @@ TORQUE = [
         "noise for torque",
         "torque",
         csv(lambda f, rng: f.assign(**{f"{j}.tau": rng.normal(size=len(f)) for j in joints(f)})),
-        ("what the robot file asks for", "explain", "than a constant torque"),
+        ("torque that the robot file predicts", "explain", "than a constant torque"),
     ),
     Case(
         "noise for a joint's torque",
@@ -260,7 +260,7 @@ TORQUE = [
                 **{f"{j}.tau": 0.2 + 0.01 * rng.normal(size=len(f)) for j in joints(f)}
             )
         ),
-        ("weight", "what the robot file asks for"),
+        ("weight", "torque that the robot file predicts"),
         "3-rps",
     ),
 ]

@@ -86,7 +86,7 @@ SCENES = [
     _case("a door behind a five-bar", table(plain), scene=beside(DOOR, behind=True),
           robot="five-bar"),
     _case("actuator_force", table(arrays), "no column shoulder.tau"),
-    _case("qpos behind a cup", table(lambda f: arrays(f, 7)), "numbers its joints otherwise",
+    _case("qpos behind a cup", table(lambda f: arrays(f, 7)), "numbers its joints differently",
           scene=beside(CUP)),
     _case("torque before the gears of the file", table(lambda f: f.assign(
         **{"shoulder.tau": f["shoulder.tau"] / 2})), "states a gear of 2",
