@@ -36,7 +36,7 @@ import floating_bases as bases
 ALWAYS = ("reading", "commands", "assembly", "outside")
 #: Remarks that something is wrong, without a cause.
 HEDGED = re.compile(
-    "The logs .* disagree: |The cut-off of |Noise of what is differentiated |.* from t = .* farther"
+    "The logs .* disagree: |The cut-off of |Below the cut-off of |.* from t = .* farther"
 )
 
 

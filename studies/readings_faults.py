@@ -586,7 +586,7 @@ GRAVITY = r"gravity|compensat|tilted"
 TILT = ("gravity_tilt",)
 LATE = ("time_delay", "clock_error")
 CODE = r"two's complement|signed|sign bit|unsigned|codes?\b|uint|counts"
-UNIT = r"unit|times as large|scale|factor|file asks for|gear"
+UNIT = r"unit|times as large|scale|factor|file predicts|gear"
 #: Robots that stand upright, and those with legs or cylinders.
 STANDING = (*ARMS, "3-rps", "delta")
 TWO = ("two-link", "five-bar")
