@@ -49,7 +49,9 @@ def result_of(folder, name="result.json"):
 
 
 def test_verbs_need_no_arguments_in_the_folder_of_a_case(folder, command):
-    assert "2 logs to fit and 1 held-out log" in command("inspect").output
+    inspected = command("inspect").output
+    assert "2 logs to fit and 1 held-out log" in inspected
+    assert "run1.csv run2.csv --validate run3.csv" in inspected
     for verb in ("analyze --quick", "predict", "export", "compare", "diagnose --quick"):
         done = command(*verb.split())
         assert done.exit_code == 0, done.output

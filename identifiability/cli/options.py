@@ -405,9 +405,9 @@ def defaults_of_case(case: CaseFile, verb: str, *, has_logs: bool) -> dict[str, 
         for name, paths in (("before", case.logs), ("after", held_out)):
             said |= {name: paths[0], f"more_{name}": paths[1:]} if paths else {}
         return said
-    logs = {"predict": held_out or case.logs, "inspect": [*case.logs, *held_out]}
-    validate = held_out if verb == "export" else case.held_out
-    return said | {"logs": logs.get(verb, case.logs), "validate": validate}
+    logs = held_out or case.logs if verb == "predict" else case.logs
+    validate = held_out if verb in ("export", "inspect") else case.held_out
+    return said | {"logs": logs, "validate": validate}
 
 
 # Checks before any large import: do the files exist, and can they be written?

@@ -165,6 +165,7 @@ def inspect(
     outputs: Outputs,
     work: Work,
     logs: OptionalLogs = (),
+    validate: MoreLogs = (),
     model: Model = None,
 ) -> None:
     """List the content of a robot file, the columns that logs need, and the quality of logs."""

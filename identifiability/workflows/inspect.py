@@ -215,6 +215,8 @@ class Record:
         Remarks on its preparation.
     t, q, tau : (N,) [s], (N, n), (N, n)
         As they are read.
+    held_out : bool
+        Whether a case holds it out.
     """
 
     name: str
@@ -227,6 +229,7 @@ class Record:
     t: Array
     q: Array
     tau: Array
+    held_out: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of the log for JSON, with None for unknown entries."""
@@ -389,6 +392,7 @@ def inspect(
     robot: RobotLike | Case,
     logs: Logs = (),
     *,
+    validate: Logs = (),
     model: ModelLike | None = None,
     preparation: Preparation | None = None,
     progress: Progress | None = None,
@@ -402,6 +406,8 @@ def inspect(
         `inspect` describes all logs of a case, fitted and held-out, each part by itself.
     logs : log, path, DataFrame, or several, optional
         Logs to look at, in any form that `analyze` reads.
+    validate : log, path, DataFrame, or several, optional
+        Logs to look at that `analyze` will hold out.
     model : Model, names of effects, model file or result of `prune`, optional
         Whose base parameters are listed; by default that of `analyze`.
     preparation : Preparation, optional
@@ -423,7 +429,7 @@ def inspect(
     """
     say = progress or quiet
     with threadpool_limits(1, "blas"), running(engine) as runner:
-        case = take_case(robot, logs, (), preparation, Use(divides=False))
+        case = take_case(robot, logs, validate, preparation, Use(divides=False))
         say("reading the robot", 0.0)
         found = _describe_robot(case, model)
         return _with_logs(found, case, Run(say, runner)) if case.logs else found
@@ -451,10 +457,13 @@ def _with_logs(found: Inspection, case: Case, run: Run) -> Inspection:
     logged = (*recordings.fitted, *recordings.held_out)
     run.say("looking at every column", 0.8)
     pairs = zip(logged, (*prepared.fitted, *prepared.held_out), strict=True)
+    records = [describe_log(robot, *pair) for pair in pairs]
+    count = len(recordings.fitted)
+    held_out = [replace(record, held_out=True) for record in records[count:]]
     hashes = {f"sha256 {log.path or log.name}": log.sha256 for log in logged}
     return replace(
         found,
-        records=tuple(describe_log(robot, *pair) for pair in pairs),
+        records=(*records[:count], *held_out),
         hints=tuple(dict.fromkeys(data.hints)),
         provenance={**found.provenance, **hashes},
     )

@@ -10,6 +10,7 @@ import pandas as pd
 
 from identifiability.foundation.answers import Answer, Cell, Table
 from identifiability.foundation.findings import ledger, of_key
+from identifiability.foundation.quoting import path_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import NONE, format_number, percent
 from identifiability.workflows.inspect import required_columns
@@ -44,8 +45,11 @@ class InspectionPresenter(AnsweringPresenter):
             study = f"new study --robot {robot_word(result.robot)}"
             motion = f"excite {self.robot} --out motion.json --report motion.html"
             return [command("begin", study), command("worth", motion)]
-        logs = name_logs(result.robot, [r.path or r.name for r in result.records])
-        judge = f"analyze {self.robot} {logs} --report report.html --json analyze.json"
+        fitted = [r.path or r.name for r in result.records if not r.held_out]
+        judges = [path_for_shell(r.path or r.name) for r in result.records if r.held_out]
+        logs = name_logs(result.robot, fitted)
+        validate = "".join(f" --validate {path}" for path in judges)
+        judge = f"analyze {self.robot} {logs}{validate} --report report.html --json analyze.json"
         return [command("analyze", judge)]
 
     def ledger(self) -> tuple[Table, ...]:
