@@ -2,6 +2,7 @@
 
 import ast
 import json
+import re
 from html import escape, unescape
 from html.parser import HTMLParser
 from inspect import signature
@@ -165,3 +166,13 @@ def test_options_in_a_sentence_become_keywords():
     said = "Type --lock 'joint_1' or --map 'OLD=joint_1.q'. Use --set cutoff=10, or --force."
     spoken = "Type lock=['joint_1'] or columns={'OLD': 'joint_1.q'}. Use cutoff=10, or force=."
     assert with_keywords(said) == spoken
+
+
+def test_a_page_begins_with_the_values_of_each_joint(results, tmp_path):
+    page = results["analysis"].write_report(tmp_path / "page.html").read_text(encoding="utf-8")
+    sections = re.findall(r'<section[^>]*id="([\w-]+)"', page)
+    assert sections[0] == "values"
+    own = page[page.index('id="values"') : page.index('id="prediction"')]
+    verdict = results["analysis"]["elbow.Fc"]
+    assert f"{verdict.estimate:.3f}"[:4] in own
+    assert verdict.verdict in own
