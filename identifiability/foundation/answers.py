@@ -113,6 +113,8 @@ class Table:
         Row that is emphasised.
     long : bool
         Whether it is too long for a terminal.
+    always : bool
+        Whether a terminal shows it without being asked for details.
     """
 
     caption: str
@@ -121,6 +123,7 @@ class Table:
     filter_by: int | None = None
     marked: int | None = None
     long: bool = False
+    always: bool = False
 
     @classmethod
     def of(
@@ -135,7 +138,7 @@ class Table:
             Define the values of a row that they show, and their format.
         rows : iterable
         options
-            `filter_by`, `marked` and `long`.
+            `filter_by`, `marked`, `long` and `always`.
         """
         cells = (tuple(c.cell(row, k) for k, c in enumerate(columns)) for row in rows)
         return cls(caption, tuple(columns), tuple(cells), **options)
