@@ -68,6 +68,7 @@ from identifiability.workflows.changes import Change
 from identifiability.workflows.predict import state_reading
 from identifiability.workflows.provenance import state_provenance
 from identifiability.workflows.roles import require_held_out
+from identifiability.workflows.sides import report_loads
 
 from .naming import (
     Gains,
@@ -267,6 +268,10 @@ def _with_context(
     band = getattr(found.preparation, "band", None)
     said = () if found.commanded else say_band(band, names=True)
     hints = (*found.known.hints, *found.hints, *data.hints, *said, *free_again(request.model))
+    hints = (
+        *report_loads(data, full_model(data.structure.base), found.error_after, found.gap),
+        *hints,
+    )
     if request.prior:
         hints = (found.known.hint, *hints)
     if request.fixed is True:
