@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 #: The case file that the command reads its robot, logs and settings from.
 CASE: ContextVar[CaseFile | None] = ContextVar("CASE", default=None)
 
+#: The commands by their names.
+COMMANDS: ContextVar[Mapping[str, Any]] = ContextVar("COMMANDS")
+
 #: Files that a verb writes. A line may name others than the case does.
 WRITTEN = ("json", "out")
 
@@ -84,10 +87,8 @@ def _shorten_command(case: CaseFile, line: str, *, alone: bool) -> str:
     alone : bool
         Whether no later command reads its files, so that they may have the names of the case.
     """
-    from identifiability.cli import verbs  # noqa: PLC0415 - it imports this file
-
     _, verb, *words = shlex.split(line)
-    command = getattr(verbs, verb).made(verb)
+    command = COMMANDS.get()[verb]
     typed, _, _ = command.make_parser(command.context_class(command)).parse_args(args=words)
     said = {"sidecar": case.sidecar, "lock": case.entry.lock}
     said |= defaults_of_case(case, verb, has_logs=False)

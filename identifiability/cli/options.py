@@ -56,7 +56,7 @@ from identifiability.foundation.options import (
 )
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 
-from .case import CASE, defaults_of_case
+from .case import CASE, COMMANDS, defaults_of_case
 from .common import VERBOSE, check_outputs, progress, sentences, write_all
 
 if TYPE_CHECKING:
@@ -390,6 +390,7 @@ class Command(typer.core.TyperCommand):
         if not is_folder and Path(robot) != Path(case.robot):
             return {}
         CASE.set(case)
+        COMMANDS.set(ctx.find_root().command.commands)
         said = {"sidecar": case.sidecar, "lock": case.entry.lock}
         if is_folder:
             has_logs = isinstance(typed.get("logs"), (list, tuple))
