@@ -79,7 +79,7 @@ def progress() -> Iterator[Callable[[str, float], None]]:
     from rich import progress as bars  # noqa: PLC0415
 
     console = terminal(stderr=True)
-    columns = (bars.TextColumn("{task.description}"), bars.BarColumn(), bars.TimeRemainingColumn())
+    columns = (bars.TextColumn("{task.description}"), bars.BarColumn())
     hidden = not console.is_terminal
     with bars.Progress(*columns, console=console, transient=True, disable=hidden) as bar:
         task = bar.add_task("starting", total=1.0)
@@ -90,12 +90,14 @@ def progress() -> Iterator[Callable[[str, float], None]]:
         def say(text: str, share: float) -> None:  # never backwards
             nonlocal said
             share = max(share, bar.tasks[0].completed)
-            bar.update(task, description=text, completed=share)
             past = monotonic() - begun
             left = past * (1 - share) / share if share >= 0.05 else 0.0  # before it is a guess
-            if past > 3.0 and left > PATIENCE and not said:
+            is_long = past > 3.0 and left > PATIENCE
+            timed = f"{text}: about {left:.0f} s more" if is_long else text
+            bar.update(task, description=timed, completed=share)
+            if is_long and not said:
                 said = True
-                console.print(f"{text}: about {left:.0f} s more", highlight=False)
+                console.print(timed, highlight=False)
 
         yield say
 

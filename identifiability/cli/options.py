@@ -57,7 +57,7 @@ from identifiability.foundation.options import (
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 
 from .case import CASE, COMMANDS, defaults_of_case
-from .common import VERBOSE, check_outputs, progress, sentences, write_all
+from .common import VERBOSE, check_outputs, print_end, progress, sentences, write_all
 
 if TYPE_CHECKING:
     from identifiability.foundation.engines import Engine
@@ -748,6 +748,14 @@ class Outputs:
     report: Report = None
     json: Annotated[Path | None, Writes(".json")] = None
 
+    def write_first(self, result: Result) -> None:
+        """Write the page of a first answer, which the page of the whole answer replaces."""
+        from identifiability.report.answers.common import sentence  # noqa: PLC0415
+
+        assert self.report is not None
+        path = result.write_report(self.report)
+        print_end([sentence("first_answer", "written", path=path)])
+
     def write(
         self,
         result: Result,
@@ -764,7 +772,7 @@ class Outputs:
         """
 
         def draw(path: Path) -> Path:
-            say("drawing the report", 0.95)
+            say("drawing the report", 0.98)
             return result.write_report(path)
 
         return write_all(*first, (result.to_json, self.json), (draw, self.report))

@@ -33,7 +33,7 @@ from identifiability.estimation.motion import MotionChoice, choose_motion, read_
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding, of_key, phrase
 from identifiability.foundation.options import OptionError
-from identifiability.foundation.runs import Progress, Run, share
+from identifiability.foundation.runs import First, Progress, Run, share
 from identifiability.foundation.stages import Stages
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
@@ -354,7 +354,8 @@ class Case:
             return self.robot
         run.say("reading logs", 0.0)
         divides = self.use.divides and not self.validate
-        return self.stages.once(find_gains, self.robot, self.logs, divides, say=run.say)
+        tells = {"say": run.say, "first": run.first}
+        return self.stages.once(find_gains, self.robot, self.logs, divides, **tells)
 
     def recordings(self, run: Run) -> Recordings:
         """Return the logs as they were measured, with their roles."""
@@ -425,7 +426,8 @@ class Case:
         if not recordings.commanded:
             return recordings, structure
         how = self.common_preparation(structure.robot, recordings)
-        return self.stages.once(follow, recordings, structure, how, run.seed, say=run.say)
+        tells = {"say": run.say, "first": run.first}
+        return self.stages.once(follow, recordings, structure, how, run.seed, **tells)
 
     def data(
         self,
@@ -662,7 +664,14 @@ def comparable_entry(source: LadderSource, commanded: bool) -> LadderEntry:
     return source.models_for(commanded=commanded)
 
 
-def find_gains(robot: Robot, logs: Sequence[LogLike], divides: bool, *, say: Progress) -> Robot:
+def find_gains(
+    robot: Robot,
+    logs: Sequence[LogLike],
+    divides: bool,
+    *,
+    say: Progress,
+    first: First | None = None,
+) -> Robot:
     """Return a robot whose servos have gains; logs of commands determine unstated ones.
 
     Raises
@@ -678,7 +687,7 @@ def find_gains(robot: Robot, logs: Sequence[LogLike], divides: bool, *, say: Pro
     # Motion that verifies the result must not choose the gains.
     recordings = assign_roles(recordings) if divides else recordings
     commanded = (x for x in recordings.fitted if x.commanded and x.motion_alone)
-    return learn_gains(robot, select_commanded(robot, commanded), say)
+    return learn_gains(robot, select_commanded(robot, commanded), say, first)
 
 
 def read_case(
@@ -699,13 +708,21 @@ def read_case(
 
 
 def follow(
-    recordings: Recordings, structure: Structure, how: Preparation, seed: int, *, say: Progress
+    recordings: Recordings,
+    structure: Structure,
+    how: Preparation,
+    seed: int,
+    *,
+    say: Progress,
+    first: First | None = None,
 ) -> tuple[Recordings, Structure]:
     """Return recordings with torque of commands, calibrated on rollouts of a fitted robot."""
     from identifiability.servos import follow_commands  # noqa: PLC0415 - MuJoCo
 
     rng = np.random.default_rng(seed).spawn(1)[0]
-    found: tuple[Recordings, Structure] = follow_commands(recordings, structure, how, rng, say)
+    found: tuple[Recordings, Structure] = follow_commands(
+        recordings, structure, how, rng, say, first
+    )
     return found
 
 

@@ -27,6 +27,7 @@ FILES = {
     "Draws": "export",
     "Study": "study",
     "Fleet": "many",
+    "FirstAnswer": "first_answer",
 }
 
 

@@ -23,7 +23,8 @@ from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.options import NotNegative, Replicates, Seed, checked, resolve_count
-from identifiability.foundation.runs import Progress, Run, quiet, running, share
+from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.runs import First, Progress, Run, quiet, running, share
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Band
@@ -120,6 +121,10 @@ def predict_everywhere(
 # The whole way from logs to the answer.
 
 
+#: Share of the time of an analysis of commands after which their torque is known.
+SERVOS: Tolerance = 0.65
+
+
 @checked
 def analyze(
     robot: RobotLike | Case,
@@ -138,6 +143,7 @@ def analyze(
     progress: Progress | None = None,
     engine: Engine | None = None,
     quick: bool = False,
+    first: First | None = None,
 ) -> Analysis:
     """Say which parameters the logs determine, and which model of a ladder to use.
 
@@ -188,6 +194,9 @@ def analyze(
         processes.
     quick : bool
         Fewer replicates, unless their number is given.
+    first : callable(Result), optional
+        Called with a first answer from some windows of long logs of commands, in about a quarter of
+        the time of the whole answer.
 
     Raises
     ------
@@ -199,7 +208,7 @@ def analyze(
     with one_thread("blas"):
         case = take_case(robot, logs, validate, preparation)
         with running(engine) as runner:  # workers are gone when their memory is wanted elsewhere
-            run = Run(progress or quiet, runner, seed)
+            run = Run(progress or quiet, runner, seed, first)
             settings = choose_settings(case, run, prior, cad_prior, posterior=posterior, **options)
             found = _fit_case(case, run, ladder, method, settings)
         found = tell_with_file(found, settings["prior"])
@@ -213,9 +222,14 @@ def _fit_case(
     source = case.ladder(ladder, beside=True)
     # A model that was given is taken as it is.
     complete, kind = ladder is None and case.model is None, settings["estimator"]
+    # The torque of servos takes more than half of the time; it is computed before the other stages.
+    if case.recordings(run).commanded:
+        case.torque(case.first_structure(run, ladder), run)
+        run = run.after(SERVOS)
     rows, submodels = prepare_ladder(case, source, run, method, kind, complete)
     fitted = case.stages.once(compute_ladder, rows, submodels, settings["cad_prior"], run=run)
     rng = np.random.default_rng(settings["seed"]).spawn(2)[1]
+    run.say("looking for missing effects", 0.75)
     found = conclude_analysis(fitted, rng, settings, rows.missing)
     chosen = found.chosen
     loads = report_loads(rows.data, submodels[0], chosen.error_ra, chosen.used[1])
