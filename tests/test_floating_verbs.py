@@ -70,3 +70,27 @@ def test_predictions_hold_and_what_changed_or_is_missing_is_named_on_a_moving_ba
     assert "riction of shoulder rose" in compare("cart-arm", other, rubs).statement
     model = [*DRIVE[:2], DRIVE[3], "coulomb_friction@yaw+elbow"]
     assert "Coulomb friction in shoulder" in diagnose("cart-arm", rubs, model=model).statement
+
+
+@pytest.mark.parametrize(
+    ("joints", "factor", "words"),
+    [
+        (["shoulder", "shoulder"], -1.0, "shoulder seems to have the wrong sign"),
+        (["elbow", "elbow"], 1e3, "elbow is"),
+        (["yaw", "shoulder"], 1.0, "yaw and shoulder seem to be exchanged"),
+    ],
+)
+def test_torque_columns_of_an_arm_on_a_moving_base_are_read_right(joints, factor, words, pushed):
+    frame = log("cart-arm", "pushed.csv")
+    columns = [f"{joint}.tau" for joint in dict.fromkeys(joints)]
+    frame[columns] = factor * frame[columns[::-1]].to_numpy()
+    found = analyze("cart-arm", frame, quick=True)
+    assert words in found.alternative.description
+    assert found.chosen.error_ra_validation <= 1.05 * pushed[0].chosen.error_ra_validation
+    assert pushed[0].alternative is None
+
+
+def test_reversed_positions_on_a_moving_base_are_not_read_as_another_fault():
+    frame = log("cart-arm", "pushed.csv")
+    frame["shoulder.q"] *= -1.0
+    assert analyze("cart-arm", frame, quick=True).alternative is None

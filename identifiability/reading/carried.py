@@ -120,8 +120,10 @@ class CarriedReading:
 
     def lacking(self, log: Log, times: Array) -> Array:
         """Return the gravity torque that the columns of a literal log lack, (N, n) [N·m or N]."""
-        torque = self.reading.gravity_torque(log, self.structure)
-        return np.column_stack([np.interp(times, log.t, column) for column in torque.T])
+        first, last = np.searchsorted(log.t, times[[0, -1]])
+        near = log.rows(max(first - 1, 0), last + 1)
+        torque = self.reading.gravity_torque(near, self.structure)
+        return np.column_stack([np.interp(times, near.t, column) for column in torque.T])
 
     def as_logged(self, times: Array, torque: Array, *, width: bool = False) -> Array:
         """Convert torque of the joints to the columns of a log, (N, n).

@@ -230,6 +230,8 @@ class TorqueRows:
         """
         joints = self._products_under(reading, adjusted)
         scale = self.variation[reading.order] * np.maximum(self.counts, 1)
+        # Torque of a floating base need not be measured.
+        scale = np.where(scale > 0.0, scale, 1.0)
         weight = 1.0 / scale
         for _ in range(3):
             value = self._solve_weighted(joints, weight)
@@ -254,7 +256,10 @@ class TorqueRows:
         functions = [np.linalg.norm(own, axis=0).sum() for own in self._smooth]
         used = np.array(functions) + self.parts.shape[2] / len(gravity)
         free = np.maximum(self.counts - used, 0.0)
-        independent = free / autocorrelation_time(np.column_stack(residuals))
+        measured = self.counts > 0
+        rows = np.column_stack(residuals)[:, measured]
+        independent = np.zeros(len(free))
+        independent[measured] = free[measured] / autocorrelation_time(rows)
         return np.asarray(independent[np.argsort(reading.order)])
 
     def size_beside_file(self, reading: Reading) -> float:
@@ -404,7 +409,9 @@ class TorqueRows:
         columns: list[list[Array]] = [[] for _ in self.robot.joints]
         for joint, k in sorted(missing.entries):
             columns[joint].append(missing.entries[joint, k] / missing.scale[k])
-        return [_shorten(np.stack(own, 1)) for own in columns]
+        # No function acts in a joint without data.
+        none = np.zeros((len(self.excerpt.t), 0))
+        return [_shorten(np.stack(own, 1)) if own else none for own in columns]
 
     @cached_property
     def _smooth(self) -> list[Array]:
@@ -436,6 +443,8 @@ class TorqueRows:
 
 def _shorten(functions: Array) -> Array:
     """Return orthogonal functions (N, m), each as long as the share of it that is projected."""
+    if not functions.size:
+        return functions
     basis, size, _ = np.linalg.svd(functions, full_matrices=False)
     weak = max(STRONG * float(size[0]), 1e-300)  # a joint at rest has size zero
     return np.asarray(basis * (1.0 - 1.0 / np.hypot(1.0, size / weak)))

@@ -154,7 +154,7 @@ class Reading:
         return replace(robot, model=turned)
 
     def read(self, log: Log, literal: Structure) -> Log:
-        """Return a log whose columns are corrected.
+        """Return a log whose columns are corrected; a long log is corrected piece by piece.
 
         Parameters
         ----------
@@ -163,15 +163,35 @@ class Reading:
         literal : Structure
             The model of the literal reading, in whose columns `parameters` are.
         """
-        offset = self.offsets.get(log.name, 0.0)
-        torque = self._shifted(log) * self.factor + self.gravity_torque(log, literal) - offset
-        return replace(log, tau=torque, **self._moved(log))
+        named = [joint in log.joints for joint in literal.robot.joints]
+        columns = np.flatnonzero(named)
+        return log.changed(lambda rows, _: self._read_rows(rows, log, literal, columns))
 
-    def _shifted(self, log: Log) -> Array:
-        """Return the torque columns of the joints, without their delays, (N, n)."""
-        pairs = zip(self.order.tolist(), self.delay.tolist(), strict=True)
-        columns = [np.interp(log.t + delay, log.t, log.tau[:, k]) for k, delay in pairs]
-        return np.column_stack(columns)
+    def _read_rows(self, rows: Log, log: Log, literal: Structure, columns: Array) -> Log:
+        """Return some rows of a log with corrected columns.
+
+        Parameters
+        ----------
+        rows, log : Log
+            Some rows, and all.
+        literal : Structure
+        columns : (k,) int
+            Joints of the robot that have columns in the log: all but the axes of a floating base.
+        """
+        gravity = self.gravity_torque(rows, literal)
+        offset = np.broadcast_to(self.offsets.get(log.name, 0.0), self.factor.shape)[columns]
+        torque = self._shifted(rows.t, log, columns) * self.factor[columns] + gravity - offset
+        return replace(rows, tau=torque, **self._moved(rows))
+
+    def _shifted(self, times: Array, log: Log, columns: Array) -> Array:
+        """Return the torque columns of joints at some times, without their delays, (N, k)."""
+        shifted = []
+        order = np.searchsorted(columns, self.order[columns])
+        for delay, column in zip(self.delay[columns].tolist(), order.tolist(), strict=True):
+            first, last = np.searchsorted(log.t, times[[0, -1]] + delay)
+            near = slice(max(first - 1, 0), last + 1)
+            shifted.append(np.interp(times + delay, log.t[near], log.tau[near, column]))
+        return np.column_stack(shifted)
 
     def gravity_torque(self, log: Log, literal: Structure) -> Array:
         """Return the gravity torque that the compensated columns lack, (N, n)."""
@@ -191,5 +211,7 @@ class Reading:
 
     def _moved(self, log: Log) -> dict[str, Any]:
         """Return the corrected motion columns that the log has, (N, n) by name."""
+        if not self.moves_joints:
+            return {}
         measured = {name: getattr(log, name) for name in MOTION_COLUMNS}
         return {name: x @ self.motion.T for name, x in measured.items() if x is not None}

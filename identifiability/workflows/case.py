@@ -40,7 +40,7 @@ from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Dataset, Preparation, prepare_log
 from identifiability.logs.prepare.dataset import explain_silence, require_signal
-from identifiability.logs.prepare.excerpt import prepare_excerpt
+from identifiability.logs.prepare.excerpt import most_rows, prepare_excerpt
 from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.prepare.preparation import (
     CommonPreparation,
@@ -163,7 +163,7 @@ class Data(OfStructure):
     hints : tuple of str
         Possible problems of robot file and logs, for the user to check.
     reading : Reading or None
-        Another reading of the logs. It is used if it `holds` and logs are in memory.
+        Another reading of the logs. It is used if it `holds`.
     explained : bool
         Whether a reading or a check explains all contradictions of physics.
     misread : str
@@ -442,7 +442,7 @@ class Case:
     ) -> Data:
         """Return the prepared logs under the reading that the fitted ones prefer.
 
-        Other columns are read only where logs are in memory; else the reading is only reported.
+        An excerpt chooses the reading of logs that are too long for memory. It holds for all rows.
 
         Parameters
         ----------
@@ -464,7 +464,7 @@ class Case:
         seek = seek and self.reading is None
         literal = self.literal(structure, recordings, run, done, seek=seek, most=most)
         reading = literal.confirmed
-        if reading is None or not apply or (recordings.long and not reading.keeps_columns):
+        if reading is None or not apply:
             return self.at_fit(literal, run)
         return self.at_fit(self.read_as(literal, reading, run, most), run)
 
@@ -487,7 +487,14 @@ class Case:
         if done:
             require_signal(prepared.fitted, done)
         unchecked = self.gathered(structure, recordings, motion.how, prepared)
-        reading = self.stages.once(seek_reading, unchecked) if seek else None
+        if not seek:
+            return self.stages.once(check_logs, unchecked, None)
+        searched = unchecked
+        if recordings.long and most is None:
+            inputs = motion.recordings, motion.how, run, most_rows(recordings.fitted)
+            excerpt = self.prepared(structure.robot, *inputs)
+            searched = self.gathered(structure, recordings, motion.how, excerpt)
+        reading = self.stages.once(seek_reading, searched)
         return self.stages.once(check_logs, unchecked, reading)
 
     def read_as(self, data: Data, reading: Reading, run: Run, most: int | None = None) -> Data:
@@ -918,22 +925,14 @@ def apply_to_logs(reading: Reading, recordings: Recordings, structure: Structure
     recordings : Recordings
     structure : Structure
         The model of the literal reading.
-
-    Raises
-    ------
-    LogError
-        If columns are read otherwise and a log is too long for memory.
     """
     robot = structure.robot
     weighs = bool(robot.known_torque or robot.torque.compensated)
     carried = CarriedReading.of(reading, structure)
     if reading.keeps_columns and not weighs:
         return replace(recordings, reading=carried)
-    for log in (*recordings.fitted, *recordings.held_out):
-        if log.long and not reading.keeps_columns:
-            raise LogError(Finding("reading.long", log.name, what=reading.description))
     fitted, held_out = (
-        tuple(x if x.long else reading.read(x, structure) for x in logs)
+        tuple(reading.read(log, structure) for log in logs)
         for logs in (recordings.fitted, recordings.held_out)
     )
     return replace(recordings, fitted=fitted, held_out=held_out, reading=carried)

@@ -35,7 +35,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.logs.prepare.dataset import require_signal
-from identifiability.logs.prepare.excerpt import MOST_IN_ALL, MOST_SAMPLES, thin_all
+from identifiability.logs.prepare.excerpt import most_rows, thin_all
 from identifiability.physical.cad_prior import load_by_fit, resolve_prior, with_loads
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.quality.hints import where_outlying
@@ -390,7 +390,7 @@ def _read_logs(
     otherwise. Of logs that are too long for memory excerpts are prepared.
     """
     raw = recordings or case.recordings(run)
-    most = _most_rows(raw) if raw.long else None
+    most = most_rows(raw.fitted) if raw.long else None
     seek = not request.keeps
     data = case.data(structure, run, "diagnosed", recordings=recordings, seek=seek, most=most)
     if request.keeps:
@@ -416,14 +416,9 @@ def _refuse_silent_part(case: Case, data: Data, run: Run) -> None:
     LogError
     """
     recordings = data.recordings
-    most = _most_rows(recordings) if recordings.long else None
+    most = most_rows(recordings.fitted) if recordings.long else None
     prepared = case.prepared(data.robot, recordings, data.preparation, run, most)
     require_signal(prepared.held_out, "verified")
-
-
-def _most_rows(recordings: Recordings) -> int:
-    """Return the number of rows of each log that are used."""
-    return min(MOST_SAMPLES, MOST_IN_ALL // len(recordings.fitted))
 
 
 #: Excerpts of fitted and of held-out logs; empty where all rows are used.
@@ -435,7 +430,7 @@ def _look_at(case: Case, data: Data, run: Run) -> tuple[Data, Excerpts]:
 
     Samples of commanded robots are taken along the motion of their rollouts.
     """
-    recordings, most = data.recordings, _most_rows(data.recordings)
+    recordings, most = data.recordings, most_rows(data.recordings.fitted)
     excerpts: Excerpts = (), ()
     if not recordings.long:
         pairs = (data.samples, recordings.fitted), (data.validation, recordings.held_out)
