@@ -220,10 +220,20 @@ class Coupling:
 
 @frozen
 class Cable:
-    """A tendon straight from point to point; a slide of the tree has its name and its length."""
+    """A tendon whose length is a coordinate: a slide of the tree has its name and its length.
+
+    Attributes
+    ----------
+    name : str
+    points : tuple of Point
+        It runs straight from point to point; none if it runs along joints.
+    along : Coupling or None
+        Its length as a sum of joints.
+    """
 
     name: str
-    points: tuple[Point, ...]
+    points: tuple[Point, ...] = ()
+    along: Coupling | None = None
 
 
 @frozen(kw_only=True)
@@ -266,7 +276,7 @@ class Stated:
     gears : mapping
         Joint to gear, for joints with exactly one actuator.
     servos : mapping
-        Joint to kp, kv, least and largest torque, (4,).
+        Joint or tendon to kp, kv, least and largest torque, (4,).
     offsets : mapping
         Constant torque of commands [N·m or N], by joint and straight tendon whose actuator can hold
         one.
