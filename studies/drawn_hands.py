@@ -78,6 +78,20 @@ class Hand:
         """Numbers of the servos' axes by name of the parameter."""
         return {f"{s.name}.{kind}": x for s in self.servos for kind, x in s.numbers.items()}
 
+    @property
+    def effective(self) -> dict[str, float]:
+        """The same, with the friction of each joint that follows in that of its servo."""
+        out = self.truth
+        for servo in self.servos:
+            for joint, (of, ratio) in self.ratios.items():
+                if joint in servo.arms or of == servo.name:
+                    arms = servo.arms or {of: 1.0}
+                    speed = sum(c * (ratio if j == joint else 1.0) for j, c in arms.items())
+                    r = ratio / speed
+                    out[f"{servo.name}.Fv"] += r**2 * FOLLOWS
+                    out[f"{servo.name}.Fc"] += r * FOLLOWS
+        return out
+
     def write(self, folder: Path, gains: str = "") -> Robot:
         """Write the file of the hand without the numbers of its servos' axes, and read it."""
         if self.kind != "mimic":
@@ -108,7 +122,9 @@ class Hand:
             for i, joint in enumerate(finger):
                 pos = f"{0.025 * k} 0 0" if i == 0 else f"0 0 {LENGTH}"
                 axis = "1 0 0" if joint.endswith("abd") else "0 1 0"
-                dynamics = numbers(joint) or 'damping="0.001"' * (joint in self.ratios)
+                follows = joint in self.ratios
+                friction = f'damping="{FOLLOWS}" frictionloss="{FOLLOWS}"'
+                dynamics = numbers(joint) or friction * follows
                 m = self.masses[joint]
                 bodies += (
                     f'<body name="{joint}_link" pos="{pos}"><joint name="{joint}" axis="{axis}" '
@@ -145,7 +161,7 @@ class Hand:
                 axis = "1 0 0" if joint.endswith("abd") else "0 1 0"
                 of, ratio = self.ratios.get(joint, ("", 0.0))
                 more = f'<mimic joint="{of}" multiplier="{ratio:.4g}"/>' if of else ""
-                more += '<dynamics damping="0.001"/>' if of else ""
+                more += f'<dynamics damping="{FOLLOWS}" friction="{FOLLOWS}"/>' if of else ""
                 text += (
                     f'<link name="{joint}_link"><inertial><origin xyz="0 0 {LENGTH / 2}"/>'
                     f'<mass value="{m:.5g}"/><inertia ixx="{m * 3e-4:.5g}" iyy="{m * 3e-4:.5g}" '
@@ -157,6 +173,9 @@ class Hand:
                 before = f"{joint}_link"
         return f'<robot name="hand">{text}</robot>'
 
+
+#: Viscous [N·m·s/rad] and dry friction [N·m] of a joint that follows.
+FOLLOWS = 0.001
 
 #: Length of a link [m], and the turn that makes gravity that of the MJCF [rad].
 LENGTH, TURN = 0.045, -float(np.arctan2(6.0, 7.8))
