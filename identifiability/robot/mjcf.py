@@ -598,8 +598,8 @@ def _lines(m: Any, actuators: Sequence[Actuator], slides: Collection[str]) -> It
         yield name, arms, _numbers(m, "tendon", t), rest, name in slides or straight(m, t)
     for a in actuators:
         own = {word: x * abs(a.gear) ** FIELDS[word].power for word, x in a.numbers.items()}
-        arms = {} if a.slides else a.arms
-        yield a.tendon or a.name, arms, own, rests[a.tendon], a.slides
+        along = {} if a.slides else a.arms
+        yield a.tendon or a.name, along, own, rests[a.tendon], a.slides
 
 
 #: Words of numbers that act along joints, tendons and actuators.

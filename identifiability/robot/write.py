@@ -207,9 +207,9 @@ def write_servos(
     tendons = {e.get("name") for part in top.iter("tendon") for e in part}
     for element in actuators:
         for old in list(element):
-            place = old.get("joint") or old.get("tendon")
-            if place in joints:
-                names[str(place)] = old.get("name", str(place))
+            owner = old.get("joint") or old.get("tendon")
+            if owner in joints:
+                names[str(owner)] = old.get("name", str(owner))
                 element.remove(old)
     place = actuators[0] if actuators else ET.SubElement(top, "actuator")
     for k, joint in enumerate(joints):
