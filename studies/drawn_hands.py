@@ -9,21 +9,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 import pandas as pd
 
 from identifiability import Robot
-from identifiability.foundation.names import Array
+from identifiability.foundation.names import INERTIAL_KINDS, Array
 
-#: Rate of logs [Hz], steps of the simulation a row, and counts of an encoder a turn.
-RATE, STEPS, COUNTS = 50.0, 100, 2**12
+#: Rate of logs [Hz], step of the simulation [s], and counts of an encoder a turn.
+RATE, STEP, COUNTS = 50.0, 1e-4, 2**12
 
 #: Attributes of a servo's axis in an MJCF, by kind of parameter.
 WORDS = {"Ia": "armature", "Fv": "damping", "Fc": "frictionloss"}
 
-#: How the last joints of a hand are moved.
+#: How the last joints of a hand follow, and what its servos pull.
 KINDS = ("equality", "mimic", "tendon", "gears")
 
 
@@ -55,8 +56,12 @@ class Hand:
 
     Attributes
     ----------
-    bodies : list of str
-        Fingers, as an MJCF or URDF writes them.
+    kind : str
+        Of `KINDS`.
+    fingers : list of list of str
+        Joints of each finger from the palm on.
+    masses, file_masses : mapping [kg]
+        Of the link behind each joint: true ones, and those of the file.
     servos : list of Servo
     ratios : mapping
         Joints that follow to the joint before them, with the ratio.
@@ -65,6 +70,7 @@ class Hand:
     kind: str
     fingers: list[list[str]]
     masses: dict[str, float]
+    file_masses: dict[str, float]
     servos: list[Servo]
     ratios: dict[str, tuple[str, float]]
 
@@ -73,49 +79,53 @@ class Hand:
         """Names of the servos' joints and tendons."""
         return [servo.name for servo in self.servos]
 
-    @property
-    def truth(self) -> dict[str, float]:
-        """Numbers of the servos' axes by name of the parameter."""
-        return {f"{s.name}.{kind}": x for s in self.servos for kind, x in s.numbers.items()}
+    def write(self, folder: Path, *, fitted: bool = False) -> Robot:
+        """Write the file of the hand without the numbers of its servos' axes, and read it.
 
-    @property
-    def effective(self) -> dict[str, float]:
-        """The same, with the friction of each joint that follows in that of its servo."""
-        out = self.truth
-        for servo in self.servos:
-            for joint, (of, ratio) in self.ratios.items():
-                if joint in servo.arms or of == servo.name:
-                    arms = servo.arms or {of: 1.0}
-                    speed = sum(c * (ratio if j == joint else 1.0) for j, c in arms.items())
-                    r = ratio / speed
-                    out[f"{servo.name}.Fv"] += r**2 * FOLLOWS
-                    out[f"{servo.name}.Fc"] += r * FOLLOWS
-        return out
-
-    def write(self, folder: Path, gains: str = "") -> Robot:
-        """Write the file of the hand without the numbers of its servos' axes, and read it."""
-        if self.kind != "mimic":
-            path = folder / "hand.xml"
-            path.write_text(self.mjcf({}))
-        else:
+        With `fitted` its gains are to be found from logs.
+        """
+        said = ""
+        if self.kind == "mimic":
             path = folder / "hand.urdf"
             path.write_text(self._urdf())
-            listed = [
-                f"{key} = {{{', '.join(f'{s.name} = {getattr(s, key)}' for s in self.servos)}}}"
-                for key in ("kp", "kv")
-            ]
-            names = ", ".join(f'"{name}"' for name in self.names)
-            gains = f"actuated = [{names}]\n" + (gains or "\n".join(["[servo]", *listed]))
-        if gains:
-            path.with_suffix(".toml").write_text(gains)
+            said = f"actuated = {self.names}\n"
+        else:
+            path = folder / "hand.xml"
+            path.write_text(self.mjcf())
+        if fitted:
+            said += '[servo]\nkp = "fit"\n'
+        elif self.kind == "mimic":
+            kp = ", ".join(f"{s.name} = {s.kp}" for s in self.servos)
+            kv = ", ".join(f"{s.name} = {s.kv}" for s in self.servos)
+            said += f"[servo]\nkp = {{{kp}}}\nkv = {{{kv}}}\n"
+        if said:
+            path.with_suffix(".toml").write_text(said)
         return Robot.load(path)
 
-    def mjcf(self, truth: Mapping[str, float]) -> str:
-        """Return the hand in MuJoCo's words, with the numbers of its servos' axes."""
+    def truth(self, robot: Robot) -> dict[str, float]:
+        """Return the true parameters; friction of joints that follow is in that of their servos."""
+        out = {f"{s.name}.{kind}": x for s in self.servos for kind, x in s.numbers.items()}
+        for joint, (of, ratio) in self.ratios.items():
+            servo = next(s for s in self.servos if joint in s.arms or s.name == of)
+            arms = servo.arms or {of: 1.0}
+            speed = ratio / sum(c * (ratio if j == joint else 1.0) for j, c in arms.items())
+            out[f"{servo.name}.Fv"] += speed**2 * FOLLOWS
+            out[f"{servo.name}.Fc"] += speed * FOLLOWS
+            out |= {f"{joint}.Fv": 0.0, f"{joint}.Fc": 0.0}
+        for joint, mass in self.masses.items():
+            share = mass / self.file_masses[joint]
+            names = [f"{joint}_link.{kind}" for kind in INERTIAL_KINDS]
+            out |= {name: share * robot.nominal[name] for name in names}
+        return out
+
+    def mjcf(self, *, true: bool = False) -> str:
+        """Return the hand in MuJoCo's words, with true numbers or those of the file."""
+        own = {s.name: s.numbers if true else {} for s in self.servos}
+        masses = self.masses if true else self.file_masses
 
         def numbers(name: str) -> str:
-            pairs = ((word, truth.get(f"{name}.{kind}")) for kind, word in WORDS.items())
-            return " ".join(f'{word}="{x:.6g}"' for word, x in pairs if x is not None)
+            found = own.get(name, {}).items()
+            return " ".join(f'{WORDS[kind]}="{x:.9g}"' for kind, x in found)
 
         bodies = ""
         for k, finger in enumerate(self.fingers):
@@ -125,21 +135,21 @@ class Hand:
                 follows = joint in self.ratios
                 friction = f'damping="{FOLLOWS}" frictionloss="{FOLLOWS}"'
                 dynamics = numbers(joint) or friction * follows
-                m = self.masses[joint]
+                m = masses[joint]
                 bodies += (
                     f'<body name="{joint}_link" pos="{pos}"><joint name="{joint}" axis="{axis}" '
-                    f'{dynamics}/><inertial pos="0 0 {LENGTH / 2}" mass="{m:.5g}" diaginertia='
-                    f'"{m * 3e-4:.5g} {m * 3e-4:.5g} {m * 1e-4:.5g}"/>'
+                    f'{dynamics}/><inertial pos="0 0 {LENGTH / 2}" mass="{m:.9g}" diaginertia='
+                    f'"{m * 3e-4:.9g} {m * 3e-4:.9g} {m * 1e-4:.9g}"/>'
                 )
             bodies += "</body>" * len(finger)
         ties = "".join(
-            f'<joint joint1="{a}" joint2="{b}" polycoef="0 {r:.4g} 0 0 0"/>'
+            f'<joint joint1="{a}" joint2="{b}" polycoef="0 {r:.9g} 0 0 0"/>'
             for a, (b, r) in self.ratios.items()
         )
         tendons = actuators = ""
         for s in self.servos:
             if s.arms:
-                arms = "".join(f'<joint joint="{j}" coef="{c:.4g}"/>' for j, c in s.arms.items())
+                arms = "".join(f'<joint joint="{j}" coef="{c:.9g}"/>' for j, c in s.arms.items())
                 tendons += f'<fixed name="{s.name}" {numbers(s.name)}>{arms}</fixed>'
             at = "tendon" if s.arms else "joint"
             actuators += f'<position name="{s.name}" {at}="{s.name}" kp="{s.kp}" kv="{s.kv}"/>'
@@ -156,16 +166,16 @@ class Hand:
         for k, finger in enumerate(self.fingers):
             before = "palm"
             for i, joint in enumerate(finger):
-                m = self.masses[joint]
+                m = self.file_masses[joint]
                 xyz = f"{0.025 * k} 0 0" if i == 0 else f"0 0 {LENGTH}"
                 axis = "1 0 0" if joint.endswith("abd") else "0 1 0"
                 of, ratio = self.ratios.get(joint, ("", 0.0))
-                more = f'<mimic joint="{of}" multiplier="{ratio:.4g}"/>' if of else ""
+                more = f'<mimic joint="{of}" multiplier="{ratio:.9g}"/>' if of else ""
                 more += f'<dynamics damping="{FOLLOWS}" friction="{FOLLOWS}"/>' if of else ""
                 text += (
                     f'<link name="{joint}_link"><inertial><origin xyz="0 0 {LENGTH / 2}"/>'
-                    f'<mass value="{m:.5g}"/><inertia ixx="{m * 3e-4:.5g}" iyy="{m * 3e-4:.5g}" '
-                    f'izz="{m * 1e-4:.5g}" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+                    f'<mass value="{m:.9g}"/><inertia ixx="{m * 3e-4:.9g}" iyy="{m * 3e-4:.9g}" '
+                    f'izz="{m * 1e-4:.9g}" ixy="0" ixz="0" iyz="0"/></inertial></link>'
                     f'<joint name="{joint}" type="revolute"><parent link="{before}"/>'
                     f'<child link="{joint}_link"/><origin xyz="{xyz}"/><axis xyz="{axis}"/>'
                     f'<limit lower="-2" upper="2" effort="20" velocity="20"/>{more}</joint>'
@@ -203,7 +213,8 @@ def draw_hand(kind: str, rng: np.random.Generator, fingers: int | None = None) -
             places |= {f"f{k}_right": {names[0]: 1.0, abd: -arm}}
         servos += [_draw_servo(name, arms, rng) for name, arms in places.items()]
     masses = {j: float(rng.uniform(0.02, 0.05)) for chain in chains for j in chain}
-    return Hand(kind, chains, masses, servos, ratios)
+    file_masses = {j: m * float(rng.uniform(0.9, 1.1)) for j, m in masses.items()}
+    return Hand(kind, chains, masses, file_masses, servos, ratios)
 
 
 def _draw_servo(name: str, arms: Mapping[str, float], rng: np.random.Generator) -> Servo:
@@ -215,34 +226,48 @@ def _draw_servo(name: str, arms: Mapping[str, float], rng: np.random.Generator) 
     return Servo(name, arms, kp, kv, {"Ia": rotor, **friction})
 
 
-def record(hand: Hand, seconds: float, delay: float, rng: np.random.Generator) -> pd.DataFrame:
-    """Return a log of the true hand: ``t``, and of each servo ``.q`` and ``.cmd``."""
-    model = mujoco.MjModel.from_xml_string(hand.mjcf(hand.truth))
-    model.opt.timestep = 1 / RATE / STEPS
-    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    stiff = [2 * model.opt.timestep, 1]
-    model.eq_solref[:] = model.dof_solref[:] = model.tendon_solref_fri[:] = stiff
-    for hardness in (model.dof_solimp, model.eq_solimp, model.tendon_solimp_fri):
-        hardness[:, :2] = 0.9999
-    arms = np.zeros((len(hand.servos), model.nq))
+def record(
+    hand: Hand, seconds: float, delay: float, servo_rate: float, rng: np.random.Generator
+) -> pd.DataFrame:
+    """Return a log of the true hand: ``t``, and of each servo ``.q`` and ``.cmd``.
+
+    Servos measure at their own rate [Hz], and hold their torque. Commands act late [s].
+    """
+    model = _stiff(mujoco.MjModel.from_xml_string(hand.mjcf(true=True)))
+    arms = np.zeros((len(hand.servos), model.nv))
     for k, servo in enumerate(hand.servos):
         for joint, c in (servo.arms or {servo.name: 1.0}).items():
-            arms[k, model.joint(joint).qposadr[0]] = c
+            arms[k, model.joint(joint).dofadr[0]] = c
+    kp, kv = (np.array([getattr(servo, gain) for servo in hand.servos]) for gain in ("kp", "kv"))
     data, n = mujoco.MjData(model), len(hand.servos)
     t = np.arange(round(seconds * RATE)) / RATE
     commands = _draw_commands(t, n, rng)
-    late = round(delay * RATE * STEPS)
-    positions, before = [], commands[0]
-    for command in commands:
-        positions.append(arms @ data.qpos)
-        data.ctrl[:] = before
-        mujoco.mj_step(model, data, late)
-        data.ctrl[:] = before = command
-        mujoco.mj_step(model, data, STEPS - late)
+    held, late = round(1 / servo_rate / STEP), int(np.ceil(delay * servo_rate))
+    per_row = round(servo_rate / RATE)
+    positions = []
+    for k in range(round(seconds * servo_rate)):
+        q = arms @ data.qpos
+        if k % per_row == 0:
+            positions.append(q)
+        command = commands[max(k - late, 0) // per_row]
+        data.ctrl[:] = kp * (command - q) - kv * (arms @ data.qvel)
+        mujoco.mj_step(model, data, held)
     step, phase = 2 * np.pi / COUNTS, rng.uniform(size=n)
     q = (np.floor(np.array(positions) / step + phase) + 0.5 - phase) * step
     names = [f"{name}.{kind}" for kind in ("q", "cmd") for name in hand.names]
     return pd.DataFrame(np.column_stack([t, q, commands]), columns=["t", *names])
+
+
+def _stiff(model: Any) -> Any:
+    """Return a model with short steps, hard friction, rigid couplings, and torque as commands."""
+    model.opt.timestep = STEP
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    model.eq_solref[:] = model.dof_solref[:] = model.tendon_solref_fri[:] = [2 * STEP, 1]
+    for hardness in (model.dof_solimp, model.eq_solimp, model.tendon_solimp_fri):
+        hardness[:, :2] = 0.9999
+    model.actuator_gainprm[:, 0] = 1.0
+    model.actuator_biasprm[:] = 0.0
+    return model
 
 
 def _draw_commands(t: Array, n: int, rng: np.random.Generator) -> Array:
