@@ -99,7 +99,7 @@ def test_a_finger_that_follows_is_fitted_rolled_out_and_exported(tmp_path, kind,
     second = 0.06 + 0.8 * 0.01 * (kind != "tendon")
     np.testing.assert_allclose(rolled.numbers["Fc"] / factor, [0.12, second], rtol=0.1)
     if not gains:
-        low, high = result.to_frame().set_index("name").loc["j1.Fc", "interval95"]
+        low, high = result.to_frame(details=True).set_index("name").loc["j1.Fc", "interval95"]
         assert low < 0.12 < high
     result.to_json(tmp_path / "result.json")
     target = tmp_path / f"fitted{path.suffix}"
