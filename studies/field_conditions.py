@@ -40,10 +40,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import drawn_hands as hands
 import mujoco
 import numpy as np
 import pandas as pd
-from field_commanded import Commanded, Floating, examine_labels, examine_told, told
+from field_commanded import Commanded, CommandedHand, Floating, examine_labels, examine_told, told
 from hidden_effect import read_rows
 from hidden_physics import Machine, Runs
 from hidden_physics_cases import (
@@ -83,9 +84,16 @@ SHAKES = (0.02, 0.1)
 #: How a sealed log as it should be is prepared where its condition asks for a cut-off: values that
 #: were found with different ones are judged in one band.
 JUDGED = Preparation(cutoff=20.0, outputs=10.0)
+#: Kinds of hands that are drawn.
+HANDS = hands.KINDS
 #: Largest median, and largest at all, of the error over that of the best cut-off of many.
 MEDIAN = "error over the true structure's"
-REQUIRED = {"noisy positions": (1.05, 1.3)}
+REQUIRED = {
+    "noisy positions": (1.05, 1.3),
+    **{f"hand, {kind}": (1.05, 1.1) for kind in HANDS},
+}
+#: Least coverage of labels of hands, and least share of their friction that is identifiable.
+OF_HANDS = {"coverage": 0.93, "friction": 0.8}
 
 
 @dataclass
@@ -216,7 +224,7 @@ class Condition:
     judged : Preparation, optional
         Preparation of the sealed log, independent of the cut-off of an analysis; by default as its
         own logs were.
-    case : Commanded or Floating, optional
+    case : Commanded, CommandedHand or Floating, optional
         Draws and examines the case, for robots other than those with measured torque on a stand.
     """
 
@@ -230,7 +238,7 @@ class Condition:
     truth: Callable[[Logged, Robot], Stated] | None = None
     centred: bool = False
     judged: Preparation | None = None
-    case: Commanded | Floating | None = None
+    case: Commanded | CommandedHand | Floating | None = None
 
 
 def _masses(mass: float, moment: float) -> Callable[[Logged], None]:
@@ -518,6 +526,8 @@ CONDITIONS = {
     "a limit that is not stated": Condition(
         10, "limit|saturat", case=Commanded("quadruped", QUADRUPED, (15.0,), limit=0.5)
     ),
+    **{f"hand, {kind}": Condition(10, "", case=CommandedHand(kind)) for kind in HANDS},
+    "hand, tendons, kp = fit": Condition(10, "", case=CommandedHand("tendon", fitted=True)),
     "floats, biases to be fitted": Condition(11, "mounted|sensor", case=Floating(True)),
     "floats, biases nobody states": Condition(11, "mounted|sensor", case=Floating(False)),
     "half a log frozen": Condition(
@@ -708,7 +718,7 @@ def examine_number(
 
 
 def find_checks(counts: pd.DataFrame) -> list[StudyCheck]:
-    """Return the checks of conditions that require a cut-off: errors over the best one's."""
+    """Return the required checks: errors over the best ones, and labels of hands."""
     checks = list[StudyCheck]()
     for name, (median, worst) in REQUIRED.items():
         for row in counts[counts.condition == name].to_dict("records"):
@@ -716,13 +726,17 @@ def find_checks(counts: pd.DataFrame) -> list[StudyCheck]:
                 ours = row[column]
                 asked = f"{name}: {column}"
                 checks.append(StudyCheck(asked, f"{ours:.2f}", f"{most:g}", "0", ours <= most))
+    for row in counts[counts.condition.str.startswith("hand")].to_dict("records"):
+        for column, least in OF_HANDS.items():
+            ours, asked = row[column], f"{row['condition']}: {column}"
+            checks.append(StudyCheck(asked, f"{ours:.2f}", f"{least:g}", "0", ours >= least))
     return checks
 
 
 def show(rows: Sequence[dict[str, Any]], out: Path, stream: str) -> None:
     """Print the table of the twelve conditions, and write it with that of all draws."""
     frame = pd.DataFrame(rows).reset_index(drop=True)
-    for column in ("over", "off", "half", "held", "judged", "truth"):
+    for column in ("over", "off", "half", "held", "judged", "truth", "friction"):
         frame[column] = frame.get(column, np.nan)
     sound = frame.number.map(frame[frame.condition == SOUND].set_index("number").error)
     drawn = frame.condition.map(lambda name: CONDITIONS[name].case is None)
@@ -744,6 +758,7 @@ def show(rows: Sequence[dict[str, Any]], out: Path, stream: str) -> None:
             "labels": f"{held:.0f} of {judged:.0f}" if judged else "–",
             "coverage": round(held / judged, 3) if judged else np.nan,
             "identifiable": round(float(own.identifiable.mean()), 1),
+            "friction": round(float(own.friction.mean()), 3),
             "CPU [s]": round(float(own.seconds.median()), 1),
             "mass off [%]": round(100 * float(own.off.abs().max()), 2),
         })  # fmt: skip

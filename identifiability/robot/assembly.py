@@ -394,6 +394,12 @@ def _refuse_loose(robot: Description, count: int) -> NoReturn:
     wide = [j.dofs[0].rpartition(".")[0] for j in robot.tree.joints if j.nv > 1]
     single = [name for name in robot.passive if name in robot.tree.single]
     advice = ""
+    pulled = [c.along for c in robot.cables if c.along is not None]
+    for along in (c for c in pulled if len(c.terms) > 1 and {*c.terms} <= {*robot.passive}):
+        advice += (
+            f" If {listing(along.terms)} move together, tie them with <equality><joint>, or as "
+            f"[[couplings]] in the sidecar: the tendon '{along.joint}' moves their sum alone."
+        )
     if wide:
         advice = f" Ball and floating joints ({listing(wide)}) can only be passive in a closed "
         advice += "loop; write a ball that is driven as three hinges in one body."

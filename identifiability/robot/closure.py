@@ -34,7 +34,7 @@ def stretch_home(robot: Description) -> Description:
     frames = robot.tree.frames(home[None], [p.joint for c in robot.cables for p in c.points])
     for cable in robot.cables:
         apart = [_distance(robot.tree, frames, *ends)[1][0] for ends in pairwise(cable.points)]
-        if min(apart) < ROUNDOFF:
+        if min(apart, default=np.inf) < ROUNDOFF:
             raise RobotError(
                 f"{robot.path}: two neighbouring points of the tendon '{cable.name}' coincide at "
                 f"the home position ({robot.describe_home()}), so it pulls in no direction there; "
@@ -49,6 +49,9 @@ def cable_equation(
     robot: Description, cable: Cable, frames: Frames, q: Array
 ) -> tuple[Array, Array]:
     """Return slide less length (N,), and its Jacobian (nv, N)."""
+    if cable.along is not None:
+        error, rows = _coupling_error(cable.along, q, robot)
+        return error, rows.T
     tree = robot.tree
     slide = tree.single[cable.name]
     error = np.array(q[:, slide.iq])

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from identifiability.effects.vocabulary import drop_follower_friction
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs import Log, signals
@@ -119,6 +120,7 @@ class RolloutProblem:
         bodies = zip(self.shares, sizes, strict=True)
         pairs = [(f"{body}.{kind}", x) for body, x in bodies for kind in INERTIAL_KINDS]
         parameters = {name: x * robot.nominal[name] for name, x in pairs}
+        parameters |= drop_follower_friction(robot)
         for kind in KINDS[:4]:
             name = robot.inertia_parts[0] if kind == "Ia" else kind
             values = zip(robot.joints, numbers[kind].tolist(), strict=True)
@@ -168,7 +170,7 @@ class RolloutProblem:
         machine = self.machine
         if numbers["play"].any():
             loose = replace(machine.servo, play=numbers["play"])
-            machine = CommandedRobot(machine.robot, {}, loose)
+            machine = CommandedRobot(machine.robot, drop_follower_friction(machine.robot), loose)
         sizes = dict(zip(self.shares, np.exp(2 * numbers["sizes"]).tolist(), strict=True))
         return machine.resized(sizes), numbers, delays
 

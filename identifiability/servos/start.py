@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from identifiability.effects.vocabulary import drop_follower_friction
 from identifiability.foundation.linalg import or_one
 from identifiability.foundation.names import Array
 from identifiability.logs import Log, signals
@@ -35,7 +36,8 @@ def start_rollouts(
     assert servo is not None
     kp = np.where(np.isnan(servo.kp), 1.0, servo.kp)
     guess = replace(servo, kp=kp, kv=np.nan_to_num(servo.kv))
-    machine = CommandedRobot(robot, {}, guess)
+    plain = drop_follower_friction(robot)
+    machine = CommandedRobot(robot, plain, guess)
     delay = servo.delay or 0.0
     numbers = machine.numbers()
     if not servo.unknown.any() and np.all(_errors(machine, numbers, delay, windows) < 1):
@@ -53,7 +55,7 @@ def start_rollouts(
     chosen = {
         kind: np.array([one[kind] for one in tried])[best, range(len(best))] for kind in numbers
     }
-    return CommandedRobot(robot, {}, replace(guess, kp=chosen["kp"])), chosen
+    return CommandedRobot(robot, plain, replace(guess, kp=chosen["kp"])), chosen
 
 
 def _errors(
