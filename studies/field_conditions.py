@@ -294,6 +294,71 @@ def _motor_side(stated: bool) -> Callable[[Logged], None]:
     return change
 
 
+def _harmonic(case: Case) -> None:
+    """Give every joint a harmonic drive: rotor inertia and friction as the link sees them."""
+    rng, model = case.rng, case.machine.model
+    dofs = case.machine.dofs[: case.n]
+    model.dof_armature[dofs] = np.exp(rng.uniform(*np.log((0.1, 3.0)), case.n))
+    dry = np.exp(rng.uniform(*np.log((5.0, 30.0)), case.n))
+    viscous = rng.uniform(0.2, 1.0, case.n) * dry / np.abs(case.v).max(0)
+    case.machine = replace(case.machine, dry=dry, viscous=viscous)
+
+
+def _direct(case: Case) -> None:
+    """Drive every joint without gear, rotor inertia or friction."""
+    case.machine.model.dof_armature[case.machine.dofs[: case.n]] = 0.0
+    none = np.zeros(len(case.machine.dry))
+    case.machine = replace(case.machine, dry=none, viscous=none)
+
+
+def _link_torque(x: Logged, run: int) -> Array:
+    """Return torque behind the gears (N, n): that of the joints less rotors and friction."""
+    machine, runs = x.case.machine, x.notes["runs"]
+    model = copy(machine.model)
+    dofs = machine.dofs[: x.case.n]
+    model.dof_armature[dofs] = 0.0
+    data, out = mujoco.MjData(model), np.empty(runs.tau[run].shape)
+    for k, state in enumerate(runs.full[run]):
+        data.qpos[:], data.qvel[:], data.qacc[:] = state
+        mujoco.mj_inverse(model, data)
+        out[k] = data.qfrc_inverse[dofs]
+    return out
+
+
+def _rotors_in_file(x: Logged, factor: tuple[float, float] | None) -> None:
+    """State rotors in the sidecar, off by a factor; none for drives without gear."""
+    dofs = x.case.machine.dofs[: x.case.n]
+    rotors = x.case.machine.model.dof_armature[dofs]
+    if factor is not None:
+        rotors = rotors * x.rng.uniform(*factor, x.case.n)
+    pairs = zip(x.robot.joints, rotors.tolist(), strict=True)
+    x.state("[nominal]\n" + "\n".join(f'"{j}.Ia" = {rotor:.6g}' for j, rotor in pairs))
+
+
+def _sensors(said: str, *, link: bool = True, motor: bool = False) -> Callable[[Logged], None]:
+    """Return a function that logs torque behind gears, before them (at the joint), or both."""
+
+    def change(x: Logged) -> None:
+        _rotors_in_file(x, (0.6, 1.6))
+        if said:
+            x.state(f'[torque]\nside = "{said}"')
+
+        def log(k: int, f: pd.DataFrame) -> None:
+            columns = [f"{j}.tau" for j in x.robot.joints]
+            motors = f[columns].to_numpy()
+            if motor:
+                f[[f"motor_torque_{j}" for j in x.robot.joints]] = motors
+            if link:
+                torque = _link_torque(x, k)
+                rms = np.sqrt((torque**2).mean(0))
+                noise = coloured(x.rng, len(f), x.case.n, 0.6)
+                f[columns] = torque + x.notes["level"] * rms * noise
+
+        x.change(log)
+
+    return change
+
+
 def _turned(degrees: float) -> Callable[[Case], None]:
     def change(case: Case) -> None:
         model = case.machine.model.__copy__()
@@ -463,6 +528,21 @@ CONDITIONS = {
     "motor side, not stated": Condition(
         2, r"unit|ratio|gear|scale|file asks for", _motor_side(False), of=ARMS, labels=False
     ),
+    "harmonic drives, motor sensor": Condition(
+        2, "", _sensors("", link=False), _harmonic, of=ARMS, truth=_as_it_is
+    ),
+    "harmonic drives, link sensor": Condition(
+        2, "", _sensors("link"), _harmonic, of=ARMS, truth=_as_it_is
+    ),
+    "harmonic drives, link sensor, not stated": Condition(
+        2, "behind the gear", _sensors(""), _harmonic, of=ARMS, truth=_as_it_is
+    ),
+    "harmonic drives, both sensors": Condition(
+        2, "", _sensors("both", motor=True), _harmonic, of=ARMS, truth=_as_it_is
+    ),
+    "direct drives": Condition(
+        2, "", lambda x: _rotors_in_file(x, None), _direct, of=ARMS, truth=_as_it_is
+    ),
     "on its side": Condition(
         3, GRAVITY, machine=_turned(90.0), of=ARMS, labels=False, truth=_as_it_stands
     ),
@@ -560,7 +640,7 @@ def draw(folder: Path, stream: str, number: int, name: str, which: Condition) ->
             f[f"{joint}.tau"] = runs.tau[k, :, j] + noise[:, j]
         frames.append(pd.DataFrame(f))
     out = Logged(robot, case, frames, rng, path)
-    out.notes |= {"robot": robot_name, "level": level, "sound": frames[-1].copy()}
+    out.notes |= {"robot": robot_name, "level": level, "sound": frames[-1].copy(), "runs": runs}
     if which.log is not None:
         which.log(out)
     return out

@@ -227,7 +227,11 @@ def find_base_parameters(
     """
     parameters = model.parameters(robot)
     count = max(100, 4 * len(parameters) // len(robot.actuated))
-    W = model.regressor(robot, random_motion(robot, np.random.default_rng(0), count))
+    motion = random_motion(robot, np.random.default_rng(0), count)
+    W = model.regressor(robot, motion)
+    if robot.torque.has_side("both"):
+        drives = model.regressor(robot, replace(motion, drives_alone=True))
+        W = np.concatenate([W, drives])
     names = tuple(p.name for p in parameters)
     return group_columns(W.reshape(-1, W.shape[2]), parameters, robot.column_preference(names))
 

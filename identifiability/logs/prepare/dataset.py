@@ -438,6 +438,7 @@ def _prepare_rows(rows: tuple[Log, int, Rows], robot: Robot, plan: Plan) -> Data
     smooth = plan.smooth_speed(log, origin)
     if smooth is not None:
         motion = replace(motion, smooth_v=smooth[at])
+    motion = replace(motion, drives_alone=log.drives_alone)
     tau = log.tau[at] - _known_torque(robot, log.name, motion)
     if robot.base is not None and log.base is not None:
         tau = motion.freed(tau + _pushed(robot, motion, log.base[at]))
@@ -684,5 +685,6 @@ def move_samples(robot: Robot, given: Dataset, by: Array) -> Dataset:
     new = complete_motion(robot, old.t, *actuated)
     if len(new) < len(old):
         raise ClosureError(f"Loops of {given.name} do not close there.")
-    new = replace(new, kept=old.kept, dropped=old.dropped, start=old.start)
+    same = {"start": old.start, "drives_alone": old.drives_alone}
+    new = replace(new, kept=old.kept, dropped=old.dropped, **same)
     return replace(given, motion=new, weight=given.weight[:, np.abs(by).argmax(1)])
