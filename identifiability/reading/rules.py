@@ -24,6 +24,9 @@ class Rules(RuleTable):
     error_ratio: Annotated[
         float, "its error falls to this share of the literal reading's, by hand"
     ] = 0.85
+    nil: Annotated[
+        float, "friction over torque, or rotor over the file's, below which there is none, by hand"
+    ] = 0.03
 
 
 RULES = Rules()
