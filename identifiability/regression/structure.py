@@ -311,6 +311,13 @@ class Structure:
         )
 
     @cached_property
+    def unobserved(self) -> tuple[Parameter, ...]:
+        """Parameters of the model's effects that no torque sensor of the robot observes."""
+        seen = self.robot.torque.model_copy(update={"side": "joint"})
+        every = self.model.parameters(replace(self.robot, torque=seen))
+        return tuple(p for p in every if p.name not in self.columns)
+
+    @cached_property
     def nonnegative(self) -> np.ndarray:
         """Whether physics forbids a standard parameter below zero, (p,) bool."""
         return np.array([p.nonnegative for p in self.parameters], bool)
