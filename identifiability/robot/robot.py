@@ -27,8 +27,8 @@ from identifiability.foundation.values import frozen
 from .assembly import LockOption, read_locks
 from .description import Description
 from .files import read_robot
-from .sidecar import Side
 from .kinematics import WORLD, least_eigenvalue
+from .sidecar import Side
 
 # The ten parameters of a body from its mass, centre and moments of inertia.
 

@@ -685,6 +685,6 @@ def move_samples(robot: Robot, given: Dataset, by: Array) -> Dataset:
     new = complete_motion(robot, old.t, *actuated)
     if len(new) < len(old):
         raise ClosureError(f"Loops of {given.name} do not close there.")
-    same = {"start": old.start, "drives_alone": old.drives_alone}
-    new = replace(new, kept=old.kept, dropped=old.dropped, **same)
+    new = replace(new, kept=old.kept, dropped=old.dropped, start=old.start)
+    new = replace(new, drives_alone=old.drives_alone)
     return replace(given, motion=new, weight=given.weight[:, np.abs(by).argmax(1)])
