@@ -32,6 +32,7 @@ from .names import (
     DIMENSIONS,
     INDEX,
     KINDS,
+    SIDES,
     SPELLED,
     UNITS,
     Column,
@@ -205,8 +206,8 @@ def _guess(names: Mapping[str, str], known: Conventions) -> list[Column]:
     return [g for g in guesses if g is not None and (known.joints or g.literal or g.name == "t")]
 
 
-#: Words of columns on the two sides of a gear, and the ends of the names of their channels.
-_SIDES = ((frozenset(words_for("motor side")), "_m"), (frozenset(words_for("link side")), ""))
+#: Ends of the names of channels on the two sides of a gear.
+_ENDS = {"motor": "_m", "link": ""}
 
 
 def _guess_side(source: str, name: str, joints: Sequence[str]) -> Column | None:
@@ -222,8 +223,8 @@ def _guess_side(source: str, name: str, joints: Sequence[str]) -> Column | None:
         guess = guess_column(source, name.replace("_m", ""), joints)
         return guess and replace(guess, kind=_kind(plain))
     words = take_joint(words_of(plain), joints)[1]
-    for known, end in _SIDES:
-        for word in known.intersection(words):
+    for side, end in _ENDS.items():
+        for word in {*SIDES[side].split()}.intersection(words):
             bare = re.sub(rf"(?i)(?<![a-z]){word}(?![a-z])", " ", name, count=1)
             guess = guess_column(source, bare, joints)
             if guess is not None and guess.kind in ("q", "tau"):
