@@ -25,7 +25,7 @@ class Rules(RuleTable):
         float, "its error falls to this share of the literal reading's, by hand"
     ] = 0.85
     nil: Annotated[
-        float, "friction over torque, or rotor over the file's, below which there is none, by hand"
+        float, "friction, as a share of a joint's torque, below which there is none, by hand"
     ] = 0.03
 
 

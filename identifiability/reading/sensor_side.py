@@ -1,13 +1,14 @@
 """`find_link_side`: torque sensors behind the gears, where rotor and friction come out zero.
 
 The robot file states the rotor of a joint, and the logs show none, nor friction. Then the sensor
-sits behind the gear. Each half of the rows must show it by itself: a third of the file's rotor
-inertia, with any friction, fits worse than neither. Drives without rotor in the file are no
-evidence, because they may have none.
+sits behind the gear. Both halves of the rows must show that there is no friction. Together, a third
+of the file's rotor inertias, with any friction, must fit worse than neither. Drives without rotor
+in the file are no evidence, because they may have none.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -46,6 +47,11 @@ class Drive:
     friction: tuple[int, ...]
     stated: float
 
+    @property
+    def least(self) -> float:
+        """The smallest rotor inertia that a file with this one may mean."""
+        return self.stated / PHYSICAL_RULES.another_robot
+
 
 def list_drives(rows: TorqueRows) -> list[Drive]:
     """Return the drives whose rotor the robot file states."""
@@ -76,16 +82,21 @@ def find_link_side(rows: TorqueRows, literal: Reading) -> Reading | None:
     told = "side" in robot.torque.model_fields_set
     if told or robot.transmission is not None or len(robot.inertia_parts) > 1:
         return None
-    drives = [drive for drive in list_drives(rows) if seems_nil(rows, literal, drive)]
-    shown = [drive for drive in drives if drive.rotor >= 0]
-    tested = sum(drive.rotor >= 0 for drive in list_drives(rows))
-    # Sensors of one robot sit alike: most rotors that can be seen are nil.
-    if not shown or 2 * len(shown) <= tested:
+    stated = list_drives(rows)
+    free = [drive for drive in stated if has_no_friction(rows, literal, drive)]
+    if 2 * len(free) <= len(stated):
         return None
-    verification = verify_side(rows, literal, shown)
+    comparison = Comparison(rows, literal)
+    behind = [drive for drive in free if not comparison.shows_rotor(drive)]
+    alone = [drive for drive in behind if drive.rotor >= 0]
+    every = [drive for drive in stated if drive.rotor >= 0]
+    # Sensors of one robot sit alike.
+    if not alone or 2 * len(alone) <= len(every):
+        return None
+    verification = comparison.verify(alone)
     if not verification.holds:
         return None
-    link_side = np.isin(np.arange(len(robot.joints)), [drive.joint for drive in drives])
+    link_side = np.isin(np.arange(len(robot.joints)), [drive.joint for drive in behind])
     joints: Strings = tuple(np.array(robot.joints)[link_side].tolist())
     return replace(
         literal,
@@ -97,28 +108,46 @@ def find_link_side(rows: TorqueRows, literal: Reading) -> Reading | None:
     )
 
 
-def seems_nil(rows: TorqueRows, literal: Reading, drive: Drive) -> bool:
-    """Return whether rotor and friction of a drive are negligible in each half of the rows."""
-    speed = rows.excerpt.X[:, drive.joint, list(drive.friction)]
-    sizes = np.sqrt((speed**2).mean(0))
-    scale = np.sqrt(rows.variation[drive.joint])
-    for half in rows.halves():
-        value, _ = half.solve(literal, adjusted=False)
-        friction = np.abs(value[list(drive.friction)]) @ sizes
-        rotor = value[drive.rotor] if drive.rotor >= 0 else 0.0
-        if friction > RULES.nil * scale or rotor > RULES.nil * drive.stated:
+def has_no_friction(rows: TorqueRows, literal: Reading, drive: Drive) -> bool:
+    """Return whether friction of a drive is negligible in each half of the rows."""
+    places = list(drive.friction)
+    columns = rows.excerpt.X[:, drive.joint, places]
+    sizes = np.sqrt((columns**2).mean(0) / rows.variation[drive.joint])
+    values = (half.solve(literal, adjusted=False)[0] for half in rows.halves())
+    return all(np.abs(value[places]) @ sizes <= RULES.nil for value in values)
+
+
+class Comparison:
+    """Fits of rows with some base parameters fixed, compared by their evidence.
+
+    Parameters
+    ----------
+    rows : TorqueRows
+    literal : Reading
+    """
+
+    def __init__(self, rows: TorqueRows, literal: Reading) -> None:
+        self.rows = rows
+        self.literal = literal
+        #: Share of the rows of each joint that are independent, (n,).
+        self.independent = rows.count(literal) / np.maximum(rows.counts, 1)
+
+    def gain(self, rows: TorqueRows, one: Mapping[int, float], other: Mapping[int, float]) -> float:
+        """Return the evidence for fixed values against other ones [nat]."""
+        misfit = rows.solve(self.literal, adjusted=False, fixed=one)[1]
+        worse = rows.solve(self.literal, adjusted=False, fixed=other)[1]
+        return float(self.independent * rows.counts @ np.log(worse / misfit)) / 2
+
+    def shows_rotor(self, drive: Drive) -> bool:
+        """Return whether the rows need a rotor of a size like the file's."""
+        if drive.rotor < 0:
             return False
-    return True
+        like = self.rows.solve(self.literal, adjusted=False)[0][drive.rotor] >= drive.least
+        return bool(like and self.gain(self.rows, {}, {drive.rotor: 0.0}) >= RULES.unseen_gain)
 
-
-def verify_side(rows: TorqueRows, literal: Reading, drives: list[Drive]) -> Verification:
-    """Return the evidence of each half of the rows against a third of the file's rotors."""
-    independent = rows.count(literal) / np.maximum(rows.counts, 1)
-    nothing = {k: 0.0 for drive in drives for k in (drive.rotor, *drive.friction)}
-    least = {drive.rotor: drive.stated / PHYSICAL_RULES.another_robot for drive in drives}
-    gains = []
-    for half in rows.halves():
-        behind = half.solve(literal, adjusted=False, fixed=nothing)[1]
-        before = half.solve(literal, adjusted=False, fixed=least)[1]
-        gains.append(float(independent * half.counts @ np.log(before / behind)) / 2)
-    return Verification(sum(gains), min(gains), sum(gains), len(rows.robot.joints))
+    def verify(self, drives: Sequence[Drive]) -> Verification:
+        """Return the evidence of each half of the rows against the least rotors of drives."""
+        nothing = {k: 0.0 for drive in drives for k in (drive.rotor, *drive.friction)}
+        rotors = {drive.rotor: drive.least for drive in drives}
+        gains = [self.gain(half, nothing, rotors) for half in self.rows.halves()]
+        return Verification(sum(gains), min(gains), sum(gains), len(self.rows.robot.joints))
