@@ -475,7 +475,6 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             "errors": self._errors(),
             "parameters": used.rows(),
             "full_parameters": self.full.rows(),
-            "unobserved": self._unobserved(),
             "fit": None if self.nothing else self.fit.to_dict(),
             "missing_functions": predict.list_missing(self.missing),
             "physical": self._physical(),
@@ -485,6 +484,8 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             "estimator": used.estimate.estimator.name,
             "provenance": self.provenance,
         }
+        unobserved = self._unobserved()
+        found |= {"unobserved": unobserved} if unobserved else {}
         return found if self.moved is None else found | {"rollout": self.moved.to_rollout()}
 
     def _errors(self) -> dict[str, Any]:
