@@ -138,6 +138,14 @@ class Model:
             fill_measured(effect, robot, motion, W[:, :, end - width : end])
         return motion.freed(W)
 
+    def all_sensors(self, robot: Robot, motion: Motion) -> Array:
+        """Return the regressor (N, n, p), or of sensors on both sides of gears (N, 2n, p)."""
+        W = self.regressor(robot, motion)
+        if not robot.torque.has_side("both"):
+            return W
+        drives = self.regressor(robot, replace(motion, drives_alone=True))
+        return np.concatenate([W, drives], axis=1)
+
 
 def _read_effects(texts: Iterable[str]) -> list[Effect]:
     """Return effects as a ladder file writes them; all places of one are one effect."""

@@ -250,6 +250,11 @@ class Dataset:
             object.__setattr__(self, "weight", np.broadcast_to(self.weight, self.tau.shape))
 
     @property
+    def drives_alone(self) -> bool:
+        """Return whether its torque is motor torque minus link torque."""
+        return self.motion.drives_alone
+
+    @property
     def ledger(self) -> tuple[Finding, ...]:
         """Return the findings on its rows and columns during preparation."""
         return tuple(of_key(self.notes))
