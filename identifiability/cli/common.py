@@ -148,10 +148,12 @@ def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[st
     said = [f"{a.question} {a.short} {a.text if every else ''}".rstrip() for a in answers]
     warnings = [f"Warning: {text}" for text in result.warnings]
     hints = list(result.remarks)
-    choices = [f"Note: {x}" for x in hints if isinstance(x, Finding) and x.told and not every]
+    shorts = [a.short for a in answers]
+    told = [x for x in hints if isinstance(x, Finding) and x.told and not every]
+    choices = [f"Note: {x}" for x in told if x not in shorts]
     said = [*said, *warnings, *choices] if said else [result.statement]
     if not every:
-        hints = [x for x in hints if f"Note: {x}" not in choices]
+        hints = [x for x in hints if x not in told]
     print_end([*said, *more])
     robot = getattr(result, "robot", None)
     for table in (*result.tables(), *result.ledger()):

@@ -628,6 +628,7 @@ class Recorded:
     base: Literal["fixed", "floating"] | None = None
     time_unit: Literal["s", "ms", "us", "ns"] | None = None
     angles: Literal["rad", "deg"] | None = None
+    torque_side: Literal["joint", "link", "motor", "both"] | None = None
 
 
 @dataclass(frozen=True)
@@ -659,9 +660,7 @@ class Machine:
             if rules.setdefault(old, new) != new:
                 raise OptionError(f"--map gives '{old}' two names, {rules[old]} and {new}.")
         said = self.recorded
-        robot = Robot.load(
-            self.robot, self.sidecar, rules, self.lock, said.time_unit, said.angles, said.base
-        )
+        robot = Robot.load(self.robot, self.sidecar, rules, self.lock, **asdict(said))
         case = CASE.get()
         return robot if case is None else case.with_masses(robot)
 

@@ -87,6 +87,7 @@ class Hysteresis(Shaped):
     name = "hysteresis"
     equation = "τ = Σ Hₖ zₖ(q), zₖ ← clip(zₖ + Δq/rₖ, ±1)"
     source = "[Iwan 1966; Al-Bender 2005]"
+    of_drive = True
     units = tuple((f"H{k + 1}", "N·m", "N") for k in range(len(ELEMENTS)))
     usual = (0.01, 0.001)
     nonnegative = True
@@ -129,6 +130,7 @@ class LoadDependentFriction(AlongAxes):
     name = "load_dependent_friction"
     equation = "τ = Fl |τ_load| sign(q̇)"
     source = "[Hamon 2010, Eq. 4]"
+    of_drive = True
     units = (("Fl", "1", "1"),)
     nonnegative = True
 

@@ -21,7 +21,7 @@ from identifiability.robot.floating import BASE_JOINTS
 
 from . import signals
 from .base import find_base
-from .checks import CHANNELS, Clock, Numbers, to_floats
+from .checks import CHANNELS, MOTOR, Clock, Numbers, to_floats
 from .columns import (
     DEGREE,
     Naming,
@@ -289,6 +289,10 @@ class TableReader:
         self.naming = resolve_time(naming, frame, self.source, self.known)
         self._numbers = {c.name: Numbers(c.name, self.source) for c in self.naming.columns}
         torque = {f"{j}.tau": np.nan for j in naming.joints} | dict.fromkeys(naming.made, 0.0)
+        both = [j for j in naming.joints if self.known.torque.side_of(j) == "both"]
+        for kind in MOTOR:
+            if both and all(f"{j}.{kind}" in self._numbers for j in both):
+                torque |= {f"{j}.{kind}": 0.0 for j in naming.joints}  # of the others it is no data
         self._lacks = {c: x for c, x in torque.items() if c not in self._numbers}
 
     def _check_locked(self, locked: Mapping[str, Array]) -> Iterator[str]:

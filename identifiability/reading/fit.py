@@ -8,6 +8,7 @@ that the model lacks is such a function, and must not decide between readings.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 
@@ -223,10 +224,13 @@ class TorqueRows:
         share = self.solve(reading, adjusted=adjusted)[1]
         return np.asarray(0.5 * np.log(share)[np.argsort(reading.order)])
 
-    def solve(self, reading: Reading, *, adjusted: bool) -> tuple[Array, Array]:
+    def solve(
+        self, reading: Reading, *, adjusted: bool, fixed: Mapping[int, float] | None = None
+    ) -> tuple[Array, Array]:
         """Return base parameters (b,), and residual variance over that of the torque (n,).
 
-        Friction and rotor inertia are not negative. Joints are weighted by their residual.
+        Friction and rotor inertia are not negative. Joints are weighted by their residual. `fixed`
+        has values of base parameters that are not fitted, by their place.
         """
         joints = self._products_under(reading, adjusted)
         scale = self.variation[reading.order] * np.maximum(self.counts, 1)
@@ -234,7 +238,7 @@ class TorqueRows:
         scale = np.where(scale > 0.0, scale, 1.0)
         weight = 1.0 / scale
         for _ in range(3):
-            value = self._solve_weighted(joints, weight)
+            value = self._solve_weighted(joints, weight, fixed or {})
             residual = np.array([joint.residual(value) for joint in joints])
             residual = np.maximum(residual, ROUNDOFF * scale)
             weight = 1.0 / residual
@@ -293,7 +297,9 @@ class TorqueRows:
             joints.append(JointProducts(self.acts[j], gram, cross / factor, square))
         return joints
 
-    def _solve_weighted(self, joints: list[JointProducts], weight: Array) -> Array:
+    def _solve_weighted(
+        self, joints: list[JointProducts], weight: Array, fixed: Mapping[int, float]
+    ) -> Array:
         """Return the base parameters (b,) that fit all joints, each with its weight."""
         size = self.parts.shape[2]
         gram = np.zeros((size, size))
@@ -301,7 +307,12 @@ class TorqueRows:
         for by, joint in zip(weight, joints, strict=True):
             gram[np.ix_(joint.at, joint.at)] += by * joint.gram
             cross[joint.at] += by * joint.cross
-        return solve_nonnegative(gram, cross, self.structure.base.nonnegative)
+        known = np.zeros(size)
+        known[[*fixed]] = [*fixed.values()]
+        cross = cross - gram @ known
+        # Columns of length zero are not fitted.
+        gram[[*fixed]] = gram[:, [*fixed]] = 0.0
+        return known + solve_nonnegative(gram, cross, self.structure.base.nonnegative)
 
     # Products of columns and torque, each computed once.
 

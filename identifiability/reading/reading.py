@@ -57,6 +57,8 @@ class Reading:
         Whether each log has its own torque offsets.
     offsets : mapping of str to (n,) [N·m or N]
         Torque offsets by the name of the log, less their mean.
+    link_side : (n,) bool
+        Joints whose torque sensor sits behind the gear. Empty if none does.
     fitted_numbers : int
         Count of the reading's fitted numbers.
     log_odds : float
@@ -79,6 +81,7 @@ class Reading:
     parameters: Array = np.empty(0)
     separate_offsets: bool = False
     offsets: Mapping[str, Array] = {}
+    link_side: Array = np.zeros(0, bool)
     fitted_numbers: int = 0
     log_odds: float = 0.0
     error_ratio: float = 1.0
@@ -111,6 +114,8 @@ class Reading:
             # A question is put as a possibility.
             claim = self.description.replace(" seems to ", " may ").replace(" seem to ", " may ")
             return f"{claim}. {self.verification.doubt} {self.remedy} if that is so."
+        if self.link_side.any():
+            return f"{self.description} ({self.log_odds:.3g} nats). {self.remedy}."
         less = percent(1.0 - self.error_ratio, 2)
         evidence = f"read so, the model errs by {less} less ({self.log_odds:.3g} nats)"
         return f"{self.description}: {evidence}. {self.remedy}."
@@ -141,6 +146,8 @@ class Reading:
     def structure(self, literal: Structure) -> Structure:
         """Return the model under the reading's gravity; another direction becomes a tilt effect."""
         robot = literal.robot
+        if self.link_side.any():
+            return Structure.of(self.robot(robot), literal.model)
         if np.allclose(self.gravity, robot.gravity):
             return literal
         if self.gravity.any():
@@ -148,10 +155,14 @@ class Reading:
         return Structure.of(self.robot(robot), literal.model)
 
     def robot(self, robot: Robot) -> Robot:
-        """Return a robot under the reading's gravity."""
+        """Return a robot under the reading's gravity and places of torque sensors."""
         turned = robot.model.copy()
         turned.gravity.linear = self.gravity
-        return replace(robot, model=turned)
+        torque = robot.torque
+        if self.link_side.any():
+            joints = np.array(robot.joints)[self.link_side].tolist()
+            torque = torque.model_copy(update={"side": dict.fromkeys(joints, "link")})
+        return replace(robot, model=turned, torque=torque)
 
     def read(self, log: Log, literal: Structure) -> Log:
         """Return a log whose columns are corrected; a long log is corrected piece by piece.

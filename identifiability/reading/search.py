@@ -34,6 +34,7 @@ from .fit import TorqueRows, excerpt_size
 from .gravity import find_directions, tune_direction
 from .reading import Reading
 from .rules import RULES
+from .sensor_side import find_link_side
 from .verification import Verification
 
 #: Readings that are judged by the evidence of adjusted rows.
@@ -66,7 +67,9 @@ def choose_reading(logs: MeasuredLogs) -> Reading | None:
     if walks or any(map(of_commands, logs.recordings)):
         return None
     search = ReadingSearch(logs)
-    return search.choose() if search.is_informative else None
+    if not search.is_informative:
+        return None
+    return search.choose() or find_link_side(search.rows, search.literal)
 
 
 class ReadingSearch:

@@ -562,10 +562,17 @@ def _state_motion(path: Path, extra: Sidecar, stated: Stated) -> dict[str, Any]:
 def _check_torque(robot: Description, motors: Strings) -> None:
     """Refuse gains, ratios, signs or compensation of a name that is no actuated joint or motor."""
     torque = robot.torque
-    for key in ("gain", "ratio", "sign"):
+    for key in ("side", "gain", "ratio", "sign"):
         check_known(robot.path, f"torque.{key}", torque.table(key), ("", *robot.joints, *motors))
     if isinstance(torque.compensated, list):
         check_known(robot.path, "torque.compensated", torque.compensated, robot.joints)
+    both = torque.has_side("both")
+    if both and motors:
+        raise RobotError(Finding("robot.both", robot.path, other="[transmission]"))
+    if both and torque.compensated:
+        raise RobotError(Finding("robot.both", robot.path, other="compensated"))
+    if both and robot.base is not None:
+        raise RobotError(Finding("robot.both", robot.path, other="a base that floats"))
 
 
 def _sidecar_loop(path: Path, entry: LoopEntry, stated: Stated) -> Loop:
@@ -646,7 +653,7 @@ def _nominal(robot: Description, extra: Sidecar) -> dict[str, float]:
 def _measured_torque(extra: Sidecar, stated: Stated) -> MeasuredTorque:
     """Return the contents of torque columns; without a ratio, motors have the MJCF's gears."""
     said = extra.torque
-    if said.side != "motor" or said.ratio is not None:
+    if not said.has_side("motor") or said.ratio is not None:
         return said
     return said.model_copy(update={"ratio": dict(stated.gears)})
 

@@ -375,6 +375,8 @@ class Motion:
         Rows that are zero after the elimination of contact forces, or not known.
     touch : (N, 3 + c) or None
         Upward direction along the axes of a floating base, and flags of closed contacts.
+    drives_alone : bool
+        Whether torque along it is that of the drives alone: motor torque minus link torque.
     """
 
     t: Array
@@ -394,6 +396,7 @@ class Motion:
     free: Array | None = None
     silent: Array | None = None
     touch: Array | None = None
+    drives_alone: bool = False
 
     @property
     def each(self) -> dict[str, Array]:
@@ -622,6 +625,8 @@ def known_torque(robot: Description, motion: Motion) -> Array:
         If a position is outside the range of a known torque.
     """
     tau = np.zeros(motion.actuated_q.shape)
+    if motion.drives_alone:
+        return tau
     axes = {a.name: a for a in (*robot.axes, *robot.passive_axes)}
     for known in robot.known_torque:
         axis = axes[known.along]

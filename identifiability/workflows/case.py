@@ -365,7 +365,9 @@ class Case:
         if self.reading is not None:
             known = self.reading
             recordings = self.stages.once(apply_to_logs, known.reading, recordings, known.structure)
-        return self.stages.once(assign_roles, recordings) if self.use.divides else recordings
+        if self.use.divides:
+            recordings = self.stages.once(assign_roles, recordings)
+        return self.stages.once(split_sensors, robot, recordings)
 
     def common_preparation(self, robot: Robot, recordings: Recordings) -> Preparation:
         """Return how logs are prepared, with one cut-off for all fitted ones.
@@ -712,6 +714,18 @@ def read_case(
 
         torque = partial(compute_torque, servo=known.servo)
     return read_recordings(logs, validate, known, preparation, commands=use.commands, torque=torque)
+
+
+def split_sensors(robot: Robot, recordings: Recordings) -> Recordings:
+    """Return recordings in which a log with torque on both sides of gears is two logs."""
+    both = [joint for joint in robot.joints if robot.torque.side_of(joint) == "both"]
+    if not both:
+        return recordings
+    fitted, held_out = (
+        tuple(part for log in logs for part in log.split_sensors(both))
+        for logs in (recordings.fitted, recordings.held_out)
+    )
+    return replace(recordings, fitted=fitted, held_out=held_out)
 
 
 def follow(

@@ -291,8 +291,32 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         return replace(own, errors=np.stack([own.errors[0], raw.errors[1]]))
 
     def rows_by_name(self) -> Iterator[Row]:
-        """Yield the verdicts of the model to use, then those of the parameters that it omits."""
-        return name_rows(self.chosen.rows(), self.full.rows())
+        """Yield the verdicts of the model to use, then those of the parameters that it omits.
+
+        Parameters that no sensor observes come last, with the values of the robot file.
+        """
+        yield from name_rows(self.chosen.rows(), self.full.rows())
+        for row in self._unobserved():
+            yield Row(
+                name=row["name"],
+                estimate=row["nominal"],
+                unit=row["unit"],
+                verdict=row["verdict"],
+                reason=row["reason"],
+                details={},
+            )
+
+    def _unobserved(self) -> list[dict[str, Any]]:
+        """Return the parameters that no sensor observes, as rows of JSON."""
+        told = {
+            "verdict": Class.NOT_IDENTIFIABLE.value,
+            "reason": phrase("verdict", "unobserved"),
+        }
+        nominal = self.robot.nominal
+        return [
+            {"name": p.name, "unit": p.unit, "nominal": nominal.get(p.name, 0.0), **told}
+            for p in self.structure.unobserved
+        ]
 
     def explain_absence(self, name: str) -> str:
         """Return in which combinations a standard parameter is."""
@@ -460,6 +484,8 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             "estimator": used.estimate.estimator.name,
             "provenance": self.provenance,
         }
+        unobserved = self._unobserved()
+        found |= {"unobserved": unobserved} if unobserved else {}
         return found if self.moved is None else found | {"rollout": self.moved.to_rollout()}
 
     def _errors(self) -> dict[str, Any]:

@@ -629,9 +629,8 @@ def _reread(robot: Robot, path: Path, sidecar: Path | None, *, alone: bool) -> R
         lock = {name: robot.locked[name] for name in robot.lock_option if path == robot.path}
         base: Any = robot.base_option
         copy = Robot.load(path, beside, lock=lock, base=base)
-    return replace(
-        copy, columns=robot.columns, time_unit=robot.time_unit, angles=robot.angles, sidecar=None
-    )
+    told = {key: getattr(robot, key) for key in ("columns", "time_unit", "angles", "torque")}
+    return replace(copy, **told, sidecar=None)
 
 
 # Numbers of servos that a simulator needs, other than gains.
