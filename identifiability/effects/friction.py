@@ -167,6 +167,7 @@ class StribeckFriction(Shaped):
     source = "[Olsson 1998, Eq. 4]; [Díaz 2010, Eq. 20] prints it without minus sign"
     units = (("Fs", "N·m", "N"),)
     nonnegative = True
+    limits = ("coulomb_friction", "coulomb_friction")
 
     def curves(self, at: Along) -> list[Array]:
         """Return the falling curve."""
@@ -236,6 +237,7 @@ class SigmoidFriction(StribeckFriction):
     equation = "τ = Ft tanh(q̇/vt)"
     source = "[Gaz 2019]"
     units = (("Ft", "N·m", "N"),)
+    limits = ("coulomb_friction", "viscous_friction")
 
     def curves(self, at: Along) -> list[Array]:
         """Return the sigmoid."""
