@@ -155,8 +155,8 @@ def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[st
         hints = [x for x in hints if f"Note: {x}" not in choices]
     print_end([*said, *more])
     robot = getattr(result, "robot", None)
-    for table in (*result.tables(), *result.ledger()) if every or not answers else ():
-        if table.long:
+    for table in (*result.tables(), *result.ledger()):
+        if table.long or not (every or not answers or table.always):
             continue
         shown = max(12, (table.marked or 0) + 4)
         print_table(table, shown, getattr(robot, "title", ""))

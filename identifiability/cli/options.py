@@ -70,6 +70,10 @@ if TYPE_CHECKING:
 TAKES_EFFECTS = {"effects": (), "hide": (), "separate": (), "model": ("calibrate",)}
 
 
+#: Verbs whose help lists the shipped robots.
+LIST_ROBOTS = ("new", "inspect", "simulate")
+
+
 @cache
 def helps() -> dict[str, Any]:
     """Return the texts of ``help.toml``, with numbers of the code filled in."""
@@ -193,8 +197,8 @@ class Field:
         infos = [copy(n) for n in self.marks(ParameterInfo)]
         info = infos[0] if infos else Argument() if required else Option()
         info.help = self.text(verb)
-        if get_origin(self.kind) is list and isinstance(info, OptionInfo):
-            info.help += " May be given several times."
+        if isinstance(info, OptionInfo):
+            self._describe_option(info)
         no_value = self.default == () or (self.default is False and self.kind is not bool)
         default = None if no_value else self.default
         kind = self.kind | None if default is None else self.kind
@@ -205,6 +209,18 @@ class Field:
             default=default,
             annotation=as_typer,
         )
+
+    def _describe_option(self, info: OptionInfo) -> None:
+        """Set the group and the look of the option in the help."""
+        panels = helps()["panels"].items()
+        info.rich_help_panel = next((title for title, names in panels if self.name in names), "How")
+        if get_origin(self.kind) is list:
+            info.metavar = info.metavar or "NAME"
+            info.help = f"{info.help} (repeatable)"
+        if self.kind is bool and self.default is False:
+            info.param_decls = (self.spelling,)
+            info.metavar = ""
+            info.show_default = False
 
     def read(self, typed: Any) -> Any:
         """Convert a typed value to the type that the library takes.
@@ -327,7 +343,7 @@ class Command(typer.core.TyperCommand):
             name = str(parameter.name)
             if name in TAKES_EFFECTS and str(self.name) not in TAKES_EFFECTS[name]:
                 listed.append(f"**Effects**: {', '.join(effects(name))}")
-            if name == "robot":
+            if name == "robot" and self.name in LIST_ROBOTS:
                 listed.append(f"**Shipped robots**: {', '.join(shipped_robots())}")
         self.epilog = "\n\n".join(f"- {text}" for text in dict.fromkeys(listed)) or None
         super().format_help(ctx, formatter)

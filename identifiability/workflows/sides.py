@@ -156,7 +156,7 @@ def find_loads(data: Data, submodel: Submodel) -> list[Change]:
     changes = list_log_changes(found, terms, sides.names)
     fitted = sides.names[sides.count :]
     loads = [c for c in changes if c.kind == "load" and c.log not in fitted]
-    sure = [c for c in loads if c.sure and not c.others]
+    sure = [c for c in loads if c.sure and not c.alternatives]
     return sure if sure and _explains_most(found, terms, sides.count) else []
 
 
