@@ -22,7 +22,8 @@ from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.loading import loading
 
-from .common import CASE, check_outputs, print_command, print_end, print_result, progress, write_all
+from .case import CASE
+from .common import check_outputs, print_command, print_end, print_result, progress, write_all
 from .options import (
     Derived,
     Effects,
