@@ -208,7 +208,10 @@ class AnalysisPresenter(LadderedPresenter):
     def asked(self) -> tuple[Answer, ...]:
         """Return the recommended model, its error, its reliability, and the profiled numbers."""
         profiles = self.result.profiles
-        return (*super().asked(), *([answer_profiles(profiles)] if profiles else []))
+        return (
+            *super().asked(),
+            *([answer_profiles(profiles, self.result.shapes)] if profiles else []),
+        )
 
     def answer_use(self) -> Answer:
         """Return the model to use, and the number of its identifiable parameters."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from identifiability.effects import FAMILIES, title_of
 from identifiability.estimation.profile import Profile
@@ -12,9 +12,17 @@ from identifiability.foundation.rounding import format_number
 from .common import answer, sentence
 
 
-def answer_profiles(profiles: Sequence[Profile]) -> Answer:
-    """Return the regions of all profiles."""
-    regions = " ".join(state_region(curve) for curve in profiles)
+def answer_profiles(profiles: Sequence[Profile], shapes: Mapping[str, float]) -> Answer:
+    """Return the regions of all profiles, and which stated shapes lie outside of them."""
+    said = list[str]()
+    for curve in profiles:
+        said.append(state_region(curve))
+        lower, upper = curve.region
+        stated = shapes.get(curve.number.name, lower)
+        if not lower <= stated <= upper:
+            holes = {"stated": format_number(stated, 3), "unit": curve.number.unit}
+            said.append(sentence("analysis.bounds", "excluded", **holes))
+    regions = " ".join(said)
     return answer("analysis.bounds", "found", regions=regions)
 
 
