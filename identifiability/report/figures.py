@@ -563,7 +563,7 @@ def draw_profile(
     (near,) = np.nonzero(rise <= 2 * limit)
     low = float(grid[max(near[0] - 1, 0)])
     high = float(grid[min(near[-1] + 1, len(grid) - 1)])
-    if log:
+    if log and high > 3 * low:  # else linear ticks are easier to read
         log_scale(axes, low, high)
     else:
         axes.set_xlim(low, high)
