@@ -339,7 +339,8 @@ def measure_profiles(trials: int, seed: int, say: Callable[[str, float], None]) 
     """Return the coverage of 95 % regions by refits and of intervals by curvature, by number.
 
     The arm has no rotor inertia and no delay in the elbow. Its Stribeck friction is simulated by
-    its law, once below the speed of nearly all samples and once above.
+    its law, once below the speed of nearly all samples and once above. In the last case all mass
+    of the second link is in one point, so that its inertia is only just possible.
     """
     robot = Robot.load("two-link")
     motion = random_trajectory(robot, np.random.default_rng(seed + 5), samples=3000, period=30.0)
@@ -352,23 +353,42 @@ def measure_profiles(trials: int, seed: int, say: Callable[[str, float], None]) 
         size = SHARE * np.sqrt(np.mean(campaign.torque[:, 1] ** 2))
         force[:, 1] = size * np.exp(-np.abs(speed) / stribeck) * np.sign(speed)
         truth = ELBOW | {"elbow.stribeck_friction": stribeck}
-        held: dict[str, list[tuple[bool, bool, bool]]] = {name: [] for name in truth}
-        for k, rng in enumerate(np.random.default_rng([seed, case]).spawn(trials)):
-            say("profiles", (case + k / trials) / 2)
-            (log,) = campaign.logs(force, Noise(torque=0.03), rng)
-            asked = ["elbow.Ia"]
-            found = analyze(robot, log, "none", model, replicates=0, profile=asked)
-            for name, true in truth.items():
-                held[name].append(judge_profile(found.find_profile(name), true))
-        for name, each in held.items():
-            inside, curved, open_ = np.mean(each, axis=0)
-            errors = [np.sqrt(x * (1 - x) / trials) for x in (inside, curved)]
-            rows.append({
-                "number": name, "truth": truth[name], "trials": trials, "region": inside,
-                "region_se": errors[0], "curvature": curved, "curvature_se": errors[1],
-                "one_sided": open_,
-            })  # fmt: skip
+        rngs = np.random.default_rng([seed, case]).spawn(trials)
+        rows += repeat_profiles(campaign, force, model, truth, rngs)
+        say("profiles", (case + 1) / 3)
+    mass, moment = (robot.nominal[f"link2.{kind}"] for kind in ("m", "mx"))
+    point = dict.fromkeys(("link2.my", "link2.mz", "link2.Ixx"), 0.0)
+    point |= dict.fromkeys(("link2.Iyy", "link2.Izz"), moment**2 / mass)
+    campaign = Campaign.of(robot, [motion], point)
+    rngs = np.random.default_rng([seed, 2]).spawn(trials)
+    rows += repeat_profiles(campaign, (), None, {"link2.m": mass}, rngs)
     return pd.DataFrame(rows)
+
+
+def repeat_profiles(
+    campaign: Campaign,
+    hide: Array | Sequence[str],
+    model: LadderEntry | None,
+    truth: dict[str, float],
+    rngs: Sequence[np.random.Generator],
+) -> list[dict[str, Any]]:
+    """Return one row a profiled number: the shares of logs whose region and curvature hold it."""
+    held: dict[str, list[tuple[bool, bool, bool]]] = {name: [] for name in truth}
+    for rng in rngs:
+        (log,) = campaign.logs(hide, Noise(torque=0.03), rng)
+        found = analyze(campaign.robot, log, "none", model, replicates=0, profile=[*truth])
+        for name, true in truth.items():
+            held[name].append(judge_profile(found.find_profile(name), true))
+    rows = []
+    for name, each in held.items():
+        inside, curved, open_ = np.mean(each, axis=0)
+        errors = [np.sqrt(x * (1 - x) / len(each)) for x in (inside, curved)]
+        rows.append({
+            "number": name, "truth": truth[name], "trials": len(each), "region": inside,
+            "region_se": errors[0], "curvature": curved, "curvature_se": errors[1],
+            "one_sided": open_,
+        })  # fmt: skip
+    return rows
 
 
 def judge_profile(curve: Profile, truth: float) -> tuple[bool, bool, bool]:
