@@ -51,6 +51,7 @@ from identifiability.foundation.options import (
     NotNegative,
     OptionError,
     Positive,
+    Replicates,
     check_option,
     choices,
 )
@@ -485,7 +486,7 @@ def _read_settings(
         from identifiability.robot.sidecar import read_settings  # noqa: PLC0415
 
         stated = read_settings(given["robot"], given.get("sidecar"))
-        for group in (Derived, Place, Fitted):
+        for group in (Derived, Place, Judged):
             table = group.table
             known = [field.name for field in options_of(group)]
             for key in stated[table]:
@@ -738,6 +739,13 @@ class Fitted:
     method: str = "wls"
     estimator: EstimatorKind = "auto"
     cad_prior: NotNegative | None = None
+
+
+@dataclass(frozen=True)
+class Judged(Fitted):
+    """How `analyze` estimates and judges parameters."""
+
+    replicates: Replicates | None = None
 
 
 @dataclass(frozen=True)

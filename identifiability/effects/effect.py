@@ -269,6 +269,9 @@ class Shaped(AlongAxes):
 
     #: The shape where none is stated: at an axis that turns, and at one that slides.
     usual: ClassVar[tuple[float, float]]
+    #: Effects that its curve becomes as the shape goes to zero, and to infinity; empty where the
+    #: curve vanishes.
+    limits: ClassVar[tuple[str, str]] = ("", "")
 
     given: float | None = None
     only: str | None = None

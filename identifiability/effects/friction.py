@@ -172,6 +172,7 @@ class StribeckFriction(Shaped):
     of_drive = True
     units = (("Fs", "N·m", "N"),)
     nonnegative = True
+    limits = ("coulomb_friction", "coulomb_friction")
 
     def curves(self, at: Along) -> list[Array]:
         """Return the falling curve."""
@@ -241,6 +242,7 @@ class SigmoidFriction(StribeckFriction):
     equation = "τ = Ft tanh(q̇/vt)"
     source = "[Gaz 2019]"
     units = (("Ft", "N·m", "N"),)
+    limits = ("coulomb_friction", "viscous_friction")
 
     def curves(self, at: Along) -> list[Array]:
         """Return the sigmoid."""

@@ -92,6 +92,7 @@ class Hysteresis(Shaped):
     usual = (0.01, 0.001)
     nonnegative = True
     stated_as = ("frictionloss",) * len(ELEMENTS)  # beyond their ways
+    limits = ("coulomb_friction", "joint_stiffness")
 
     def curves(self, at: Along) -> list[Array]:
         """Return the relative deflection of each spring."""

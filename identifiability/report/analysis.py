@@ -12,7 +12,7 @@ from identifiability.estimation.prediction import Prediction, loaded_joints
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.answers import Cell, Note, Table
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import format_count, format_number
+from identifiability.foundation.rounding import REACH, format_count, format_number
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.cad_prior import mass_rows, total_mass
 from identifiability.posterior.rules import RULES as POSTERIOR_RULES
@@ -41,6 +41,7 @@ from .blocks import (
     Terms,
     count_joints,
     fold_rows,
+    gallery,
     picture,
     section,
     torque_traces,
@@ -87,6 +88,7 @@ def analysis_sections(analysis: Analysis) -> list[Section | None]:
         section_ladder(analysis),
         None if analysis.nothing else section_correlated(analysis.fit),
         section_physics(analysis),
+        section_profiles(analysis) if analysis.profiles else None,
         None if analysis.belief is None else section_posterior(analysis),
         *_how(analysis),
     ]
@@ -253,6 +255,13 @@ def section_physics(analysis: Analysis) -> Section:
     certificate = f"{physical.sentence} {analysis.mass_warning}".rstrip()
     masses = mass_table(analysis.robot, physical.parameters())
     return section("analysis.physics", masses, certificate=f"{certificate} {held}")
+
+
+def section_profiles(analysis: Analysis) -> Section:
+    """Return the curves of the profiled numbers."""
+    names = [curve.number.name for curve in analysis.profiles]
+    curves = [picture("profile", plot.profile(analysis, name), name=name) for name in names]
+    return section("analysis.profiles", gallery("profiles", curves), limit=REACH**2)
 
 
 def mass_table(robot: Robot, parameters: Mapping[str, float]) -> Table | None:

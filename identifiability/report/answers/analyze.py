@@ -44,6 +44,7 @@ from .common import (
     sentence,
     state_contradicted,
 )
+from .profiles import answer_profiles
 from .tables import make_table
 
 if TYPE_CHECKING:
@@ -136,7 +137,7 @@ class LadderedPresenter(PredictingPresenter):
         tilt = result.robot.tilt
         parts = [sentence("laddered.trust", "nothing", why=result.nothing)]
         if not result.nothing:
-            parts = [f"{a.short} {a.text}".rstrip() for a in result.answers()[:3]]
+            parts = [f"{a.short} {a.text}".rstrip() for a in result.answers()[:-1]]
         if tilt is not None:
             parts.append(sentence("laddered.statement", "tilt", tilt=tilt.text))
         if result.moved is not None:
@@ -203,6 +204,14 @@ class AnalysisPresenter(LadderedPresenter):
     """Answers of `analyze`."""
 
     result: Analysis
+
+    def asked(self) -> tuple[Answer, ...]:
+        """Return the recommended model, its error, its reliability, and the profiled numbers."""
+        profiles = self.result.profiles
+        return (
+            *super().asked(),
+            *([answer_profiles(profiles, self.result.shapes)] if profiles else []),
+        )
 
     def answer_use(self) -> Answer:
         """Return the model to use, and the number of its identifiable parameters."""

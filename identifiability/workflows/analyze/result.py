@@ -24,14 +24,15 @@ from identifiability.estimation.prediction import (
     measure_spread,
     widening,
 )
+from identifiability.estimation.profile import Profile
 from identifiability.estimation.verdict import Class, Flag, Verdict, name_rows, withdraw
 from identifiability.foundation import handed
-from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.foundation.errors import IdentifiabilityError, near_match
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.keyed import Row
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import INERTIAL_KINDS, Array
-from identifiability.foundation.options import check_choice
+from identifiability.foundation.options import OptionError, check_choice
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import REACH
@@ -564,12 +565,15 @@ class Analysis(Laddered[ModelResult]):
         Posterior of the selected model, where it was asked for.
     alternative : Reading or None
         Under which all is said: `Reading.read` reads other logs likewise.
+    profiles : tuple of Profile
+        Curves of the requested numbers, then of the stated shapes and delays.
     """
 
     schema: ClassVar[str] = "identifiability/analysis/1"
 
     belief: Belief | None = None
     alternative: Reading | None = None
+    profiles: tuple[Profile, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
@@ -585,7 +589,24 @@ class Analysis(Laddered[ModelResult]):
                 "without_effect": list(base.without_effect),
             },
             "file": self.file_frame().to_dict("records"),
+            "profiles": [p.to_dict() for p in self.profiles],
         }
+
+    def find_profile(self, name: str) -> Profile:
+        """Return the profile of a number.
+
+        Raises
+        ------
+        OptionError
+            If the number was not profiled.
+        """
+        known = {p.number.name: p for p in self.profiles}
+        if name not in known:
+            raise OptionError(
+                f"The number '{name}' was not profiled{near_match(name, known)} Run "
+                f"analyze(…, profile=['{name}'])."
+            )
+        return known[name]
 
     @presented
     def file_frame(self) -> pd.DataFrame:

@@ -22,7 +22,14 @@ from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.options import NotNegative, Replicates, Seed, checked, resolve_count
+from identifiability.foundation.options import (
+    Names,
+    NotNegative,
+    Replicates,
+    Seed,
+    checked,
+    resolve_count,
+)
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.runs import First, Progress, Run, quiet, running, share
 from identifiability.logs.prepare import Preparation
@@ -45,6 +52,7 @@ from identifiability.workflows.sides import report_loads
 from .belief import Belief, form_belief, refine_verdicts
 from .judge import assess_ladder, select_model, tell_with_file
 from .ladder import FittedLadder, LadderFit, compute_ladder
+from .profiles import check_numbers, profile_numbers
 from .result import Analysis, ModelResult, compare_logs, doubt
 
 # Further findings: an unsuitable cut-off, and remarks of the fit on its logs.
@@ -137,6 +145,7 @@ def analyze(
     estimator: Kind = "auto",
     replicates: Replicates | None = None,
     posterior: bool = False,
+    profile: Names = (),
     cad_prior: NotNegative | None = None,
     prior: NotNegative | None = None,
     seed: Seed = 0,
@@ -177,6 +186,10 @@ def analyze(
         Also sample the posteriors of the selected model; costs two to three times the rest. It is
         off by default. It narrows parameters that the data do not determine, and never changes a
         verdict on the others.
+    profile : sequence of str
+        Numbers whose profile is computed besides those of the stated shapes and delays: a
+        parameter, a shape such as ``joint_2.stribeck_friction``, ``total_mass``, or the largest
+        torque of a joint along the fitted logs, ``joint_2.torque``.
     cad_prior : float, optional
         Weight of a log-det prior around the bodies of the robot file in the search for the nearest
         physical robot [σ²]; 0 for none. By default the heaviest that predicts stretches of the
@@ -210,13 +223,18 @@ def analyze(
         with running(engine) as runner:  # workers are gone when their memory is wanted elsewhere
             run = Run(progress or quiet, runner, seed, first)
             settings = choose_settings(case, run, prior, cad_prior, posterior=posterior, **options)
-            found = _fit_case(case, run, ladder, method, settings)
+            found = _fit_case(case, run, ladder, method, settings, profile)
         found = tell_with_file(found, settings["prior"])
         return believe(found, run.say) if posterior else found
 
 
 def _fit_case(
-    case: Case, run: Run, ladder: LadderLike | None, method: Method, settings: Mapping[str, Any]
+    case: Case,
+    run: Run,
+    ladder: LadderLike | None,
+    method: Method,
+    settings: Mapping[str, Any],
+    profiled: Sequence[str],
 ) -> Analysis:
     """Return the models of a ladder, judged, and which one to use."""
     source = case.ladder(ladder, beside=True)
@@ -227,13 +245,16 @@ def _fit_case(
         case.torque(case.first_structure(run, ladder), run)
         run = run.after(SERVOS)
     rows, submodels = prepare_ladder(case, source, run, method, kind, complete)
+    check_numbers(rows.data.structure, profiled)
     fitted = case.stages.once(compute_ladder, rows, submodels, settings["cad_prior"], run=run)
     rng = np.random.default_rng(settings["seed"]).spawn(2)[1]
     run.say("looking for missing effects", 0.75)
     found = conclude_analysis(fitted, rng, settings, rows.missing)
     chosen = found.chosen
     loads = report_loads(rows.data, submodels[0], chosen.error_ra, chosen.used[1])
-    return replace(found, source=source, hints=(*loads, *found.hints))
+    found = replace(found, source=source, hints=(*loads, *found.hints))
+    run.say("profiling", 0.85)
+    return replace(found, profiles=profile_numbers(found, profiled))
 
 
 def choose_settings(

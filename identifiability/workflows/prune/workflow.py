@@ -53,6 +53,7 @@ from identifiability.regression.reduction import (
 from identifiability.robot import RobotLike
 from identifiability.workflows.analyze.judge import decide_model, rms_torque, tell_with_file
 from identifiability.workflows.analyze.ladder import ACCOUNTS, LadderFit, fit_with_robot
+from identifiability.workflows.analyze.profiles import find_noise, profile_shapes
 from identifiability.workflows.analyze.result import WORSE
 from identifiability.workflows.analyze.shared_errors import SharedErrors, measure_shared_errors
 from identifiability.workflows.analyze.workflow import (
@@ -74,7 +75,7 @@ from .elimination import (
     thin_path,
     weigh_models,
 )
-from .moves import propose_moves
+from .moves import limit_moves, propose_moves
 from .result import Ladder, PrunedModel
 
 #: Models as good as the best, and smaller ones, for which a physical certificate is computed.
@@ -263,11 +264,14 @@ def walk_down(
     rows, start = question.rows, question.start
     data = rows.data
     signal = find_signal([s.survey for s in data.samples])
+    noise = find_noise(data.missing.noise, rows.information)
+    curves = profile_shapes(data.structure, data.samples, noise, start.columns)
+    limits = limit_moves(data.structure, start.columns, curves)
     return find_path(
         start.reduce(rows.information),
         whitened=None if whitened is None else start.reduce(whitened),
         variation=rows.unweighted.variation * signal,
-        suggested=propose_moves(data.structure, start.columns),
+        suggested=[*limits, *propose_moves(data.structure, start.columns)],
         forbid=forbid,
         force=force,
         method=question.estimator,
