@@ -52,6 +52,11 @@ class Known:
     directions: Array
     precision: Array
 
+    @property
+    def size(self) -> int:
+        """Number of these θ."""
+        return len(self.precision)
+
     @staticmethod
     def of(base: Array, M: Array, covariance: Array, unknown: Array) -> Known:
         """Return values base = M x with the covariance of x as prior, and the open directions."""
@@ -229,7 +234,7 @@ class Differences:
     def having(self, sums: Array, joint: int | None = None) -> Differences:
         """Return the same with sums of columns (C, a) in every hypothesis, or of a joint alone."""
         own = self.information
-        p = len(self.known.precision)
+        p = self.known.size
         if joint is not None:
             own = replace(own, parts=own.parts[joint : joint + 1])
         wide = np.pad(sums, ((p, 0), (0, 0)))
@@ -278,7 +283,11 @@ class Differences:
 
     def at(self, term: Term) -> np.ndarray:
         """Return the columns of a term among those of candidates."""
-        return term.columns - len(self.known.precision) - self.always.shape[1]
+        return self.columns_of(term.columns)
+
+    def columns_of(self, columns: np.ndarray) -> np.ndarray:
+        """Return columns of the mixed model among those of candidates."""
+        return columns - self.known.size - self.always.shape[1]
 
     @cached_property
     def model(self) -> MixedModel:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from itertools import groupby
 from typing import Any
 
@@ -15,14 +15,15 @@ import numpy as np
 
 from identifiability.effects import FAMILIES, find_families
 from identifiability.estimation.differences import Differences
-from identifiability.estimation.groups import describe_term, place_of
-from identifiability.estimation.mixed_model import MixedModel, Term, Terms
+from identifiability.estimation.groups import place_of
+from identifiability.estimation.mixed_model import EVERYWHERE, MixedModel, Terms, without
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import Candidate, number
 from identifiability.robot import Robot
+from identifiability.robot.robot import ten_parameters
 
 #: Families that may differ, other than loads.
 DIFFERING = (
@@ -75,7 +76,7 @@ class DifferentTorque:
     @staticmethod
     def of(found: Differences, terms: Terms) -> DifferentTorque:
         """Return the torque of the first log minus that of the model of all logs."""
-        seen, p, a = found.missing.seen, len(found.known.precision), found.always.shape[1]
+        seen, p, a = found.missing.seen, found.known.size, found.always.shape[1]
         value = found.solve(terms)[0]
         explained = np.where(seen.data, 0.0, np.nan)
         sizes = found.always @ value[p : p + a]
@@ -89,6 +90,53 @@ class DifferentTorque:
         return DifferentTorque(seen.t[first], seen.raw[first], measured[first], explained[first])
 
 
+@frozen(kw_only=True)
+class FeltTorque:
+    """Torque of a change at the joint that feels it most, in the logs that have it.
+
+    Attributes
+    ----------
+    joint, unit : str
+    rms, sd : float [N·m or N]
+        Root of its mean square, with the sign of the first number of the change, and its standard
+        error.
+    before : float [N·m or N]
+        The rms torque of this joint in all logs.
+    """
+
+    joint: str = ""
+    unit: str = ""
+    rms: float = np.nan
+    sd: float = np.nan
+    before: float = np.nan
+
+    @staticmethod
+    def of(found: Differences, columns: np.ndarray, sizes: Array, spread: Array) -> FeltTorque:
+        """Return the torque of some columns (q,) of sizes (q,) with a covariance (q, q)."""
+        seen = found.missing.seen
+        acting = np.array(found.columns[int(columns[0])][0].logs)[seen.log] != 0
+        out = FeltTorque()
+        for j, joint in enumerate(seen.robot.joints):
+            rows = acting & seen.data[:, j]
+            none = np.zeros(len(seen.y))
+            parts = [found.missing.entries.get((j, k), none)[rows] for k in columns.tolist()]
+            torque = np.column_stack(parts)
+            gram = torque.T @ torque / max(len(torque), 1)
+            rms = float(np.sqrt(max(sizes @ gram @ sizes, 0.0)))
+            if out.joint and not rms > abs(out.rms):
+                continue
+            slope = gram @ sizes / rms if rms > 0 else np.zeros(len(sizes))
+            before = float(np.sqrt(np.mean(seen.raw[seen.data[:, j], j] ** 2)))
+            out = FeltTorque(
+                joint=joint,
+                unit=seen.robot.torque_units[j],
+                rms=float(np.copysign(rms, sizes[0])),
+                sd=float(np.sqrt(slope @ spread @ slope)),
+                before=before,
+            )
+        return out
+
+
 # `Change`: a difference with size, place and time.
 
 
@@ -98,7 +146,8 @@ class Change:
 
     Attributes
     ----------
-    kind : {"load", "friction", "offset", "gain"}
+    kind : {"load", "friction", "offset", "gain", "missing"}
+        The last is an effect that the model lacks in all logs; it only competes with changes.
     family, what, place : str
         Its name; its description; and the body or joint, ``all joints`` where it is everywhere.
     log : str
@@ -109,13 +158,19 @@ class Change:
         Of these, given all other changes.
     share, share_sd : float
         Change relative to its torque before; NaN where that is not known.
+    felt : FeltTorque
+        Its torque.
     odds : float
         Log odds, averaged over sizes and ways, less the price of families and places; those of its
         surest part.
     others : tuple of str
-        Competing hypotheses,
+        Competing hypotheses of a change in part of a log,
     rivals : tuple of (family, place)
         and their names.
+    alternatives : tuple of Change
+        Competing hypotheses of a change between logs, with their sizes.
+    parts : tuple of Change
+        Of a change in all joints, that of each joint.
     start, stop : float [s]
         When it began and ended; infinite where that was not logged.
     began, ended : (float, float) [s]
@@ -134,10 +189,13 @@ class Change:
     sizes: Array
     sd: Array
     odds: float
-    others: tuple[str, ...]
+    others: tuple[str, ...] = ()
     share: float = np.nan
     share_sd: float = np.nan
+    felt: FeltTorque = field(default_factory=FeltTorque)
     rivals: tuple[tuple[str, str], ...] = ()
+    alternatives: tuple[Change, ...] = ()
+    parts: tuple[Change, ...] = ()
     start: float = -np.inf
     stop: float = np.inf
     began: tuple[float, float] = (-np.inf, -np.inf)
@@ -155,6 +213,16 @@ class Change:
         return self.odds >= RULES.name + RULES.keep
 
     @property
+    def relative(self) -> tuple[float, float]:
+        """The change and its standard error, as shares of the friction or gain before.
+
+        Of a load or an offset they are shares of the torque of the joint that feels it most.
+        """
+        if np.isfinite(self.share):
+            return self.share, self.share_sd
+        return self.felt.rms / self.felt.before, self.felt.sd / self.felt.before
+
+    @property
     @presented
     def when(self) -> str:
         """In words: ``from 41 s (95 %: 40.5 … 41.5 s) of run2``."""
@@ -167,13 +235,36 @@ class Change:
         raise NotImplementedError
 
 
-def _describe(found: Differences, term: Term, names: Sequence[str]) -> str:
-    """Return a description of a group."""
-    own = found.whose(term)
-    if not own.pattern:
-        return f"{describe_term(term)} that the model lacks"
-    where = own.odd(names)
-    return f"{own.title} of {place_of(term)}{f' in {where}' if where else ''}"
+@frozen(kw_only=True)
+class Unchanged:
+    """A number that did not change, and the least change that would have been named.
+
+    Attributes
+    ----------
+    kind, family, what, place, name, unit : str
+        As of a `Change` with one number; of a load the mass.
+    least : float
+        Change that is named with 95 % probability; infinite if these logs cannot show it.
+    share : float
+        The same relative to the friction or gain; NaN where that is not known.
+    felt : FeltTorque
+        Its torque.
+    """
+
+    kind: str
+    family: str
+    what: str
+    place: str
+    name: str
+    unit: str
+    least: float
+    share: float
+    felt: FeltTorque
+
+    @property
+    def relative(self) -> float:
+        """The least change as a share, as `Change.relative`."""
+        return self.share if np.isfinite(self.share) else self.felt.rms / self.felt.before
 
 
 def rows_of(model: MixedModel, terms: Terms, k: int) -> np.ndarray:
@@ -192,23 +283,65 @@ def list_log_changes(found: Differences, terms: Terms, names: Sequence[str]) -> 
     names : sequence of str
         Of the logs, or of those that blocks are of.
     """
-    known, together = found.known, defaultdict[Any, list[int]](list)
+    together = defaultdict[Any, list[int]](list)
     for k, term in enumerate(terms):
         own = found.whose(term)
         if own.pattern:
             together[own.kind, place_of(term), own.pattern].append(k)
-    value, covariance = found.solve(terms)
-    levels = found.levels(known.base + known.directions @ value[: len(known.precision)])
     changes = []
     for which in together.values():
-        at = np.concatenate([rows_of(found.model, terms, k) for k in which])
-        columns = np.concatenate([found.at(terms[k]) for k in which])
-        spread = covariance[np.ix_(at, at)]
-        share = _share_of(levels[columns], found.missing.scale[columns], value[at], spread)
-        change = _join_terms(found, terms, which, names)
-        sd = np.sqrt(np.diag(spread))
-        changes.append(replace(change, sizes=value[at], sd=sd, share=share[0], share_sd=share[1]))
+        change = _measure_change(found, terms, which, names)
+        alternatives = [
+            _measure_change(found, (*without(terms, k), rival), [len(terms) - 1], names)
+            for k in which
+            for rival in found.model.rivals(terms, k)
+            if rival.odds > 0
+        ]
+        changes.append(replace(change, alternatives=tuple(alternatives)))
     return tuple(sorted(changes, key=lambda c: -c.odds))
+
+
+def _measure_change(
+    found: Differences, terms: Terms, which: Sequence[int], names: Sequence[str]
+) -> Change:
+    """Return the change of some terms at one place, with its size."""
+    value, covariance = found.solve(terms)
+    levels = found.levels(found.known.base + found.known.directions @ value[: found.known.size])
+    at = np.concatenate([rows_of(found.model, terms, k) for k in which])
+    columns = np.concatenate([found.at(terms[k]) for k in which])
+    families = {found.whose(terms[k]).family.name for k in which}
+    first = found.whose(terms[which[0]])
+    place = place_of(terms[which[0]])
+
+    def measure(some: np.ndarray, place: str) -> Change:
+        sizes, spread = value[at[some]], covariance[np.ix_(at[some], at[some])]
+        own = columns[some]
+        share = _share_of(levels[own], found.missing.scale[own], sizes, spread)
+        _, called, units = zip(*(found.columns[n] for n in own.tolist()), strict=True)
+        title = first.title if len(families) == 1 else first.kind
+        return Change(
+            kind=first.kind if first.pattern else "missing",
+            family=first.family.name,
+            what=f"{title} of {place}",
+            place=place,
+            log=first.odd(names) if first.pattern else "",
+            names=called,
+            units=units,
+            sizes=sizes,
+            sd=np.sqrt(np.diag(spread)),
+            share=share[0],
+            share_sd=share[1],
+            felt=FeltTorque.of(found, own, sizes, spread),
+            odds=max(terms[k].odds for k in which),
+        )
+
+    change = measure(np.arange(len(at)), place)
+    owners = np.array([found.columns[n][0].place for n in columns.tolist()])
+    places = list(dict.fromkeys(owners.tolist()))
+    if len(places) == 1:
+        return change
+    parts = tuple(measure(np.flatnonzero(owners == owner), owner) for owner in places)
+    return replace(change, parts=parts)
 
 
 def _share_of(level: Array, rms: Array, sizes: Array, spread: Array) -> tuple[float, float]:
@@ -229,25 +362,58 @@ def _share_of(level: Array, rms: Array, sizes: Array, spread: Array) -> tuple[fl
     return float(slope @ sizes), float(np.sqrt(slope @ spread @ slope))
 
 
-def _join_terms(
-    found: Differences, terms: Terms, which: Sequence[int], names: Sequence[str]
-) -> Change:
-    """Return the change of some terms at one place, without its size."""
-    place, parts = place_of(terms[which[0]]), [found.whose(terms[k]) for k in which]
-    columns = [found.columns[n] for k in which for n in found.at(terms[k]).tolist()]
-    _, called, units = zip(*columns, strict=True)
-    rivals = [r for k in which for r in found.model.rivals(terms, k) if r.odds > 0]
-    alike = len({c.family.name for c in parts}) == 1
-    return Change(
-        kind=parts[0].kind,
-        family=parts[0].family.name,
-        what=f"{parts[0].title if alike else parts[0].kind} of {place}",
-        place=place,
-        log=parts[0].odd(names),
-        names=called,
-        units=units,
-        sizes=np.empty(0),
-        sd=np.empty(0),
-        odds=max(terms[k].odds for k in which),
-        others=tuple(dict.fromkeys(_describe(found, r, names) for r in rivals)),
-    )
+def list_unchanged(
+    found: Differences, terms: Terms, changes: Sequence[Change]
+) -> tuple[Unchanged, ...]:
+    """Return what did not change at each joint and body, in the order of the robot.
+
+    Parameters
+    ----------
+    found : Differences
+    terms : tuple of Term
+    changes : sequence of Change
+        Of these terms.
+    """
+    levels = np.abs(found.levels(found.known.base))
+    changed = {
+        (found.columns[n][0].family.name, found.columns[n][0].place)
+        for term in terms
+        for n in found.at(term).tolist()
+        if found.whose(term).pattern
+    }
+    out = []
+    for group in found.groups:
+        columns = found.columns_of(group.members[0])
+        first, name, unit = found.columns[int(columns[0])]
+        key = first.family.name, first.place
+        if first.pattern != "0" or group.place == EVERYWHERE or key in changed:
+            continue
+        unit_change = np.append(1.0, np.zeros(len(columns) - 1))
+        if first.kind == "load":  # of 1 kg at the centre of the body
+            unit_change = _body_of_one(found.missing.seen.robot, first.place)[: len(columns)]
+        level = float(levels[columns[0]])
+        least = found.model.least_named(terms, group, unit_change)
+        sizes = unit_change * (least if np.isfinite(least) else 0.0)
+        felt = FeltTorque.of(found, columns, sizes, np.zeros((len(sizes), len(sizes))))
+        out.append(
+            Unchanged(
+                kind=first.kind,
+                family=first.family.name,
+                what=f"{first.title} of {first.place}",
+                place=first.place,
+                name=name,
+                unit=unit,
+                least=least,
+                share=least / level if level > 0 else np.nan,
+                felt=felt,
+            )
+        )
+    order = {joint: k for k, joint in enumerate(found.missing.seen.robot.joints)}
+    return tuple(sorted(out, key=lambda x: order.get(x.place, len(order))))
+
+
+def _body_of_one(robot: Robot, body: str) -> Array:
+    """Return the ten parameters of 1 kg at the centre of a body, or at its origin."""
+    mass, *first = (robot.nominal[f"{body}.{kind}"] for kind in WEIGHT)
+    x, y, z = np.array(first) / mass if mass > 0 else np.zeros(3)
+    return ten_parameters(1.0, (x, y, z), np.zeros(3))

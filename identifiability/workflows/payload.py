@@ -116,7 +116,7 @@ def widened(found: Differences, terms: Terms, at: slice) -> tuple[Array, Array]:
 
 def estimate_load(found: Differences, names: Sequence[str]) -> LoadEstimate:
     """Return the load that is in every hypothesis, of logs of some names."""
-    found, first = found.having(_load(found)[:, ORDER]), len(found.known.precision)
+    found, first = found.having(_load(found)[:, ORDER]), found.known.size
     terms = found.model.search()
     theta, spread = widened(found, terms, slice(first, first + 10))
     scale = found.scale @ found.always
@@ -301,7 +301,7 @@ def _invert_gain(found: Differences, sums: Array, j: int) -> tuple[float, float]
         The joint.
     """
     seen, known = found.missing.seen, found.known
-    size, at = known.directions.shape[1], len(known.precision)
+    size, at = known.directions.shape[1], known.size
     # Friction of this joint is fitted to its rows, in its unit.
     X, y = seen.X[:, [j]], seen.y[:, [j]]
     values = pooled_values(X, y, np.eye(size), np.zeros(size))

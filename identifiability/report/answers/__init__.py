@@ -13,7 +13,7 @@ FILES = {
     "Ladder": "prune",
     "Diagnosis": "diagnose",
     "ForwardGap": "diagnose",
-    "Change": "diagnose",
+    "Change": "compare",
     "TorquePrediction": "predict",
     "PositionPrediction": "predict",
     "Load": "payload",
