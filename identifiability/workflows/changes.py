@@ -33,6 +33,8 @@ DIFFERING = (
     "torque_scale",
     "passive_joint_friction",
 )
+#: A function that the model may lack at a joint whose friction is nonlinear.
+VELOCITY = "function_of_velocity"
 #: Parameters of a load that its weight determines.
 WEIGHT = INERTIAL_KINDS[:4]
 
@@ -305,6 +307,7 @@ def _measure_change(
     found: Differences, terms: Terms, which: Sequence[int], names: Sequence[str]
 ) -> Change:
     """Return the change of some terms at one place, with its size."""
+    terms, which = _with_companions(found, terms, which)
     value, covariance = found.solve(terms)
     levels = found.levels(found.known.base + found.known.directions @ value[: found.known.size])
     at = np.concatenate([rows_of(found.model, terms, k) for k in which])
@@ -316,7 +319,15 @@ def _measure_change(
     def measure(some: np.ndarray, place: str) -> Change:
         sizes, spread = value[at[some]], covariance[np.ix_(at[some], at[some])]
         own = columns[some]
+        felt = FeltTorque.of(found, own, sizes, spread)
         share = _share_of(levels[own], found.missing.scale[own], sizes, spread)
+        if (
+            first.kind == "friction"
+            and np.isfinite(share[0])
+            and len(set(owners[some].tolist())) == 1
+        ):
+            friction = _rms_friction(found, terms, value, own, levels[own], felt.joint)
+            share = felt.rms / friction, felt.sd / friction
         _, called, units = zip(*(found.columns[n] for n in own.tolist()), strict=True)
         title = first.title if len(families) == 1 else first.kind
         return Change(
@@ -331,17 +342,77 @@ def _measure_change(
             sd=np.sqrt(np.diag(spread)),
             share=share[0],
             share_sd=share[1],
-            felt=FeltTorque.of(found, own, sizes, spread),
+            felt=felt,
             odds=max(terms[k].odds for k in which),
         )
 
-    change = measure(np.arange(len(at)), place)
     owners = np.array([found.columns[n][0].place for n in columns.tolist()])
+    change = measure(np.arange(len(at)), place)
     places = list(dict.fromkeys(owners.tolist()))
     if len(places) == 1:
         return change
     parts = tuple(measure(np.flatnonzero(owners == owner), owner) for owner in places)
     return replace(change, parts=parts)
+
+
+def _rms_friction(
+    found: Differences, terms: Terms, value: Array, columns: np.ndarray, levels: Array, joint: str
+) -> float:
+    """Return the rms friction of a joint before a change, along the logs with the change.
+
+    A function of velocity that the model lacks there is friction as well.
+
+    Parameters
+    ----------
+    found : Differences
+    terms : tuple of Term
+    value : (c,)
+        Of the fixed columns and of the terms.
+    columns, levels : (q,)
+        Of the friction that changed.
+    joint : str
+        That feels it.
+    """
+    seen = found.missing.seen
+    j = seen.robot.joints.index(joint)
+    first = found.columns[int(columns[0])][0]
+    numbers = list(zip(columns.tolist(), levels.tolist(), strict=True))
+    for k, term in enumerate(terms):
+        if found.whose(term).family.name == VELOCITY:
+            at = rows_of(found.model, terms, k)
+            numbers += zip(found.at(term).tolist(), value[at].tolist(), strict=True)
+    torque = np.zeros(len(seen.y))
+    for column, size in numbers:
+        torque += size * found.missing.entries.get((j, column), 0.0)
+    rows = seen.data[:, j] & (np.array(first.logs)[seen.log] != 0)
+    return float(np.sqrt(np.mean(torque[rows] ** 2)))
+
+
+def _with_companions(
+    found: Differences, terms: Terms, which: Sequence[int]
+) -> tuple[Terms, list[int]]:
+    """Return terms with all friction of a place where some of it changed, and which these are.
+
+    Wear changes dry and viscous friction together. The evidence may name one of them only, and
+    would give it a part of the change of the other one.
+    """
+    first = terms[which[0]]
+    own = found.whose(first)
+    out, at = terms, list(which)
+    if own.kind != "friction" or not own.pattern:
+        return out, at
+    taken = {t.key for t in terms}
+    for group in found.groups:
+        other = found.columns[int(found.columns_of(group.members[0])[0])][0]
+        alike = (other.kind, other.pattern, group.place) == (
+            own.kind,
+            own.pattern,
+            first.group.place,
+        )
+        if alike and group.key not in taken:
+            at.append(len(out))
+            out = (*out, replace(first, group=group, member=0))
+    return out, at
 
 
 def _share_of(level: Array, rms: Array, sizes: Array, spread: Array) -> tuple[float, float]:
