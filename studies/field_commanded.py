@@ -70,7 +70,7 @@ def examine_told(said: Sequence[str], pattern: str) -> dict[str, Any]:
 
 def examine_labels(a: Analysis, truth: pd.Series) -> dict[str, Any]:
     """Return how many intervals of identifiable values hold the truth, and the other values."""
-    f = a.to_frame()
+    f = a.to_frame(details=True)
     f = f[f.verdict == "identifiable"].set_index("label")
     truth = truth.reindex(f.index).dropna()
     f = f.loc[truth.index]

@@ -260,7 +260,7 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
     assert "holds commands and no torque" in said
     told = {n.text: n.level for n in result.cautions()}
     assert told[said] == "note"  # it speaks against nothing
-    table = result.to_frame().set_index("name")
+    table = result.to_frame(details=True).set_index("name")
     structure = result.structure
     phi = np.array([{**arm.nominal, **TRUTH}.get(n, 0.0) for n in structure.columns])
     true = dict(zip(structure.base.names, structure.G @ phi, strict=True))
@@ -503,7 +503,7 @@ def test_one_bad_joint_does_not_refuse_a_log_and_the_others_keep_their_values(ar
     result = analyze(arm, spoilt, quick=True)
     (said,) = of_key(result.hints, "commands")
     assert "elbow does not follow its command, so its torque is left out" in said
-    table = result.to_frame().set_index("name")
+    table = result.to_frame(details=True).set_index("name")
     low, high = table.loc["shoulder.Fc", "interval95"]
     assert low < TRUTH["shoulder.Fc"] < high
 

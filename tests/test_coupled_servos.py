@@ -62,7 +62,7 @@ def test_a_finger_that_follows_is_fitted_rolled_out_and_exported(tmp_path, gains
     factor = rolled.numbers["kp"] / [20.0, 10.0]
     np.testing.assert_allclose(rolled.numbers["Fc"] / factor, [0.12, 0.06], rtol=0.1)
     if not gains:
-        low, high = result.to_frame().set_index("name").loc["j1.Fc", "interval95"]
+        low, high = result.to_frame(details=True).set_index("name").loc["j1.Fc", "interval95"]
         assert low < 0.12 < high
     result.to_json(tmp_path / "result.json")
     export(path, tmp_path / "result.json", tmp_path / "fitted.xml")

@@ -16,22 +16,19 @@ from identifiability.foundation.errors import IdentifiabilityError, OutputError,
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.quoting import for_terminal, path_for_shell
 
+from .case import shorten_line
+
 if TYPE_CHECKING:
     from rich.console import Console
 
     from identifiability.foundation.answers import Table
     from identifiability.foundation.result import Result
-    from identifiability.workflows.case_file import CaseFile
-
 
 #: Work without a terminal reports its duration if it takes this much longer [s].
 PATIENCE = 10.0
 
 #: Whether all details are printed.
 VERBOSE = ContextVar("VERBOSE", default=False)
-
-#: The case file that the command reads its robot, logs and settings from.
-CASE: ContextVar[CaseFile | None] = ContextVar("CASE", default=None)
 
 
 @contextmanager
@@ -172,14 +169,15 @@ def print_next(result: Result) -> None:
     """Print the first line that the page proposes.
 
     If `identifiability` is not on the search path, the line first activates its environment. This
-    happens after ``make demo``.
+    happens after ``make demo``. In the folder of a case the line has no words of the case file.
     """
     script = Path(sys.argv[0])
     activate = script.with_name("activate")
     alone = script.name == "identifiability" and which(script.name) is None
     before = f". {path_for_shell(activate)} && " if alone and activate.is_file() else ""
     for what, command in result.next()[:1]:
-        print_command(f"Next {what[0].lower()}{what[1:]}", f"{before}{command}")
+        line = f"{before}{shorten_line(command)}"
+        print_command(f"Next {what[0].lower()}{what[1:]}", line)
 
 
 def print_command(what: str, command: str) -> None:

@@ -22,7 +22,8 @@ from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.loading import loading
 
-from .common import CASE, check_outputs, print_command, print_end, print_result, progress, write_all
+from .case import CASE
+from .common import check_outputs, print_command, print_end, print_result, progress, write_all
 from .options import (
     Derived,
     Effects,
@@ -332,7 +333,7 @@ def predict(
     result: Annotated[str, Records(results=True)],
     logs: Annotated[list[str], Argument(), Records()],
     outputs: Outputs,
-    forward: Annotated[bool, Option("--forward")] = False,
+    forward: bool = False,
     out: Annotated[Path | None, Table] = None,
 ) -> None:
     """Predict the torque of logs with a fitted model, or the motion of its robot."""
@@ -350,9 +351,9 @@ def export(
     out: Annotated[Path, Option(), Writes(*EXPORTED)],
     draws: kinds.Count | None = None,
     form: Annotated[kinds.ExportFormat | None, Option("--format")] = None,
-    patch: Annotated[bool, Option("--patch")] = False,
+    patch: bool = False,
     validate: MoreLogs = (),
-    force: Annotated[bool, Option("--force")] = False,
+    force: bool = False,
     prior: kinds.Positive | None = None,
     seed: kinds.Seed = 0,
 ) -> None:

@@ -329,7 +329,8 @@ class ReadingSearch:
         if reading.separate_offsets:
             # Offsets were fitted to all rows.
             unseen = unseen[0] - numbers, unseen[1] - numbers
-        return Verification(sum(unseen), min(unseen), seen - 2.0 * numbers, self.tried)
+        against = max(self.vote(self.literal) - self.vote(reading), 0.0)
+        return Verification(sum(unseen), min(unseen), seen - 2.0 * numbers, self.tried, against)
 
 
 def tune_numbers(rows: TorqueRows, reading: Reading) -> Reading:

@@ -46,6 +46,7 @@ from .blocks import (
     torque_traces,
 )
 from .skeleton import move_with_torque
+from .values_table import body_masses, joint_values
 
 
 def analysis_heading(analysis: Analysis) -> tuple[str, str]:
@@ -80,6 +81,7 @@ def analysis_moving(analysis: Analysis) -> Moving | None:
 def analysis_sections(analysis: Analysis) -> list[Section | None]:
     """Return the sections of the page."""
     return [
+        section_values(analysis),
         section_prediction(analysis),
         section_parameters(analysis),
         section_ladder(analysis),
@@ -91,6 +93,16 @@ def analysis_sections(analysis: Analysis) -> list[Section | None]:
 
 
 # Parameters, and the models side by side.
+
+
+def section_values(analysis: Analysis) -> Section | None:
+    """Return friction and rotor of each joint, and masses a click away."""
+    values, masses = joint_values(analysis), body_masses(analysis)
+    if analysis.nothing or values is None:
+        return None
+    fold = None if masses is None else Fold(masses.caption, (masses,))
+    blocks = [values, fold]
+    return section("analysis.values", *(block for block in blocks if block is not None))
 
 
 INERTIAL_KEY = (

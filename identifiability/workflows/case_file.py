@@ -63,6 +63,7 @@ class CaseEntry(Strict):
     validate_: Paths | Literal["none"] = key(
         'Held-out logs; "none" fits all logs.', [], ["run3.csv"], alias="validate"
     )
+    loaded: Paths = key("Logs with a load on the robot, for `payload`.", [], ["loaded.csv"])
     result: FilePath = key(
         "JSON that `analyze` writes, and that `predict`, `export` and `payload` read.",
         "result.json",
@@ -122,6 +123,11 @@ class CaseFile:
         """Paths of the held-out logs; "none" alone where all logs are fitted."""
         given = self.entry.validate_
         return [given] if isinstance(given, str) else [*map(self.place, given)]
+
+    @property
+    def loaded(self) -> list[str]:
+        """Paths of the logs with a load."""
+        return [*map(self.place, self.entry.loaded)]
 
     @property
     def settings(self) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """Logs of two sides as one question: which changes lie between them.
 
 `Sides` holds the logs. `find_differences` and `find_changes` return the possible changes under a
-model. `find_loads` returns the loads that only held-out logs have.
+model. `find_loads` returns the loads that only held-out logs have, and `report_loads` states them.
 """
 
 from __future__ import annotations
@@ -22,8 +22,10 @@ from identifiability.estimation.differences import (
 )
 from identifiability.estimation.groups import Excerpt
 from identifiability.estimation.mixed_model import Terms
+from identifiability.estimation.prediction import Prediction
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
+from identifiability.foundation.rounding import REACH, measured
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
 from identifiability.logs.rules import RULES as LOG_RULES
@@ -132,6 +134,45 @@ def find_changes(sides: Sides, structure: Structure, submodel: Submodel) -> Diff
     known = Known.nothing(submodel.M, values)
     bodies = tool_bodies(structure.robot)
     return find_differences(structure, seen, bodies, known, count, len(sides.samples))
+
+
+def report_loads(
+    data: Data, submodel: Submodel, error: float, unseen: Prediction
+) -> tuple[Finding, ...]:
+    """Return findings on loads that only the held-out logs of the user carry.
+
+    A held-out log must err much more than the fitted logs: most of its squared error is new. Only
+    then are logs compared.
+
+    Parameters
+    ----------
+    data : Data
+    submodel : Submodel
+        The model that logs are compared under.
+    error : float
+        Relative error of the model to use on the fitted logs.
+    unseen : Prediction
+        Along the held-out logs, last by the model to use.
+    """
+    recordings, names = data.recordings, [sample.name for sample in data.validation]
+    if not names or data.misread or recordings.set_aside or recordings.commanded:
+        return ()
+    errors = np.array([unseen.relative_error(log)[-1] for log in range(len(names))])
+    if not np.nanmax(errors**2) > 2 * error**2:
+        return ()
+    found = list[Finding]()
+    for change in find_loads(data, submodel):
+        k = change.names.index(f"{change.place}.m")
+        mass, sd = float(change.sizes[k]), float(change.sd[k])
+        half = REACH * sd
+        if abs(mass) <= half:
+            continue
+        numbers = {"mass": mass, "sd": sd, "body": change.place}
+        load = measured(abs(mass), half, "kg")
+        more = "more" if mass > 0 else "less"
+        logs = [change.log] if change.log else names
+        found.append(Finding("held_out_load", logs=logs, load=load, more=more, **numbers))
+    return tuple(found)
 
 
 def find_loads(data: Data, submodel: Submodel) -> list[Change]:

@@ -50,6 +50,21 @@ if TYPE_CHECKING:
     from identifiability.workflows.analyze.result import Analysis, Laddered, ModelResult
 
 
+#: Columns of a frame without details.
+FRAME = (
+    "name",
+    "unit",
+    "value",
+    "sigma",
+    "lower",
+    "upper",
+    "used",
+    "nominal",
+    "verdict",
+    "reason",
+)
+
+
 class LadderedPresenter(PredictingPresenter):
     """Answers about the model to use, for analyze and prune."""
 
@@ -158,13 +173,13 @@ class LadderedPresenter(PredictingPresenter):
             return sentence("laddered.measured", "held", names=names)
         return sentence("laddered.measured", "crossed")
 
-    def to_frame(self, model: str | None = None) -> pd.DataFrame:
+    def to_frame(self, model: str | None = None, *, details: bool = False) -> pd.DataFrame:
         """Return one row a parameter of the model to use, or of the named one."""
         result = self.result
         shown = result.chosen if model is None else result.models[result.find_model(model)]
         frame = pd.DataFrame(shown.rows())
         frame[["lower", "upper"]] = [*frame["interval95"]]
-        return by_name(frame)
+        return by_name(frame if details else frame[[*FRAME]])
 
     def ladder_frame(self) -> pd.DataFrame:
         """Return one row a model."""

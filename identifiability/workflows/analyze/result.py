@@ -411,11 +411,12 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         return dict(zip(("rows", "all_rows", "raw"), map(float, (share, *errors)), strict=True))
 
     @presented
-    def to_frame(self, model: str | None = None) -> pd.DataFrame:
+    def to_frame(self, model: str | None = None, *, details: bool = False) -> pd.DataFrame:
         """Return one row a parameter of the model to use, or of the named one.
 
         ``used`` is its value in predictions and files, `lower` and `upper` the ends of its
-        95 % interval.
+        95 % interval. With `details` there are also the terms of its error, the paper's rule and
+        all other columns that JSON has.
 
         Raises
         ------

@@ -23,7 +23,6 @@ from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.options import NotNegative, Replicates, Seed, checked, resolve_count
-from identifiability.foundation.rounding import REACH, measured
 from identifiability.foundation.runs import Progress, Run, quiet, running, share
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.rules import RULES as LOG_RULES
@@ -40,7 +39,7 @@ from identifiability.regression.reduction import (
 )
 from identifiability.robot import RobotLike
 from identifiability.workflows.case import Case, Data, WeightedRows, comparable_entry, take_case
-from identifiability.workflows.sides import find_loads
+from identifiability.workflows.sides import report_loads
 
 from .belief import Belief, form_belief, refine_verdicts
 from .judge import assess_ladder, select_model, tell_with_file
@@ -88,43 +87,6 @@ def say_of_fit(data: Data, result: ModelResult, missing: Sequence[str]) -> list[
     entry = move_mounting(data.robot, sure)
     moved = Finding("imu_moved", entry=entry) if entry else ""
     return [*filter(None, (moved, compare_logs(data.samples, result, missing)))]
-
-
-def say_loads(rows: WeightedRows, submodel: Submodel, result: ModelResult) -> tuple[Finding, ...]:
-    """Return findings on loads that only the held-out logs of the user carry.
-
-    A held-out log must err much more than the fitted logs: most of its squared error is new. Only
-    then are logs compared.
-
-    Parameters
-    ----------
-    rows : WeightedRows
-    submodel : Submodel
-        The model that logs are compared under.
-    result : ModelResult
-        The model to use.
-    """
-    data, recordings = rows.data, rows.data.recordings
-    if not data.validation or data.misread or recordings.set_aside or recordings.commanded:
-        return ()
-    fitted, unseen = result.used[:2]
-    names = [sample.name for sample in data.validation]
-    errors = np.array([unseen.relative_error(log)[0] for log in range(len(names))])
-    if not np.nanmax(errors**2) > 2 * fitted.relative_error()[0] ** 2:
-        return ()
-    found = list[Finding]()
-    for change in find_loads(data, submodel):
-        k = change.names.index(f"{change.place}.m")
-        mass, sd = float(change.sizes[k]), float(change.sd[k])
-        half = REACH * sd
-        if abs(mass) <= half:
-            continue
-        numbers = {"mass": mass, "sd": sd, "body": change.place}
-        load = measured(abs(mass), half, "kg")
-        more = "more" if mass > 0 else "less"
-        logs = [change.log] if change.log else names
-        found.append(Finding("held_out_load", logs=logs, load=load, more=more, **numbers))
-    return tuple(found)
 
 
 def predict_everywhere(
@@ -255,7 +217,8 @@ def _fit_case(
     fitted = case.stages.once(compute_ladder, rows, submodels, settings["cad_prior"], run=run)
     rng = np.random.default_rng(settings["seed"]).spawn(2)[1]
     found = conclude_analysis(fitted, rng, settings, rows.missing)
-    loads = say_loads(rows, submodels[0], found.chosen)
+    chosen = found.chosen
+    loads = report_loads(rows.data, submodels[0], chosen.error_ra, chosen.used[1])
     return replace(found, source=source, hints=(*loads, *found.hints))
 
 

@@ -65,8 +65,10 @@ from identifiability.workflows.case import (
     take_case,
 )
 from identifiability.workflows.changes import Change
+from identifiability.workflows.predict import state_reading
 from identifiability.workflows.provenance import state_provenance
 from identifiability.workflows.roles import require_held_out
+from identifiability.workflows.sides import report_loads
 
 from .naming import (
     Gains,
@@ -155,6 +157,9 @@ def diagnose(
     with one_thread():
         case = take_case(robot, logs, validate, preparation)
         run = Run(progress or quiet, engine or Serial(), seed)
+        fit, _ = read_given(fixed, case.robot)
+        # Values that are kept belong to the reading of their logs.
+        case = case if fit is None else case.with_(reading=fit.reading)
         recordings = case.recordings(run)
         require_held_out(recordings)
         model = case.model if model is None else model  # type: ignore[assignment]
@@ -162,6 +167,9 @@ def diagnose(
         request = Request(effects, model, fixed, prior)
         found, data = _diagnose_logs(case, request, run, of_intervals)
         found = _with_context(case, request, found, data, quick=quick, seed=seed)
+        if fit is not None:
+            said = state_reading(fit, case, found.samples, run)
+            found = replace(found, hints=(*said, *found.hints))
         if not quick and forward and found.included and found.robot.base is None:
             run.say("simulating forward", 0.95)
             found = replace(found, forward=simulate_forward(found, of_motion))
@@ -259,7 +267,11 @@ def _with_context(
     # Torque of commands is calibrated with the cut-off.
     band = getattr(found.preparation, "band", None)
     said = () if found.commanded else say_band(band, names=True)
-    hints = (*found.hints, *data.hints, *said, *free_again(request.model))
+    hints = (*found.known.hints, *found.hints, *data.hints, *said, *free_again(request.model))
+    hints = (
+        *report_loads(data, full_model(data.structure.base), found.error_after, found.gap),
+        *hints,
+    )
     if request.prior:
         hints = (found.known.hint, *hints)
     if request.fixed is True:

@@ -62,6 +62,7 @@ from identifiability.workflows.analyze.workflow import (
     say_of_fit,
 )
 from identifiability.workflows.case import Case, WeightedRows, take_case
+from identifiability.workflows.sides import report_loads
 
 from .elimination import (
     Search,
@@ -184,7 +185,9 @@ def _reduce(
     rng = np.random.default_rng(settings["seed"]).spawn(3)[2]
     draws = settings["replicates"]
     measured = measure_models(question, search, selected, fit, replicates=draws, rng=rng)
-    hints = *_hint(question.rows, measured["models"], selected), thinned
+    chosen = measured["models"][selected]
+    loads = report_loads(data, question.start, chosen.error_ra, chosen.used[1])
+    hints = *loads, *_hint(question.rows, measured["models"], selected), thinned
     return Ladder(
         structure=data.structure,
         samples=data.samples,
