@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 
 from identifiability.effects import FAMILIES, find_families
-from identifiability.estimation.differences import Differences
+from identifiability.estimation.differences import WARM, Differences
 from identifiability.estimation.groups import place_of
-from identifiability.estimation.mixed_model import EVERYWHERE, MixedModel, Terms, without
+from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Terms, without
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.presenter import presented
+from identifiability.foundation.rounding import REACH
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import Candidate, number
 from identifiability.robot import Robot
@@ -33,6 +34,10 @@ DIFFERING = (
     "torque_scale",
     "passive_joint_friction",
 )
+#: Attributes that the size of a change sets.
+MEASURED = ("what", "names", "units", "sizes", "sd", "share", "share_sd", "felt", "parts")
+#: A function that the model may lack at a joint whose friction is nonlinear.
+VELOCITY = "function_of_velocity"
 #: Parameters of a load that its weight determines.
 WEIGHT = INERTIAL_KINDS[:4]
 
@@ -150,8 +155,15 @@ class Change:
         The last is an effect that the model lacks in all logs; it only competes with changes.
     family, what, place : str
         Its name; its description; and the body or joint, ``all joints`` where it is everywhere.
-    log : str
-        The only log with the change; empty if all compared logs have it.
+    log, since : str
+        The only log with the change, and the first of several; empty if all later logs have it.
+    seconds : float [s]
+        Of friction that changes within every log: the time in which it changes by its sizes. NaN of
+        a change between logs.
+    course : tuple of Change
+        Of several later logs, the change in each of them by itself.
+    gradual : bool
+        Whether it came in several steps; its sizes are those of the last log.
     names, units : tuple of str
         Of its q numbers.
     sizes, sd : (q,)
@@ -189,6 +201,10 @@ class Change:
     sizes: Array
     sd: Array
     odds: float
+    since: str = ""
+    seconds: float = np.nan
+    course: tuple[Change, ...] = ()
+    gradual: bool = False
     others: tuple[str, ...] = ()
     share: float = np.nan
     share_sd: float = np.nan
@@ -206,6 +222,11 @@ class Change:
     def whole(self) -> bool:
         """Whether it lasted as long as the log."""
         return bool(np.isinf(self.start) and np.isinf(self.stop))
+
+    @property
+    def within(self) -> bool:
+        """Whether it happens within every log, and not between logs."""
+        return bool(np.isfinite(self.seconds))
 
     @property
     def sure(self) -> bool:
@@ -297,14 +318,84 @@ def list_log_changes(found: Differences, terms: Terms, names: Sequence[str]) -> 
             for rival in found.model.rivals(terms, k)
             if rival.odds > 0
         ]
-        changes.append(replace(change, alternatives=tuple(alternatives)))
-    return tuple(sorted(changes, key=lambda c: -c.odds))
+        competing = tuple(other for other in alternatives if not _says_same(other, change))
+        course = _list_course(found, terms, which, names)
+        changes.append(replace(change, alternatives=competing, course=course))
+    ordered = sorted(changes, key=lambda c: -c.odds)
+    return tuple(_join_steps(ordered, names[: found.later]))
+
+
+def _says_same(other: Change, change: Change) -> bool:
+    """Return whether a change in all joints is sure at the place of another change alone."""
+    sure = {p.place for p in other.parts if abs(p.relative[0]) > REACH * p.relative[1]}
+    alike = (other.kind, other.log, other.since) == (change.kind, change.log, change.since)
+    return alike and sure == {change.place}
+
+
+def _join_steps(changes: Sequence[Change], later: Sequence[str]) -> list[Change]:
+    """Return changes, where several at one place are the steps of one: that in the last log.
+
+    Parameters
+    ----------
+    changes : sequence of Change
+        The surest first.
+    later : sequence of str
+        The later logs.
+    """
+    out = list[Change]()
+    for change in changes:
+        key = change.kind, change.place
+        steps = [k for k, c in enumerate(changes) if c.course and (c.kind, c.place) == key]
+        if not change.course or len(steps) < 2:
+            out.append(change)
+        elif change is changes[steps[0]]:
+            last = change.course[-1]
+            sure = [abs(c.relative[0]) > REACH * c.relative[1] for c in change.course]
+            first = later[sure.index(True)] if any(sure) else ""
+            numbers = {name: getattr(last, name) for name in MEASURED}
+            out.append(replace(change, **numbers, log="", since=first, gradual=True))
+    return out
+
+
+def _list_course(
+    found: Differences, terms: Terms, which: Sequence[int], names: Sequence[str]
+) -> tuple[Change, ...]:
+    """Return the change of some terms in each later log; none of one later log.
+
+    All changes of the same kind and place are replaced by one in each log.
+    """
+    first = terms[which[0]]
+    own = found.whose(first)
+    later = found.later
+    if later < 2 or own.pattern == WARM:
+        return ()
+
+    def alike(group: Group) -> bool:
+        other = found.candidate_of(group)
+        same = (other.kind, group.place) == (own.kind, first.group.place)
+        return same and other.pattern not in ("", WARM)
+
+    rest = tuple(t for t in terms if not alike(t.group))
+    member = first.member if own.kind == "load" else 0
+    singles = []
+    for group in filter(alike, found.groups):
+        amounts = found.candidate_of(group).logs
+        log = int(np.argmax(amounts))
+        if np.count_nonzero(amounts) == 1 and log < later:
+            singles.append((log, replace(first, group=group, member=member)))
+    every = (*rest, *(term for _, term in singles))
+    course = []
+    for log in range(later):
+        at = [len(rest) + k for k, (of_log, _) in enumerate(singles) if of_log == log]
+        course.append(_measure_change(found, every, at, names))
+    return tuple(course)
 
 
 def _measure_change(
     found: Differences, terms: Terms, which: Sequence[int], names: Sequence[str]
 ) -> Change:
     """Return the change of some terms at one place, with its size."""
+    terms, which = _with_companions(found, terms, which)
     value, covariance = found.solve(terms)
     levels = found.levels(found.known.base + found.known.directions @ value[: found.known.size])
     at = np.concatenate([rows_of(found.model, terms, k) for k in which])
@@ -316,7 +407,15 @@ def _measure_change(
     def measure(some: np.ndarray, place: str) -> Change:
         sizes, spread = value[at[some]], covariance[np.ix_(at[some], at[some])]
         own = columns[some]
+        felt = FeltTorque.of(found, own, sizes, spread)
         share = _share_of(levels[own], found.missing.scale[own], sizes, spread)
+        if (
+            first.kind == "friction"
+            and np.isfinite(share[0])
+            and len(set(owners[some].tolist())) == 1
+        ):
+            friction = _rms_friction(found, terms, value, own, levels[own], felt.joint)
+            share = felt.rms / friction, felt.sd / friction
         _, called, units = zip(*(found.columns[n] for n in own.tolist()), strict=True)
         title = first.title if len(families) == 1 else first.kind
         return Change(
@@ -324,24 +423,88 @@ def _measure_change(
             family=first.family.name,
             what=f"{title} of {place}",
             place=place,
-            log=first.odd(names) if first.pattern else "",
+            log=first.odd(names),
+            since=first.since(names),
+            seconds=longest if first.pattern == WARM else np.nan,
             names=called,
             units=units,
             sizes=sizes,
             sd=np.sqrt(np.diag(spread)),
             share=share[0],
             share_sd=share[1],
-            felt=FeltTorque.of(found, own, sizes, spread),
+            felt=felt,
             odds=max(terms[k].odds for k in which),
         )
 
-    change = measure(np.arange(len(at)), place)
+    seen = found.missing.seen
+    longest = max(float(np.ptp(seen.t[seen.log == k])) for k in np.unique(seen.log))
     owners = np.array([found.columns[n][0].place for n in columns.tolist()])
+    change = measure(np.arange(len(at)), place)
     places = list(dict.fromkeys(owners.tolist()))
     if len(places) == 1:
         return change
     parts = tuple(measure(np.flatnonzero(owners == owner), owner) for owner in places)
     return replace(change, parts=parts)
+
+
+def _rms_friction(
+    found: Differences, terms: Terms, value: Array, columns: np.ndarray, levels: Array, joint: str
+) -> float:
+    """Return the rms friction of a joint before a change, along the logs with the change.
+
+    A function of velocity that the model lacks there is friction as well.
+
+    Parameters
+    ----------
+    found : Differences
+    terms : tuple of Term
+    value : (c,)
+        Of the fixed columns and of the terms.
+    columns, levels : (q,)
+        Of the friction that changed.
+    joint : str
+        That feels it.
+    """
+    seen = found.missing.seen
+    j = seen.robot.joints.index(joint)
+    first = found.columns[int(columns[0])][0]
+    numbers = list(zip(columns.tolist(), levels.tolist(), strict=True))
+    for k, term in enumerate(terms):
+        if found.whose(term).family.name == VELOCITY:
+            at = rows_of(found.model, terms, k)
+            numbers += zip(found.at(term).tolist(), value[at].tolist(), strict=True)
+    torque = np.zeros(len(seen.y))
+    for column, size in numbers:
+        torque += size * found.missing.entries.get((j, column), 0.0)
+    rows = seen.data[:, j] & (np.array(first.logs)[seen.log] != 0)
+    return float(np.sqrt(np.mean(torque[rows] ** 2)))
+
+
+def _with_companions(
+    found: Differences, terms: Terms, which: Sequence[int]
+) -> tuple[Terms, list[int]]:
+    """Return terms with all friction of a place where some of it changed, and which these are.
+
+    Wear changes dry and viscous friction together. The evidence may name one of them only, and
+    would give it a part of the change of the other one.
+    """
+    first = terms[which[0]]
+    own = found.whose(first)
+    out, at = terms, list(which)
+    if own.kind != "friction" or not own.pattern:
+        return out, at
+    taken = {t.key for t in terms}
+    for group in found.groups:
+        other = found.candidate_of(group)
+        alike = (other.kind, other.pattern, group.place) == (
+            own.kind,
+            own.pattern,
+            first.group.place,
+        )
+        if alike and group.key not in taken:
+            at.append(len(out))
+            out = (*out, replace(first, group=group, member=0))
+    return out, at
 
 
 def _share_of(level: Array, rms: Array, sizes: Array, spread: Array) -> tuple[float, float]:

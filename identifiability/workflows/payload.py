@@ -54,7 +54,7 @@ from identifiability.workflows.changes import Change, DifferentTorque, list_log_
 from .case import MEASURED, Case, take_case
 from .compare import read_sides
 from .predict import Fit, FitLike, find_fit, is_result, state_missing, state_reading
-from .sides import Sides, find_differences
+from .sides import Sides, find_differences, list_patterns
 from .torque_scale import UNSCALED, TorqueScale, measure_torque_scale
 
 # `LoadEstimate`: the ten parameters of a load, with their full uncertainty.
@@ -660,7 +660,8 @@ def _find_load(
         known = Known.nothing(submodel.M, submodel.fixed)
     else:
         known = Known.of(fit.base, fit.submodel.M, fit.covariance, fit.spread.unknown)
-    return find_differences(structure, sides.look(0), (place,), known, count, count)
+    patterns = list_patterns(len(sides.samples), count, count)
+    return find_differences(structure, sides.look(0), (place,), known, patterns)
 
 
 def _without_gains(robot: Robot) -> Structure:

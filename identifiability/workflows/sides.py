@@ -25,6 +25,7 @@ from identifiability.estimation.mixed_model import Terms
 from identifiability.estimation.prediction import Prediction
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
+from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import REACH, measured
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
@@ -90,8 +91,9 @@ def find_differences(
     seen: Excerpt,
     bodies: Sequence[str],
     known: Known,
-    later: int,
-    single: int,
+    patterns: Sequence[Array],
+    *,
+    warms: bool = False,
 ) -> Differences:
     """Return the possible differences between logs.
 
@@ -103,8 +105,10 @@ def find_differences(
     bodies : sequence of str
         That may carry a load.
     known : Known
-    later, single : int
-        How many of the first logs may have changed together, and how many separately.
+    patterns : sequence of (L,)
+        Which logs may have a change.
+    warms : bool
+        Whether friction may also change within every log.
     """
     robot, motions = structure.robot, [piece.motion for piece in seen.pieces]
     lacks, _ = list_candidates(robot, find_families(LACKS), structure.present, motions, fixed=False)
@@ -114,16 +118,34 @@ def find_differences(
     base = [0.0 if name.endswith(".scale") else x for name, x in stated.items()]
     known = replace(known, base=np.array(base))
     rows = Compared.about(replace(seen, y=seen.y / gain, raw=seen.raw / gain), known)
-    asked = (np.arange(rows.log[-1] + 1) < later).astype(float)
-    each = [x for x in np.eye(len(asked))[:single] if np.ptp(np.abs(x - asked))]
     return Differences.of(
         rows,
         list_changes(robot, bodies),
         lacks,
         known,
-        (asked, *each),
+        patterns,
         names=structure.base.names,
+        warms=warms,
     )
+
+
+def list_patterns(logs: int, later: int, single: int) -> list[Array]:
+    """Return all later logs, then some single logs, as amounts of a change (L,) in each log.
+
+    Parameters
+    ----------
+    logs, later, single : int
+        How many there are, how many of the first may have changed together, and how many alone.
+    """
+    asked = (np.arange(logs) < later).astype(float)
+    return [asked, *(x for x in np.eye(logs)[:single] if np.ptp(np.abs(x - asked)))]
+
+
+def list_sessions(logs: int, later: int) -> list[Array]:
+    """Return these patterns, and changes that stay since one of the later logs."""
+    order = np.arange(logs)
+    since = [((first <= order) & (order < later)).astype(float) for first in range(1, later - 1)]
+    return [*list_patterns(logs, later, logs), *since]
 
 
 def find_changes(sides: Sides, structure: Structure, submodel: Submodel) -> Differences:
@@ -133,7 +155,8 @@ def find_changes(sides: Sides, structure: Structure, submodel: Submodel) -> Diff
     values = pooled_values(seen.X[unchanged], seen.y[unchanged], submodel.M, submodel.fixed)
     known = Known.nothing(submodel.M, values)
     bodies = tool_bodies(structure.robot)
-    return find_differences(structure, seen, bodies, known, count, len(sides.samples))
+    patterns = list_sessions(len(sides.samples), count)
+    return find_differences(structure, seen, bodies, known, patterns, warms=True)
 
 
 def report_loads(

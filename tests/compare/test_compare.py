@@ -134,6 +134,26 @@ def test_a_change_is_seen_from_the_stated_limit_on(times, least, most):
     assert least <= seen <= most
 
 
+def test_wear_that_stays_and_warm_up_that_returns_are_told_apart():
+    falls = np.linspace(0.3, -0.3, len(campaign(PLANAR).torque) // 2)
+    speed = campaign(PLANAR).move.dq[:, 1]
+    dry = campaign(PLANAR).robot.nominal["elbow.Fc"]
+    warm = np.zeros_like(campaign(PLANAR).torque)
+    warm[:, 1] = np.tile(falls, 2) * 2 * dry * np.sign(speed)
+    sessions = [logs(PLANAR, s, extra=warm)[s % 2] for s in range(4)]
+    (change,) = compare(PLANAR, sessions[0], sessions[1:]).changes
+    assert (change.within, change.place) == (True, "elbow")
+    assert change.sizes[0] + 1.2 * dry == pytest.approx(0, abs=3 * change.sd[0])
+    worn = [logs(PLANAR, s, elbow=1.4)[s % 2] for s in (5, 6)]
+    found = compare(PLANAR, logs(PLANAR, 0)[0], [logs(PLANAR, 1)[1], *worn])
+    (change,) = (c for c in found.changes if c.place == "elbow")
+    assert change.since == worn[0].name
+    assert "this is wear" in found.statement
+    first, *later = (point.relative for point in change.course)
+    assert abs(first[0]) < 3 * first[1]
+    assert all(abs(size - 0.4) < 3 * sd for size, sd in later)
+
+
 def test_the_command_answers_first_and_writes_what_was_asked(command, succeeds, tmp_path):
     first, second = tmp_path / "monday.csv", tmp_path / "friday.csv"
     logs(PLANAR, 1)[0].to_frame().to_csv(first, index=False)

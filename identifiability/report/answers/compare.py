@@ -54,9 +54,9 @@ class ComparisonPresenter(AnsweringPresenter):
         changed = Answer(question, result.answer, tone="vermilion" if result.changes else "green")
         why = " ".join(sentence("comparison.how", name) for name in ("logs", "odds"))
         trust = answer("comparison.trust", "logs", why, "amber")
-        if not result.unchanged:
-            return changed, trust
-        return changed, _answer_limits(result), trust
+        cause = _answer_cause(result)
+        limits = (_answer_limits(result),) if result.unchanged else ()
+        return changed, *cause, *limits, trust
 
     def commands(self) -> list[Command]:
         """Return lines for the terminal, the most useful first."""
@@ -130,6 +130,11 @@ class ChangePresenter(Presenter):
         ]
         if told:
             return sentence(about, "part", told=" ".join(told), log=change.log)
+        if change.within:
+            return sentence(about, "within", seconds=change.seconds)
+        if change.since:
+            key = "gradual" if change.gradual else "since"
+            return sentence(about, key, log=change.since)
         return sentence(about, "log", log=change.log) if change.log else ""
 
     def called(self) -> str:
@@ -267,6 +272,34 @@ def _answer_limits(result: Comparison) -> Answer:
     return answer(
         "comparison.seen", "limits", why, "green", limits=f"{short[0].upper()}{short[1:]}"
     )
+
+
+def _answer_cause(result: Comparison) -> tuple[Answer, ...]:
+    """Return whether friction changed by wear or by warming up; nothing if none changed."""
+    frictions = [c for c in result.changes if c.kind == "friction"]
+    parts = [_state_cause(c, result) for c in frictions]
+    unsure = [c for c in result.changes if c.alternatives]
+    parts += [sentence("comparison.next", c.kind, what=c.what) for c in unsure]
+    if not parts:
+        return ()
+    return (
+        answer("comparison.cause", "causes", "", "amber", causes=" ".join(dict.fromkeys(parts))),
+    )
+
+
+def _state_cause(change: Change, result: Comparison) -> str:
+    """Return the probable cause of a change of friction, and what to measure next."""
+    about, what = "comparison.cause", f"{change.what[0].upper()}{change.what[1:]}"
+    size, sd = change.relative
+    if change.within:
+        key = "warm" if size < 0 else "rises"
+        return sentence(about, key, what=what, seconds=change.seconds)
+    falls = [c.relative[0] for c in result.changes if c.within and c.place == change.place]
+    if falls and abs(size) - REACH * sd <= abs(falls[0]):
+        return sentence(about, "perhaps", what=what)
+    if len(result.after) < 2 or change.log:
+        return sentence(about, "once", what=what)
+    return sentence(about, "wear" if size > 0 else "lower", what=what)
 
 
 def signed(value: float, half: float, unit: str) -> str:
