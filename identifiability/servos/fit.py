@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from identifiability.estimation.rules import RULES
 from identifiability.foundation.runs import First, Progress, quiet
 from identifiability.logs import Log
 from identifiability.robot import Robot
@@ -20,7 +21,7 @@ from .descent import BEGUN, SearchEnd, conclude, descend
 from .first_answer import FirstAnswer
 from .problem import RolloutProblem
 from .rollouts import KINDS, Rollouts, are_contradicted
-from .start import start_rollouts
+from .start import restart_joints, start_rollouts
 from .torque import servo_log
 from .windows import Window, cut_windows, thin_windows
 
@@ -68,6 +69,12 @@ def fit_rollouts(
     problem.varied[problem.bodies] = False
     begun, last = share_turns(say, 0.05, 0.2), share_turns(say, 0.2, 0.45)
     end = descend(problem, start, BEGUN, begun)
+    lost = problem.missed(end.q) > RULES.rollout_contradicted
+    if lost.any():
+        # The search began too far from the numbers of these joints.
+        again = descend(problem, restart_joints(problem, end.x, lost), BEGUN)
+        better = problem.missed(again.q)[lost].sum() < problem.missed(end.q)[lost].sum()
+        end = again if better else end
     if first is not None and len(windows) > len(logs):
         first(answer_first(robot, logs, problem, end))
     if not are_contradicted(problem.missed(end.q)):

@@ -142,6 +142,16 @@ class RolloutProblem:
         gains = self.machine.servo.kp * np.exp(table[-1])
         return {**numbers, "kp": gains, "sizes": x[self.bodies]}, x[self.delays]
 
+    def replace_numbers(self, x: Array, numbers: Mapping[str, Array], joints: np.ndarray) -> Array:
+        """Return the vector with other numbers of some joints, (n,) bool, where they are varied."""
+        count = self.over.size
+        table = x[:count].reshape(self.over.shape).copy()
+        log_kp = np.log(numbers["kp"] / self.machine.servo.kp)
+        others = [numbers.get(kind, 0.0 * log_kp) for kind in KINDS[:-1]]
+        replaced = np.array([*others, log_kp]) / np.exp(self.over * log_kp)
+        is_replaced = self.varied[:count].reshape(self.over.shape) & joints
+        return np.append(np.where(is_replaced, replaced, table), x[count:])
+
     def bounds(self, x: Array) -> Array:
         """Return the least and largest step, (2, p): no friction or rotor is negative."""
         unbounded = np.isin(KINDS, ("off", "kp")).repeat(len(self.trees))
