@@ -64,7 +64,7 @@ def list_drives(rows: TorqueRows) -> list[Drive]:
         rotor = base.names.index(name) if alone else -1
         friction = (f"{joint}.{kind}" for kind in FRICTION)
         places = tuple(base.names.index(kind) for kind in friction if kind in base.names)
-        if stated > 0 and places:
+        if stated > 0 and places and rows.variation[j] > 0:
             drives.append(Drive(j, rotor, places, stated))
     return drives
 

@@ -123,6 +123,8 @@ class FeltTorque:
         out = FeltTorque()
         for j, joint in enumerate(seen.robot.joints):
             rows = acting & seen.data[:, j]
+            if not rows.any():
+                continue
             none = np.zeros(len(seen.y))
             parts = [found.missing.entries.get((j, k), none)[rows] for k in columns.tolist()]
             torque = np.column_stack(parts)
