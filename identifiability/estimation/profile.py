@@ -13,6 +13,7 @@ from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
+import scipy
 
 from identifiability.effects import Part, Placed, find_family
 from identifiability.effects.effect import Shaped, measure_spans
@@ -348,15 +349,13 @@ def solve_signed(F: Array, columns: np.ndarray, signed: np.ndarray) -> tuple[flo
         Factor of ``[W τ]``.
     columns : (m,) int
     signed : (m,) bool
-        Columns whose value is set to zero if it would be negative.
     """
-    A = F[:, columns]
-    length = or_one(np.linalg.norm(A, axis=0))
-    x = np.linalg.lstsq(A / length, F[:, -1], rcond=RANK_TOLERANCE)[0] / length
-    negative = signed & (x < 0)
-    if negative.any():
-        deviance, x[~negative] = solve_signed(F, columns[~negative], signed[~negative])
-        x[negative] = 0.0
-        return deviance, x
-    residual = F[:, -1] - A @ x
-    return float(residual @ residual), x
+    target = F[:, -1]
+    length = or_one(np.linalg.norm(F[:, columns], axis=0))
+    A = F[:, columns] / length
+    x = np.linalg.lstsq(A, target, rcond=RANK_TOLERANCE)[0]
+    if (x[signed] < 0).any():
+        least = np.where(signed, 0.0, -np.inf)
+        x = scipy.optimize.lsq_linear(A, target, (least, np.inf), method="bvls").x
+    residual = target - A @ x
+    return float(residual @ residual), x / length

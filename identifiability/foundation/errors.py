@@ -29,7 +29,7 @@ class IdentifiabilityError(Exception):
         self.key: str = getattr(sentence, "key", "")
 
     def _render_traceback_(self) -> list[str]:
-        """Return what a notebook shows: the sentence, without frames, with keywords of Python."""
+        """Return the sentence with keywords of Python, which a notebook shows without frames."""
         return [f"{type(self).__name__}: {with_keywords(str(self))}"]
 
 

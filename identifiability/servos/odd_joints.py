@@ -13,7 +13,7 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 
-from .descent import BEGUN, SearchEnd, conclude, descend
+from .descent import BEGUN, ENOUGH, SearchEnd, conclude, descend
 from .positions import encoder_noise
 from .problem import PLAY, RolloutProblem
 from .rollouts import KINDS, Rollouts
@@ -158,20 +158,21 @@ def _explain_tree(
         # A far less likely number is tried only where the best one explains too little.
         if tried and tried[0].share < 0.5 and gain[number] < 0.5 * gain[likeliest[0]]:
             break
-        fitted = _fit_number(problem, end, number, screening.start[number])
+        start = end.x.copy()
+        start[number] = screening.start[number]
+        fitted = _fit_number(problem, start, number, BEGUN)
         square = np.sum(problem.errors(fitted.q)[joints] ** 2)
         share = float(square / np.sum(errors[joints] ** 2))
         tried = sorted([*tried, Explanation(share, number, fitted)], key=lambda x: x.share)
     # Less than half is left, and about as little as the best explanation leaves.
-    return [x for x in tried if x.share < min(0.5, 1.1 * tried[0].share)]
+    kept = [x for x in tried if x.share < min(0.5, 1.1 * tried[0].share)]
+    return [x._replace(end=_fit_number(problem, x.end.x, x.number, ENOUGH)) for x in kept]
 
 
-def _fit_number(problem: RolloutProblem, end: SearchEnd, number: int, start: float) -> SearchEnd:
-    """Return where a search ends that also varies a number, from some start."""
-    x = end.x.copy()
-    x[number] = start
+def _fit_number(problem: RolloutProblem, x: Array, number: int, enough: float) -> SearchEnd:
+    """Return where a search from a vector ends that also varies a number."""
     problem.varied[number] = True
-    fitted = descend(problem, x)
+    fitted = descend(problem, x, enough)
     problem.varied[number] = False
     return fitted
 

@@ -71,9 +71,8 @@ UNTOLD = ("provenance", "seconds", "preparation", "fit")
 #: as a share of the number, or of the largest of its list or kind.
 OF_ERROR, OF_NATS, OF_NUMBER = 0.02, 0.02, 1e-3
 
-#: The same share where a search ends by a tolerance of its own, or where limits are multiples of
-#: standard errors.
-OF_SEARCH = {"excite": 0.01, "compare": 0.005}
+#: The same share where a search ends by a tolerance of its own.
+OF_SEARCH = {"excite": 0.01}
 
 #: What was sampled, in standard deviations over the root of the effective sample size: two chains
 #: differ by √2 of these, and 22 means and deviations are compared.
@@ -259,6 +258,9 @@ def tolerance_of(row: Mapping[str, Any], key: str, share: float) -> float | None
     """
     if key in IN_NATS:
         return OF_NATS
+    if key.startswith("seen_from") and row[key] is not None:
+        limit = row[key]["size"] if isinstance(row[key], dict) else row[key]
+        return OF_ERROR * abs(limit)  # a limit is a multiple of a standard error
     if "order" in row and key in ("covariance", "estimate", "parameters"):
         errors = np.sqrt(np.diag(row["covariance"]))
         return OF_ERROR * float(errors.min() ** (2 if key == "covariance" else 1))

@@ -28,7 +28,7 @@ class FirstAnswerPresenter(Presenter):
         return result.robot.title, sentence("first_answer", "kind"), ", ".join(result.logs)
 
     def answers(self) -> tuple[Answer, ...]:
-        """Return what the numbers come from and what still runs, and the joint that errs most."""
+        """Return the source of the numbers, the step that still runs, and the worst joint."""
         result = self.result
         about = "first_answer"
         worst = max(result.rows(), key=lambda row: row["error"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,6 +20,9 @@ OF_PREPARATION = ("derivatives", "cutoff", "decimate")
 
 #: Options whose Python keyword has another name.
 KEYWORDS = {"parameter": "parameters", "format": "form"}
+
+#: Options that name files, also where a name looks like a number.
+FILES = ("validate", "without", "start_from", "before", "after", "ladder", "limits", "model")
 
 #: Methods that write a file, by the option. `--out` depends on the verb.
 WRITERS = {"report": "write_report", "json": "to_json"}
@@ -57,7 +61,7 @@ def _call(verb: str, words: Sequence[str]) -> str:
         verb = "new_study"
         arguments = [repr(word) for word in given]
     elif verb in ("analyze", "prune", "diagnose", "calibrate", "inspect"):
-        arguments = [robot, _one_or_list(given[1:])]
+        arguments = [robot, _files(given[1:])]
     else:
         out = [options["out"][0]] if verb == "export" and "out" in options else []
         arguments = [robot, *map(repr, [*given[1:], *out])]
@@ -115,7 +119,7 @@ def _keywords(options: dict[str, list[str]], verb: str) -> list[str]:
     for name, values in options.items():
         if name in apart:
             continue
-        value = _value(values[0]) if name in SWITCHES else _one_or_list(values)
+        value = _value(values[0]) if len(values) == 1 and name not in FILES else _files(values)
         told.append(f"{KEYWORDS.get(name, name)}={value}")
     if verb == "export" and "patch" in options:
         told.append("form='patch'")
@@ -133,18 +137,16 @@ def _writers(verb: str, result: str, options: dict[str, list[str]]) -> list[str]
     return [f"{result}.{writers[name]}({options[name][0]!r})" for name in names]
 
 
-def _one_or_list(values: Sequence[str]) -> str:
-    if len(values) == 1:
-        return _value(values[0])
-    return repr(list(values)) if values else ""
+def _files(names: Sequence[str]) -> str:
+    """Return names of files as Python writes them: one, or a list; empty if there are none."""
+    if len(names) == 1:
+        return repr(names[0])
+    return repr(list(names)) if names else ""
 
 
 def _value(text: str) -> str:
     """Return a value as Python writes it: a number, a truth value or a text."""
     if text in ("True", "False"):
         return text
-    try:
-        float(text)
-    except ValueError:
-        return repr(text)
-    return text
+    number = re.fullmatch(r"-?\d+(\.\d+)?(e-?\d+)?", text)
+    return text if number else repr(text)
