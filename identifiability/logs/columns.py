@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -686,14 +686,23 @@ def tell_missing(
     others = listing(dict.fromkeys(_owner(n) if _kind(n) in SPELLED else n for n in free))
     first = missing[0] if len(missing) < 2 * len(joints) else joints[0]
     some = len(joints) < len(wanted)  # where all miss some, their names are others
+    maps = f" If one of {others} is it, add {_map_word('OLD', first)}." if free else RECORD
+    if _have_both_sides(free, joints):
+        maps = f" {phrase('columns.missing', 'both')}"
     return Finding(
         "columns.missing",
         source,
         missing=listing(missing, 4),
         near=near_match(missing[0], free),
         locks=f" Lock joints that do not move: {' '.join(options)}." if some else "",
-        maps=f" If one of {others} is it, add {_map_word('OLD', first)}." if free else RECORD,
+        maps=maps,
     )
+
+
+def _have_both_sides(names: Iterable[str], joints: Sequence[str]) -> bool:
+    """Return whether columns are of torque on both sides of a gear, by their names."""
+    guesses = (_guess_side(name, name, joints) for name in names)
+    return {"tau", "tau_m"} <= {guess.kind for guess in guesses if guess is not None}
 
 
 def _map_word(old: str, new: str) -> str:

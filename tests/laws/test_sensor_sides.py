@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from identifiability import analyze, export
+from identifiability.foundation.errors import LogError
 from identifiability.robot import Robot
 from identifiability.simulation.mujoco_robot import MujocoRobot
 
@@ -88,3 +89,17 @@ def test_both_sensors_determine_bodies_and_drives(make, logs):
             assert row.estimate == pytest.approx(value, rel=0.02)
     # Without its rotor, the first joint shows the inertia of its bodies alone.
     assert found["upper.Iyy"].estimate == pytest.approx(0.05 + 2 * 0.3**2 + 0.5**2, rel=0.02)
+
+
+def test_a_log_with_torque_of_both_sides_is_refused_with_the_setting_that_reads_it(make):
+    names = [
+        "t",
+        "a.q",
+        "b.q",
+        "motor_torque_a",
+        "motor_torque_b",
+        "link_torque_a",
+        "link_torque_b",
+    ]
+    with pytest.raises(LogError, match=r"both sides of a gear\. Say side = \"both\""):
+        analyze(make(), pd.DataFrame(np.tile(np.arange(50.0)[:, None], 7), columns=names))
