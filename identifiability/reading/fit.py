@@ -16,7 +16,7 @@ import scipy
 from scipy.linalg import solve_triangular
 
 from identifiability.effects import find_families
-from identifiability.effects.inertia import ActuatorInertia
+from identifiability.effects.inertia import WEIGHT, ActuatorInertia
 from identifiability.effects.transmission import Hysteresis
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
@@ -29,7 +29,9 @@ from identifiability.logs.spectrum import autocorrelation_time
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
+from identifiability.robot.robot import last_bodies
 
+from .candidates import DELAYS
 from .reading import Reading
 
 #: Size of the excerpt: most rows, as a number of windows of a number of rows, and most numbers of
@@ -109,6 +111,17 @@ def split_gravity(structure: Structure, samples: tuple[Dataset, ...], excerpt: E
     return np.stack([weightless, *axes], 3)
 
 
+def leave_out_ends(excerpt: Excerpt) -> Excerpt:
+    """Return rows without those near the ends of logs, where a delayed torque is unknown."""
+    inside = np.zeros(len(excerpt.t), bool)
+    for k in np.unique(excerpt.log):
+        at = excerpt.log == k
+        first, last = excerpt.t[at][[0, -1]]
+        end = min(DELAYS[-1], (last - first) / (2 * BLOCKS))
+        inside[at] = (excerpt.t[at] >= first + end) & (excerpt.t[at] <= last - end)
+    return replace(excerpt, data=excerpt.data & inside[:, None])
+
+
 def _key(numbers: Array) -> bytes:
     """Return a key of equal numbers; zeros of both signs are equal."""
     return np.asarray(numbers + 0.0).tobytes()
@@ -129,6 +142,8 @@ class TorqueRows:
         Whether each log has its own torque offsets.
     others : tuple of TorqueRows
         Rows of the same samples along other motions, whose smooth functions are removed as well.
+
+    The columns of `parts` after the b base parameters are those of a payload's weight.
     """
 
     def __init__(
@@ -191,7 +206,7 @@ class TorqueRows:
             Whether readings may state another gravity, or lack it in some joints.
         """
         columns = regression or structure.regression(samples)
-        excerpt = Excerpt.of(columns, excerpt_size(structure))
+        excerpt = leave_out_ends(Excerpt.of(columns, excerpt_size(structure)))
         has_weight = "rigid_body" in structure.model.names and structure.robot.gravity.any()
         if turns_gravity and has_weight:
             parts = split_gravity(structure, samples, excerpt)
@@ -263,6 +278,9 @@ class TorqueRows:
         bodies = np.array([p.group == "rigid_body" for p in self.structure.parameters])
         of_bodies = self.structure.G[:, bodies].any(1)
         stated = self.structure.G @ np.where(bodies, self.structure.nominal, 0.0)
+        # A payload is not in the file.
+        of_payload = np.zeros(self.parts.shape[2] - len(stated))
+        stated, of_bodies = (np.append(x, of_payload) for x in (stated, of_bodies))
         product, square = 0.0, 0.0
         for j, gram in enumerate(self.grams(self.weights(reading), adjusted=False)):
             at = self.acts[j]
@@ -296,7 +314,9 @@ class TorqueRows:
         for by, joint in zip(weight, joints, strict=True):
             gram[np.ix_(joint.at, joint.at)] += by * joint.gram
             cross[joint.at] += by * joint.cross
-        return solve_nonnegative(gram, cross, self.structure.base.nonnegative)
+        nonnegative = self.structure.base.nonnegative
+        of_payload = np.zeros(size - len(nonnegative), bool)
+        return solve_nonnegative(gram, cross, np.append(nonnegative, of_payload))
 
     # Products of columns and torque, each computed once.
 
@@ -422,6 +442,21 @@ class TorqueRows:
         if other.excerpt is self.excerpt:
             return self
         return TorqueRows(self.structure, self.excerpt, self.parts, others=(other,))
+
+    def with_payload(self) -> TorqueRows:
+        """Return the rows without weight, but for that of a payload on the last bodies.
+
+        The payload adds columns of its own, so it may have other masses than the bodies.
+        """
+        bodies = last_bodies(self.robot)
+        places = [
+            k
+            for k, p in enumerate(self.structure.parameters)
+            if p.group == "rigid_body" and p.owner in bodies and p.kind in WEIGHT
+        ]
+        weight = self.parts[..., 1:] @ self.robot.gravity @ self.structure.G[:, places]
+        parts = np.append(self.parts[..., 0], weight, axis=2)
+        return TorqueRows(self.structure, self.excerpt, parts[..., None])
 
     def halves(self) -> tuple[TorqueRows, TorqueRows]:
         """Return the rows of two parts: every other block of each log."""

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from identifiability.effects.base import GravityTilt
+from identifiability.effects.inertia import Payload
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
@@ -49,6 +50,8 @@ class Reading:
         Gravity in the world of the robot file.
     turned : bool
         Whether the direction of gravity was fitted.
+    carries : bool
+        Whether the torque has the weight of a payload, though gravity is zero.
     motion : (n, n)
         Matrix A: the joint positions are A q.
     parameters : (p,)
@@ -76,6 +79,7 @@ class Reading:
     gravity: Array
     motion: Array
     turned: bool = False
+    carries: bool = False
     parameters: Array = np.empty(0)
     separate_offsets: bool = False
     offsets: Mapping[str, Array] = {}
@@ -145,7 +149,8 @@ class Reading:
             return literal
         if self.gravity.any():
             return Structure.of(robot, literal.model + GravityTilt(self.gravity))
-        return Structure.of(self.robot(robot), literal.model)
+        model = literal.model + Payload(robot.gravity) if self.carries else literal.model
+        return Structure.of(self.robot(robot), model)
 
     def robot(self, robot: Robot) -> Robot:
         """Return a robot under the reading's gravity."""
@@ -164,14 +169,26 @@ class Reading:
             The model of the literal reading, in whose columns `parameters` are.
         """
         offset = self.offsets.get(log.name, 0.0)
-        torque = self._shifted(log) * self.factor + self.gravity_torque(log, literal) - offset
-        return replace(log, tau=torque, **self._moved(log))
+        torque = self._shifted(log, log.tau) * self.factor
+        torque = torque + self.gravity_torque(log, literal) - offset
+        return replace(log, tau=torque, unmeasured=self._unmeasured(log), **self._moved(log))
 
-    def _shifted(self, log: Log) -> Array:
-        """Return the torque columns of the joints, without their delays, (N, n)."""
+    def _shifted(self, log: Log, columns: Array) -> Array:
+        """Return columns (N, n) of a log in the order of the joints, without their delays."""
         pairs = zip(self.order.tolist(), self.delay.tolist(), strict=True)
-        columns = [np.interp(log.t + delay, log.t, log.tau[:, k]) for k, delay in pairs]
-        return np.column_stack(columns)
+        shifted = [np.interp(log.t + delay, log.t, columns[:, k]) for k, delay in pairs]
+        return np.column_stack(shifted)
+
+    def _unmeasured(self, log: Log) -> Array | None:
+        """Return a mask of torque that was not measured, (N, n); None if all was.
+
+        The last torque of a delayed column comes after the end of the log.
+        """
+        at = log.t[:, None] + self.delay
+        outside = (at < log.t[0]) | (at > log.t[-1])
+        if log.unmeasured is not None:
+            outside |= self._shifted(log, log.unmeasured.astype(float)) > 0.0
+        return outside if outside.any() else None
 
     def gravity_torque(self, log: Log, literal: Structure) -> Array:
         """Return the gravity torque that the compensated columns lack, (N, n)."""

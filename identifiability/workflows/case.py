@@ -485,8 +485,25 @@ class Case:
         if done:
             require_signal(prepared.fitted, done)
         unchecked = self.gathered(structure, recordings, motion.how, prepared)
-        reading = self.stages.once(seek_reading, unchecked) if seek else None
+        reading = None
+        if seek:
+            widest = self.in_widest_band(unchecked, run, most)
+            reading = self.stages.once(seek_reading, widest)
         return self.stages.once(check_logs, unchecked, reading)
+
+    def in_widest_band(self, data: Data, run: Run, most: int | None) -> Data:
+        """Return data in the widest band that the motion allows, in which readings are sought.
+
+        The torque chose the band of the data. Torque that is misread must not choose the band in
+        which its reading is judged: a late torque fits best where there is hardly any motion.
+        """
+        robot, recordings = data.robot, data.recordings
+        widest = self.stages.once(choose_cutoff, robot, recordings.fitted, self.preparation)
+        tuned = data.preparation
+        if tuned.cutoff == widest.cutoff or tuned.derivatives != widest.derivatives:
+            return data
+        prepared = self.prepared(robot, recordings, widest, run, most)
+        return self.gathered(data.structure, recordings, widest, prepared)
 
     def read_as(self, data: Data, reading: Reading, run: Run, most: int | None = None) -> Data:
         """Return data under another reading of their logs."""
