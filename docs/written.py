@@ -320,8 +320,12 @@ cutoff = 10
   the logs.
 - `analyze` also writes the result. `predict` predicts the held-out logs from the result.
 - `export` writes `fitted.xml` or `fitted.urdf`, and compares the file on the held-out logs.
-- `compare` compares the logs with the held-out logs. `payload` needs the logs with the load.
-- `excite` finds the motion to measure next, and writes `next.json`.
+- `compare` compares the logs with the held-out logs.
+- `payload` estimates the load of the `loaded` logs from the result. The fitted logs have no load.
+- `excite` finds the motion to measure next, and writes `next.json`. `simulate` follows it, or a
+  random motion without it, and writes `simulated.csv`.
+
+The next lines that verbs print leave out words that the case states.
 
 From elsewhere, type the folder in place of the robot: `identifiability analyze study`. Logs that
 are typed after the folder replace all logs of the case:

@@ -22,6 +22,7 @@ from shared import study_parser
 
 from identifiability.estimation.estimate import find_estimator, weigh_outliers
 from identifiability.estimation.noise import JointNoise
+from identifiability.estimation.profile import Profile
 from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import Class
 from identifiability.foundation.names import Array
@@ -29,7 +30,7 @@ from identifiability.foundation.output import write_json
 from identifiability.foundation.rounding import REACH
 from identifiability.logs.prepare import prepare_log
 from identifiability.regression.information import gather_information
-from identifiability.regression.reduction import Submodel
+from identifiability.regression.reduction import LadderEntry, Submodel
 from identifiability.report import Picture, Prose, Section, check_cell, frame_table, write_page
 from identifiability.report.figures import (
     INK,
@@ -111,10 +112,11 @@ def count(
 
 @dataclass(frozen=True)
 class Result:
-    """Cells by method (autocorrelated noise), and by model (the paper's noise)."""
+    """Cells by method (autocorrelated noise) and by model (the paper's noise), and profiles."""
 
     red: dict[str, tuple[Cell, ...]]
     paper: dict[str, tuple[Cell, ...]]
+    profiles: pd.DataFrame
 
 
 def simulate_log(robot: Robot, level: float, rng: np.random.Generator) -> Any:
@@ -320,6 +322,102 @@ def count_labels(found: Analysis) -> tuple[int, int, int, int]:
             int(before.sum()), int((before & inside).sum()))  # fmt: skip
 
 
+#: Profiled numbers of the two-link arm, with their true values: a Stribeck speed that few samples
+#: reach, and two values at the edge of what is possible.
+ELBOW = {"elbow.stribeck_friction": 0.003, "elbow.delay": 0.0, "elbow.Ia": 0.0}
+#: A Stribeck speed above that of most samples, where the logs bound it from one side only.
+FAST = 0.3
+#: Level of the Stribeck friction over the rms of the elbow's torque, and the effects of the model.
+SHARE = 0.03
+PROFILED = ["rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia",
+            "time_delay@elbow", "stribeck_friction@elbow:0.1"]  # fmt: skip
+#: Least coverage of a profile's region where a number is bounded from one side.
+LEAST_PROFILE = 0.93
+
+
+def measure_profiles(trials: int, seed: int, say: Callable[[str, float], None]) -> pd.DataFrame:
+    """Return the coverage of 95 % regions by refits and of intervals by curvature, by number.
+
+    The arm has no rotor inertia and no delay in the elbow. Its Stribeck friction is simulated by
+    its law, once below the speed of nearly all samples and once above. In the last case all mass
+    of the second link is in one point, so that its inertia is only just possible.
+    """
+    robot = Robot.load("two-link")
+    motion = random_trajectory(robot, np.random.default_rng(seed + 5), samples=3000, period=30.0)
+    campaign = Campaign.of(robot, [motion], {"elbow.Ia": 0.0})
+    model = LadderEntry.model_validate({"models": [{"name": "M", "effects": PROFILED}]})
+    speed = campaign.move.dq[:, 1]
+    rows = []
+    for case, stribeck in enumerate((ELBOW["elbow.stribeck_friction"], FAST)):
+        force = np.zeros_like(campaign.torque)
+        size = SHARE * np.sqrt(np.mean(campaign.torque[:, 1] ** 2))
+        force[:, 1] = size * np.exp(-np.abs(speed) / stribeck) * np.sign(speed)
+        truth = ELBOW | {"elbow.stribeck_friction": stribeck}
+        rngs = np.random.default_rng([seed, case]).spawn(trials)
+        rows += repeat_profiles(campaign, force, model, truth, rngs)
+        say("profiles", (case + 1) / 3)
+    mass, moment = (robot.nominal[f"link2.{kind}"] for kind in ("m", "mx"))
+    point = dict.fromkeys(("link2.my", "link2.mz", "link2.Ixx"), 0.0)
+    point |= dict.fromkeys(("link2.Iyy", "link2.Izz"), moment**2 / mass)
+    campaign = Campaign.of(robot, [motion], point)
+    rngs = np.random.default_rng([seed, 2]).spawn(trials)
+    rows += repeat_profiles(campaign, (), None, {"link2.m": mass}, rngs)
+    return pd.DataFrame(rows)
+
+
+def repeat_profiles(
+    campaign: Campaign,
+    hide: Array | Sequence[str],
+    model: LadderEntry | None,
+    truth: dict[str, float],
+    rngs: Sequence[np.random.Generator],
+) -> list[dict[str, Any]]:
+    """Return one row a profiled number: the shares of logs whose region and curvature hold it."""
+    held: dict[str, list[tuple[bool, bool, bool]]] = {name: [] for name in truth}
+    for rng in rngs:
+        (log,) = campaign.logs(hide, Noise(torque=0.03), rng)
+        found = analyze(campaign.robot, log, "none", model, replicates=0, profile=[*truth])
+        for name, true in truth.items():
+            held[name].append(judge_profile(found.find_profile(name), true))
+    rows = []
+    for name, each in held.items():
+        inside, curved, open_ = np.mean(each, axis=0)
+        errors = [np.sqrt(x * (1 - x) / len(each)) for x in (inside, curved)]
+        rows.append({
+            "number": name, "truth": truth[name], "trials": len(each), "region": inside,
+            "region_se": errors[0], "curvature": curved, "curvature_se": errors[1],
+            "one_sided": open_,
+        })  # fmt: skip
+    return rows
+
+
+def judge_profile(curve: Profile, truth: float) -> tuple[bool, bool, bool]:
+    """Return whether region and curvature hold the truth, and whether an end is open."""
+    (lower, upper), (low, high) = curve.region, curve.curvature
+    return lower <= truth <= upper, low <= truth <= high, any(curve.open)
+
+
+def profile_section(frame: pd.DataFrame) -> Section:
+    """Return the coverage of profiles; required limits are checked."""
+    rows = []
+    for row in frame.to_dict("records"):
+        region = share(row["region"], row["region_se"])
+        rows.append({
+            "number": row["number"],
+            "truth": f"{row['truth']:g}",
+            "region by refits": check_cell(
+                region, row["region"] >= LEAST_PROFILE, f"at least {100 * LEAST_PROFILE:.0f} %"
+            ),
+            "interval by curvature": share(row["curvature"], row["curvature_se"]),
+            "bounded from one side": f"{100 * row['one_sided']:.0f} %",
+        })  # fmt: skip
+    lead = (
+        "Two-link arm, 30 s, 3 % noise: 95 % regions of numbers that enter nonlinearly or lie at "
+        "the edge of what is possible. Each trial is a new log, analysed as users do."
+    )
+    return Section("profiles", "Profiles", lead, (frame_table(pd.DataFrame(rows)),))
+
+
 def label(cell: Cell) -> str:
     """Return the simulated noise of a cell, ``noise × 0.3, ρ = 0.9``."""
     return f"noise × {cell.noise:g}, ρ = {cell.rho:g}"
@@ -456,7 +554,8 @@ def write(result: Result, out: Path, trials: int, seed: int) -> None:
         "bootstraps) and judged as analyze does."
     )
     sections = [coverage_section(m, cells) for m, cells in result.red.items()]
-    sections += [paper_section(result.paper), Section("method", "Method", "", (Prose((method,)),))]
+    sections += [paper_section(result.paper), profile_section(result.profiles)]
+    sections += [Section("method", "Method", "", (Prose((method,)),))]
     out.parent.mkdir(parents=True, exist_ok=True)
     data = {
         "schema": "identifiability/study/coverage/1",
@@ -465,6 +564,7 @@ def write(result: Result, out: Path, trials: int, seed: int) -> None:
         "seed": seed,
         "ar1": {m: [asdict(c) for c in cells] for m, cells in result.red.items()},
         "paper": {m: [asdict(c) for c in cells] for m, cells in result.paper.items()},
+        "profiles": result.profiles.to_dict("records"),
     }
     print(state(result))
     print(write_json(out, data))
@@ -482,6 +582,7 @@ def main(argv: Sequence[str] | None = None) -> Result | None:
     parser.add_argument("--trials", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--noises", action="store_true", help="print the table of six noises")
+    parser.add_argument("--profiles", action="store_true", help="print that of profiles")
     parser.add_argument("--hidden", action="store_true", help="print that with an effect hidden")
     given = parser.parse_args(argv)
     trials = 8 if given.quick else given.trials
@@ -496,9 +597,13 @@ def main(argv: Sequence[str] | None = None) -> Result | None:
         if sys.stderr.isatty():
             sys.stderr.write(f"\r{text}: {100 * done:.0f} %   ")
 
+    if given.profiles:
+        print(measure_profiles(trials, given.seed, say).round(3).to_string(index=False))
+        return None
     robot = Robot.load("3-rps")
     red = {m: measure_red(robot, m, trials, given.seed, say) for m in METHODS}
-    result = Result(red, measure_paper(robot, trials, given.seed, say))
+    paper = measure_paper(robot, trials, given.seed, say)
+    result = Result(red, paper, measure_profiles(trials, given.seed, say))
     write(result, given.out, trials, given.seed)
     return result
 

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import drawn_hands as hands
 import numpy as np
 import pandas as pd
 import servo_robots as servos
@@ -70,7 +71,7 @@ def examine_told(said: Sequence[str], pattern: str) -> dict[str, Any]:
 
 def examine_labels(a: Analysis, truth: pd.Series) -> dict[str, Any]:
     """Return how many intervals of identifiable values hold the truth, and the other values."""
-    f = a.to_frame()
+    f = a.to_frame(details=True)
     f = f[f.verdict == "identifiable"].set_index("label")
     truth = truth.reindex(f.index).dropna()
     f = f.loc[truth.index]
@@ -141,23 +142,9 @@ class Commanded:
         logs: Any = frames[:-1]
         if self.folder:
             logs = write_dataset(path / "dataset", robot.joints, how.rate, logs)
-        begin = time.process_time()
-        a = analyze(robot, logs)
-        a.write_report(path / "page.html")
-        row = {"robot": self.robot, "seconds": time.process_time() - begin, "refused": False}
-        said = told(a)
-        row |= {
-            "trust": a.answers()[2].tone,
-            "identifiable": int(a.to_frame().verdict.eq("identifiable").sum()),
-        }
-        row |= examine_told(said, pattern)
-        phi = np.array([{**robot.nominal, **truth}.get(n, 0.0) for n in a.structure.columns])
-        row |= examine_labels(a, pd.Series(a.structure.G @ phi, a.base.labels))
-        log = Log.from_frame(frames[-1], conventions=Conventions.of(a.robot)).select(robot.joints)
-        machine = CommandedRobot(robot, truth, replace(own, rate=float(how.servo_rate)))
-        least = _rms(roll_delayed(machine, log)[1], log)
-        rolled = predict(a.robot, a.to_json(path / "result.json"), frames[-1], forward=True)
-        row |= {"error": float(rolled.totals[-1]), "over": float(rolled.totals[-1]) / least}
+        own = replace(own, rate=float(how.servo_rate))
+        a, row = _analyze(robot, logs, path, pattern)
+        row |= {"robot": self.robot, **_examine_truth(a, truth, own, frames[-1], path)}
         return row | {"said": "\n".join((a.statement, *row["missed"]))}
 
     def _limited(
@@ -176,6 +163,66 @@ class Commanded:
         late = free[f"{name}.cmd"].shift(1) - free[f"{name}.q"]
         most[joint] = self.limit * servo.kp[joint] * float(late.abs().max())
         return replace(servo, low=-most, high=most)
+
+
+@dataclass(frozen=True)
+class CommandedHand:
+    """A hand whose fingers follow, under position commands.
+
+    Attributes
+    ----------
+    kind : str
+        Of `drawn_hands.KINDS`.
+    fitted : bool
+        Whether gains are left to the logs.
+    """
+
+    kind: str
+    fitted: bool = False
+
+    def examine(self, path: Path, seeds: Sequence[int], pattern: str) -> dict[str, Any]:
+        """Return the outcome of `analyze` for a draw, with its page."""
+        rng = np.random.default_rng(seeds)
+        hand = hands.draw_hand(self.kind, rng)
+        delay, rate = rng.uniform(0.004, 0.015), float(rng.choice([500.0, 1000.0]))
+        frames = [hands.record(hand, seconds, delay, rate, rng) for seconds in (15.0, 8.0)]
+        robot = hand.write(path, fitted=self.fitted)
+        truth = hand.truth(robot)
+        a, row = _analyze(robot, frames[0], path, pattern)
+        kp, kv = (np.array([getattr(s, key) for s in hand.servos]) for key in ("kp", "kv"))
+        own = Servo(kp, kv, np.full(len(kp), -np.inf), np.full(len(kp), np.inf), rate=rate)
+        row |= {"robot": f"hand, {self.kind}", **_examine_truth(a, truth, own, frames[-1], path)}
+        f = a.to_frame()
+        friction = f[f.name.str.fullmatch(r"f\d_\w+\.F[cv]")]
+        row["friction"] = float((friction.verdict == "identifiable").mean())
+        return row | {"said": "\n".join((a.statement, *row["missed"]))}
+
+
+def _analyze(robot: Robot, logs: Any, path: Path, pattern: str) -> tuple[Analysis, dict[str, Any]]:
+    """Return the default analysis of logs, with its page, and its time and remarks."""
+    begin = time.process_time()
+    a = analyze(robot, logs)
+    a.write_report(path / "page.html")
+    row = {"seconds": time.process_time() - begin, "refused": False}
+    row |= {
+        "trust": a.answers()[2].tone,
+        "identifiable": int(a.to_frame().verdict.eq("identifiable").sum()),
+    }
+    return a, row | examine_told(told(a), pattern)
+
+
+def _examine_truth(
+    a: Analysis, truth: dict[str, float], servo: Servo, unseen: pd.DataFrame, path: Path
+) -> dict[str, Any]:
+    """Return how labels hold the truth, and the error of a rollout over that of the truth."""
+    robot = a.robot
+    phi = np.array([{**robot.nominal, **truth}.get(n, 0.0) for n in a.structure.columns])
+    row = examine_labels(a, pd.Series(a.structure.G @ phi, a.base.labels))
+    log = Log.from_frame(unseen, conventions=Conventions.of(robot)).select(robot.joints)
+    least = _rms(roll_delayed(CommandedRobot(robot, truth, servo), log)[1], log)
+    rolled = predict(robot, a.to_json(path / "result.json"), unseen, forward=True)
+    error = float(rolled.totals[-1])
+    return row | {"error": error, "over": error / least}
 
 
 def _rms(q: Array, log: Log) -> float:

@@ -18,7 +18,8 @@ model with the acting effect; friction that warms up is modelled as a steady dri
 approximation. Or offsets of each run are subtracted, or the best of many cut-offs is used. Where
 only columns or the file were changed, the truth is the sound logs. Errors are those along the sound
 sealed log where a condition spoils measurements of the same torque, else along the condition's own;
-of commands they are over that of the true machine's rollout. An offset of the sealed run, which no
+of commands they are over that of the true machine's rollout. `least rotor` is the smallest rotor
+inertia that is exported, over the true one. An offset of the sealed run, which no
 model can know, is subtracted from both. A second column has the error over that of sound logs.
 These are other data where the machine or its motion differs. `named` counts draws in which a remark
 (on masses, columns, motion, or missing effects) names the condition. `false` counts draws with any
@@ -40,10 +41,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import drawn_hands as hands
 import mujoco
 import numpy as np
 import pandas as pd
-from field_commanded import Commanded, Floating, examine_labels, examine_told, told
+from field_commanded import Commanded, CommandedHand, Floating, examine_labels, examine_told, told
 from hidden_effect import read_rows
 from hidden_physics import Machine, Runs
 from hidden_physics_cases import (
@@ -83,9 +85,16 @@ SHAKES = (0.02, 0.1)
 #: How a sealed log as it should be is prepared where its condition asks for a cut-off: values that
 #: were found with different ones are judged in one band.
 JUDGED = Preparation(cutoff=20.0, outputs=10.0)
+#: Kinds of hands that are drawn.
+HANDS = hands.KINDS
 #: Largest median, and largest at all, of the error over that of the best cut-off of many.
 MEDIAN = "error over the true structure's"
-REQUIRED = {"noisy positions": (1.05, 1.3)}
+REQUIRED = {
+    "noisy positions": (1.05, 1.3),
+    **{f"hand, {kind}": (1.05, 1.1) for kind in HANDS},
+}
+#: Least coverage of labels of hands, and least share of their friction that is identifiable.
+OF_HANDS = {"coverage": 0.93, "friction": 0.8}
 
 
 @dataclass
@@ -216,7 +225,7 @@ class Condition:
     judged : Preparation, optional
         Preparation of the sealed log, independent of the cut-off of an analysis; by default as its
         own logs were.
-    case : Commanded or Floating, optional
+    case : Commanded, CommandedHand or Floating, optional
         Draws and examines the case, for robots other than those with measured torque on a stand.
     """
 
@@ -230,7 +239,7 @@ class Condition:
     truth: Callable[[Logged, Robot], Stated] | None = None
     centred: bool = False
     judged: Preparation | None = None
-    case: Commanded | Floating | None = None
+    case: Commanded | CommandedHand | Floating | None = None
 
 
 def _masses(mass: float, moment: float) -> Callable[[Logged], None]:
@@ -290,6 +299,76 @@ def _motor_side(stated: bool) -> Callable[[Logged], None]:
         if stated:
             said = ", ".join(f'"{j}" = {r}' for j, r in ratios.items())
             x.state(f'[torque]\nside = "motor"\nratio = {{{said}}}')
+
+    return change
+
+
+def _harmonic(case: Case) -> None:
+    """Give every joint a harmonic drive: rotor inertia and friction as the link sees them."""
+    rng, model = case.rng, case.machine.model
+    dofs = case.machine.dofs[: case.n]
+    model.dof_armature[dofs] = np.exp(rng.uniform(*np.log((0.1, 3.0)), case.n))
+    dry = np.exp(rng.uniform(*np.log((5.0, 30.0)), case.n))
+    viscous = rng.uniform(0.2, 1.0, case.n) * dry / np.abs(case.v).max(0)
+    case.machine = replace(case.machine, dry=dry, viscous=viscous)
+
+
+def _frictionless(case: Case) -> None:
+    """Give every joint a rotor, and no friction."""
+    _harmonic(case)
+    none = np.zeros(len(case.machine.dry))
+    case.machine = replace(case.machine, dry=none, viscous=none)
+
+
+def _direct(case: Case) -> None:
+    """Drive every joint without gear, rotor inertia or friction."""
+    _frictionless(case)
+    case.machine.model.dof_armature[case.machine.dofs[: case.n]] = 0.0
+
+
+def _link_torque(x: Logged, run: int) -> Array:
+    """Return torque behind the gears (N, n): that of the joints less rotors and friction."""
+    machine, runs = x.case.machine, x.notes["runs"]
+    model = copy(machine.model)
+    dofs = machine.dofs[: x.case.n]
+    model.dof_armature[dofs] = 0.0
+    data, out = mujoco.MjData(model), np.empty(runs.tau[run].shape)
+    for k, state in enumerate(runs.full[run]):
+        data.qpos[:], data.qvel[:], data.qacc[:] = state
+        mujoco.mj_inverse(model, data)
+        out[k] = data.qfrc_inverse[dofs]
+    return out
+
+
+def _rotors_in_file(x: Logged) -> None:
+    """State rotors in the sidecar, off by a factor; drives without gear have none."""
+    dofs = x.case.machine.dofs[: x.case.n]
+    x.notes["rotors"] = x.case.machine.model.dof_armature[dofs]
+    rotors = x.notes["rotors"] * x.rng.uniform(0.6, 1.6, x.case.n)
+    pairs = zip(x.robot.joints, rotors.tolist(), strict=True)
+    x.state("[nominal]\n" + "\n".join(f'"{j}.Ia" = {rotor:.6g}' for j, rotor in pairs))
+
+
+def _sensors(said: str, *, link: bool = True, motor: bool = False) -> Callable[[Logged], None]:
+    """Return a function that logs torque behind gears, before them (at the joint), or both."""
+
+    def change(x: Logged) -> None:
+        _rotors_in_file(x)
+        if said:
+            x.state(f'[torque]\nside = "{said}"')
+
+        def log(k: int, f: pd.DataFrame) -> None:
+            columns = [f"{j}.tau" for j in x.robot.joints]
+            motors = f[columns].to_numpy()
+            if motor:
+                f[[f"motor_torque_{j}" for j in x.robot.joints]] = motors
+            if link:
+                torque = _link_torque(x, k)
+                rms = np.sqrt((torque**2).mean(0))
+                noise = coloured(x.rng, len(f), x.case.n, 0.6)
+                f[columns] = torque + x.notes["level"] * rms * noise
+
+        x.change(log)
 
     return change
 
@@ -463,6 +542,22 @@ CONDITIONS = {
     "motor side, not stated": Condition(
         2, r"unit|ratio|gear|scale|file asks for", _motor_side(False), of=ARMS, labels=False
     ),
+    "harmonic drives, motor sensor": Condition(
+        2, "", _sensors("", link=False), _harmonic, of=ARMS, truth=_as_it_is
+    ),
+    "harmonic drives, link sensor": Condition(
+        2, "", _sensors("link"), _harmonic, of=ARMS, truth=_as_it_is
+    ),
+    "harmonic drives, link sensor, not stated": Condition(
+        2, "behind the gear", _sensors(""), _harmonic, of=ARMS, truth=_as_it_is
+    ),
+    "harmonic drives, both sensors": Condition(
+        2, "", _sensors("both", motor=True), _harmonic, of=ARMS, truth=_as_it_is
+    ),
+    "direct drives": Condition(2, "", _rotors_in_file, _direct, of=ARMS, truth=_as_it_is),
+    "frictionless drives": Condition(
+        2, "", _rotors_in_file, _frictionless, of=ARMS, truth=_as_it_is
+    ),
     "on its side": Condition(
         3, GRAVITY, machine=_turned(90.0), of=ARMS, labels=False, truth=_as_it_stands
     ),
@@ -518,6 +613,8 @@ CONDITIONS = {
     "a limit that is not stated": Condition(
         10, "limit|saturat", case=Commanded("quadruped", QUADRUPED, (15.0,), limit=0.5)
     ),
+    **{f"hand, {kind}": Condition(10, "", case=CommandedHand(kind)) for kind in HANDS},
+    "hand, tendons, kp = fit": Condition(10, "", case=CommandedHand("tendon", fitted=True)),
     "floats, biases to be fitted": Condition(11, "mounted|sensor", case=Floating(True)),
     "floats, biases nobody states": Condition(11, "mounted|sensor", case=Floating(False)),
     "half a log frozen": Condition(
@@ -560,7 +657,7 @@ def draw(folder: Path, stream: str, number: int, name: str, which: Condition) ->
             f[f"{joint}.tau"] = runs.tau[k, :, j] + noise[:, j]
         frames.append(pd.DataFrame(f))
     out = Logged(robot, case, frames, rng, path)
-    out.notes |= {"robot": robot_name, "level": level, "sound": frames[-1].copy()}
+    out.notes |= {"robot": robot_name, "level": level, "sound": frames[-1].copy(), "runs": runs}
     if which.log is not None:
         which.log(out)
     return out
@@ -690,6 +787,10 @@ def examine(x: Logged, which: Condition) -> dict[str, Any]:
         row["truth"] = truth_error(x, which, sealed, scale)
     row |= examine_told(told(a), which.says)
     row["identifiable"] = int(a.to_frame().verdict.eq("identifiable").sum())
+    if x.notes.get("rotors", np.zeros(1)).all():
+        written = a.real_robot["parameters"]
+        sizes = np.array([written[f"{joint}.Ia"] for joint in robot.joints])
+        row["rotor"] = float((sizes / x.notes["rotors"]).min())
     missed: list[str] = []
     if which.labels:
         row |= examine_labels(a, truth_of(x.case, a))
@@ -711,7 +812,7 @@ def examine_number(
 
 
 def find_checks(counts: pd.DataFrame) -> list[StudyCheck]:
-    """Return the checks of conditions that require a cut-off: errors over the best one's."""
+    """Return the required checks: errors over the best ones, and labels of hands."""
     checks = list[StudyCheck]()
     for name, (median, worst) in REQUIRED.items():
         for row in counts[counts.condition == name].to_dict("records"):
@@ -719,13 +820,17 @@ def find_checks(counts: pd.DataFrame) -> list[StudyCheck]:
                 ours = row[column]
                 asked = f"{name}: {column}"
                 checks.append(StudyCheck(asked, f"{ours:.2f}", f"{most:g}", "0", ours <= most))
+    for row in counts[counts.condition.str.startswith("hand")].to_dict("records"):
+        for column, least in OF_HANDS.items():
+            ours, asked = row[column], f"{row['condition']}: {column}"
+            checks.append(StudyCheck(asked, f"{ours:.2f}", f"{least:g}", "0", ours >= least))
     return checks
 
 
 def show(rows: Sequence[dict[str, Any]], out: Path, stream: str) -> None:
     """Print the table of the twelve conditions, and write it with that of all draws."""
     frame = pd.DataFrame(rows).reset_index(drop=True)
-    for column in ("over", "off", "half", "held", "judged", "truth"):
+    for column in ("over", "off", "half", "held", "judged", "truth", "friction", "rotor"):
         frame[column] = frame.get(column, np.nan)
     sound = frame.number.map(frame[frame.condition == SOUND].set_index("number").error)
     drawn = frame.condition.map(lambda name: CONDITIONS[name].case is None)
@@ -746,7 +851,9 @@ def show(rows: Sequence[dict[str, Any]], out: Path, stream: str) -> None:
             "over sound logs'": round(float(own["over sound"].median()), 2),
             "labels": f"{held:.0f} of {judged:.0f}" if judged else "–",
             "coverage": round(held / judged, 3) if judged else np.nan,
+            "least rotor": round(float(own.rotor.min()), 2),
             "identifiable": round(float(own.identifiable.mean()), 1),
+            "friction": round(float(own.friction.mean()), 3),
             "CPU [s]": round(float(own.seconds.median()), 1),
             "mass off [%]": round(100 * float(own.off.abs().max()), 2),
         })  # fmt: skip

@@ -136,7 +136,7 @@ def judge(case: Case, *, weigh: bool) -> dict[str, Any]:
     found = compare(case.robot, case.before, case.after)
     named = [(c.kind, c.place) for c in found.changes]
     right = [] if case.kind is None else [(case.kind, case.place)]
-    others = any(case.place in text for c in found.changes for text in c.others)
+    others = any(case.place == other.place for c in found.changes for other in c.alternatives)
     told = "wrong"
     if named == right:
         told = "right"

@@ -1,12 +1,13 @@
 """How large are errors on motion of real robots that was neither fitted nor used for choices?
 
-    python studies/real_logs.py [--only NAME] [--prune | --diagnose]
+    python studies/real_logs.py [--only NAME] [--prune | --diagnose | --readings]
 
 The model that an analysis of the fitted logs alone would use: as estimated, as the nearest
 physically consistent values, and as it recommends; with `--prune` the unpruned and the pruned
 model, too. `--diagnose` lists the effects that are named on some logs and stand on the other, with
 the error there before and after. It also lists the effects that the other log refutes, and
-conflicts between parts of a robot's data.
+conflicts between parts of a robot's data. `--readings` compares errors with those of columns that
+are read as they are named. It fails if another reading is in use and errs more by 2 %.
 
 Pairs are KUKA LWR4+ run 1 → 3 and 3 → 1, and two of the first two thirds of a TX40's log on each
 other. Others are halves of a UR10's log on each other, and a KR300 A, C → B and A, B → C. The
@@ -27,12 +28,19 @@ import pandas as pd
 import staubli_tx40
 from shared import data_folder, study_parser, write_answer
 
+from identifiability import Case as LogsOfRobot
 from identifiability import Log, Robot, analyze, diagnose
 from identifiability.logs.conventions import Conventions
 from identifiability.physical.cad_prior import total_mass
+from identifiability.reading import CarriedReading, Reading
+from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
 from identifiability.workflows.prune import prune
 
 Case = tuple[str, Robot, list[Log], Log]
+
+#: Largest error under a reading in use, over the error of literal columns.
+MOST_OVER_LITERAL = 1.02
 
 
 def cut(log: Log, parts: int) -> list[Log]:
@@ -79,6 +87,7 @@ def main(argv: Sequence[str] | None = None) -> pd.DataFrame:
     parser.add_argument("--only", default="", help="cases whose names hold this text")
     parser.add_argument("--prune", action="store_true", help="the unpruned and the pruned model")
     parser.add_argument("--diagnose", action="store_true", help="effects that stand instead")
+    parser.add_argument("--readings", action="store_true", help="errors of literal columns, too")
     parser.add_argument("--data", type=Path, help="folder of the data sets")
     asked = parser.parse_args(argv)
     only = "KUKA" if asked.quick else asked.only
@@ -90,6 +99,8 @@ def main(argv: Sequence[str] | None = None) -> pd.DataFrame:
                 continue
             if asked.diagnose:
                 row = state_diagnosed(name, robot, fitted, other, kept)
+            elif asked.readings:
+                row = state_readings(robot, fitted, other)
             else:
                 row = state(robot, fitted, other)
                 row |= state_pruned(robot, fitted, other) if asked.prune else {}
@@ -99,6 +110,8 @@ def main(argv: Sequence[str] | None = None) -> pd.DataFrame:
     names = ", ".join(frame["case"]) if rows else "none, as there are no data"
     statement = f"What was not fitted and chose nothing, of {len(rows)} cases: {names}."
     write_answer(asked.out, "Real arms, unseen motion", statement, {"Cases": frame}, __doc__)
+    if asked.readings and (frame["over literal"] > MOST_OVER_LITERAL).any():
+        raise SystemExit("A reading in use errs more on unseen motion than literal columns.")
     return frame
 
 
@@ -119,6 +132,27 @@ def state(robot: Robot, fitted: list[Log], other: Log) -> dict[str, Any]:
         "mass [kg]": total_mass(robot, used.physical.parameters()),
         "mass of the file [kg]": total_mass(robot, robot.nominal),
     }
+
+
+def state_readings(robot: Robot, fitted: list[Log], other: Log) -> dict[str, Any]:
+    """Return the errors on another log under the reading in use, and of literal columns [%]."""
+    structure = Structure.of(robot, Model.of("rigid_body"))
+    literal = CarriedReading(Reading.literal(robot), structure)
+    errors: dict[str, list[float]] = {}
+    reading = "literal"
+    for name, known in (("read", None), ("literal", literal)):
+        found = analyze(LogsOfRobot(robot, fitted, other, reading=known), replicates=0)
+        used = found.models[found.selected]
+        errors[name] = [used.unseen_by(0), used.unseen_by(1)]
+        if found.alternative is not None:
+            reading = found.alternative.description
+    over = max(a / b for a, b in zip(errors["read"], errors["literal"], strict=True))
+    each = {
+        f"{kind}, {name} [%]": 100 * x
+        for name, pair in errors.items()
+        for kind, x in zip(("estimated", "nearest real robot"), pair, strict=True)
+    }
+    return {"reading": reading, **each, "over literal": over}
 
 
 def state_pruned(robot: Robot, fitted: list[Log], other: Log) -> dict[str, Any]:

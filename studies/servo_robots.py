@@ -435,7 +435,7 @@ def judge(
     out = {"cpu [s]": time.process_time() - began}
     structure = found.structure
     phi = np.array([{**robot.nominal, **truth}.get(n, 0.0) for n in structure.columns])
-    table = found.to_frame()[["name", "value", "interval95", "verdict", "flags"]]
+    table = found.to_frame(details=True)[["name", "value", "interval95", "verdict", "flags"]]
     table = table.assign(true=structure.G @ phi, kind=table["name"].str.rpartition(".")[2])
     rolled = found.recordings.rolled
     assert rolled is not None

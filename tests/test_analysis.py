@@ -120,7 +120,7 @@ def test_computed_derivatives_give_the_same_parameters_as_true_ones(simulated):
     computed = analyze(
         "two-link", log, replicates=0, preparation=Preparation(derivatives="butterworth")
     )
-    a, b = exact.to_frame("full model"), computed.to_frame("full model")
+    a, b = (x.to_frame("full model", details=True) for x in (exact, computed))
     assert any("low-pass" in note for note in computed.samples[0].notes)
     big = a["torque_share"] > 0.02
     np.testing.assert_allclose(b["value"][big], a["value"][big], rtol=0.02)

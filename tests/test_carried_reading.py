@@ -26,6 +26,7 @@ from identifiability.effects.nominal import gravity_torque
 from identifiability.foundation.findings import of_key
 from identifiability.robot import complete_motion
 from identifiability.simulation import random_trajectory
+from identifiability.workflows.export import draw_robots
 
 ROBOT = Robot.load("two-link")
 TRUTH = ROBOT.with_values({"link2.m": 3.0, "elbow.Fc": 1.0})
@@ -135,17 +136,52 @@ def test_torque_that_is_read_otherwise_moves_the_robot_as_it_moved(fault, result
     assert predict(ROBOT, results(fault), record(fault, 4), forward=True).totals[1] < 1.2 * clean
 
 
-def test_a_result_belongs_to_a_robot_file_and_not_to_a_name(results, tmp_path):
+#: What each verb that takes a result says of it, with a log.
+SAYS = {
+    "predict": lambda robot, result, log, _: predict(robot, result, log).hints,
+    "predict forward": lambda robot, result, log, _: (
+        predict(robot, result, log, forward=True).hints
+    ),
+    "payload": lambda robot, result, log, _: payload(robot, result, log).hints,
+    "diagnose": lambda robot, result, log, _: (
+        diagnose(robot, log, fixed=result, quick=True, effects=["viscous_friction"]).hints
+    ),
+    "export": lambda robot, result, log, out: (
+        export(robot, result, out / "fitted.xml", validate=log, force=True).notes
+    ),
+    "patch": lambda robot, result, _, out: export(robot, result, out / "fitted.patch").notes,
+    "draws": lambda robot, result, *_: draw_robots(robot, result, 2).hints,
+}
+
+
+@pytest.mark.parametrize("verb", SAYS)
+def test_a_result_belongs_to_a_robot_file_and_not_to_a_name(verb, results, tmp_path):
     copy = tmp_path / "robot.xml"
     text = ROBOT.path.read_text("utf-8")
     copy.write_text(text.replace("<mujoco", "<!-- another --><mujoco", 1), "utf-8")
-    found = predict(copy, results("none"), record("none", 4))
-    (said,) = of_key(found.hints, "robot_changed")
+    say, log = SAYS[verb], record("none", 4)
+    (said,) = of_key(say(copy, results("none"), log, tmp_path), "robot_changed")
     assert "have changed since" in said
-    assert not of_key(predict(ROBOT, results("none"), record("none", 4)).hints, "robot_changed")
+    assert not of_key(say(ROBOT, results("none"), log, tmp_path), "robot_changed")
     other = Robot.load("six-dof-arm")
     with pytest.raises(IdentifiabilityError, match=f"sha256 {ROBOT.sha256[:12]}"):
-        predict(other, results("none"), record("none", 4))
+        say(other, results("none"), log, tmp_path)
+
+
+@pytest.mark.parametrize("verb", ["predict", "predict forward", "payload", "diagnose", "export"])
+def test_a_log_that_contradicts_the_reading_of_a_result_is_named(verb, results, tmp_path):
+    say = SAYS[verb]
+    contradicted = say(ROBOT, results("signs"), record("none", 4), tmp_path)
+    (said,) = of_key(contradicted, "reading_contradicted")
+    assert said.subject.startswith("none4.csv")
+    read = say(ROBOT, results("signs"), record("signs", 4), tmp_path)
+    assert of_key(read, "carried_reading")
+    assert not of_key(read, "reading_contradicted")
+
+
+def test_a_refused_export_says_that_a_log_contradicts_the_reading(results, tmp_path):
+    with pytest.raises(IdentifiabilityError, match=r"none4\.csv.* --force"):
+        export(ROBOT, results("signs"), tmp_path / "fitted.xml", validate=record("none", 4))
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ HOSTILE = (
     ("robot = 5", "'robot'"),
     ('logs = ["gone.csv"]', "There is no log file"),
     ('logs = "run1.csv"', "'logs'"),
+    ('loaded = "run1.csv"', "'loaded'"),
     ('lods = ["run1.csv"]', "did you mean 'logs'"),
     ("[settings]\ncut_off = 10", "did you mean 'cutoff'"),
     ("[settings]\ncutoff = -1", "settings.cutoff"),
@@ -51,13 +52,41 @@ def result_of(folder, name="result.json"):
 def test_verbs_need_no_arguments_in_the_folder_of_a_case(folder, command):
     inspected = command("inspect").output
     assert "2 logs to fit and 1 held-out log" in inspected
-    assert "run1.csv run2.csv --validate run3.csv" in inspected
     for verb in ("analyze --quick", "predict", "export", "compare", "diagnose --quick"):
         done = command(*verb.split())
         assert done.exit_code == 0, done.output
+    with (folder / "case.toml").open("a", encoding="utf-8") as file:
+        file.write('loaded = ["run3.csv"]\n')
+    weighed = command("payload", "--json", "load.json")
+    assert weighed.exit_code == 0, weighed.output
+    load = result_of(folder, "load.json")
+    assert (load["logs"], load["without"]) == (["run3.csv"], ["run1.csv", "run2.csv"])
+    assert command("simulate").exit_code == 0
+    assert "along random" in command("simulate", "--out", "b.csv").output
+    assert (folder / "simulated.csv").is_file()
     hashes = [key for key in result_of(folder)["provenance"] if key.startswith("sha256 run")]
     assert hashes == [f"sha256 run{k}.csv" for k in (1, 2, 3)]
     assert (folder / "fitted.xml").is_file()
+
+
+def next_line(said):
+    """Return the line that a command proposes to type next."""
+    (line,) = (row for row in said.splitlines() if row.startswith("Next "))
+    return line.partition(": ")[2]
+
+
+def test_proposed_lines_are_short_where_the_case_says_the_same(folder, command, monkeypatch):
+    with (folder / "case.toml").open("a", encoding="utf-8") as file:
+        file.write("[settings]\ncutoff = 9.0\n")
+    assert next_line(command("inspect").output) == "identifiability analyze --report report.html"
+    line = next_line(command("analyze", "--quick").output)
+    assert line.startswith("identifiability ")
+    assert not {"robot.xml", "run1.csv", "cutoff=9"} & {*line.split()}
+    assert command(*line.split()[1:], "--quick").exit_code == 0
+    other = next_line(command("inspect", ".", "run1.csv", "run2.csv").output)
+    assert "robot.xml run1.csv run2.csv --report" in other
+    monkeypatch.chdir(folder.parent)
+    assert next_line(command("inspect", "study").output).startswith("identifiability analyze study")
 
 
 def test_the_command_line_goes_before_the_case_and_the_case_before_the_sidecar(folder, command):

@@ -38,6 +38,7 @@ from identifiability.servos import (
     roll_delayed,
     servo_log,
     state_gains,
+    state_standing,
 )
 from identifiability.simulation.rollout import CommandedRobot
 
@@ -260,7 +261,7 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
     assert "holds commands and no torque" in said
     told = {n.text: n.level for n in result.cautions()}
     assert told[said] == "note"  # it speaks against nothing
-    table = result.to_frame().set_index("name")
+    table = result.to_frame(details=True).set_index("name")
     structure = result.structure
     phi = np.array([{**arm.nominal, **TRUTH}.get(n, 0.0) for n in structure.columns])
     true = dict(zip(structure.base.names, structure.G @ phi, strict=True))
@@ -486,6 +487,38 @@ def test_progress_of_rollouts_moves_forward(unstated, arm, frames):
     assert len(said.delays) == 1
 
 
+def test_a_first_answer_stays_if_the_user_stops_the_whole_one(
+    arm, unstated, frames, tmp_path, monkeypatch
+):
+    monkeypatch.setattr("identifiability.servos.windows.LONG", 6.0)
+    answers = []
+
+    def stop(answer):
+        answers.append(answer.to_frame().set_index("joint"))
+        answer.write_report(tmp_path / "page.html")
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        analyze(unstated, frames[0], validate="none", first=stop)
+    np.testing.assert_allclose(answers[0].loc[[*arm.joints], "kp"], arm.servo.kp, rtol=0.05)
+    page = (tmp_path / "page.html").read_text()
+    assert "from 3 s of the 8 s of logs" in page
+    assert "writes the whole answer to this page" in page
+
+
+@pytest.mark.parametrize(("kind", "effect"), [("Fc", "static friction"), ("off", "an offset of")])
+def test_rests_tell_friction_from_an_offset(arm, frames, kind, effect):
+    truth = {**TRUTH, "elbow.Fc": 0.3, "elbow.off": 0.3, f"elbow.{kind}": 6.0}
+    steps = np.repeat([0.0, 0.2, 0.0, -0.2, 0.0, 0.2, 0.0, -0.2], 50)
+    commands = arm.home + np.stack([0 * steps, steps], axis=1)
+    rng, how = np.random.default_rng(1), servos.Recorder(bits=14)
+    log = read(arm, servos.record(arm, truth, commands, 7.9, how, rng))
+    machine = CommandedRobot(arm, {})
+    said = state_standing(machine, [log])
+    assert effect in said
+    assert state_standing(machine, [read(arm, frames[0])]) == ""
+
+
 def test_a_gain_that_the_logs_do_not_tell_is_stated_as_ratios(arm, unstated, frames):
     log = read(arm, frames[0])
     found = fit_rollouts(unstated, [log], file_shares(unstated))
@@ -503,7 +536,7 @@ def test_one_bad_joint_does_not_refuse_a_log_and_the_others_keep_their_values(ar
     result = analyze(arm, spoilt, quick=True)
     (said,) = of_key(result.hints, "commands")
     assert "elbow does not follow its command, so its torque is left out" in said
-    table = result.to_frame().set_index("name")
+    table = result.to_frame(details=True).set_index("name")
     low, high = table.loc["shoulder.Fc", "interval95"]
     assert low < TRUTH["shoulder.Fc"] < high
 

@@ -39,12 +39,14 @@ def test_every_help_shows_a_line_to_type_and_explains_each_option(verb):
     assert re.findall(rf"\b(?:{'|'.join(ROOMS)})\.[a-z_]+\.[a-z_]+", text) == []  # no module
 
 
+#: Two screens of a terminal [lines].
+TWO_SCREENS = 115
+
 #: Numbers in the prose of the help that no constant holds, with what they are.
 OTHERS = {
-    r"3-rps|3-RPS|fitted-001|joint_2": "names",
+    r"3-rps|3-RPS|joint_2": "names",
     r"95 %": "the level of every interval",
     r"0 for none|is 0 where|exit code is 1": "what a value means",
-    r"1 / \(variance": "a formula",
     r"Swevers 1997": "a source",
     r"Such as 3, table3, figure4": "tables of the paper",
     r"571, 595, 601": "trajectories of the paper",
@@ -91,3 +93,13 @@ def test_the_refits_that_the_help_states_are_those_that_run(simulated_session):
         assert result.settings["replicates"] == refits
     stated = f"by default {DEFAULTS.refits:,}, or {DEFAULTS.refits_quick} if"
     assert stated in told("analyze")
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_help_begins_with_examples_and_fits_on_two_screens(verb):
+    done = CliRunner().invoke(app, [verb, "--help"], env={"COLUMNS": "80"})
+    lines = done.output.splitlines()
+    examples = [line.startswith(f"  identifiability {verb}") for line in lines]
+    first = examples.index(True)
+    assert first < 9
+    assert len(lines) <= TWO_SCREENS

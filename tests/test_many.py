@@ -48,7 +48,7 @@ def asked(start, command, tmp_path_factory):
     """What the command printed, and the folder of its answers."""
     out = tmp_path_factory.mktemp("out") / "results"
     words = [w for name in "abc" for w in ("--each", start / name)]
-    more = ["--out", out, "--replicates", "20", "--seed", "1", "--set", "workers=1"]
+    more = ["--out", out, "--set", "replicates=20", "--seed", "1", "--set", "workers=1"]
     return command("analyze", *words, *more), out
 
 

@@ -1,15 +1,22 @@
 """Results show themselves in a notebook, and what comes from files cannot run there."""
 
+import ast
 import json
-from html import escape
+import re
+from html import escape, unescape
 from html.parser import HTMLParser
+from inspect import signature
 from pathlib import Path
 
 import pytest
 from IPython.core.interactiveshell import InteractiveShell
+from IPython.utils.capture import capture_output
 from traitlets.config import Config
 
+import identifiability
 from identifiability import analyze, calibrate, diagnose, plot, prune
+from identifiability.foundation.errors import with_keywords
+from identifiability.report.answers.python_lines import python_lines
 from identifiability.report.results import answer_first
 
 
@@ -102,3 +109,70 @@ def test_the_notebook_of_the_documentation_runs_and_shows_what_it_says():
     for line in (line for line in shown if line.startswith("plot.")):
         assert shown[line]["image/png"][:4] == b"\x89PNG"
     assert "phi[link2.Iyy]" in shown["arviz_stats.summary(result.to_arviz())"]["text/html"]
+
+
+@pytest.mark.parametrize(
+    ("line", "calls"),
+    [
+        (
+            "diagnose a.urdf a.csv b.csv --validate c.csv --out model.toml",
+            [
+                "missing = diagnose('a.urdf', ['a.csv', 'b.csv'], validate='c.csv')",
+                "missing.write_model('model.toml')",
+            ],
+        ),
+        (
+            r"analyze a.urdf a.csv --map 'j(\d)=k\1' --lock finger --set cutoff=10 --report r.html",
+            [
+                r"result = analyze(Robot.load('a.urdf', columns={'j(\\d)': 'k\\1'}, "
+                "lock=['finger']), 'a.csv', preparation=Preparation(cutoff=10))",
+                "result.write_report('r.html')",
+            ],
+        ),
+        (
+            "export a.urdf result.json --out fitted.xml",
+            ["result = export('a.urdf', 'result.json', 'fitted.xml')"],
+        ),
+    ],
+)
+def test_next_steps_of_a_notebook_are_calls_in_python(line, calls):
+    found = python_lines(f"identifiability {line}")
+    assert found.splitlines() == calls
+
+
+def test_each_next_step_of_a_result_is_a_call_that_exists(results):
+    for _, line in results["analysis"].next():
+        call = ast.parse(python_lines(line)).body[0].value
+        known = signature(getattr(identifiability, call.func.id)).parameters
+        assert {keyword.arg for keyword in call.keywords} <= {*known}
+    shown = results["analysis"]._repr_html_()
+    assert "missing = diagnose(" in unescape(shown).replace("<span>", "").replace("</span>", "")
+    assert "identifiability diagnose" not in shown.replace("<span>", "").replace("</span>", "")
+
+
+def test_an_error_in_a_notebook_is_one_line_and_names_keywords():
+    shell = InteractiveShell()
+    log = {"t": [0, 1], "q1": [0, 1], "tau1": [0, 1]}
+    with capture_output() as shown:
+        shell.run_cell(f"from identifiability import analyze; analyze('two-link', {log})")
+    lines = shown.stdout.strip().splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("LogError: ")
+    assert "columns={'" in lines[0]
+    assert "--" not in lines[0]
+
+
+def test_options_in_a_sentence_become_keywords():
+    said = "Type --lock 'joint_1' or --map 'OLD=joint_1.q'. Use --set cutoff=10, or --force."
+    spoken = "Type lock=['joint_1'] or columns={'OLD': 'joint_1.q'}. Use cutoff=10, or force=."
+    assert with_keywords(said) == spoken
+
+
+def test_a_page_begins_with_the_values_of_each_joint(results, tmp_path):
+    page = results["analysis"].write_report(tmp_path / "page.html").read_text(encoding="utf-8")
+    sections = re.findall(r'<section[^>]*id="([\w-]+)"', page)
+    assert sections[0] == "values"
+    own = page[page.index('id="values"') : page.index('id="prediction"')]
+    verdict = results["analysis"]["elbow.Fc"]
+    assert f"{verdict.estimate:.3f}"[:4] in own
+    assert verdict.verdict in own

@@ -125,7 +125,6 @@ def arguments_of(verb, monkeypatch, *words):
     ("verb", "words", "name", "usual", "quick", "given"),
     [
         ("analyze", ["--posterior"], "posterior", False, False, True),
-        ("analyze", ["--no-posterior"], "posterior", False, False, False),
         ("calibrate", ["--replicates", "50"], "replicates", None, None, 50),
     ],
 )

@@ -16,22 +16,19 @@ from identifiability.foundation.errors import IdentifiabilityError, OutputError,
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.quoting import for_terminal, path_for_shell
 
+from .case import shorten_line
+
 if TYPE_CHECKING:
     from rich.console import Console
 
     from identifiability.foundation.answers import Table
     from identifiability.foundation.result import Result
-    from identifiability.workflows.case_file import CaseFile
-
 
 #: Work without a terminal reports its duration if it takes this much longer [s].
 PATIENCE = 10.0
 
 #: Whether all details are printed.
 VERBOSE = ContextVar("VERBOSE", default=False)
-
-#: The case file that the command reads its robot, logs and settings from.
-CASE: ContextVar[CaseFile | None] = ContextVar("CASE", default=None)
 
 
 @contextmanager
@@ -82,7 +79,7 @@ def progress() -> Iterator[Callable[[str, float], None]]:
     from rich import progress as bars  # noqa: PLC0415
 
     console = terminal(stderr=True)
-    columns = (bars.TextColumn("{task.description}"), bars.BarColumn(), bars.TimeRemainingColumn())
+    columns = (bars.TextColumn("{task.description}"), bars.BarColumn())
     hidden = not console.is_terminal
     with bars.Progress(*columns, console=console, transient=True, disable=hidden) as bar:
         task = bar.add_task("starting", total=1.0)
@@ -93,12 +90,14 @@ def progress() -> Iterator[Callable[[str, float], None]]:
         def say(text: str, share: float) -> None:  # never backwards
             nonlocal said
             share = max(share, bar.tasks[0].completed)
-            bar.update(task, description=text, completed=share)
             past = monotonic() - begun
             left = past * (1 - share) / share if share >= 0.05 else 0.0  # before it is a guess
-            if past > 3.0 and left > PATIENCE and not said:
+            is_long = past > 3.0 and left > PATIENCE
+            timed = f"{text}: about {left:.0f} s more" if is_long else text
+            bar.update(task, description=timed, completed=share)
+            if is_long and not said:
                 said = True
-                console.print(f"{text}: about {left:.0f} s more", highlight=False)
+                console.print(timed, highlight=False)
 
         yield say
 
@@ -149,14 +148,16 @@ def print_result(result: Result, written: Sequence[Path] = (), more: Iterable[st
     said = [f"{a.question} {a.short} {a.text if every else ''}".rstrip() for a in answers]
     warnings = [f"Warning: {text}" for text in result.warnings]
     hints = list(result.remarks)
-    choices = [f"Note: {x}" for x in hints if isinstance(x, Finding) and x.told and not every]
+    shorts = [a.short for a in answers]
+    told = [x for x in hints if isinstance(x, Finding) and x.told and not every]
+    choices = [f"Note: {x}" for x in told if x not in shorts]
     said = [*said, *warnings, *choices] if said else [result.statement]
     if not every:
-        hints = [x for x in hints if f"Note: {x}" not in choices]
+        hints = [x for x in hints if x not in told]
     print_end([*said, *more])
     robot = getattr(result, "robot", None)
-    for table in (*result.tables(), *result.ledger()) if every or not answers else ():
-        if table.long:
+    for table in (*result.tables(), *result.ledger()):
+        if table.long or not (every or not answers or table.always):
             continue
         shown = max(12, (table.marked or 0) + 4)
         print_table(table, shown, getattr(robot, "title", ""))
@@ -172,14 +173,15 @@ def print_next(result: Result) -> None:
     """Print the first line that the page proposes.
 
     If `identifiability` is not on the search path, the line first activates its environment. This
-    happens after ``make demo``.
+    happens after ``make demo``. In the folder of a case the line has no words of the case file.
     """
     script = Path(sys.argv[0])
     activate = script.with_name("activate")
     alone = script.name == "identifiability" and which(script.name) is None
     before = f". {path_for_shell(activate)} && " if alone and activate.is_file() else ""
     for what, command in result.next()[:1]:
-        print_command(f"Next {what[0].lower()}{what[1:]}", f"{before}{command}")
+        line = f"{before}{shorten_line(command)}"
+        print_command(f"Next {what[0].lower()}{what[1:]}", line)
 
 
 def print_command(what: str, command: str) -> None:

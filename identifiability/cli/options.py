@@ -51,22 +51,27 @@ from identifiability.foundation.options import (
     NotNegative,
     OptionError,
     Positive,
+    Replicates,
     check_option,
     choices,
 )
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 
-from .common import CASE, VERBOSE, check_outputs, progress, sentences, write_all
+from .case import CASE, COMMANDS, defaults_of_case
+from .common import VERBOSE, check_outputs, print_end, progress, sentences, write_all
 
 if TYPE_CHECKING:
     from identifiability.foundation.engines import Engine
     from identifiability.foundation.result import Result
     from identifiability.logs.prepare import Preparation
     from identifiability.robot import Robot
-    from identifiability.workflows.case_file import CaseFile
 
 #: Options that take effects, and verbs in which an option of that name takes something else.
 TAKES_EFFECTS = {"effects": (), "hide": (), "separate": (), "model": ("calibrate",)}
+
+
+#: Verbs whose help lists the shipped robots.
+LIST_ROBOTS = ("new", "inspect", "simulate")
 
 
 @cache
@@ -192,8 +197,8 @@ class Field:
         infos = [copy(n) for n in self.marks(ParameterInfo)]
         info = infos[0] if infos else Argument() if required else Option()
         info.help = self.text(verb)
-        if get_origin(self.kind) is list and isinstance(info, OptionInfo):
-            info.help += " May be given several times."
+        if isinstance(info, OptionInfo):
+            self._describe_option(info)
         no_value = self.default == () or (self.default is False and self.kind is not bool)
         default = None if no_value else self.default
         kind = self.kind | None if default is None else self.kind
@@ -204,6 +209,18 @@ class Field:
             default=default,
             annotation=as_typer,
         )
+
+    def _describe_option(self, info: OptionInfo) -> None:
+        """Set the group and the look of the option in the help."""
+        panels = helps()["panels"].items()
+        info.rich_help_panel = next((title for title, names in panels if self.name in names), "How")
+        if get_origin(self.kind) is list:
+            info.metavar = info.metavar or "NAME"
+            info.help = f"{info.help} (repeatable)"
+        if self.kind is bool and self.default is False:
+            info.param_decls = (self.spelling,)
+            info.metavar = ""
+            info.show_default = False
 
     def read(self, typed: Any) -> Any:
         """Convert a typed value to the type that the library takes.
@@ -326,7 +343,7 @@ class Command(typer.core.TyperCommand):
             name = str(parameter.name)
             if name in TAKES_EFFECTS and str(self.name) not in TAKES_EFFECTS[name]:
                 listed.append(f"**Effects**: {', '.join(effects(name))}")
-            if name == "robot":
+            if name == "robot" and self.name in LIST_ROBOTS:
                 listed.append(f"**Shipped robots**: {', '.join(shipped_robots())}")
         self.epilog = "\n\n".join(f"- {text}" for text in dict.fromkeys(listed)) or None
         super().format_help(ctx, formatter)
@@ -374,40 +391,12 @@ class Command(typer.core.TyperCommand):
         if not is_folder and Path(robot) != Path(case.robot):
             return {}
         CASE.set(case)
+        COMMANDS.set(ctx.find_root().command.commands)
         said = {"sidecar": case.sidecar, "lock": case.entry.lock}
         if is_folder:
             has_logs = isinstance(typed.get("logs"), (list, tuple))
             said |= defaults_of_case(case, str(self.name), has_logs=has_logs)
         return {name: value for name, value in said.items() if value not in (None, [])}
-
-
-def defaults_of_case(case: CaseFile, verb: str, *, has_logs: bool) -> dict[str, Any]:
-    """Return the values of a verb's arguments, and of its files, that a case states.
-
-    Parameters
-    ----------
-    case : CaseFile
-    verb : str
-    has_logs : bool
-        Whether logs were typed, which replace all logs of the case.
-    """
-    held_out = [path for path in case.held_out if path != "none"]
-    result = case.place(case.entry.result)
-    said: dict[str, Any] = {"robot": case.robot, "result": result}
-    said |= {"json": result} if verb == "analyze" else {}
-    if verb == "export":
-        said["out"] = case.place(f"fitted{Path(case.robot).suffix}")
-    if verb == "excite":
-        said |= {"out": case.place("next.json"), "start_from": case.logs}
-    if has_logs or verb == "payload":
-        return said
-    if verb == "compare":
-        for name, paths in (("before", case.logs), ("after", held_out)):
-            said |= {name: paths[0], f"more_{name}": paths[1:]} if paths else {}
-        return said
-    logs = held_out or case.logs if verb == "predict" else case.logs
-    validate = held_out if verb in ("export", "inspect") else case.held_out
-    return said | {"logs": logs, "validate": validate}
 
 
 # Checks before any large import: do the files exist, and can they be written?
@@ -497,7 +486,7 @@ def _read_settings(
         from identifiability.robot.sidecar import read_settings  # noqa: PLC0415
 
         stated = read_settings(given["robot"], given.get("sidecar"))
-        for group in (Derived, Place, Fitted):
+        for group in (Derived, Place, Judged):
             table = group.table
             known = [field.name for field in options_of(group)]
             for key in stated[table]:
@@ -640,6 +629,7 @@ class Recorded:
     base: Literal["fixed", "floating"] | None = None
     time_unit: Literal["s", "ms", "us", "ns"] | None = None
     angles: Literal["rad", "deg"] | None = None
+    torque_side: Literal["joint", "link", "motor", "both"] | None = None
 
 
 @dataclass(frozen=True)
@@ -671,9 +661,7 @@ class Machine:
             if rules.setdefault(old, new) != new:
                 raise OptionError(f"--map gives '{old}' two names, {rules[old]} and {new}.")
         said = self.recorded
-        robot = Robot.load(
-            self.robot, self.sidecar, rules, self.lock, said.time_unit, said.angles, said.base
-        )
+        robot = Robot.load(self.robot, self.sidecar, rules, self.lock, **asdict(said))
         case = CASE.get()
         return robot if case is None else case.with_masses(robot)
 
@@ -754,11 +742,26 @@ class Fitted:
 
 
 @dataclass(frozen=True)
+class Judged(Fitted):
+    """How `analyze` estimates and judges parameters."""
+
+    replicates: Replicates | None = None
+
+
+@dataclass(frozen=True)
 class Outputs:
     """Paths of the results."""
 
     report: Report = None
     json: Annotated[Path | None, Writes(".json")] = None
+
+    def write_first(self, result: Result) -> None:
+        """Write the page of a first answer, which the page of the whole answer replaces."""
+        from identifiability.report.answers.common import sentence  # noqa: PLC0415
+
+        assert self.report is not None
+        path = result.write_report(self.report)
+        print_end([sentence("first_answer", "written", path=path)])
 
     def write(
         self,
@@ -776,7 +779,7 @@ class Outputs:
         """
 
         def draw(path: Path) -> Path:
-            say("drawing the report", 0.95)
+            say("drawing the report", 0.98)
             return result.write_report(path)
 
         return write_all(*first, (result.to_json, self.json), (draw, self.report))

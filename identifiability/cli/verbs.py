@@ -22,13 +22,15 @@ from identifiability.foundation.errors import IdentifiabilityError, listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.loading import loading
 
-from .common import CASE, check_outputs, print_command, print_end, print_result, progress, write_all
+from .case import CASE
+from .common import check_outputs, print_command, print_end, print_result, progress, write_all
 from .options import (
     Derived,
     Effects,
     Fitted,
     Fixed,
     JsonResult,
+    Judged,
     Ladder,
     Limits,
     Logs,
@@ -80,6 +82,8 @@ def run(said: dict[str, Any], verb: str, write: str = "", **options: Any) -> tup
 
         with loading():
             function = getattr(library, verb)
+        if verb == "analyze" and outputs.report is not None:
+            how["first"] = outputs.write_first
         result = function(machine.load(), *given, **said, **how)
         files = [(partial(getattr(result, write), **options), out)] if write else []
         return result, outputs.write(result, say, *files)
@@ -191,12 +195,12 @@ def analyze(
     machine: OneMachine,
     outputs: Outputs,
     work: Work,
-    fitted: Fitted,
+    fitted: Judged,
     logs: OptionalLogs = (),
     validate: MoreLogs = (),
     ladder: Ladder = None,
-    replicates: kinds.Replicates | None = None,
     posterior: bool = False,
+    profile: Annotated[Sequence[str], Option(metavar="NAME")] = (),
     prior: Prior = None,
     seed: kinds.Seed = 0,
     quick: bool = False,
@@ -332,7 +336,7 @@ def predict(
     result: Annotated[str, Records(results=True)],
     logs: Annotated[list[str], Argument(), Records()],
     outputs: Outputs,
-    forward: Annotated[bool, Option("--forward")] = False,
+    forward: bool = False,
     out: Annotated[Path | None, Table] = None,
 ) -> None:
     """Predict the torque of logs with a fitted model, or the motion of its robot."""
@@ -350,9 +354,9 @@ def export(
     out: Annotated[Path, Option(), Writes(*EXPORTED)],
     draws: kinds.Count | None = None,
     form: Annotated[kinds.ExportFormat | None, Option("--format")] = None,
-    patch: Annotated[bool, Option("--patch")] = False,
+    patch: bool = False,
     validate: MoreLogs = (),
-    force: Annotated[bool, Option("--force")] = False,
+    force: bool = False,
     prior: kinds.Positive | None = None,
     seed: kinds.Seed = 0,
 ) -> None:

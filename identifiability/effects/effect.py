@@ -43,6 +43,9 @@ class Effect(ABC):
     #: How many numbers its shape is, behind the colon of a ladder file.
     shape_size: ClassVar[int] = 0
 
+    #: Whether it acts between motor and gear output, where no sensor behind the gear sees it.
+    of_drive: bool = False
+
     def about(self, shape: Sequence[float]) -> Effect:
         """Return the effect with a shape of several numbers: most have none."""
         raise NotImplementedError(f"{type(self).__name__} has no shape of {len(shape)} numbers")
@@ -81,6 +84,27 @@ class Effect(ABC):
 
         ``out[k] @ phi`` is the torque of the n actuated joints at sample k [N·m or N].
         """
+
+
+def hides(robot: Robot, effect: Effect, place: str) -> bool:
+    """Return whether the torque sensor of a joint sees no effect of this kind there."""
+    driven = place not in robot.passive
+    return effect.of_drive and driven and robot.torque.side_of(place) == "link"
+
+
+def fill_measured(effect: Effect, robot: Robot, motion: Motion, out: Array) -> None:
+    """Write the columns of an effect (N, n, p) as the sensors of a log measure them.
+
+    Where torque is measured on both sides of gears, a log is read twice (`split_sensors`). Link
+    torque holds no effects of these drives. Motor torque minus link torque holds nothing else.
+    """
+    effect.fill(robot, motion, out)
+    if not robot.torque.has_side("both"):
+        return
+    for k, parameter in enumerate(effect.parameters(robot)):
+        both = robot.torque.side_of(parameter.owner) == "both"
+        if (effect.of_drive and both) != motion.drives_alone:
+            out[:, :, k] = 0.0
 
 
 @frozen
@@ -181,11 +205,12 @@ class AlongAxes(Effect):
 
     def places(self, robot: Robot) -> Sequence[Axis]:
         """Return where it is: the axes at which a model placed it, else its default axes."""
-        if not self.elsewhere:
-            return self.axes(robot)
-        every = (*robot.axes, *robot.passive_axes)
-        named = find_named(self.elsewhere, (axis.name for axis in every))
-        return [axis for axis in every if axis.name in named]
+        axes = self.axes(robot)
+        if self.elsewhere:
+            every = (*robot.axes, *robot.passive_axes)
+            named = find_named(self.elsewhere, (axis.name for axis in every))
+            axes = [axis for axis in every if axis.name in named]
+        return [axis for axis in axes if not hides(robot, self, axis.name)]
 
     def axes(self, robot: Robot) -> Sequence[Axis]:
         """Return where the effect is: by default at every actuated joint and coupled motor."""
@@ -244,6 +269,9 @@ class Shaped(AlongAxes):
 
     #: The shape where none is stated: at an axis that turns, and at one that slides.
     usual: ClassVar[tuple[float, float]]
+    #: Effects that its curve becomes as the shape goes to zero, and to infinity; empty where the
+    #: curve vanishes.
+    limits: ClassVar[tuple[str, str]] = ("", "")
 
     given: float | None = None
     only: str | None = None
@@ -549,6 +577,7 @@ class Placed(Effect):
         self.parts = tuple(parts)
         self._texts = tuple(texts)
         first = self.parts[0].effect
+        self.of_drive = first.of_drive
         self.name = first.name
         self.equation = first.equation
         self.source = first.source

@@ -29,6 +29,7 @@ class ViscousFriction(AlongAxes):
     name = "viscous_friction"
     equation = "τ = Fv q̇"
     source = "[Díaz 2010, Eq. 10]"
+    of_drive = True
     units = (("Fv", "N·m·s/rad", "N·s/m"),)
     nonnegative = True
     stated_as = ("damping",)
@@ -48,6 +49,7 @@ class CoulombFriction(AlongAxes):
     name = "coulomb_friction"
     equation = "τ = Fc sign(q̇)"
     source = "[Díaz 2010, Eq. 10], with the condition on the velocity (printed on the position)"
+    of_drive = True
     units = (("Fc", "N·m", "N"),)
     nonnegative = True
     stated_as = ("frictionloss",)
@@ -78,6 +80,7 @@ class CoulombAsymmetry(AlongAxes):
     equation = "τ = Fc⁺ for q̇ > 0, −Fc⁻ for q̇ < 0"
     source = "[Díaz 2010, Eq. 10], with the condition on the velocity (printed on the position)"
     supersedes = ("coulomb_friction",)
+    of_drive = True
     units = (("Fc", "N·m", "N"), ("Fc+", "N·m", "N"), ("Fc-", "N·m", "N"))
     nonnegative = True
 
@@ -126,6 +129,7 @@ class QuadraticFriction(AlongAxes):
     name = "quadratic_friction"
     equation = "τ = Fq |q̇| q̇"
     source = "[Armstrong-Hélouvry 1994, Sec. 2]"
+    of_drive = True
     units = (("Fq", "N·m·s²/rad²", "N·s²/m²"),)
     nonnegative = True
 
@@ -165,8 +169,10 @@ class StribeckFriction(Shaped):
     name = "stribeck_friction"
     equation = "τ = (Fs − Fc) exp(−|q̇/vs|) sign(q̇)"
     source = "[Olsson 1998, Eq. 4]; [Díaz 2010, Eq. 20] prints it without minus sign"
+    of_drive = True
     units = (("Fs", "N·m", "N"),)
     nonnegative = True
+    limits = ("coulomb_friction", "coulomb_friction")
 
     def curves(self, at: Along) -> list[Array]:
         """Return the falling curve."""
@@ -236,6 +242,7 @@ class SigmoidFriction(StribeckFriction):
     equation = "τ = Ft tanh(q̇/vt)"
     source = "[Gaz 2019]"
     units = (("Ft", "N·m", "N"),)
+    limits = ("coulomb_friction", "viscous_friction")
 
     def curves(self, at: Along) -> list[Array]:
         """Return the sigmoid."""
@@ -296,6 +303,7 @@ class FrictionDrift(AlongAxes):
     name = "friction_drift"
     equation = "τ = (dv q̇ + dc sign(q̇)) t"
     source = "[Bittencourt 2012; Simoni 2015]"
+    of_drive = True
     units = (("dv", "N·m/rad", "N/m"), ("dc", "N·m/s", "N/s"))
 
     def curves(self, at: Along) -> list[Array]:
@@ -317,6 +325,7 @@ class ReversalFriction(AlongAxes):
     name = "reversal_friction"
     equation = "τ = (r₀ + r₁ |q̈|^-½ + r₂ |q̈|^½) d sign(q̇)/dt"
     source = "[Karnopp 1985]"
+    of_drive = True
     units = (("r0", "N·m·s", "N·s"), ("r1", "N·m·s", "N·s"), ("r2", "N·m·s", "N·s"))
 
     def curves(self, at: Along) -> list[Array]:

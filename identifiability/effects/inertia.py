@@ -83,14 +83,7 @@ class RigidBody(Effect):
 # The inertia of rotor and drive.
 
 
-def _unseen(robot: Robot, place: str) -> str:
-    """Return why a joint cannot have an inertia of its rotor."""
-    if robot.torque.side == "link":
-        return "torque was measured behind the gears, where no inertia of rotors is seen"
-    return in_motor(robot, place)
-
-
-@declare("actuator inertia", alike=True, refuse=_unseen, native=True)
+@declare("actuator inertia", alike=True, refuse=in_motor, native=True)
 class ActuatorInertia(AlongAxes):
     """``τ = Ia q̈``: rotor and drive inertia referred to the joint.
 
@@ -105,13 +98,13 @@ class ActuatorInertia(AlongAxes):
     units = (("Ia", "kg·m²", "kg"),)
     nonnegative = True
     stated_as = ("armature",)
+    of_drive = True
 
     def axes(self, robot: Robot) -> Sequence[Axis]:
         """Return actuated joints and coupled motors, and the passive joints with a rotor."""
         first = robot.inertia_parts[0]
-        driven = () if robot.torque.side == "link" else robot.axes
         loaded = [a for a in robot.passive_axes if robot.nominal.get(f"{a.name}.{first}")]
-        return [*driven, *loaded]
+        return [*robot.axes, *loaded]
 
     def kinds(self, robot: Robot, axis: Axis) -> tuple[str, ...]:
         """Return the parts of a rotor."""

@@ -277,6 +277,7 @@ class PositionFriction(PositionTorque):
     name = "position_friction"
     equation = "τ = Σ cₖ Bₖ(q) sign(q̇)"
     source = "[Bittencourt 2012; de Boor 1978]"
+    of_drive = True
     units = (("P", "N·m", "N"),)
 
     def curves(self, at: Along) -> list[Array]:

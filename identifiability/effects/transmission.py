@@ -87,10 +87,12 @@ class Hysteresis(Shaped):
     name = "hysteresis"
     equation = "τ = Σ Hₖ zₖ(q), zₖ ← clip(zₖ + Δq/rₖ, ±1)"
     source = "[Iwan 1966; Al-Bender 2005]"
+    of_drive = True
     units = tuple((f"H{k + 1}", "N·m", "N") for k in range(len(ELEMENTS)))
     usual = (0.01, 0.001)
     nonnegative = True
     stated_as = ("frictionloss",) * len(ELEMENTS)  # beyond their ways
+    limits = ("coulomb_friction", "joint_stiffness")
 
     def curves(self, at: Along) -> list[Array]:
         """Return the relative deflection of each spring."""
@@ -129,6 +131,7 @@ class LoadDependentFriction(AlongAxes):
     name = "load_dependent_friction"
     equation = "τ = Fl |τ_load| sign(q̇)"
     source = "[Hamon 2010, Eq. 4]"
+    of_drive = True
     units = (("Fl", "1", "1"),)
     nonnegative = True
 

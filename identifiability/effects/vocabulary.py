@@ -10,7 +10,7 @@ from typing import Literal
 
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Parameter
 from identifiability.robot import Robot
-from identifiability.robot.description import name_numbers
+from identifiability.robot.description import FIELDS, name_numbers
 
 from .effect import AlongAxes, Family
 from .friction import complete_coulomb_levels
@@ -167,6 +167,15 @@ def by_effect(
     return out
 
 
+def drop_follower_friction(robot: Robot) -> dict[str, float]:
+    """Return zero friction of the passive joints, by name of the parameter.
+
+    Friction along a joint that follows is part of the friction of the joint that it follows.
+    """
+    kinds = (*FIELDS["damping"].kinds, *FIELDS["frictionloss"].kinds)
+    return {f"{axis.name}.{kind}": 0.0 for axis in robot.passive_axes for kind in kinds}
+
+
 def complete_values(
     robot: Robot, given: Mapping[str, float], *, keep: bool = True
 ) -> dict[str, float]:
@@ -180,10 +189,11 @@ def complete_values(
     robot : Robot
     given : mapping
     keep : bool
-        Whether joints keep what is not given.
+        Whether joints keep what is not given. Else passive joints have no friction.
     """
     bodies = {f"{body}.{kind}" for body in robot.bodies for kind in INERTIAL_KINDS}
-    values = {n: v for n, v in robot.nominal.items() if keep or n in bodies} | dict(given)
+    values = {n: v for n, v in robot.nominal.items() if keep or n in bodies}
+    values |= ({} if keep else drop_follower_friction(robot)) | dict(given)
     for p in _stated(robot, tuple(FAMILIES.values()), file_kinds(robot)[0]):
         of_body = f"{p.owner}.{p.stated_as}"
         if of_body in bodies and p.kind != p.stated_as:

@@ -169,6 +169,7 @@ def make_samples(windows: Sequence[Window], cutoff: float, band: float) -> list[
     for window in windows:
         last = first + len(window.data)
         motion = closed[(closed.kept >= first) & (closed.kept < last)]
+        motion = replace(motion, drives_alone=window.log.drives_alone)
         rows = motion.kept - first
         tau = window.log.tau[window.at][rows] - known_torque(robot, motion)
         weight = window.data[rows].astype(float)

@@ -10,6 +10,7 @@ covariance as a prior.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -34,6 +35,8 @@ DRIFT: Tolerance = 0.021
 CHANGES = np.geomspace(0.01, 1.0, 20)
 #: Samples of all logs up to which all are looked at; of more so many windows of so many samples.
 EXCERPT = (24_000, 12, 2_000)
+#: The pattern of friction that changes within every log, as joints warm up.
+WARM = "warm"
 #: Functions that the model may lack in all logs alike.
 LACKS = ("function_of_velocity", "function_of_load", "function_of_position")
 #: A direction whose torque may be so many times that of its joints is not identifiable.
@@ -51,6 +54,11 @@ class Known:
     base: Array
     directions: Array
     precision: Array
+
+    @property
+    def size(self) -> int:
+        """Number of these θ."""
+        return len(self.precision)
 
     @staticmethod
     def of(base: Array, M: Array, covariance: Array, unknown: Array) -> Known:
@@ -80,8 +88,8 @@ class Differing(Candidate):
     logs : tuple of float, (L,)
         Amount of the change in each log.
     pattern : str
-        "0" for logs that are asked about together, further numbers for one log each, "drift" for a
-        nuisance; empty where all logs have it.
+        "0" for logs that are asked about together, further numbers for other sets of logs, `WARM`
+        for a change within every log, "drift" for a nuisance; empty where all logs have it.
     """
 
     logs: tuple[float, ...] = ()
@@ -108,9 +116,20 @@ class Differing(Candidate):
         """Title of the difference, without its place."""
         return WORDS.get(self.family.name) or self.family.title
 
+    @property
+    def effect_key(self) -> tuple[str, str, tuple[str, ...], str]:
+        """Its effect, whichever rows have it."""
+        return self.family.name, self.place, self.kinds, str(self.shape)
+
     def odd(self, names: Sequence[str]) -> str:
         """Return the only log in which it is; nothing for the logs that are asked about."""
-        return names[int(np.argmax(self.logs))] if self.pattern > "0" else ""
+        alone = self.pattern not in ("", "0", WARM) and np.count_nonzero(self.logs) == 1
+        return names[int(np.argmax(self.logs))] if alone else ""
+
+    def since(self, names: Sequence[str]) -> str:
+        """Return the first of several logs, not all that are asked about; else nothing."""
+        some = self.pattern not in ("", "0", WARM) and np.count_nonzero(self.logs) > 1
+        return names[int(np.argmax(self.logs))] if some else ""
 
 
 @frozen
@@ -140,12 +159,36 @@ class Compared(Excerpt):
     def entries(self, candidates: Sequence[Candidate]) -> Entries:
         """Return the torque (N,) of candidates by joint and column, where it is not zero."""
         every = [c for c in candidates if isinstance(c, Differing)]
-        found = Excerpt.entries(self, [c for c in every if c.kind != "gain"])
-        for c in (c for c in every if c.kind == "gain"):
-            j = self.robot.joints.index(c.place)
-            found[j, c.columns[0]] = self.torque[:, j] * self.data[:, j]
-        share = {k: np.array(c.logs)[self.log] for c in every for k in c.columns}
-        return {(j, k): x * share[k] for (j, k), x in found.items()}
+        # The same effect acts in other rows under each pattern: it is computed once.
+        unlike = {c.effect_key: c for c in every if c.kind != "gain"}
+        torques = defaultdict[int, dict[int, Array]](dict)
+        for (j, column), x in Excerpt.entries(self, list(unlike.values())).items():
+            torques[column][j] = x
+        found: Entries = {}
+        for c in every:
+            amount = self.amount(c)
+            if c.kind == "gain":
+                j = self.robot.joints.index(c.place)
+                found[j, c.columns[0]] = self.torque[:, j] * self.data[:, j] * amount
+                continue
+            for column, first in zip(c.columns, unlike[c.effect_key].columns, strict=True):
+                found |= {(j, column): x * amount for j, x in torques[first].items()}
+        return found
+
+    def amount(self, change: Differing) -> Array:
+        """Return the amount of a change in each row, (N,)."""
+        own = np.array(change.logs)[self.log]
+        return own * self.course if change.pattern == WARM else own
+
+    @cached_property
+    def course(self) -> Array:
+        """Time in each log over the length of the longest, of mean zero in each log, (N,)."""
+        out = np.zeros(len(self.t))
+        rows = [self.log == k for k in np.unique(self.log)]
+        longest = max(float(np.ptp(self.t[own])) for own in rows)
+        for own in rows:
+            out[own] = (self.t[own] - self.t[own].mean()) / longest
+        return out
 
 
 def weigh_logs(information: Information, data: np.ndarray) -> Information:
@@ -197,6 +240,8 @@ class Differences:
         known: Known,
         patterns: Sequence[Array],
         names: tuple[str, ...] = (),
+        *,
+        warms: bool = False,
     ) -> Differences:
         """Return the candidate differences between logs, and the candidates that all logs may lack.
 
@@ -206,13 +251,16 @@ class Differences:
         changes, lacks : sequence of Candidate
         known : Known
         patterns : sequence of (L,)
-            Which logs may have a change: those that are asked about first, then one log each.
+            Which logs may have a change: those that are asked about first, then other sets.
         names : tuple of str, optional
+        warms : bool
+            Whether friction may also change within every log.
         """
         logs = np.eye(len(patterns[0]))
         may = [Differing.of(c, w, str(k)) for k, w in enumerate(patterns) for c in changes]
         rubs = [c for c in may[: len(changes)] if c.kind == "friction"]
         drifts = [Differing.of(c, log, "drift") for c in rubs for log in logs]  # a nuisance
+        may += [Differing.of(c, np.ones(len(logs)), WARM) for c in rubs if warms]
         always = [Differing.of(c, np.ones(len(logs))) for c in lacks]
         every = number([*drifts, *may, *always])
         named = frozenset(c.group[0] for c in (*may, *always))
@@ -229,13 +277,18 @@ class Differences:
     def having(self, sums: Array, joint: int | None = None) -> Differences:
         """Return the same with sums of columns (C, a) in every hypothesis, or of a joint alone."""
         own = self.information
-        p = len(self.known.precision)
+        p = self.known.size
         if joint is not None:
             own = replace(own, parts=own.parts[joint : joint + 1])
         wide = np.pad(sums, ((p, 0), (0, 0)))
         every = np.insert(np.eye(own.size), [p] * sums.shape[1], wide, axis=1)
         own = own.reduce(every, [str(k) for k in range(every.shape[1])])
         return replace(self, information=own, always=sums)
+
+    @property
+    def later(self) -> int:
+        """How many of the logs are asked about; they come first."""
+        return next(sum(x > 0 for x in c.logs) for c, *_ in self.columns if c.pattern == "0")
 
     @cached_property
     def columns(self) -> list[tuple[Differing, str, str]]:
@@ -274,11 +327,19 @@ class Differences:
 
     def whose(self, term: Term) -> Differing:
         """Return the candidate of a term, at its first place."""
-        return self.columns[int(self.at(term)[0])][0]
+        return self.candidate_of(term.group)
+
+    def candidate_of(self, group: Group) -> Differing:
+        """Return the candidate of a group, at its first place."""
+        return self.columns[int(self.columns_of(group.members[0])[0])][0]
 
     def at(self, term: Term) -> np.ndarray:
         """Return the columns of a term among those of candidates."""
-        return term.columns - len(self.known.precision) - self.always.shape[1]
+        return self.columns_of(term.columns)
+
+    def columns_of(self, columns: np.ndarray) -> np.ndarray:
+        """Return columns of the mixed model among those of candidates."""
+        return columns - self.known.size - self.always.shape[1]
 
     @cached_property
     def model(self) -> MixedModel:

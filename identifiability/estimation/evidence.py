@@ -70,6 +70,8 @@ class Levels:
         that is as good as the best.
     folds, fewest : int
         Folds of a choice, and the fewest with which one is made.
+    halvings : int
+        Of a motion, into the regions that are left out.
     draws : int
         Of the Bayesian bootstrap over folds that weights of models are averaged over.
     """
@@ -80,6 +82,7 @@ class Levels:
     nats: float = 2.0
     folds: int = 10
     fewest: int = 5
+    halvings: int = 2
     draws: int = 1000
 
 
@@ -100,12 +103,15 @@ class Folds:
         Sample, over all logs, at which each block ends.
     ratio : float
         Samples that are predicted over samples that are fitted, on average.
+    memory : float [samples]
+        Autocorrelation time that is left out around each fold.
     """
 
     test: np.ndarray
     train: np.ndarray
     ends: np.ndarray
     ratio: float
+    memory: float = 0.0
 
     @property
     def count(self) -> int:
@@ -156,16 +162,32 @@ class Folds:
             middle = ends[rows] - 0.5 * counts[rows] - (ends[rows[0]] - counts[rows[0]])
             test[rows] = before + (middle * pieces / counts[rows].sum()).astype(int)
             before += pieces
-        test = np.unique(test, return_inverse=True)[1]
-        train = np.ones((test.max() + 1, len(test)), bool)
+        return Folds._around(information, np.unique(test, return_inverse=True)[1], memory)
+
+    @staticmethod
+    def of_regions(information: Information, memory: float = 0.0) -> Folds:
+        """Return folds that leave out a region of the motion each, in all logs at once.
+
+        Parameters
+        ----------
+        information : Information
+        memory : float [samples]
+        """
+        return Folds._around(information, _divide_motion(information), memory)
+
+    @staticmethod
+    def _around(information: Information, test: np.ndarray, memory: float) -> Folds:
+        """Return folds of the given blocks, whose memory is left out of each fit."""
+        counts, log = information.counts, information.log
+        ends = np.cumsum(counts)
         starts = ends - counts
-        for f, row in enumerate(train):
-            own = np.flatnonzero(test == f)
-            near = (starts < ends[own[-1]] + memory) & (ends > starts[own[0]] - memory)
-            row[own] = False
-            row[near & (log == log[own[0]])] = False
-        tested = np.array([counts[test == f].sum() for f in range(len(train))])
-        return Folds(test, train, ends, float(np.mean(tested / np.maximum(train @ counts, 1))))
+        train = np.ones((test.max() + 1, len(test)), bool)
+        for k, fold in enumerate(test):
+            near = (starts < ends[k] + memory) & (ends > starts[k] - memory)
+            train[fold, near & (log == log[k])] = False
+        tested = np.bincount(test, counts)
+        ratio = float(np.mean(tested / np.maximum(train @ counts, 1)))
+        return Folds(test, train, ends, ratio, memory)
 
 
 def _divide(lengths: np.ndarray, memory: float) -> np.ndarray:
@@ -175,6 +197,27 @@ def _divide(lengths: np.ndarray, memory: float) -> np.ndarray:
     most = np.maximum(lengths // max(memory, 1.0), 1).astype(int)
     share = np.round(LEVELS.folds * lengths / lengths.sum()).astype(int)
     return np.clip(share, 1, most)
+
+
+def _divide_motion(information: Information) -> np.ndarray:
+    """Return the region of the motion in which each block lies, (B,) int.
+
+    Blocks are alike if their mean equations are. Each region is halved across the direction in
+    which its equations vary most.
+    """
+    columns = np.eye(information.size + 1)[:, :-1]
+    sums = [part.sums @ own for part, own in information.of_actuators(columns)]
+    mean = np.hstack(sums) / information.counts[:, None]
+    size = mean.std(axis=0)
+    varies = size > ROUNDOFF * size.max(initial=0.0)
+    state = mean[:, varies] / size[varies]
+    region = np.zeros(len(state), int)
+    for _ in range(LEVELS.halvings):
+        for here in [np.flatnonzero(region == k) for k in range(region.max() + 1)]:
+            apart = state[here] - state[here].mean(axis=0)
+            along = np.linalg.eigh(apart @ apart.T)[1][:, -1]
+            region[here] = 2 * region[here] + (along > np.median(along))
+    return np.unique(region, return_inverse=True)[1]
 
 
 @frozen
@@ -250,6 +293,18 @@ class HeldOut:
         folds = folds or Folds.of(information, float(np.max(noise.times)))
         own = np.maximum(noise.variance * noise.times, least_noise(information))
         return HeldOut(information, folds, own, information.summed(folds.tested))
+
+    @cached_property
+    def regions(self) -> HeldOut:
+        """The same about folds that leave out regions of the motion.
+
+        These are the given folds where the rest of a region is smaller than the region.
+        """
+        folds = Folds.of_regions(self.information, self.folds.memory)
+        counts = self.information.counts
+        if (folds.train @ counts < folds.tested @ counts).any():
+            return self
+        return HeldOut(self.information, folds, self.noise, self.information.summed(folds.tested))
 
     def refit(self, fit: Estimate, M: Array | None = None, fixed: Array | None = None) -> Array:
         """Return the values of a model fitted to each fold's rest, (F, k).

@@ -19,7 +19,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.special import log_ndtr, softmax
+from scipy.special import log_ndtr, ndtri, softmax
 
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
@@ -32,6 +32,10 @@ from .rules import RULES
 
 #: Sizes that a group may have, relative to the torque of its joint: uniform in the logarithm.
 SIZES = np.geomspace(1e-4, 1.0, 40)
+#: Amounts of a group that are tried, in standard errors: from 30 on every group is named.
+AMOUNTS = np.linspace(0.0, 30.0, 601)
+#: An estimate exceeds the truth less so many standard errors with 95 % probability.
+SEEN = float(ndtri(0.95))
 
 
 def whitened_information(
@@ -328,10 +332,45 @@ class MixedModel:
         variance = (towards**2 * shrunk).sum(2)
         return rise, np.log(2.0) + log_ndtr(mean / np.sqrt(variance))
 
+    def least_named(self, terms: Terms, group: Group, towards: Array) -> float:
+        """Return the smallest amount of a group that is named with 95 % probability.
+
+        Infinite if the rows do not show the group.
+
+        Parameters
+        ----------
+        terms : tuple of Term
+            That are in the model already.
+        group : Group
+        towards : (k,)
+            Values of the columns of its first member at an amount of one.
+        """
+        s = self.solve(terms)
+        every = np.unique(np.concatenate(group.members))
+        along = s.root @ self._between(s.columns[:, None], every)
+        whole = self._between(every[:, None], every)
+        planted = np.zeros(len(every))
+        planted[np.searchsorted(every, group.members[0])] = towards * self.scale[group.members[0]]
+        left = (whole - along.T @ along) @ planted
+        information = float(planted @ left)
+        if not information > THIN * float(planted @ whole @ planted):
+            return np.inf
+        standard_error = 1.0 / np.sqrt(information)
+        rises = []
+        for member in group.members:
+            at = np.searchsorted(every, member)
+            S = np.broadcast_to(whole[np.ix_(at, at)], (len(AMOUNTS), len(at), len(at)))
+            part = np.broadcast_to(along[:, None, at], (len(along), len(AMOUNTS), len(at)))
+            rises.append(self.rise(S, part, standard_error * AMOUNTS[:, None] * left[at])[0])
+        each = np.concatenate(rises, axis=1)
+        odds = np.logaddexp.reduce(each, axis=1) - np.log(each.shape[1]) - group.price
+        named = AMOUNTS[int(np.argmax(odds >= RULES.name))]
+        return float((named + SEEN) * standard_error)
+
     def update_terms(self, terms: Terms) -> Terms:
         """Return terms with the member, size and odds that each has given the others."""
         for k in range(len(terms)):
-            (again,) = self.gains(_without(terms, k), [terms[k].group])
+            (again,) = self.gains(without(terms, k), [terms[k].group])
             terms = (*terms[:k], again, *terms[k + 1 :])
         return terms
 
@@ -352,7 +391,7 @@ class MixedModel:
             while terms and min(t.odds for t in terms) < RULES.name:
                 least = min(range(len(terms)), key=lambda k: terms[k].odds)
                 gone.add(terms[least].key)
-                terms = self.update_terms(_without(terms, least))
+                terms = self.update_terms(without(terms, least))
         return terms
 
     def evidence(self, terms: Terms, unseen: Information) -> float:
@@ -372,7 +411,7 @@ class MixedModel:
     def news(self, terms: Terms, unseen: Information) -> list[float]:
         """Return the gain of each term on unseen rows, given the others [nat]."""
         full = self.evidence(terms, unseen)
-        rest = (_without(terms, k) for k in range(len(terms)))
+        rest = (without(terms, k) for k in range(len(terms)))
         return [full - self.evidence(other, unseen) for other in rest]
 
     def confirm(self, terms: Terms, unseen: Information) -> Terms:
@@ -389,7 +428,7 @@ class MixedModel:
             worst = int(np.argmin(over))
             if over[worst] >= 0:
                 break
-            terms = _without(terms, worst)
+            terms = without(terms, worst)
         return terms
 
     def left_out(self, terms: Terms, blocks: Information, sets: Sequence[Collection[int]]) -> Array:
@@ -410,7 +449,7 @@ class MixedModel:
     def rivals(self, terms: Terms, which: int) -> list[Term]:
         """Return the competing explanations of a term ("A or B"), the likeliest first."""
         own = terms[which]
-        rest = _without(terms, which)
+        rest = without(terms, which)
         among = [g for g in self.beside(rest) if g.key != own.key]
         return [t for t in self.gains(rest, among) if t.odds > own.odds - RULES.rival]
 
@@ -421,5 +460,6 @@ class MixedModel:
         return list(zip(found, weights, strict=True))
 
 
-def _without(terms: Terms, k: int) -> Terms:
+def without(terms: Terms, k: int) -> Terms:
+    """Return all terms but the k-th."""
     return terms[:k] + terms[k + 1 :]

@@ -113,6 +113,8 @@ class Table:
         Row that is emphasised.
     long : bool
         Whether it is too long for a terminal.
+    always : bool
+        Whether a terminal shows it without being asked for details.
     """
 
     caption: str
@@ -121,6 +123,7 @@ class Table:
     filter_by: int | None = None
     marked: int | None = None
     long: bool = False
+    always: bool = False
 
     @classmethod
     def of(
@@ -135,7 +138,7 @@ class Table:
             Define the values of a row that they show, and their format.
         rows : iterable
         options
-            `filter_by`, `marked` and `long`.
+            `filter_by`, `marked`, `long` and `always`.
         """
         cells = (tuple(c.cell(row, k) for k, c in enumerate(columns)) for row in rows)
         return cls(caption, tuple(columns), tuple(cells), **options)
@@ -151,11 +154,32 @@ class Table:
         return replace(self, columns=columns, rows=rows, marked=marked, filter_by=filter_by)
 
     def text(self, width: int = 80) -> str:
-        """Return the table as text without detail columns; a wide table is split into blocks."""
+        """Return the table as text without detail columns; columns that do not fit are left out.
+
+        The first column and those of badges, such as verdicts, are always shown.
+        """
         own = self.brief()
         cells = [[shorten(cell.text, width // 3) for cell in row] for row in own.rows]
         frame = pd.DataFrame(cells, columns=[column.title for column in own.columns])
-        return f"{fill(self.caption, width)}\n{frame.to_string(index=False, line_width=width)}"
+        shown = own._fitting_columns(cells, width)
+        left_out = len(own.columns) - len(shown)
+        caption = fill(self.caption, width)
+        text = frame.iloc[:, shown].to_string(index=False)
+        more = f"\nColumns left out: {left_out}." if left_out else ""
+        return f"{caption}\n{text}{more}"
+
+    def _fitting_columns(self, cells: Sequence[Sequence[str]], width: int) -> list[int]:
+        """Return the columns that fit into a width [letters], in their order."""
+        titles = [column.title for column in self.columns]
+        longest = [max(map(len, texts)) + 1 for texts in zip(titles, *cells, strict=True)]
+        always = [k for k, c in enumerate(self.columns) if k == 0 or c.kind == "badge"]
+        room = width - sum(longest[k] for k in always)
+        shown = [*always]
+        for k in range(len(titles)):
+            if k not in shown and longest[k] <= room:
+                shown.append(k)
+                room -= longest[k]
+        return sorted(shown)
 
 
 def frame_table(frame: pd.DataFrame, caption: str = "", *, filter_by: str | None = None) -> Table:

@@ -28,6 +28,10 @@ class IdentifiabilityError(Exception):
         super().__init__(legible(sentence))
         self.key: str = getattr(sentence, "key", "")
 
+    def _render_traceback_(self) -> list[str]:
+        """Return what a notebook shows: the sentence, without frames, with keywords of Python."""
+        return [f"{type(self).__name__}: {with_keywords(str(self))}"]
+
 
 class RobotError(IdentifiabilityError):
     """The robot file or its sidecar cannot be used."""
@@ -51,6 +55,22 @@ class OutputError(IdentifiabilityError):
 
 class EngineError(IdentifiabilityError):
     """The processes or the cluster that should do the work cannot be used."""
+
+
+def with_keywords(sentence: str) -> str:
+    """Return a sentence with the keywords of Python in place of options of the command line."""
+    value = r"(?:'([^']*)'|(\S+?)(?=[.,;)]*(?:\s|$)))"
+
+    def keyword(option: str, given: str) -> str:
+        old, equals, new = given.partition("=")
+        if option == "lock":
+            return f"lock=[{old!r}]" if not equals else f"lock={{{old!r}: {new}}}"
+        return f"columns={{{old!r}: {new!r}}}" if option == "map" else given
+
+    sentence = re.sub(
+        rf"--(map|lock|set) {value}", lambda m: keyword(m[1], m[2] or m[3] or ""), sentence
+    )
+    return re.sub(r"--([a-z][a-z-]+)", lambda m: f"{m[1].replace('-', '_')}=", sentence)
 
 
 def legible(sentence: str) -> str:

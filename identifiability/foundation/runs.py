@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Annotated
+from dataclasses import replace
+from typing import Annotated, Any
 
 from .engines import Engine, Processes, Serial, Steps
 from .options import Expected
@@ -13,6 +14,9 @@ from .values import frozen
 Progress = Annotated[
     Callable[[str, float], None], Expected("a function that takes a text and the share done")
 ]
+
+#: Receives a first answer, before the whole one.
+First = Annotated[Callable[[Any], object], Expected("a function that takes a result")]
 
 
 def quiet(_text: str, _share: float) -> None:
@@ -46,8 +50,19 @@ class Run:
         Processes stretches of logs that are too long for memory.
     seed : int
         Seed of all random numbers.
+    first : callable(Result), optional
+        Receives a first answer, if the whole one takes long.
     """
 
     say: Progress = quiet
     engine: Engine = Serial()
     seed: int = 0
+    first: First | None = None
+
+    def after(self, start: float) -> Run:
+        """Return the settings of stages that begin when this share of the whole is finished."""
+
+        def say(text: str, share: float) -> None:
+            self.say(text, start + (1.0 - start) * share)
+
+        return replace(self, say=say)

@@ -21,8 +21,11 @@ if TYPE_CHECKING:
 #: Commands of each joint: position, velocity, feed-forward torque.
 COMMANDS = ("q_ref", "dq_ref", "tau_ff")
 
+#: Position and torque of each motor, beside those of its joint: both sides of a gear.
+MOTOR = ("q_m", "tau_m")
+
 #: Channels of a log for each joint.
-CHANNELS = ("q", "dq", "ddq", "tau", *COMMANDS)
+CHANNELS = ("q", "dq", "ddq", "tau", *COMMANDS, *MOTOR)
 
 
 class Numbers:

@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 
 from identifiability.foundation.errors import LogError, listing, near_match, nearest
-from identifiability.foundation.findings import Finding
+from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import TIME_UNITS, Array, Strings, find_patterns, name_rule
 from identifiability.foundation.quoting import option_for_shell, toml_key
 from identifiability.foundation.values import frozen
 
-from .checks import CHANNELS, COMMANDS, to_floats
+from .checks import CHANNELS, COMMANDS, MOTOR, to_floats
 from .codes import Code, describe_codes, find_codes, show_codes
 from .conventions import Conventions
 from .names import (
@@ -32,12 +32,14 @@ from .names import (
     DIMENSIONS,
     INDEX,
     KINDS,
+    SIDES,
     SPELLED,
     UNITS,
     Column,
     find_unit,
     guess_column,
     split_unit,
+    take_joint,
     unread_unit,
     words_for,
     words_of,
@@ -49,7 +51,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 #: Channels that are angles or their rates, and one degree [rad].
-ANGULAR = ("q", "dq", "ddq", "q_ref", "dq_ref")
+ANGULAR = ("q", "dq", "ddq", "q_ref", "dq_ref", "q_m")
 DEGREE = math.pi / 180
 
 #: A joint's name and a word for its channel.
@@ -139,6 +141,7 @@ def name_columns(
     commanding = resolve_commands(taken, names, source, known, torque=torque)
     needed = ("q",) if commanding else needed
     wanted = _all_there(taken, known, needed)
+    _require_motors(taken, wanted, known, source)
     if not wanted and torque:
         wanted = _all_there({*taken, *_unmeasured(names, taken, known)}, known, needed)
     if not wanted:
@@ -188,7 +191,8 @@ def _find_candidates(
                 for g in measured
             ]
     if _all_there({g.name for g in measured if g.literal}, known, needed):
-        measured = [g for g in measured if g.literal or g.joint in known.locked]
+        also = (*known.locked,)
+        measured = [g for g in measured if g.literal or g.kind in MOTOR or g.joint in also]
     return [*measured, *commands]
 
 
@@ -197,8 +201,37 @@ def _guess(names: Mapping[str, str], known: Conventions) -> list[Column]:
     joints = tuple(dict.fromkeys((*known.motors, *known.joints, *known.locked)))
     if not known.joints:
         joints = tuple({split_unit(n)[0].rpartition(".")[0]: 0 for n in names.values()})
-    guesses = [guess_column(c, n, joints) for c, n in names.items()]
+    guess = _guess_side if known.torque.has_side("both") else guess_column
+    guesses = [guess(c, n, joints) for c, n in names.items()]
     return [g for g in guesses if g is not None and (known.joints or g.literal or g.name == "t")]
+
+
+#: Ends of the names of channels on the two sides of a gear.
+_ENDS = {"motor": "_m", "link": ""}
+
+
+def _guess_side(source: str, name: str, joints: Sequence[str]) -> Column | None:
+    """Return the column that a name describes if some are of motors and some of links.
+
+    Parameters as of `guess_column`. Currents are those of motors.
+    """
+    plain = split_unit(name)[0]
+    guess = guess_column(source, name, joints)
+    if guess is not None and guess.literal:
+        return guess
+    if _owner(plain) in joints and _kind(plain) in MOTOR:
+        guess = guess_column(source, name.replace("_m", ""), joints)
+        return guess and replace(guess, kind=_kind(plain))
+    words = take_joint(words_of(plain), joints)[1]
+    for side, end in _ENDS.items():
+        for word in {*SIDES[side].split()}.intersection(words):
+            bare = re.sub(rf"(?i)(?<![a-z]){word}(?![a-z])", " ", name, count=1)
+            guess = guess_column(source, bare, joints)
+            if guess is not None and guess.kind in ("q", "tau"):
+                return replace(guess, kind=guess.kind + end, literal=False)
+    if guess is not None and guess.kind == "current":
+        return replace(guess, kind="tau_m", current=True)
+    return guess
 
 
 def _has_torque(names: Mapping[str, str], guesses: Sequence[Column]) -> bool:
@@ -295,6 +328,17 @@ def _free(names: Mapping[str, str], taken: Mapping[str, Column]) -> list[str]:
     return [name for column, name in names.items() if column not in used]
 
 
+def _require_motors(
+    taken: Collection[str], wanted: Sequence[str], known: Conventions, source: str
+) -> None:
+    """Refuse a log without the torque of motors that the sidecar announces."""
+    both = [j for j in wanted if known.torque.side_of(j) == "both"]
+    missing = [f"{j}.tau_m" for j in both if f"{j}.tau_m" not in taken]
+    if missing:
+        map_motor = _map_word("OLD", missing[0])
+        raise LogError(Finding("columns.motor", source, columns=missing, map=map_motor))
+
+
 # Conversion of a column to SI units: by the unit of the log, or else of the sidecar.
 
 
@@ -346,11 +390,15 @@ def _convert_torque(
         If a current has no gain, or a motor's torque no ratio.
     """
     torque = known.torque
-    given = {c.joint: c for c in columns if c.kind == "tau" and c.joint in joints}
+    both = [j for j in joints if torque.side_of(j) == "both"]
+    if both:
+        columns = _convert_motors(columns, both, known)
+    given = {c.joint: c for c in columns if c.kind == "tau" and c.joint in {*joints} - {*both}}
     loose = [j for j, c in given.items() if c.current and torque.at("gain", j) is None]
     lacking = "columns.gain"
-    if not loose and torque.side == "motor":
-        loose = [j for j in given if j not in known.motors and torque.at("ratio", j) is None]
+    if not loose:
+        before = [j for j in given if j not in known.motors and torque.side_of(j) == "motor"]
+        loose = [j for j in before if torque.at("ratio", j) is None]
         lacking = "columns.ratio"
     if loose:
         raise LogError(Finding(lacking, source, joints=loose, first=toml_key(loose[0])))
@@ -363,13 +411,34 @@ def _convert_torque(
     currents = any(c.current for c in given.values())
     what = "torques are currents times" if currents else "torques were multiplied by"
     notes = [f"{what} the values of the sidecar ({listing(changed, 4)})"] if changed else []
-    return out, [*notes, BEHIND] if torque.side == "link" else notes
+    links = [j for j in joints if torque.side_of(j) == "link"]
+    if links:
+        notes.append(phrase("reading", "link", joints=links))
+    if both:
+        notes.append(phrase("reading", "both", joints=both))
+    return out, notes
 
 
-#: Note on a sensor behind the gears.
-BEHIND = (
-    "torque was measured behind the gears, where no inertia of rotors is seen: the model has none"
-)
+def _convert_motors(
+    columns: Sequence[Column], joints: Collection[str], known: Conventions
+) -> list[Column]:
+    """Return columns with torque and position of motors as their joints see them.
+
+    Gain and ratio of these joints are those of the motor's columns. A link torque keeps its unit,
+    and the sign holds for both.
+    """
+    torque = known.torque
+    out = []
+    for c in columns:
+        factor = 1.0
+        if c.joint in joints and c.kind == "tau_m":
+            factor = torque.factor(c.joint)
+        elif c.joint in joints and c.kind == "tau":
+            factor = torque.at("sign", c.joint) or 1.0
+        elif c.joint in joints and c.kind == "q_m":
+            factor = 1.0 / (torque.at("ratio", c.joint) or 1.0)
+        out.append(replace(c, factor=c.factor * factor))
+    return out
 
 
 def _tell_angles(joints: Sequence[str], known: Conventions) -> list[str]:

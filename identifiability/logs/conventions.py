@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from identifiability.foundation.names import Renames, Strings
 from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
+from identifiability.robot.description import Coupling
 from identifiability.robot.floating import Base
 from identifiability.robot.servo import Servo
 from identifiability.robot.sidecar import MeasuredTorque
@@ -51,6 +52,8 @@ class Conventions:
         Joints without a motor, which need no columns.
     codes : mapping of str to Code
         Codes that other logs show, by the kind of column.
+    lengths : mapping of str to Coupling
+        Lengths of tendons as sums over joints, whose positions a log may have instead.
     """
 
     joints: Strings = ()
@@ -67,6 +70,7 @@ class Conventions:
     base: Base | None = None
     passive: Strings = ()
     codes: Mapping[str, Code] = {}
+    lengths: Mapping[str, Coupling] = {}
 
     @staticmethod
     def of(robot: Robot) -> Conventions:
@@ -88,4 +92,9 @@ class Conventions:
             servo=robot.servo,
             base=robot.base,
             passive=tuple(j for j in robot.home_table if j not in robot.motor_joints),
+            lengths={
+                cable.name: cable.along.through(robot.couplings)
+                for cable in robot.cables
+                if cable.along is not None
+            },
         )

@@ -72,6 +72,9 @@ class Log:
     dq, ddq, q_ref, dq_ref, tau_ff : (N, n) or None
         Derivatives, and commanded positions, velocities and torques (feed-forward of a servo), if
         the log has them for every joint.
+    q_m, tau_m : (N, n) or None
+        Position and torque of the motors as their joints see them (times or over the gear ratio),
+        if torque was measured on both sides of gears.
     sha256 : str
         Hash of the file, or of the values for a DataFrame.
     notes : tuple of str
@@ -96,6 +99,8 @@ class Log:
         motion.
     codes : mapping of str to Code
         Codes of signed numbers that its table shows, by the kind of column.
+    drives_alone : bool
+        Whether `tau` is motor torque minus link torque.
     """
 
     name: str
@@ -113,12 +118,15 @@ class Log:
     unmeasured: Array | None = None
     dq_ref: Array | None = None
     tau_ff: Array | None = None
+    q_m: Array | None = None
+    tau_m: Array | None = None
     servo_delay: float | None = None
     rollout: Array | None = None
     base: Array | None = None
     path: str = ""
     speed_error: Array | None = None
     codes: Mapping[str, Code] = {}
+    drives_alone: bool = False
 
     def __len__(self) -> int:
         return len(self.t)
@@ -310,6 +318,39 @@ class Log:
 
     def _repr_html_(self) -> str:
         return shown(repr(self)[1:-1], self.rows(0, 10).to_frame(), "to_frame()")
+
+    def split_sensors(self, joints: Sequence[str]) -> tuple[Log, ...]:
+        """Return the log as its sensors behind and before gears measured it.
+
+        The first has link torque along the motion of the links. The second has motor torque minus
+        link torque, along the motion of the motors where it was measured. A log with one sensor is
+        returned as it is.
+
+        Parameters
+        ----------
+        joints : sequence of str
+            Joints with both sensors; torque of other joints is no data in the second.
+        """
+        if self.tau_m is None or not joints:
+            return (self,)
+        links = replace(self, q_m=None, tau_m=None)
+        other = np.array([joint not in joints for joint in self.joints])
+        unmeasured = np.broadcast_to(other, self.tau.shape)
+        if self.unmeasured is not None:
+            unmeasured = unmeasured | self.unmeasured
+        moved = dict[str, Any]()
+        if self.q_m is not None:
+            moved = {"q": np.where(other, self.q, self.q_m), "dq": None, "ddq": None}
+        drives = replace(
+            links,
+            name=f"{self.name} (motors)",
+            path="",
+            tau=self.tau_m - self.tau,
+            unmeasured=unmeasured if unmeasured.any() else None,
+            drives_alone=True,
+            **moved,
+        )
+        return links, drives
 
     def to_frame(self) -> pd.DataFrame:
         """Return the log as a DataFrame that `from_frame` accepts."""

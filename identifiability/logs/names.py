@@ -28,6 +28,7 @@ _TABLES = tomllib.loads(Path(__file__).with_name("words.toml").read_text(encodin
 #: Words of names by their meaning, and the quantities of each channel of a log.
 WORDS: dict[str, str] = _TABLES["words"]
 DIMENSIONS: dict[str, list[str]] = _TABLES["dimensions"]
+SIDES: dict[str, str] = _TABLES["sides"]
 
 #: Units by quantity, with their value in SI.
 SIZES: dict[str, dict[str, float]] = _TABLES["units"]

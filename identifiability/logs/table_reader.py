@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from identifiability.foundation.errors import LogError, listing
 from identifiability.foundation.findings import Finding
@@ -20,8 +21,18 @@ from identifiability.robot.floating import BASE_JOINTS
 
 from . import signals
 from .base import find_base
-from .checks import CHANNELS, Clock, Numbers, to_floats
-from .columns import Naming, as_times, is_stamp, name_columns, resolve_codes, resolve_time, start_of
+from .checks import CHANNELS, MOTOR, Clock, Numbers, to_floats
+from .columns import (
+    DEGREE,
+    Naming,
+    as_times,
+    is_stamp,
+    name_columns,
+    rename,
+    resolve_codes,
+    resolve_time,
+    start_of,
+)
 from .conventions import Conventions
 from .form import PLAIN, Form
 from .formats.reader import Whole
@@ -229,6 +240,7 @@ class TableReader:
         self.sha256 = digest
         if self.known.joints == BASE_JOINTS[:1]:  # of a body alone no column is about a joint
             frame = frame.assign(**{f"{BASE_JOINTS[0]}.{kind}": 0.0 for kind in ("q", "tau")})
+        frame = add_lengths(frame, self.known)
         if not self.naming.columns:
             self._begin(frame)
             found = start_of(self.naming)
@@ -277,6 +289,10 @@ class TableReader:
         self.naming = resolve_time(naming, frame, self.source, self.known)
         self._numbers = {c.name: Numbers(c.name, self.source) for c in self.naming.columns}
         torque = {f"{j}.tau": np.nan for j in naming.joints} | dict.fromkeys(naming.made, 0.0)
+        both = [j for j in naming.joints if self.known.torque.side_of(j) == "both"]
+        for kind in MOTOR:
+            if both and all(f"{j}.{kind}" in self._numbers for j in both):
+                torque |= {f"{j}.{kind}": 0.0 for j in naming.joints}  # of the others it is no data
         self._lacks = {c: x for c, x in torque.items() if c not in self._numbers}
 
     def _check_locked(self, locked: Mapping[str, Array]) -> Iterator[str]:
@@ -352,6 +368,22 @@ class TableReader:
         found |= {c: every[c][last] for c in self.naming.commands}
         self._numbers = {}
         return stack_channels(joints, found), note
+
+
+def add_lengths(frame: pd.DataFrame, known: Conventions) -> pd.DataFrame:
+    """Return a table with positions of tendons, if it has those of their joints instead."""
+    names = {rename(column.strip(), known): column for column in frame.columns}
+    more = {}
+    for tendon, along in known.lengths.items():
+        sources = {joint: names.get(f"{joint}.q") for joint in along.terms}
+        if f"{tendon}.q" in names or None in sources.values():
+            continue
+        unit = DEGREE if tendon in known.degrees else 1.0
+        length = np.full(len(frame), along.constant)
+        for joint, powers in along.terms.items():
+            length += Polynomial(powers)(unit * to_floats(frame[sources[joint]]))
+        more[f"{tendon}.q"] = length / unit
+    return frame.assign(**more) if more else frame
 
 
 def stack_channels(joints: Sequence[str], columns: Mapping[str, Array]) -> dict[str, Array]:

@@ -436,6 +436,8 @@ def real_robot_dict(
     """
     robot = structure.robot
     own, other = file_kinds(robot)
+    # Files keep the values that no sensor observes.
+    unobserved = {p.name: robot.nominal.get(p.name, 0.0) for p in structure.unobserved}
     tilt = apply_tilt(robot, parameters)[0].tilt
     if samples and parameters and (tilt is not None or np.isnan(errors[0])):
         errors = _measure_errors(structure, samples, parameters)
@@ -452,7 +454,7 @@ def real_robot_dict(
         "cad_prior": cad_weight,
         "shapes": dict(structure.shapes) if parameters else {},
         "reference": dict(robot.reference) if is_loaded(structure.parameters) else {},
-        "parameters": dict(parameters),
+        "parameters": unobserved | dict(parameters) if parameters else {},
     }
 
 

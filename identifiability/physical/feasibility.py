@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 from scipy.linalg import null_space
@@ -11,7 +12,7 @@ from scipy.linalg import null_space
 from identifiability.effects.registry import is_loaded
 from identifiability.effects.vocabulary import file_values
 from identifiability.estimation.estimator import clip_signs
-from identifiability.estimation.evidence import LEVELS, Evidence, HeldOut, Score
+from identifiability.estimation.evidence import LEVELS, Evidence, Folds, HeldOut, Score
 from identifiability.foundation.engines import one_thread
 from identifiability.foundation.linalg import ROUNDOFF, or_one
 from identifiability.foundation.names import GROUPED_KINDS, Array
@@ -65,7 +66,7 @@ class PhysicalResult:
     cad_weight : float
         Weight of the prior around the robot file in the search for these values.
     as_good : bool
-        Whether the estimate does not surely predict unseen stretches of the fitted logs better than
+        Whether the estimate does not surely predict unseen regions of the fitted motion better than
         the physically consistent values do.
     """
 
@@ -156,8 +157,8 @@ class PriorChoice:
     score : Score
         What they predict.
     as_good : bool
-        Whether the free fit is not surely better. If the data cannot decide between the two, the
-        physically consistent one is used.
+        Whether the free fit is not surely better in other regions of the motion. If the data cannot
+        decide between the two, the physically consistent one is used.
     """
 
     weight: float
@@ -167,17 +168,18 @@ class PriorChoice:
 
 
 def choose_prior(
-    model: FittedModel, held_out: HeldOut, free: Score, weights: Sequence[float] = WEIGHTS
+    model: FittedModel, held_out: HeldOut, weights: Sequence[float] = WEIGHTS
 ) -> PriorChoice | None:
     """Choose the heaviest prior within two nats of the best predictive log density.
+
+    Regions of the motion that are left out decide whether its values predict as well as the free
+    fit.
 
     Parameters
     ----------
     model : FittedModel
     held_out : evidence.HeldOut
         Folds of what was fitted, about all base parameters.
-    free : Score
-        Of the model without a prior, on the same folds.
     weights : sequence of float
         Among which, the heaviest first; of a single weight, only whether it predicts as well is
         checked.
@@ -197,11 +199,7 @@ def choose_prior(
     G = structure.G
     wider = float(np.sqrt(fit.memory))
     with one_thread():
-        ways = []
-        for row in held_out.folds.train:
-            rest = model.whole.take(row)
-            part = FittedModel(structure, model.submodel, rest, model.submodel.reduce(rest), fit)
-            ways.append(projection.follow(_believe(part, weights[-1]), weights))
+        ways = _follow_folds(model, projection, held_out.folds, weights)
         values = list[Array]()
         scores = list[Score]()
         total = list[float]()
@@ -216,8 +214,40 @@ def choose_prior(
     if not scores:
         return None
     at = int(np.argmax(np.array(total) >= max(total) - LEVELS.nats))
-    good = Evidence.of(scores[at], free).limits[1] >= 0
+    good = _predicts_as_well(model, projection, held_out.regions, weights[at])
     return PriorChoice(weights[at], values[at], scores[at], good)
+
+
+def _follow_folds(
+    model: FittedModel, projection: Projection, folds: Folds, weights: Sequence[float]
+) -> list[Iterator[tuple[Array, Array]]]:
+    """Return the path of optima under falling weights of the prior, for each fold's rest."""
+    # A path that begins at a light weight fails: bodies begin too far from the optimum.
+    heavier = [weight for weight in WEIGHTS if weight > weights[0]]
+    paths = list[Iterator[tuple[Array, Array]]]()
+    for row in folds.train:
+        rest = model.whole.take(row)
+        part = replace(model, whole=rest, information=model.submodel.reduce(rest))
+        path = projection.follow(_believe(part, weights[-1]), [*heavier, *weights])
+        paths.append(islice(path, len(heavier), None))
+    return paths
+
+
+def _predicts_as_well(
+    model: FittedModel, projection: Projection, regions: HeldOut, weight: float
+) -> bool:
+    """Return whether the free fit does not surely predict regions of the motion better.
+
+    Where the solver finds no physically consistent values for a rest, nothing is sure.
+    """
+    submodel = model.submodel
+    with one_thread():
+        found = [list(path) for path in _follow_folds(model, projection, regions.folds, [weight])]
+    if not all(found):
+        return True
+    real = np.stack([path[0][0] for path in found]) @ model.structure.G.T
+    free = regions.refit(model.estimate, submodel.M, submodel.fixed)
+    return Evidence.of(regions.score(real), regions.score(free)).limits[1] >= 0
 
 
 def scale_bodies(structure: Structure, whole: Information) -> Array:

@@ -199,8 +199,10 @@ class MeasuredLogs:
 
     @cached_property
     def _thinned(self) -> tuple[Motion, Array]:
-        each = max(1, ENOUGH // len(self.samples))
-        few = [s.thin(max(1, s.survey.kept // each)) for s in self.samples]
+        # Torque of drives alone is compared with no bodies.
+        whole = [s for s in self.samples if not s.motion.drives_alone]
+        each = max(1, ENOUGH // len(whole))
+        few = [s.thin(max(1, s.survey.kept // each)) for s in whole]
         return join_motions([s.motion for s in few]), np.concatenate([s.tau for s in few])
 
     @property

@@ -50,11 +50,14 @@ class ReadingCandidates:
     literal : Reading
     turns_gravity : bool
         Whether the data distinguish torque without gravity from torque with it.
+    measured : tuple of int
+        Joints whose torque is measured: all but axes of a floating base.
     """
 
     logs: MeasuredLogs
     literal: Reading
     turns_gravity: bool
+    measured: tuple[int, ...]
 
     def of_torque(self) -> Iterator[Reading]:
         """Yield the readings of the torque columns."""
@@ -74,7 +77,7 @@ class ReadingCandidates:
         yield from self.exchanged_positions()
         if self.logs.robot.closed:
             return
-        for joint in range(len(self.names)):
+        for joint in self.measured:
             yield from self.reversed_positions(joint)
             yield from self.positions_in_degrees(joint)
 
@@ -89,7 +92,7 @@ class ReadingCandidates:
 
     def single_joints(self) -> list[tuple[str, Array]]:
         """Return a subject for each joint's torque, and the joint's place, (n,) bool."""
-        return [(f"The torque of {name}", self.is_joint(j)) for j, name in enumerate(self.names)]
+        return [(f"The torque of {self.names[j]}", self.is_joint(j)) for j in self.measured]
 
     def all_subjects(self) -> list[tuple[str, Array]]:
         """Return subjects for the torque of each joint and of all, and their places."""
@@ -114,7 +117,8 @@ class ReadingCandidates:
         )
         if not self.logs.weighs:
             return
-        for j, name in enumerate(self.names):
+        for j in self.measured:
+            name = self.names[j]
             yield self._other(
                 f"The effort of {name} seems to be compensated for gravity",
                 f'Say compensated = ["{name}"] under [torque] in the sidecar',
@@ -132,10 +136,9 @@ class ReadingCandidates:
 
     def orders(self) -> list[Array]:
         """Return the orders of joints that are tried, (n,) int each."""
-        every = range(len(self.names))
-        cycles: list[tuple[int, ...]] = [*combinations(every, 2)]
-        if len(self.names) <= MOST:
-            for i, j, k in combinations(every, 3):
+        cycles: list[tuple[int, ...]] = [*combinations(self.measured, 2)]
+        if len(self.measured) <= MOST:
+            for i, j, k in combinations(self.measured, 3):
                 cycles += [(i, j, k), (i, k, j)]
         orders = [*(self._cycle(cycle) for cycle in cycles), *self.leg_orders()]
         # A permutation of legs may be a cycle as well.
@@ -223,9 +226,9 @@ class ReadingCandidates:
 
     def exchanged_positions(self) -> Iterator[Reading]:
         """Yield joints whose positions are exchanged, without and with their torque."""
-        if len(self.names) > MOST:
+        if len(self.measured) > MOST:
             return
-        pairs = [self._cycle(pair) for pair in combinations(range(len(self.names)), 2)]
+        pairs = [self._cycle(pair) for pair in combinations(self.measured, 2)]
         for order in self.leg_orders() if self.logs.robot.closed else pairs:
             pair = self._moved_by(order)
             motion = self.literal.motion[order]

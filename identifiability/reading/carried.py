@@ -48,6 +48,7 @@ class ReadingEntry(BaseModel):
     compensated: list[bool]
     gravity: list[float]
     motion: list[list[float]]
+    link_side: list[bool] = []
     parameters: dict[str, float] = {}
     log_odds: float = 0.0
     error_ratio: float = 1.0
@@ -73,7 +74,7 @@ class CarriedReading:
         """Return a reading without the offsets of its logs; None if then nothing differs."""
         others = replace(reading, offsets={}, separate_offsets=False)
         turns = not np.allclose(reading.gravity, structure.robot.gravity)
-        changes = turns or not others.keeps_columns
+        changes = turns or not others.keeps_columns or others.link_side.any()
         return CarriedReading(others, structure) if changes else None
 
     @staticmethod
@@ -101,12 +102,16 @@ class CarriedReading:
         permutes = np.array_equal(np.sort(arrays["order"]), literal.order)
         if not (permutes and arrays["factor"].all()):
             raise ModelError(Finding("reading.other"))
-        return CarriedReading(Reading(**texts, **arrays, parameters=np.array(values)), structure)
+        sides = np.array(entry.link_side, bool)
+        if len(sides) not in (0, len(literal.order)):
+            raise ModelError(Finding("reading.other"))
+        reading = Reading(**texts, **arrays, parameters=np.array(values), link_side=sides)
+        return CarriedReading(reading, structure)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the reading as JSON keeps it."""
         values: dict[str, Any] = {name: getattr(self.reading, name) for name in TEXTS + NUMBERS}
-        values |= {name: getattr(self.reading, name).tolist() for name in LISTS}
+        values |= {name: getattr(self.reading, name).tolist() for name in (*LISTS, "link_side")}
         pairs = zip(self.structure.columns, self.reading.parameters.tolist(), strict=False)
         verification = self.reading.verification
         if verification is not None:
@@ -114,14 +119,19 @@ class CarriedReading:
         return values | {"parameters": dict(pairs)}
 
     def turn(self, robot: Robot) -> Robot:
-        """Return a robot without gravity if all torque lacks it; the model states a tilt."""
-        weightless = not self.reading.gravity.any()
-        return self.reading.robot(robot) if weightless else robot
+        """Return a robot without gravity if all torque lacks it; the model states a tilt.
+
+        Torque sensors sit where the reading says.
+        """
+        changes = not self.reading.gravity.any() or self.reading.link_side.any()
+        return self.reading.robot(robot) if changes else robot
 
     def lacking(self, log: Log, times: Array) -> Array:
         """Return the gravity torque that the columns of a literal log lack, (N, n) [N·m or N]."""
-        torque = self.reading.gravity_torque(log, self.structure)
-        return np.column_stack([np.interp(times, log.t, column) for column in torque.T])
+        first, last = np.searchsorted(log.t, times[[0, -1]])
+        near = log.rows(max(first - 1, 0), last + 1)
+        torque = self.reading.gravity_torque(near, self.structure)
+        return np.column_stack([np.interp(times, near.t, column) for column in torque.T])
 
     def as_logged(self, times: Array, torque: Array, *, width: bool = False) -> Array:
         """Convert torque of the joints to the columns of a log, (N, n).

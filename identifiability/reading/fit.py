@@ -8,6 +8,7 @@ that the model lacks is such a function, and must not decide between readings.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 
@@ -238,16 +239,21 @@ class TorqueRows:
         share = self.solve(reading, adjusted=adjusted)[1]
         return np.asarray(0.5 * np.log(share)[np.argsort(reading.order)])
 
-    def solve(self, reading: Reading, *, adjusted: bool) -> tuple[Array, Array]:
+    def solve(
+        self, reading: Reading, *, adjusted: bool, fixed: Mapping[int, float] | None = None
+    ) -> tuple[Array, Array]:
         """Return base parameters (b,), and residual variance over that of the torque (n,).
 
-        Friction and rotor inertia are not negative. Joints are weighted by their residual.
+        Friction and rotor inertia are not negative. Joints are weighted by their residual. `fixed`
+        has values of base parameters that are not fitted, by their place.
         """
         joints = self._products_under(reading, adjusted)
         scale = self.variation[reading.order] * np.maximum(self.counts, 1)
+        # Torque of a floating base need not be measured.
+        scale = np.where(scale > 0.0, scale, 1.0)
         weight = 1.0 / scale
         for _ in range(3):
-            value = self._solve_weighted(joints, weight)
+            value = self._solve_weighted(joints, weight, fixed or {})
             residual = np.array([joint.residual(value) for joint in joints])
             residual = np.maximum(residual, ROUNDOFF * scale)
             weight = 1.0 / residual
@@ -269,7 +275,10 @@ class TorqueRows:
         functions = [np.linalg.norm(own, axis=0).sum() for own in self._smooth]
         used = np.array(functions) + self.parts.shape[2] / len(gravity)
         free = np.maximum(self.counts - used, 0.0)
-        independent = free / autocorrelation_time(np.column_stack(residuals))
+        measured = self.counts > 0
+        rows = np.column_stack(residuals)[:, measured]
+        independent = np.zeros(len(free))
+        independent[measured] = free[measured] / autocorrelation_time(rows)
         return np.asarray(independent[np.argsort(reading.order)])
 
     def size_beside_file(self, reading: Reading) -> float:
@@ -306,7 +315,9 @@ class TorqueRows:
             joints.append(JointProducts(self.acts[j], gram, cross / factor, square))
         return joints
 
-    def _solve_weighted(self, joints: list[JointProducts], weight: Array) -> Array:
+    def _solve_weighted(
+        self, joints: list[JointProducts], weight: Array, fixed: Mapping[int, float]
+    ) -> Array:
         """Return the base parameters (b,) that fit all joints, each with its weight."""
         size = self.parts.shape[2]
         gram = np.zeros((size, size))
@@ -314,9 +325,14 @@ class TorqueRows:
         for by, joint in zip(weight, joints, strict=True):
             gram[np.ix_(joint.at, joint.at)] += by * joint.gram
             cross[joint.at] += by * joint.cross
+        known = np.zeros(size)
+        known[[*fixed]] = [*fixed.values()]
+        cross = cross - gram @ known
+        # Columns of length zero are not fitted.
+        gram[[*fixed]] = gram[:, [*fixed]] = 0.0
         nonnegative = self.structure.base.nonnegative
         of_payload = np.zeros(size - len(nonnegative), bool)
-        return solve_nonnegative(gram, cross, np.append(nonnegative, of_payload))
+        return known + solve_nonnegative(gram, cross, np.append(nonnegative, of_payload))
 
     # Products of columns and torque, each computed once.
 
@@ -424,7 +440,9 @@ class TorqueRows:
         columns: list[list[Array]] = [[] for _ in self.robot.joints]
         for joint, k in sorted(missing.entries):
             columns[joint].append(missing.entries[joint, k] / missing.scale[k])
-        return [_shorten(np.stack(own, 1)) for own in columns]
+        # No function acts in a joint without data.
+        none = np.zeros((len(self.excerpt.t), 0))
+        return [_shorten(np.stack(own, 1)) if own else none for own in columns]
 
     @cached_property
     def _smooth(self) -> list[Array]:
@@ -471,6 +489,8 @@ class TorqueRows:
 
 def _shorten(functions: Array) -> Array:
     """Return orthogonal functions (N, m), each as long as the share of it that is projected."""
+    if not functions.size:
+        return functions
     basis, size, _ = np.linalg.svd(functions, full_matrices=False)
     weak = max(STRONG * float(size[0]), 1e-300)  # a joint at rest has size zero
     return np.asarray(basis * (1.0 - 1.0 / np.hypot(1.0, size / weak)))

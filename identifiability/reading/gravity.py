@@ -94,7 +94,7 @@ class FirstZero:
         model = robot.model
         name = model.names[1]
         begins = [*model.parents][1:].count(0) == 1
-        if robot.closed or not begins or name not in robot.joints:
+        if robot.closed or robot.base is not None or not begins or name not in robot.joints:
             return None
         data = model.createData()
         pin.computeJointJacobians(model, data, pin.neutral(model))

@@ -60,6 +60,8 @@ class Reading:
         Whether each log has its own torque offsets.
     offsets : mapping of str to (n,) [N·m or N]
         Torque offsets by the name of the log, less their mean.
+    link_side : (n,) bool
+        Joints whose torque sensor sits behind the gear. Empty if none does.
     fitted_numbers : int
         Count of the reading's fitted numbers.
     log_odds : float
@@ -83,6 +85,7 @@ class Reading:
     parameters: Array = np.empty(0)
     separate_offsets: bool = False
     offsets: Mapping[str, Array] = {}
+    link_side: Array = np.zeros(0, bool)
     fitted_numbers: int = 0
     log_odds: float = 0.0
     error_ratio: float = 1.0
@@ -115,6 +118,8 @@ class Reading:
             # A question is put as a possibility.
             claim = self.description.replace(" seems to ", " may ").replace(" seem to ", " may ")
             return f"{claim}. {self.verification.doubt} {self.remedy} if that is so."
+        if self.link_side.any():
+            return f"{self.description} ({self.log_odds:.3g} nats). {self.remedy}."
         less = percent(1.0 - self.error_ratio, 2)
         evidence = f"read so, the model errs by {less} less ({self.log_odds:.3g} nats)"
         return f"{self.description}: {evidence}. {self.remedy}."
@@ -145,6 +150,8 @@ class Reading:
     def structure(self, literal: Structure) -> Structure:
         """Return the model under the reading's gravity; another direction becomes a tilt effect."""
         robot = literal.robot
+        if self.link_side.any():
+            return Structure.of(self.robot(robot), literal.model)
         if np.allclose(self.gravity, robot.gravity):
             return literal
         if self.gravity.any():
@@ -153,13 +160,17 @@ class Reading:
         return Structure.of(self.robot(robot), model)
 
     def robot(self, robot: Robot) -> Robot:
-        """Return a robot under the reading's gravity."""
+        """Return a robot under the reading's gravity and places of torque sensors."""
         turned = robot.model.copy()
         turned.gravity.linear = self.gravity
-        return replace(robot, model=turned)
+        torque = robot.torque
+        if self.link_side.any():
+            joints = np.array(robot.joints)[self.link_side].tolist()
+            torque = torque.model_copy(update={"side": dict.fromkeys(joints, "link")})
+        return replace(robot, model=turned, torque=torque)
 
     def read(self, log: Log, literal: Structure) -> Log:
-        """Return a log whose columns are corrected.
+        """Return a log whose columns are corrected; a long log is corrected piece by piece.
 
         Parameters
         ----------
@@ -168,27 +179,50 @@ class Reading:
         literal : Structure
             The model of the literal reading, in whose columns `parameters` are.
         """
-        offset = self.offsets.get(log.name, 0.0)
-        torque = self._shifted(log, log.tau) * self.factor
-        torque = torque + self.gravity_torque(log, literal) - offset
-        return replace(log, tau=torque, unmeasured=self._unmeasured(log), **self._moved(log))
+        named = [joint in log.joints for joint in literal.robot.joints]
+        columns = np.flatnonzero(named)
+        return log.changed(lambda rows, _: self._read_rows(rows, log, literal, columns))
 
-    def _shifted(self, log: Log, columns: Array) -> Array:
-        """Return columns (N, n) of a log in the order of the joints, without their delays."""
-        pairs = zip(self.order.tolist(), self.delay.tolist(), strict=True)
-        shifted = [np.interp(log.t + delay, log.t, columns[:, k]) for k, delay in pairs]
-        return np.column_stack(shifted)
+    def _read_rows(self, rows: Log, log: Log, literal: Structure, columns: Array) -> Log:
+        """Return some rows of a log with corrected columns.
 
-    def _unmeasured(self, log: Log) -> Array | None:
-        """Return a mask of torque that was not measured, (N, n); None if all was.
+        Parameters
+        ----------
+        rows, log : Log
+            Some rows, and all.
+        literal : Structure
+        columns : (k,) int
+            Joints of the robot that have columns in the log: all but the axes of a floating base.
+        """
+        gravity = self.gravity_torque(rows, literal)
+        offset = np.broadcast_to(self.offsets.get(log.name, 0.0), self.factor.shape)[columns]
+        torque = self._shifted(rows.t, log, columns, log.tau)
+        torque = torque * self.factor[columns] + gravity - offset
+        gone = self._unmeasured(rows.t, log, columns)
+        return replace(rows, tau=torque, unmeasured=gone, **self._moved(rows))
+
+    def _unmeasured(self, times: Array, log: Log, columns: Array) -> Array | None:
+        """Return a mask of torque that was not measured at some times, (N, k); None if all was.
 
         The last torque of a delayed column comes after the end of the log.
         """
-        at = log.t[:, None] + self.delay
+        if log.unmeasured is None and not self.delay.any():
+            return None
+        at = times[:, None] + self.delay[columns]
         outside = (at < log.t[0]) | (at > log.t[-1])
         if log.unmeasured is not None:
-            outside |= self._shifted(log, log.unmeasured.astype(float)) > 0.0
-        return outside if outside.any() else None
+            outside |= self._shifted(times, log, columns, log.unmeasured) > 0.0
+        return np.asarray(outside)
+
+    def _shifted(self, times: Array, log: Log, columns: Array, values: Array) -> Array:
+        """Return the values (N, k) of torque columns at some times, without their delays."""
+        shifted = []
+        order = np.searchsorted(columns, self.order[columns])
+        for delay, column in zip(self.delay[columns].tolist(), order.tolist(), strict=True):
+            first, last = np.searchsorted(log.t, times[[0, -1]] + delay)
+            near = slice(max(first - 1, 0), last + 1)
+            shifted.append(np.interp(times + delay, log.t[near], values[near, column]))
+        return np.column_stack(shifted)
 
     def gravity_torque(self, log: Log, literal: Structure) -> Array:
         """Return the gravity torque that the compensated columns lack, (N, n)."""
@@ -208,5 +242,7 @@ class Reading:
 
     def _moved(self, log: Log) -> dict[str, Any]:
         """Return the corrected motion columns that the log has, (N, n) by name."""
+        if not self.moves_joints:
+            return {}
         measured = {name: getattr(log, name) for name in MOTION_COLUMNS}
         return {name: x @ self.motion.T for name, x in measured.items() if x is not None}

@@ -24,6 +24,9 @@ class Rules(RuleTable):
     error_ratio: Annotated[
         float, "its error falls to this share of the literal reading's, by hand"
     ] = 0.85
+    nil: Annotated[
+        float, "friction, as a share of a joint's torque, below which there is none, by hand"
+    ] = 0.03
 
 
 RULES = Rules()

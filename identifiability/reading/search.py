@@ -34,6 +34,7 @@ from .fit import TorqueRows, excerpt_size
 from .gravity import FirstZero, find_directions, tune_direction
 from .reading import Reading
 from .rules import RULES
+from .sensor_side import find_link_side
 from .verification import Verification
 
 #: Readings that are judged by the evidence of adjusted rows.
@@ -54,18 +55,23 @@ OPEN = 1000
 def choose_reading(logs: MeasuredLogs) -> Reading | None:
     """Return the reading that the fitted rows prefer; None for the literal one.
 
-    `Reading.holds` says whether it is used or only a question. Robots with a floating base and
-    logs of commands are read literally.
+    `Reading.holds` says whether it is used or only a question. Logs of commands are read literally,
+    and so are robots on feet that lift: unknown contact forces mix the rows of joints. The sensor
+    of a floating base measures gravity, so that its direction is no question.
 
     Parameters
     ----------
     logs : MeasuredLogs
         The fitted logs, literally read.
     """
-    if logs.robot.base is not None or any(map(of_commands, logs.recordings)):
+    base = logs.robot.base
+    walks = base is not None and any(contact.flag for contact in base.contacts)
+    if walks or any(map(of_commands, logs.recordings)):
         return None
     search = ReadingSearch(logs)
-    return search.choose() if search.is_informative else None
+    if not search.is_informative:
+        return None
+    return search.choose() or find_link_side(search.rows, search.literal)
 
 
 class ReadingSearch:
@@ -83,8 +89,12 @@ class ReadingSearch:
         self.literal = Reading.literal(logs.robot)
         #: Rows along the literal motion.
         columns = logs.regression
-        self.rows = TorqueRows.of(logs.structure, logs.samples, columns, turns_gravity=True)
-        self.candidates = ReadingCandidates(logs, self.literal, self.rows.turns_gravity)
+        stands = logs.robot.base is None
+        self.rows = TorqueRows.of(logs.structure, logs.samples, columns, turns_gravity=stands)
+        # Logs have no columns of a base that floats.
+        named = [joint in logs.recordings[0].joints for joint in logs.joints]
+        measured = tuple(np.flatnonzero(named & (self.rows.counts > 0)).tolist())
+        self.candidates = ReadingCandidates(logs, self.literal, self.rows.turns_gravity, measured)
         self.tried = 0
         #: Rows of other motions: each regressor is evaluated once.
         self._other_rows: dict[bytes, TorqueRows] = {}
@@ -94,7 +104,8 @@ class ReadingSearch:
         """Return whether there are rows enough, and torque that varies in each joint."""
         columns = len(self.structure.base.kept)
         enough = self.rows.counts.sum() >= 2 * columns
-        return bool(enough and (self.rows.variation > 0).all())
+        varies = self.rows.variation[self.rows.counts > 0] > 0
+        return bool(enough and varies.all())
 
     def choose(self) -> Reading | None:
         """Return the reading that is used, else the likeliest one as a question, else None."""
@@ -151,6 +162,8 @@ class ReadingSearch:
             if self._cannot_gain(reading, squares):
                 continue
             misfit = self.rows_of(reading).fit(reading)
+            if self.robot.base is not None and self._errs_much(misfit):
+                continue  # a fault of positions, which are not tried on a floating base
             ratio = float(np.sqrt(np.exp(2 * misfit).sum() / squares.sum()))
             gain = round(float((literal - misfit).sum()) / EVEN)
             if gain > 0 and ratio <= RULES.error_ratio:
@@ -174,6 +187,10 @@ class ReadingSearch:
         most = (1 - RULES.error_ratio**2) * squares.sum()
         return bool(squares[changed].sum() < most)
 
+    def _errs_much(self, misfit: Array) -> bool:
+        """Return whether the error of a joint is so large that its positions may be wrong."""
+        return float(np.exp(misfit).max()) > ESTIMATION_RULES.grades[1]
+
     def propose(self) -> Iterator[Reading]:
         """Yield all readings that are tried."""
         yield from self.candidates.of_torque()
@@ -194,10 +211,7 @@ class ReadingSearch:
 
     def propose_positions(self) -> Iterator[Reading]:
         """Yield readings of positions, where the literal error is large enough."""
-        worst = float(np.exp(self.rows.fit(self.literal)).max())
-        # All samples would be moved in memory.
-        long = any(s.long for s in self.logs.samples)
-        if long or worst <= ESTIMATION_RULES.grades[1]:
+        if self.robot.base is not None or not self._errs_much(self.rows.fit(self.literal)):
             return
         samples = thin_samples(self.logs)
 
@@ -348,7 +362,8 @@ class ReadingSearch:
         if reading.separate_offsets:
             # Offsets were fitted to all rows.
             unseen = unseen[0] - numbers, unseen[1] - numbers
-        return Verification(sum(unseen), min(unseen), seen - 2.0 * numbers, self.tried)
+        against = max(self.vote(self.literal) - self.vote(reading), 0.0)
+        return Verification(sum(unseen), min(unseen), seen - 2.0 * numbers, self.tried, against)
 
 
 def tune_numbers(rows: TorqueRows, reading: Reading) -> Reading:

@@ -31,17 +31,20 @@ class Verification:
         The gain that each part promises for rows that it did not see, summed.
     candidates : int
         Number of readings that were tried.
+    against : float [nat]
+        Evidence of the file's masses for the literal reading, at least zero.
     """
 
     gain: float
     least: float
     predicted: float
     candidates: int
+    against: float = 0.0
 
     @property
     def needed(self) -> float:
         """The gain from which a reading is used [nat]; each candidate had its chance."""
-        return RULES.unseen_gain + float(np.log(max(self.candidates, 1)))
+        return RULES.unseen_gain + float(np.log(max(self.candidates, 1))) + self.against
 
     @property
     def can_confirm(self) -> bool:

@@ -14,7 +14,7 @@ from itertools import groupby
 import numpy as np
 
 from identifiability.effects import Effect, Family, Part, Span
-from identifiability.effects.effect import measure_spans
+from identifiability.effects.effect import fill_measured, hides, measure_spans
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -113,7 +113,7 @@ def list_candidates(
             known = (family.name, place) in present
             # A correction to a level of the model may be of either sign.
             free = known or bool(family.effect.supersedes)
-            reason = HAS if known and not fixed else family.refuse(robot, place)
+            reason = HAS if known and not fixed else _refuse_at(robot, family, place)
             if reason:
                 refused.append(Refusal(family.name, place, reason))
             else:
@@ -136,6 +136,13 @@ def _refuse(robot: Robot, family: Family, present: Present, fixed: bool) -> str:
     if family.fixed_only and not fixed and any(name == "rigid_body" for name, _ in present):
         return "every mass is refitted, so it cannot be separated from the parameters of the bodies"
     return ""
+
+
+def _refuse_at(robot: Robot, family: Family, place: str) -> str:
+    """Return why a family makes no sense at a place; empty if it does."""
+    if hides(robot, family.effect, place):
+        return "the torque sensor sits behind the gear and does not observe it"
+    return family.refuse(robot, place)
 
 
 def _at_place(robot: Robot, family: Family, span: Span, column: int, free: bool) -> list[Candidate]:
@@ -195,7 +202,7 @@ def compute_entries(
             # The samples of a column lie side by side: columns are written and read one by one.
             columns_of_joints = np.zeros((len(robot.actuated), width, len(piece.motion)))
             W = columns_of_joints.transpose(2, 0, 1)
-            effect.fill(robot, piece.motion, W)
+            fill_measured(effect, robot, piece.motion, W)
             W = piece.motion.freed(W)
             acts = np.asarray(W.any(0))[:, [k for k, _ in columns]]
             taken, joints = np.nonzero(acts.T)

@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from identifiability.effects import Effect, Part, Placed, find_effect, find_family
+from identifiability.effects.effect import fill_measured
 from identifiability.foundation.engines import Engine, Result, Serial, Steps
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import Array, Parameter
@@ -134,8 +135,16 @@ class Model:
         W = np.zeros((len(motion), len(robot.actuated), sum(widths)))
         ends = np.cumsum(widths).tolist()
         for effect, width, end in zip(self.effects, widths, ends, strict=True):
-            effect.fill(robot, motion, W[:, :, end - width : end])
+            fill_measured(effect, robot, motion, W[:, :, end - width : end])
         return motion.freed(W)
+
+    def all_sensors(self, robot: Robot, motion: Motion) -> Array:
+        """Return the regressor (N, n, p), or of sensors on both sides of gears (N, 2n, p)."""
+        W = self.regressor(robot, motion)
+        if not robot.torque.has_side("both"):
+            return W
+        drives = self.regressor(robot, replace(motion, drives_alone=True))
+        return np.concatenate([W, drives], axis=1)
 
 
 def _read_effects(texts: Iterable[str]) -> list[Effect]:

@@ -227,9 +227,15 @@ def find_base_parameters(
     """
     parameters = model.parameters(robot)
     count = max(100, 4 * len(parameters) // len(robot.actuated))
-    W = model.regressor(robot, random_motion(robot, np.random.default_rng(0), count))
+    W = model.all_sensors(robot, random_motion(robot, np.random.default_rng(0), count))
     names = tuple(p.name for p in parameters)
     return group_columns(W.reshape(-1, W.shape[2]), parameters, robot.column_preference(names))
+
+
+def sense_joints(robot: Robot) -> Robot:
+    """Return a robot as if torque was measured at its joints, with rotors and friction."""
+    torque = robot.torque.model_copy(update={"side": "joint"})
+    return replace(robot, torque=torque)
 
 
 def known_rows(C: Array, sd: Array) -> Array:
@@ -305,6 +311,12 @@ class Structure:
             if family in FAMILIES
             for name in FAMILIES[family].effect.supersedes
         )
+
+    @cached_property
+    def unobserved(self) -> tuple[Parameter, ...]:
+        """Parameters of the model's effects that no torque sensor of the robot observes."""
+        every = self.model.parameters(sense_joints(self.robot))
+        return tuple(p for p in every if p.name not in self.columns)
 
     @cached_property
     def nonnegative(self) -> np.ndarray:

@@ -12,7 +12,7 @@ from identifiability.estimation.prediction import Prediction, loaded_joints
 from identifiability.estimation.verdict import Class, Verdict
 from identifiability.foundation.answers import Cell, Note, Table
 from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import format_count, format_number
+from identifiability.foundation.rounding import REACH, format_count, format_number
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.physical.cad_prior import mass_rows, total_mass
 from identifiability.posterior.rules import RULES as POSTERIOR_RULES
@@ -41,11 +41,13 @@ from .blocks import (
     Terms,
     count_joints,
     fold_rows,
+    gallery,
     picture,
     section,
     torque_traces,
 )
 from .skeleton import move_with_torque
+from .values_table import body_masses, joint_values
 
 
 def analysis_heading(analysis: Analysis) -> tuple[str, str]:
@@ -80,17 +82,29 @@ def analysis_moving(analysis: Analysis) -> Moving | None:
 def analysis_sections(analysis: Analysis) -> list[Section | None]:
     """Return the sections of the page."""
     return [
+        section_values(analysis),
         section_prediction(analysis),
         section_parameters(analysis),
         section_ladder(analysis),
         None if analysis.nothing else section_correlated(analysis.fit),
         section_physics(analysis),
+        section_profiles(analysis) if analysis.profiles else None,
         None if analysis.belief is None else section_posterior(analysis),
         *_how(analysis),
     ]
 
 
 # Parameters, and the models side by side.
+
+
+def section_values(analysis: Analysis) -> Section | None:
+    """Return friction and rotor of each joint, and masses a click away."""
+    values, masses = joint_values(analysis), body_masses(analysis)
+    if analysis.nothing or values is None:
+        return None
+    fold = None if masses is None else Fold(masses.caption, (masses,))
+    blocks = [values, fold]
+    return section("analysis.values", *(block for block in blocks if block is not None))
 
 
 INERTIAL_KEY = (
@@ -241,6 +255,13 @@ def section_physics(analysis: Analysis) -> Section:
     certificate = f"{physical.sentence} {analysis.mass_warning}".rstrip()
     masses = mass_table(analysis.robot, physical.parameters())
     return section("analysis.physics", masses, certificate=f"{certificate} {held}")
+
+
+def section_profiles(analysis: Analysis) -> Section:
+    """Return the curves of the profiled numbers."""
+    names = [curve.number.name for curve in analysis.profiles]
+    curves = [picture("profile", plot.profile(analysis, name), name=name) for name in names]
+    return section("analysis.profiles", gallery("profiles", curves), limit=REACH**2)
 
 
 def mass_table(robot: Robot, parameters: Mapping[str, float]) -> Table | None:

@@ -26,7 +26,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 from matplotlib.transforms import ScaledTranslation
 
 from identifiability.foundation.names import Array
@@ -533,6 +533,43 @@ def draw_curve(
         )
     legend_above(axes, handlelength=1.4)
     label_axes(axes, *labels, title, pad=26)
+    return figure
+
+
+@drawn
+def draw_profile(
+    grid: Array, rise: Array, best: float, region: Array, xlabel: str, *, log: bool
+) -> Figure:
+    """Draw the rise of the deviance over a number, its 95 % limit and its region.
+
+    Parameters
+    ----------
+    grid, rise : (g,)
+        The rise is infinite where the value is impossible.
+    best : float
+    region : (2,)
+        Inside the grid.
+    xlabel : str
+    log : bool
+        Whether the number has a logarithmic axis.
+    """
+    figure, (axes,) = canvas(300, 200, (48, 12, 12, 40))
+    limit = REACH**2
+    shown = np.isfinite(rise)
+    axes.axvspan(*region, color=BLUE, alpha=0.12, linewidth=0)
+    axes.axhline(limit, color=MUTED, **DASHED)
+    axes.plot(grid[shown], rise[shown], color=BLUE, linewidth=1.2)
+    axes.plot(best, 0.0, "o", color=BLUE, markersize=4.0)
+    (near,) = np.nonzero(rise <= 2 * limit)
+    low = float(grid[max(near[0] - 1, 0)])
+    high = float(grid[min(near[-1] + 1, len(grid) - 1)])
+    if log and high > 3 * low:  # else linear ticks are easier to read
+        log_scale(axes, low, high)
+    else:
+        axes.set_xlim(low, high)
+        axes.xaxis.set_major_locator(MaxNLocator(4))
+    axes.set_ylim(0.0, 3 * limit)
+    label_axes(axes, for_svg(xlabel), "rise of the deviance")
     return figure
 
 

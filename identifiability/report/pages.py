@@ -21,6 +21,7 @@ from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.quoting import for_svg
 from identifiability.foundation.rounding import (
     NONE,
+    REACH,
     format_count,
     format_number,
     join,
@@ -130,8 +131,20 @@ def comparison_moving(result: Comparison) -> Moving | None:
 
 def comparison_sections(result: Comparison) -> list[Section | None]:
     """Return the sections of the page."""
-    changes = result.tables()[0]
-    return [section("comparison.changes", changes) if changes.rows else None]
+    table = result.tables()[0]
+    return [section("comparison.changes", _sessions(result), table) if table.rows else None]
+
+
+def _sessions(result: Comparison) -> Picture | None:
+    """Return the changes in each of several later logs."""
+    changes = [c for c in result.changes if c.course][:SHOWN]
+    if not changes:
+        return None
+    logs = shorten_paths((*result.before, *result.after))[len(result.before) :]
+    names = [f"{change.what}, {log}" for change in changes for log in logs]
+    relative = np.array([point.relative for change in changes for point in change.course])
+    values, halves = 100 * relative[:, 0], 100 * REACH * relative[:, 1]
+    return picture("sessions", draw_intervals(names, values, halves, "change [%]"))
 
 
 # Diagnosis: the answer, the gap before and after, the evidence, the residual.

@@ -1,9 +1,9 @@
 """The figures of a report one by one, for notebooks and papers.
 
-What to use when: `precision` for how well each parameter is known, `reduction_path` for a pruning,
-`torque` for measured and predicted torque. Each takes a result and returns a Matplotlib figure,
-which nobody else holds: change it, or ``figure.savefig("a.pdf")``. `Result.figures` returns the
-figures of its page.
+What to use when: `precision` for how well each parameter is known, `profile` for the 95 % region of
+a number, `reduction_path` for a pruning, `torque` for measured and predicted torque. Each takes a
+result and returns a Matplotlib figure, which nobody else holds: change it, or
+``figure.savefig("a.pdf")``. `Result.figures` returns the figures of its page.
 
 Example
 -------
@@ -25,14 +25,14 @@ from identifiability.foundation.errors import near_match
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.options import OptionError
 
-from .figures import draw_ladder, draw_precision, draw_torque
+from .figures import draw_ladder, draw_precision, draw_profile, draw_torque
 
 if TYPE_CHECKING:  # every report loads this module, and few need pruning or diagnosis
     from identifiability.workflows.analyze import Analysis
     from identifiability.workflows.predict import TorquePrediction
     from identifiability.workflows.prune import Ladder
 
-__all__ = ["precision", "reduction_path", "torque"]
+__all__ = ["precision", "profile", "reduction_path", "torque"]
 
 
 def precision(result: Analysis, model: str | None = None) -> Figure:
@@ -52,6 +52,27 @@ def precision(result: Analysis, model: str | None = None) -> Figure:
     kinds = [v.look for v in drawn.verdicts]
     limit = ESTIMATION_RULES.paper_factor * float(np.min(white, initial=np.inf))
     return draw_precision(names, white, known, kinds, Thresholds().sigma_percent, limit)
+
+
+def profile(result: Analysis, name: str) -> Figure:
+    """Draw the rise of the deviance as a profiled number leaves its best value.
+
+    Parameters
+    ----------
+    result : Analysis
+    name : str
+        Of a number that `analyze` profiled.
+
+    Raises
+    ------
+    OptionError
+        If the number was not profiled.
+    """
+    curve = result.find_profile(name)
+    number = curve.number
+    label = f"{name} [{number.unit}]"
+    ends = np.clip(curve.region, curve.grid[0], curve.grid[-1])
+    return draw_profile(curve.grid, curve.rise, curve.best, ends, label, log=number.logarithmic)
 
 
 def reduction_path(result: Ladder) -> Figure:

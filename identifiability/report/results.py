@@ -33,6 +33,7 @@ from identifiability.foundation.rounding import superscript
 from identifiability.foundation.values import frozen
 
 from .answers.common import hint_note, note
+from .answers.python_lines import in_python
 from .blocks import Answers, Block, Notes, Picture, Section, kind_of, sort_key, words_of
 from .figures import TEMPLATES, mark_of
 
@@ -248,7 +249,8 @@ def write_result(result: Any, path: str | Path) -> Path:
 SHOWN = 60
 
 _PIECE = """{% import "macros.html.j2" as m %}
-<div class="identifiability-piece"><style>{{ style }}</style>
+<div class="identifiability-piece"><style>{{ style }}
+.identifiability-piece .command code { white-space: pre-wrap; }</style>
 {% if answers %}{{ m.answers(answers) }}{% endif %}
 {% for line in lines %}<p class="statement">{{ line | symbols }}</p>
 {% endfor %}
@@ -263,7 +265,9 @@ def notebook_result(result: Result) -> str:
     tables = result.tables()
     frame = None if tables else result.to_frame()
     warnings = "\n".join(f"Warning: {text}" for text in result.warnings)
-    return notebook_piece(warnings, frame, "to_frame()", answer_first(result), tables)
+    shown = answer_first(result)
+    answers = replace(shown, answers=tuple(in_python(answer) for answer in shown.answers))
+    return notebook_piece(warnings, frame, "to_frame()", answers, tables)
 
 
 def notebook_piece(

@@ -394,6 +394,12 @@ def _refuse_loose(robot: Description, count: int) -> NoReturn:
     wide = [j.dofs[0].rpartition(".")[0] for j in robot.tree.joints if j.nv > 1]
     single = [name for name in robot.passive if name in robot.tree.single]
     advice = ""
+    pulled = [c.along for c in robot.cables if c.along is not None]
+    for along in (c for c in pulled if len(c.terms) > 1 and {*c.terms} <= {*robot.passive}):
+        advice += (
+            f" If {listing(along.terms)} move together, tie them with <equality><joint>, or as "
+            f"[[couplings]] in the sidecar: the tendon '{along.joint}' moves their sum alone."
+        )
     if wide:
         advice = f" Ball and floating joints ({listing(wide)}) can only be passive in a closed "
         advice += "loop; write a ball that is driven as three hinges in one body."
@@ -556,10 +562,17 @@ def _state_motion(path: Path, extra: Sidecar, stated: Stated) -> dict[str, Any]:
 def _check_torque(robot: Description, motors: Strings) -> None:
     """Refuse gains, ratios, signs or compensation of a name that is no actuated joint or motor."""
     torque = robot.torque
-    for key in ("gain", "ratio", "sign"):
+    for key in ("side", "gain", "ratio", "sign"):
         check_known(robot.path, f"torque.{key}", torque.table(key), ("", *robot.joints, *motors))
     if isinstance(torque.compensated, list):
         check_known(robot.path, "torque.compensated", torque.compensated, robot.joints)
+    both = torque.has_side("both")
+    if both and motors:
+        raise RobotError(Finding("robot.both", robot.path, other="[transmission]"))
+    if both and torque.compensated:
+        raise RobotError(Finding("robot.both", robot.path, other="compensated"))
+    if both and robot.base is not None:
+        raise RobotError(Finding("robot.both", robot.path, other="a base that floats"))
 
 
 def _sidecar_loop(path: Path, entry: LoopEntry, stated: Stated) -> Loop:
@@ -640,7 +653,7 @@ def _nominal(robot: Description, extra: Sidecar) -> dict[str, float]:
 def _measured_torque(extra: Sidecar, stated: Stated) -> MeasuredTorque:
     """Return the contents of torque columns; without a ratio, motors have the MJCF's gears."""
     said = extra.torque
-    if said.side != "motor" or said.ratio is not None:
+    if not said.has_side("motor") or said.ratio is not None:
         return said
     return said.model_copy(update={"ratio": dict(stated.gears)})
 

@@ -34,7 +34,7 @@ def stretch_home(robot: Description) -> Description:
     frames = robot.tree.frames(home[None], [p.joint for c in robot.cables for p in c.points])
     for cable in robot.cables:
         apart = [_distance(robot.tree, frames, *ends)[1][0] for ends in pairwise(cable.points)]
-        if min(apart) < ROUNDOFF:
+        if min(apart, default=np.inf) < ROUNDOFF:
             raise RobotError(
                 f"{robot.path}: two neighbouring points of the tendon '{cable.name}' coincide at "
                 f"the home position ({robot.describe_home()}), so it pulls in no direction there; "
@@ -49,6 +49,9 @@ def cable_equation(
     robot: Description, cable: Cable, frames: Frames, q: Array
 ) -> tuple[Array, Array]:
     """Return slide less length (N,), and its Jacobian (nv, N)."""
+    if cable.along is not None:
+        error, rows = _coupling_error(cable.along, q, robot)
+        return error, rows.T
     tree = robot.tree
     slide = tree.single[cable.name]
     error = np.array(q[:, slide.iq])
@@ -372,6 +375,8 @@ class Motion:
         Rows that are zero after the elimination of contact forces, or not known.
     touch : (N, 3 + c) or None
         Upward direction along the axes of a floating base, and flags of closed contacts.
+    drives_alone : bool
+        Whether torque along it is that of the drives alone: motor torque minus link torque.
     """
 
     t: Array
@@ -391,6 +396,7 @@ class Motion:
     free: Array | None = None
     silent: Array | None = None
     touch: Array | None = None
+    drives_alone: bool = False
 
     @property
     def each(self) -> dict[str, Array]:
@@ -619,6 +625,8 @@ def known_torque(robot: Description, motion: Motion) -> Array:
         If a position is outside the range of a known torque.
     """
     tau = np.zeros(motion.actuated_q.shape)
+    if motion.drives_alone:
+        return tau
     axes = {a.name: a for a in (*robot.axes, *robot.passive_axes)}
     for known in robot.known_torque:
         axis = axes[known.along]

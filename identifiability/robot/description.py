@@ -211,6 +211,21 @@ class Coupling:
         moving = {of: poly for of, poly in self.terms.items() if of not in locked}
         return Coupling(self.name, self.joint, constant, moving)
 
+    def through(self, others: Sequence[Coupling]) -> Coupling:
+        """Return the coupling as a sum over joints that follow no other by one of some couplings.
+
+        Couplings to several joints stay.
+        """
+        inner = {c.joint: Polynomial(c.polynomial) for c in others if len(c.terms) == 1}
+        leads = {c.joint: next(iter(c.terms)) for c in others if len(c.terms) == 1}
+        terms = {of: Polynomial(poly) for of, poly in self.terms.items()}
+        while followers := terms.keys() & leads.keys():
+            joint = min(followers)
+            of = leads[joint]
+            terms[of] = terms.get(of, Polynomial([0.0])) + terms.pop(joint)(inner[joint])
+        powers = {of: poly.coef.tolist() for of, poly in terms.items()}
+        return Coupling.of(self.name, self.joint, powers, self.constant)
+
     @property
     def polynomial(self) -> tuple[float, ...]:
         """Of the only joint that is followed, with the constant."""
@@ -220,10 +235,20 @@ class Coupling:
 
 @frozen
 class Cable:
-    """A tendon straight from point to point; a slide of the tree has its name and its length."""
+    """A tendon whose length is a coordinate: a slide of the tree has its name and its length.
+
+    Attributes
+    ----------
+    name : str
+    points : tuple of Point
+        It runs straight from point to point; none if it runs along joints.
+    along : Coupling or None
+        Its length as a sum of joints.
+    """
 
     name: str
-    points: tuple[Point, ...]
+    points: tuple[Point, ...] = ()
+    along: Coupling | None = None
 
 
 @frozen(kw_only=True)
@@ -266,7 +291,7 @@ class Stated:
     gears : mapping
         Joint to gear, for joints with exactly one actuator.
     servos : mapping
-        Joint to kp, kv, least and largest torque, (4,).
+        Joint or tendon to kp, kv, least and largest torque, (4,).
     offsets : mapping
         Constant torque of commands [N·m or N], by joint and straight tendon whose actuator can hold
         one.

@@ -29,7 +29,7 @@ from .description import Coupling, Description, Stated
 from .floating import BASE_JOINTS, Base, find_legs
 from .kinematics import WORLD, Tree, body_names, read_tree, weld
 from .locate import find_sidecar, locate_robot, read_markup
-from .sidecar import Sidecar, check_known, read_sidecar
+from .sidecar import Side, Sidecar, check_known, read_sidecar
 from .write import numbers, root_link, urdf_joint
 
 
@@ -64,6 +64,7 @@ def read_robot(
     sidecar: str | Path | None = None,
     lock: LockOption | None = None,
     base: Literal["fixed", "floating"] | None = None,
+    torque_side: Side | None = None,
 ) -> Description:
     """Read a robot; see `Robot.load`."""
     path = locate_robot(source)
@@ -72,6 +73,10 @@ def read_robot(
     given = read_locks(lock)
     extra = extra.model_copy(update={"locked": read_locks(extra.locked) | given})
     extra = extra if base is None else extra.model_copy(update={"base": base})
+    stated_torque = extra.torque
+    if torque_side is not None:
+        torque = extra.torque.model_copy(update={"side": torque_side})
+        extra = extra.model_copy(update={"torque": torque})
     root = read_markup(path)
     if root.tag == "mujoco":  # who has a URDF does not wait for MuJoCo
         from .mjcf import state_robot  # noqa: PLC0415
@@ -83,7 +88,8 @@ def read_robot(
     robot = assemble(path, chosen, extra, stated)
     named = {name for text in given for name in find_named(text, robot.locked)}
     option = tuple(name for name in robot.locked if name in named)
-    return replace(robot, lock_option=option, base_option=base)
+    said = robot.said.model_copy(update={"torque": stated_torque})
+    return replace(robot, lock_option=option, base_option=base, said=said)
 
 
 def _read_urdf(path: Path, root: ET.Element, extra: Sidecar) -> Stated:

@@ -11,6 +11,7 @@ import warnings
 from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,7 @@ from .assembly import resolve_locks
 from .description import FIELDS, Cable, Coupling, Loop, Stated
 from .floating import BASE_JOINTS, SIX, Base
 from .inertials import describe_faults, find_faults
-from .kinematics import WORLD, Joint, Point, Tree, read_tree, weld
+from .kinematics import WORLD, Joint, JointType, Point, Tree, read_tree, weld
 from .locate import check_files, file_text, read_markup
 from .sidecar import Sidecar
 
@@ -331,8 +332,8 @@ class Actuator:
         Driven joints to their coefficients; empty if it drives no sum of joints.
     tendon : str
         Tendon that it pulls; empty if it acts on a joint or site.
-    straight : bool
-        Whether the tendon runs straight between sites.
+    slides : bool
+        Whether the length of the tendon is a coordinate.
     gear : float
     law : {"tau", "q_ref", "dq_ref", ""}
         Its command: a torque, a position or a speed; empty for any other.
@@ -347,7 +348,7 @@ class Actuator:
     name: str
     arms: NumberByName
     tendon: str
-    straight: bool
+    slides: bool
     gear: float
     law: str
     gain: float
@@ -363,8 +364,8 @@ class Actuator:
 
     @property
     def owner(self) -> str:
-        """The joint, or else the straight tendon, that it drives alone."""
-        return self.tendon if self.straight else self.joint
+        """The joint, or else the tendon, that it drives alone."""
+        return self.tendon if self.slides else self.joint
 
     @property
     def factor(self) -> float:
@@ -391,7 +392,7 @@ def read_actuators(m: Any) -> list[Actuator]:
                 name=m.actuator(a).name or f"number {a + 1}",
                 arms=find_arms(m, target) if pulls else arms,
                 tendon=m.tendon(target).name if pulls else "",
-                straight=pulls and straight(m, target),
+                slides=pulls and straight(m, target),
                 gear=float(m.actuator_gear[a, 0]),
                 law=_law(m, a),
                 gain=float(m.actuator_gainprm[a, 0]),
@@ -437,18 +438,53 @@ def find_offsets(actuators: Sequence[Actuator]) -> dict[str, float]:
 
 
 def find_servos(actuators: Sequence[Actuator]) -> dict[str, Array]:
-    """Return kp, kv, least and largest torque of the servos among actuators, (4,) by joint.
+    """Return kp, kv, least and largest torque of the servos, (4,) by joint or tendon.
 
     Several servos at one joint add up, for example a position servo and a damper.
     """
     found: dict[str, Array] = {}
-    motors = {a.joint for a in actuators if a.law not in ("q_ref", "dq_ref") or not a.gear}
+    motors = {a.owner for a in actuators if a.law not in ("q_ref", "dq_ref") or not a.gear}
     for a in actuators:
-        if a.joint and a.joint not in motors:
+        if a.owner and a.owner not in motors:
             ends = np.sort(a.force * a.factor) + a.offset
             own = np.append(-(a.factor**2) * a.bias[1:], ends)
-            found[a.joint] = found.get(a.joint, np.zeros(4)) + own
+            found[a.owner] = found.get(a.owner, np.zeros(4)) + own
     return found
+
+
+def choose_slides(
+    actuators: Sequence[Actuator],
+    couplings: Sequence[Coupling],
+    locked: Collection[str],
+    named: Sequence[str] | None,
+) -> list[Actuator]:
+    """Return the actuators, with tendons along joints as coordinates where motion needs them.
+
+    Joints that tendons and couplings tie together need as many motors as they have freedoms.
+
+    Parameters
+    ----------
+    actuators : sequence of Actuator
+    couplings : sequence of Coupling
+        Between joints that are not locked.
+    locked : collection of str
+    named : sequence of str, optional
+        Actuated coordinates, if the sidecar names them.
+    """
+    arms = {a.tendon: a.arms.keys() - locked for a in actuators if a.tendon}
+    ties = [*arms.values(), *({c.joint, *c.terms} for c in couplings)]
+    driven = {*(find_drives(actuators, locked) or ())}
+    chosen = set[str]()
+    for tendon, joints in arms.items():
+        group = joints
+        while (more := group.union(*(tie for tie in ties if tie & group))) != group:
+            group = more
+        free = len(group) - sum(c.joint in group for c in couplings)
+        moved = len(group & driven) + sum(bool(arms[other] & group) for other in chosen)
+        wanted = moved < free if named is None else tendon in named
+        if len(joints) > 1 and wanted:
+            chosen.add(tendon)
+    return [replace(a, slides=a.slides or a.tendon in chosen) for a in actuators]
 
 
 def find_drives(actuators: Sequence[Actuator], locked: Collection[str]) -> list[str] | None:
@@ -460,7 +496,7 @@ def find_drives(actuators: Sequence[Actuator], locked: Collection[str]) -> list[
     names = []
     for a in actuators:
         moving = [joint for joint in a.arms if joint not in locked]
-        names += [a.tendon] if a.straight else moving if len(moving) == 1 else []
+        names += [a.tendon] if a.slides else moving if len(moving) == 1 else []
     return list(dict.fromkeys(names)) if actuators else None
 
 
@@ -511,11 +547,12 @@ def read_forces(path: Path, m: Any, actuators: Sequence[Actuator], locked: Numbe
     flags = {word: [getattr(_OFF, f"mjDSBL_{x}") for x in f.off] for word, f in FIELDS.items()}
     idle = {word for word, bits in flags.items() if any(m.opt.disableflags & x for x in bits)}
     pull: dict[str, float] = defaultdict(float)
-    found: dict[str, dict[str, float]] = {a.tendon: {} for a in actuators if a.straight}
+    slides = {a.tendon for a in actuators if a.slides}
+    found: dict[str, dict[str, float]] = {tendon: {} for tendon in slides}
     rests = {}
     combinations = {}
     single = {m.joint(j).name for j in _find_single(m)}
-    for title, arms, given, start, taut in _lines(m, actuators):
+    for title, arms, given, start, taut in _lines(m, actuators, slides):
         numbers = {word: x for word, x in given.items() if x and word not in idle}
         moving = {j: c for j, c in arms.items() if j not in locked}
         if not numbers or (arms and not moving):
@@ -538,8 +575,8 @@ def read_forces(path: Path, m: Any, actuators: Sequence[Actuator], locked: Numbe
     return found, rests, combinations
 
 
-#: Numbers along a sum of joints or a straight tendon: its name, coefficients, numbers by word, rest
-#: position, and whether it is a straight tendon.
+#: Numbers along a sum of joints or a tendon: its name, coefficients, numbers by word, rest
+#: position, and whether the length of the tendon is a coordinate.
 Line = tuple[str, NumberByName, NumberByName, float, bool]
 
 #: Numbers by coordinate, then by word; rest positions of springs; coefficients of tendons along
@@ -547,7 +584,7 @@ Line = tuple[str, NumberByName, NumberByName, float, bool]
 Forces = tuple[dict[str, dict[str, float]], dict[str, float], dict[str, dict[str, float]]]
 
 
-def _lines(m: Any, actuators: Sequence[Actuator]) -> Iterator[Line]:
+def _lines(m: Any, actuators: Sequence[Actuator], slides: Collection[str]) -> Iterator[Line]:
     """Yield the properties of joints, tendons and actuators along their coordinates."""
     for x in map(m.joint, range(m.njnt)):
         own = {word: float(getattr(x, word).flat[0]) for word in _WORDS}
@@ -557,10 +594,12 @@ def _lines(m: Any, actuators: Sequence[Actuator]) -> Iterator[Line]:
         name = m.tendon(t).name
         rest = float(m.tendon_lengthspring[t, 0])
         rests[name] = rest
-        yield name, find_arms(m, t), _numbers(m, "tendon", t), rest, straight(m, t)
+        arms = {} if name in slides else find_arms(m, t)
+        yield name, arms, _numbers(m, "tendon", t), rest, name in slides or straight(m, t)
     for a in actuators:
         own = {word: x * abs(a.gear) ** FIELDS[word].power for word, x in a.numbers.items()}
-        yield a.tendon or a.name, a.arms, own, rests[a.tendon], a.straight
+        along = {} if a.slides else a.arms
+        yield a.tendon or a.name, along, own, rests[a.tendon], a.slides
 
 
 #: Words of numbers that act along joints, tendons and actuators.
@@ -629,10 +668,12 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
     # Copies: more frames are added below, which moves those that the model holds.
     frames = {f.name: f.copy() for f in model.frames if f.type == pin.FrameType.BODY}
     point = partial(_place, m, frames)
-    actuators = read_actuators(m)
+    actuators = choose_slides(read_actuators(m), couplings, locked, extra.actuated)
     forces, rests, combinations = read_forces(path, m, actuators, locked)
-    acting = [t for t in range(m.ntendon) if straight(m, t) and m.tendon(t).name in forces]
-    cables = tuple(_read_cable(m, t, point) for t in acting)
+    slides = {a.tendon for a in actuators if a.slides}
+    taut = [t for t in range(m.ntendon) if straight(m, t) or m.tendon(t).name in slides]
+    acting = [t for t in taut if m.tendon(t).name in forces]
+    cables = tuple(_read_cable(m, t, point, locked) for t in acting)
     limited = [(j.name, j.range) for j in joints if j.limited[0]]
     limited += [(m.tendon(t).name, m.tendon_range[t]) for t in acting if m.tendon_limited[t]]
     kept = np.ones(m.nq, bool)
@@ -708,10 +749,15 @@ def _place(m: Any, frames: Mapping[str, Any], body: int, position: Array) -> Poi
     return Point(frame.parentJoint - 1, frame.placement.act(np.array(position)))
 
 
-def _read_cable(m: Any, t: int, point: Places) -> Cable:
-    """Return a tendon that runs straight between sites."""
+def _read_cable(m: Any, t: int, point: Places, locked: NumberByName) -> Cable:
+    """Return a tendon that runs straight between sites, or along joints."""
+    name = m.tendon(t).name
+    arms = find_arms(m, t)
+    if arms:
+        terms = {joint: (0.0, c) for joint, c in arms.items()}
+        return Cable(name, along=Coupling.of(name, name, terms).held(locked))
     sites = [m.site(m.wrap_objid[w]) for w in tendon_parts(m, t)]
-    return Cable(m.tendon(t).name, tuple(point(s.bodyid[0], s.pos) for s in sites))
+    return Cable(name, tuple(point(s.bodyid[0], s.pos) for s in sites))
 
 
 def _name_frames(model: Any, m: Any, frames: Mapping[str, Any]) -> dict[str, float]:
@@ -805,10 +851,13 @@ def add_slides(tree: Tree, cables: Sequence[Cable], nq: int) -> Tree:
     """Return a tree with a slide without a body for each tendon, after its joints."""
     axis = np.eye(3)[2]
     still = np.zeros(3)
-    slides = [
-        Joint((t.name,), "prismatic", WORLD, np.eye(3), still, axis, nq + k, tree.nv + k)
-        for k, t in enumerate(cables)
-    ]
+    kinds = {joint.dofs[0]: joint.kind for joint in tree.joints if joint.nv == 1}
+    slides = []
+    for k, t in enumerate(cables):
+        along = () if t.along is None else t.along.terms
+        turns = bool(along) and all(kinds[joint] == "revolute" for joint in along)
+        kind: JointType = "revolute" if turns else "prismatic"
+        slides.append(Joint((t.name,), kind, WORLD, np.eye(3), still, axis, nq + k, tree.nv + k))
     return Tree((*tree.joints, *slides))
 
 

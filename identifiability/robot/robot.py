@@ -28,6 +28,7 @@ from .assembly import LockOption, read_locks
 from .description import Description
 from .files import read_robot
 from .kinematics import WORLD, least_eigenvalue
+from .sidecar import Side
 
 # The ten parameters of a body from its mass, centre and moments of inertia.
 
@@ -227,6 +228,7 @@ class Robot(Description):
         time_unit: Literal["s", "ms", "us", "ns"] | None = None,
         angles: AnglesOption | None = None,
         base: Literal["fixed", "floating"] | None = None,
+        torque_side: Side | None = None,
     ) -> Robot:
         r"""Read a robot from an MJCF or URDF file, or by the name of a shipped one.
 
@@ -254,6 +256,8 @@ class Robot(Description):
         base : {"fixed", "floating"}, optional
             Whether the root was fixed while logs were measured, as on a stand; it overrides the
             sidecar. By default a root with a free joint floats.
+        torque_side : {"joint", "link", "motor", "both"}, optional
+            Where the torque of all joints was measured; it overrides the sidecar's ``[torque]``.
 
         Raises
         ------
@@ -265,7 +269,7 @@ class Robot(Description):
             given = Renames.of(columns or {})
         except ValueError as error:
             raise RobotError(f"{error}.") from None
-        known = read_robot(source, sidecar, lock, base)
+        known = read_robot(source, sidecar, lock, base, torque_side)
         stated = {f.name: getattr(known, f.name) for f in fields(known)}
         own = {"columns": given.before(known.columns), "angles": angles or known.angles}
         return Robot(**{**stated, **own, "time_unit": time_unit or known.time_unit})
@@ -457,7 +461,7 @@ class Robot(Description):
     def _again(self, other: Robot) -> Robot:
         """Return another robot whose logs are read as those of this one."""
         stated = {f.name: getattr(other, f.name) for f in fields(other)}
-        said = ("columns", "scales", "angles", "time_unit")
+        said = ("columns", "scales", "angles", "time_unit", "torque")
         mine = {key: getattr(self, key) for key in said}
         return Robot(**{**stated, **mine})
 

@@ -51,8 +51,9 @@ class Strict(BaseModel):
 # `MeasuredTorque`: quantity, side and sign of the numbers in torque columns.
 
 
-#: Where torque is measured: at the joint with all that drives it, behind the gears, or before them.
-Side = Literal["joint", "link", "motor"]
+#: Where torque is measured: at the joint with all that drives it, behind the gear, before it, or
+#: on both of its sides.
+Side = Literal["joint", "link", "motor", "both"]
 
 
 # `KnownTorque`: known torque as a function of a position.
@@ -254,23 +255,34 @@ class _TimeEntry(Strict):
 class MeasuredTorque(Strict):
     """The contents of torque columns: τ = sign · gain · ratio · value.
 
-    Torque is measured at the `joint` (with its rotor), at the rotor of the `motor`, or at the
-    `link` behind the gear. At the `link` it contains no rotor inertia. One number holds for all
-    joints; a table gives one for each joint.
+    Torque is measured at the `joint` (with its rotor), at the rotor of the `motor`, at the `link`
+    behind the gear, or on `both` sides of the gear. At the `link` it contains neither rotor inertia
+    nor friction of the gear. On `both` sides, `gain` and `ratio` are those of the motor's column
+    (`<joint>.tau_m`). One value holds for all joints; a table gives one for each joint.
     """
 
     model_config = ConfigDict(frozen=True)
 
-    side: Side = key("Where it was measured.", "joint")
+    side: Side | dict[str, Side] = key("Where it was measured.", "joint", {"joint1": "link"})
     gain: ByJoint[Factor] = key("Torque constants of currents [N·m/A].", None, {"joint1": 0.11})
     ratio: ByJoint[Factor] = key("Of the gears.", None, {"joint1": 100})
     sign: ByJoint[Literal[1, -1]] = key("−1 where a column counts the other way.", None, -1)
     compensated: bool | Names | None = key("Whether (where) drivers took the weight off.", None)
 
-    def table(self, name: str) -> dict[str, float]:
-        """Return the gains, ratios or signs by joint; one under ``""`` is for all others."""
+    def table(self, name: str) -> dict[str, Any]:
+        """Return sides, gains, ratios or signs by joint; one under ``""`` is for all others."""
         said = getattr(self, name)
         return dict(said) if isinstance(said, dict) else {} if said is None else {"": said}
+
+    def side_of(self, joint: str) -> Side:
+        """Return where the torque of a joint was measured."""
+        table = self.table("side")
+        side: Side = table.get(joint, table.get("", "joint"))
+        return side
+
+    def has_side(self, *sides: Side) -> bool:
+        """Return whether the torque of any joint was measured at one of some sides."""
+        return not {*self.table("side").values()}.isdisjoint(sides)
 
     def at(self, name: str, joint: str) -> float | None:
         """Return the gain, ratio or sign of a joint; None if it is not stated."""

@@ -197,23 +197,27 @@ def affine_law(gain: float, bias: Array) -> dict[str, str]:
 def write_servos(
     top: ET.Element, joints: Sequence[str], servo: Servo, offsets: NumberByName
 ) -> None:
-    """Write position servos of joints in place of their actuators.
+    """Write position servos of joints and tendons in place of their actuators.
 
     A servo without kp controls velocity. A torque offset becomes a separate bias. The damping is
     that of the servo, less the effect of delayed positions.
     """
     actuators = top.findall("actuator")
     names = dict(zip(joints, joints, strict=True))
+    tendons = {e.get("name") for part in top.iter("tendon") for e in part}
     for element in actuators:
-        for old in [e for e in element if e.get("joint") in joints]:
-            names[str(old.get("joint"))] = old.get("name", str(old.get("joint")))
-            element.remove(old)
+        for old in list(element):
+            owner = old.get("joint") or old.get("tendon")
+            if owner in joints:
+                names[str(owner)] = old.get("name", str(owner))
+                element.remove(old)
     place = actuators[0] if actuators else ET.SubElement(top, "actuator")
     for k, joint in enumerate(joints):
         kp = float(servo.kp[k])
         off = offsets.get(joint, 0.0)
         law = affine_law(kp or float(servo.kv[k]), np.array([-off, -kp, -servo.damping[k]]))
-        own = {"name": names[joint], "joint": joint, "gear": "1"}
+        kind = "tendon" if joint in tendons else "joint"
+        own = {"name": names[joint], kind: joint, "gear": "1"}
         new = ET.SubElement(place, "general", own | law)
         limits = np.array([servo.low[k], servo.high[k]]) - off
         limited = bool(np.isfinite(limits).all())
@@ -310,7 +314,9 @@ def write_axes(top: ET.Element, robot: Description, stated: Mapping[str, NumberB
             parts = [
                 (str(e.get("joint")), float(e.get("coef", 1.0))) for e in element.iter("joint")
             ]
-            still = sum(c * robot.locked.get(joint, 0.0) for joint, c in parts)
+            # The length of a tendon that is a coordinate has the locked joints in it.
+            locked = {} if name in robot.tree.single else robot.locked
+            still = sum(c * locked.get(joint, 0.0) for joint, c in parts)
             element.set("springlength", f"{rest_along(robot, axes[name]) + still:.17g}")
 
 
@@ -459,12 +465,16 @@ def _write_forces(
     servo = robot.known_servo
     if servo is None:
         return
-    # At this step MuJoCo moves the robot as rollouts do: dry friction does not creep. Written
-    # rotors are reduced by the effects of delayed positions and implicit damping.
+    # At this step MuJoCo moves the robot as rollouts do: dry friction does not creep, and joints
+    # that follow do not lag. Written rotors are reduced by the effects of delayed positions and
+    # implicit damping.
     write_option(top, "timestep", "0.001")
     write_option(top, "integrator", "implicitfast")
     write_servos(top, robot.joints, servo, offsets)
-    elements = {e.get("name"): e for e in _joints(top)}
+    for element in (e for part in top.iter("equality") for e in part.iter("joint")):
+        element.attrib |= {"solref": "0.002 1", "solimp": "0.9999 0.9999"}
+    tendons = [e for part in top.iter("tendon") for e in part]
+    elements = {e.get("name"): e for e in (*_joints(top), *tendons)}
     for name, lead, damping in zip(robot.joints, servo.lead, servo.damping, strict=True):
         seen = 0.0005 * (joints[name]["damping"] + damping) - lead
         elements[name].attrib |= {
@@ -481,7 +491,8 @@ def _check_template(robot: Description, top: ET.Element) -> None:
             f"{robot.path} uses <replicate>, whose copies have no place in the file to write "
             "parameters to; write them out as bodies."
         )
-    named = {e.get("name") for e in top.iter() if e.tag in ("joint", "freejoint", "spatial")}
+    tags = ("joint", "freejoint", "spatial", "fixed")
+    named = {e.get("name") for e in top.iter() if e.tag in tags}
     bodies = {e.get("name") for e in top.iter() if e.tag in ("body", "link")}
     for what, missing in (
         ("joint", set(robot.tree.single) - named - set(BASE_JOINTS)),
@@ -490,7 +501,7 @@ def _check_template(robot: Description, top: ET.Element) -> None:
         if missing:
             raise RobotError(
                 f"{robot.path} has a {what} without a name, so parameters cannot be written to it; "
-                f"name every <{what}> (and every <spatial> tendon)."
+                f"name every <{what}> (and every tendon)."
             )
 
 

@@ -3,8 +3,9 @@
 This is the one door of the room: other rooms import from here alone. `torque` computes the torque
 of servos from their commands. `rollouts` fits joints, bodies, delays and gains to measured
 positions, by the search of `problem`, which begins at `start`. `gains` states the gains.
-`odd_joints` names play, wrong gains and limits. `calibration` subtracts the error of
-recording from the torque. `follow` does all of this for the logs of a verb.
+`odd_joints` names play, wrong gains and limits, `standing` the effect that holds joints at rest.
+`calibration` subtracts the error of recording from the torque. `follow` does all of this for the
+logs of a verb.
 
 It imports MuJoCo, so verbs import it inside functions.
 """
@@ -12,15 +13,18 @@ It imports MuJoCo, so verbs import it inside functions.
 from __future__ import annotations
 
 from .calibration import calibrate_torque, roll_delayed
+from .first_answer import FirstAnswer
 from .fit import fit_rollouts
 from .follow import delay_commands, follow_commands
 from .gains import file_shares, learn_gains, select_commanded, state_gains
 from .odd_joints import find_odd_joints
 from .positions import forgotten
 from .rollouts import Rollouts
+from .standing import state_standing
 from .torque import compute_torque, replace_servo, servo_log
 
 __all__ = [
+    "FirstAnswer",
     "Rollouts",
     "calibrate_torque",
     "compute_torque",
@@ -36,4 +40,5 @@ __all__ = [
     "select_commanded",
     "servo_log",
     "state_gains",
+    "state_standing",
 ]

@@ -11,15 +11,17 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from identifiability.foundation.runs import Progress, quiet
+from identifiability.estimation.rules import RULES
+from identifiability.foundation.runs import First, Progress, quiet
 from identifiability.logs import Log
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
 
-from .descent import BEGUN, conclude, descend
+from .descent import BEGUN, SearchEnd, conclude, descend
+from .first_answer import FirstAnswer
 from .problem import RolloutProblem
 from .rollouts import KINDS, Rollouts, are_contradicted
-from .start import start_rollouts
+from .start import restart_joints, start_rollouts
 from .torque import servo_log
 from .windows import Window, cut_windows, thin_windows
 
@@ -30,6 +32,7 @@ def fit_rollouts(
     shares: Mapping[str, float],
     delay: float | None = None,
     say: Progress = quiet,
+    first: First | None = None,
 ) -> Rollouts:
     """Return the numbers of joints, bodies and servos with which rollouts follow logs.
 
@@ -47,6 +50,8 @@ def fit_rollouts(
         Where it is known.
     say : callable(str, float)
         Receives the current stage, and the finished share of an analysis.
+    first : callable(FirstAnswer), optional
+        Receives the numbers of a part of the windows, if logs are too long to be rolled out whole.
 
     Raises
     ------
@@ -62,13 +67,36 @@ def fit_rollouts(
     start = problem.pack(numbers, delay or 0.0)
     problem.windows = thinned
     problem.varied[problem.bodies] = False
-    first, last = share_turns(say, 0.05, 0.2), share_turns(say, 0.2, 0.6)
-    end = descend(problem, start, BEGUN, first)
+    begun, last = share_turns(say, 0.05, 0.2), share_turns(say, 0.2, 0.45)
+    end = descend(problem, start, BEGUN, begun)
+    lost = problem.missed(end.q) > RULES.rollout_contradicted
+    if lost.any():
+        # The search began too far from the numbers of these joints.
+        again = descend(problem, restart_joints(problem, end.x, lost), BEGUN)
+        better = problem.missed(again.q)[lost].sum() < problem.missed(end.q)[lost].sum()
+        end = again if better else end
+    if first is not None and len(windows) > len(logs):
+        first(answer_first(robot, logs, problem, end))
     if not are_contradicted(problem.missed(end.q)):
         problem.windows = windows
         problem.varied[problem.bodies] = True
         end = descend(problem, end.x, say=last)
     return conclude(problem, end)
+
+
+def answer_first(
+    robot: Robot, logs: Sequence[Log], problem: RolloutProblem, end: SearchEnd
+) -> FirstAnswer:
+    """Return a first answer from the windows of a problem."""
+    seconds = sum(_duration(rows) for rows in problem.logs)
+    of_seconds = sum(map(_duration, logs))
+    names = tuple(log.name for log in logs)
+    return FirstAnswer(robot, names, seconds, of_seconds, conclude(problem, end))
+
+
+def _duration(log: Log) -> float:
+    """Return the duration of a log [s]."""
+    return float(log.t[-1] - log.t[0])
 
 
 def share_turns(say: Progress, start: float, stop: float) -> Callable[[float], None]:

@@ -15,7 +15,7 @@ from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import LogError, RobotError
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
-from identifiability.foundation.runs import Progress, quiet
+from identifiability.foundation.runs import First, Progress, quiet
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import of_commands
@@ -25,12 +25,14 @@ from identifiability.quality.recordings import Recordings
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo, state_delay
+from identifiability.simulation.rollout import CommandedRobot
 
 from .calibration import calibrate_torque
 from .fit import fit_rollouts
 from .gains import file_shares, with_numbers
 from .odd_joints import find_odd_joints
 from .rollouts import Rollouts, are_contradicted
+from .standing import state_standing
 from .torque import replace_servo
 
 
@@ -70,6 +72,7 @@ def follow_commands(
     how: Preparation,
     rng: np.random.Generator,
     say: Progress = quiet,
+    first: First | None = None,
 ) -> tuple[Recordings, Structure]:
     """Return recordings with calibrated torque of commands, and the structure of their robot.
 
@@ -85,6 +88,8 @@ def follow_commands(
     rng : Generator
     say : callable(str, float)
         Receives the current stage, and the finished share of an analysis.
+    first : callable(FirstAnswer), optional
+        Receives a first answer of long logs.
     """
     robot = structure.robot
     servo = structure.robot.servo
@@ -93,10 +98,14 @@ def follow_commands(
         return recordings, structure
     logs = [recordings.fitted[k].select(robot.joints) for k in at]
     try:
-        found = servo.rolled or fit_rollouts(robot, logs, file_shares(robot), servo.delay, say)
+        found = servo.rolled or fit_rollouts(
+            robot, logs, file_shares(robot), servo.delay, say, first
+        )
     except RobotError as error:
         return _without_rollouts(recordings, servo, error), structure
+    say("checking each joint", 0.45)
     servos = identify_servos(robot, logs, found)
+    say("calibrating torque", 0.55)
     # Rollouts of a structure need no record of how its gains were found.
     plain = replace(servos.robot, servo=replace(servos.servo, rolled=None))
     structure = replace(structure, robot=plain)
@@ -264,7 +273,9 @@ def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     resting = phrase("commands", "held", joint=robot.joints[k], most=held[k])
     undamped = _undamped_joints(robot, servo, np.concatenate([log.tau for log in logs]))
     damped = phrase("commands", "damped", joints=undamped) if undamped else ""
-    return " ".join(filter(None, (servo.found, made, resting, damped, servo.state_rate())))
+    standing = state_standing(CommandedRobot(robot, found.parameters), logs)
+    texts = (servo.found, made, standing, resting, damped, servo.state_rate())
+    return " ".join(filter(None, texts))
 
 
 def _undamped_joints(robot: Robot, servo: Servo, torque: Array) -> list[str]:

@@ -17,7 +17,7 @@ from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.rules import Tolerance
-from identifiability.foundation.runs import Progress, quiet
+from identifiability.foundation.runs import First, Progress, quiet
 from identifiability.logs import Log
 from identifiability.logs.contradictions import check_units
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
@@ -52,7 +52,9 @@ def select_commanded(robot: Robot, logs: Iterable[Log]) -> list[Log]:
     return [set_aside_joints(log) for log in selected]
 
 
-def learn_gains(robot: Robot, logs: Sequence[Log], say: Progress = quiet) -> Robot:
+def learn_gains(
+    robot: Robot, logs: Sequence[Log], say: Progress = quiet, first: First | None = None
+) -> Robot:
     """Return a robot whose servos have gains; logs of commands determine the unknown ones.
 
     Raises
@@ -66,7 +68,7 @@ def learn_gains(robot: Robot, logs: Sequence[Log], say: Progress = quiet) -> Rob
     shares = file_shares(robot)
     if not shares:
         raise RobotError(Finding("gains.massless", robot.path))
-    found = fit_rollouts(robot, commanded, shares, robot.servo.delay, say)
+    found = fit_rollouts(robot, commanded, shares, robot.servo.delay, say, first)
     text = state_gains(robot, [x.name for x in commanded], found, shares)
     servo = replace(with_numbers(robot.servo, found), found=text, rolled=found)
     return replace(robot, servo=servo)

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from identifiability.effects.vocabulary import drop_follower_friction
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs import Log, signals
@@ -119,6 +120,7 @@ class RolloutProblem:
         bodies = zip(self.shares, sizes, strict=True)
         pairs = [(f"{body}.{kind}", x) for body, x in bodies for kind in INERTIAL_KINDS]
         parameters = {name: x * robot.nominal[name] for name, x in pairs}
+        parameters |= drop_follower_friction(robot)
         for kind in KINDS[:4]:
             name = robot.inertia_parts[0] if kind == "Ia" else kind
             values = zip(robot.joints, numbers[kind].tolist(), strict=True)
@@ -139,6 +141,16 @@ class RolloutProblem:
         numbers = dict(zip(KINDS, table * np.exp(self.over * table[-1]), strict=True))
         gains = self.machine.servo.kp * np.exp(table[-1])
         return {**numbers, "kp": gains, "sizes": x[self.bodies]}, x[self.delays]
+
+    def replace_numbers(self, x: Array, numbers: Mapping[str, Array], joints: np.ndarray) -> Array:
+        """Return the vector with other numbers of some joints, (n,) bool, where they are varied."""
+        count = self.over.size
+        table = x[:count].reshape(self.over.shape).copy()
+        log_kp = np.log(numbers["kp"] / self.machine.servo.kp)
+        others = [numbers.get(kind, 0.0 * log_kp) for kind in KINDS[:-1]]
+        replaced = np.array([*others, log_kp]) / np.exp(self.over * log_kp)
+        is_replaced = self.varied[:count].reshape(self.over.shape) & joints
+        return np.append(np.where(is_replaced, replaced, table), x[count:])
 
     def bounds(self, x: Array) -> Array:
         """Return the least and largest step, (2, p): no friction or rotor is negative."""
@@ -168,7 +180,7 @@ class RolloutProblem:
         machine = self.machine
         if numbers["play"].any():
             loose = replace(machine.servo, play=numbers["play"])
-            machine = CommandedRobot(machine.robot, {}, loose)
+            machine = CommandedRobot(machine.robot, drop_follower_friction(machine.robot), loose)
         sizes = dict(zip(self.shares, np.exp(2 * numbers["sizes"]).tolist(), strict=True))
         return machine.resized(sizes), numbers, delays
 

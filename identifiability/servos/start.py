@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from identifiability.effects.vocabulary import drop_follower_friction
 from identifiability.foundation.linalg import or_one
 from identifiability.foundation.names import Array
 from identifiability.logs import Log, signals
@@ -16,6 +17,7 @@ from identifiability.robot.servo import Servo
 from identifiability.simulation.rollout import COARSE, STEP, CommandedRobot, starting_speeds
 
 from .positions import encoder_noise, explicable
+from .problem import RolloutProblem
 from .windows import Window
 
 #: Natural frequencies of a servo and its load that are tried [rad/s].
@@ -35,7 +37,8 @@ def start_rollouts(
     assert servo is not None
     kp = np.where(np.isnan(servo.kp), 1.0, servo.kp)
     guess = replace(servo, kp=kp, kv=np.nan_to_num(servo.kv))
-    machine = CommandedRobot(robot, {}, guess)
+    plain = drop_follower_friction(robot)
+    machine = CommandedRobot(robot, plain, guess)
     delay = servo.delay or 0.0
     numbers = machine.numbers()
     if not servo.unknown.any() and np.all(_errors(machine, numbers, delay, windows) < 1):
@@ -53,7 +56,35 @@ def start_rollouts(
     chosen = {
         kind: np.array([one[kind] for one in tried])[best, range(len(best))] for kind in numbers
     }
-    return CommandedRobot(robot, {}, replace(guess, kp=chosen["kp"])), chosen
+    return CommandedRobot(robot, plain, replace(guess, kp=chosen["kp"])), chosen
+
+
+def restart_joints(problem: RolloutProblem, x: Array, joints: np.ndarray) -> Array:
+    """Return a vector in which some joints begin again, from the best of the grid.
+
+    The other joints and the delays keep their numbers. A joint that begins again with an unknown
+    gain gets the median gain of the others.
+
+    Parameters
+    ----------
+    problem : RolloutProblem
+    x : (p,)
+    joints : (n,) bool
+    """
+    numbers, _ = problem.unpack(x)
+    others = numbers["kp"] if joints.all() else numbers["kp"][~joints]
+    usual = np.median(others)
+    kp = np.where(joints & problem.varied[problem.at("kp")], usual, numbers["kp"])
+    machine = problem.machine
+    grid = _list_numbers(machine, replace(machine.servo, kp=kp), problem.logs[0])
+    tried = [x, *(problem.replace_numbers(x, one, joints) for one in grid)]
+    shares = np.array([problem.missed(problem.roll([one], COARSE * STEP)[0]) for one in tried])
+    best = shares.argmin(0)
+    for joint in np.flatnonzero(joints):
+        of_joint = np.arange(problem.over.size) % len(joints) == joint
+        x = x.copy()
+        x[: problem.over.size][of_joint] = tried[best[joint]][: problem.over.size][of_joint]
+    return x
 
 
 def _errors(
@@ -153,7 +184,7 @@ def _list_numbers(machine: CommandedRobot, servo: Servo, log: Log) -> Iterator[M
     bodies = inertia - numbers["Ia"]
     # If the file lacks a rotor, the search starts from the largest inertia of all joints.
     stated = np.where(numbers["Ia"] > 0, inertia, inertia.max())
-    highest = 1.0 / signals.sampling_step(log.t)
+    highest = np.pi / signals.sampling_step(log.t)
     for frequency in FREQUENCIES[highest > FREQUENCIES]:
         needed = np.maximum(servo.kp / frequency**2, bodies)
         total = np.where(unknown, stated, needed)

@@ -35,6 +35,8 @@ from .mujoco_robot import MujocoRobot, compile_robot, robot_spec
 #: Coefficients of a coupling of MuJoCo.
 POWERS = 5
 
+_JOINT, _TENDON = mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_TENDON
+
 #: A motor of unit gain, independent of the defaults of a file.
 _MOTOR = {
     "gear": [1, 0, 0, 0, 0, 0],
@@ -61,7 +63,7 @@ def compile_forward(robot: Robot, values: Mapping[str, float], servo: Servo | No
     values : mapping
         Parameters of the bodies by name.
     servo : Servo, optional
-        That drives the actuated joints, an actuator of each joint's name.
+        That drives the actuated joints and tendons, an actuator of each one's name.
 
     Raises
     ------
@@ -76,7 +78,7 @@ def compile_forward(robot: Robot, values: Mapping[str, float], servo: Servo | No
                 "forward."
             )
     spec = robot_spec(robot, balance="true")
-    cables = {cable.name for cable in robot.cables}
+    cables = [cable.name for cable in robot.cables]
     gone = [*spec.actuators, *(e for e in spec.equalities if e.type == mujoco.mjtEq.mjEQ_TENDON)]
     for element in (*gone, *(t for t in spec.tendons if t.name not in cables)):
         spec.delete(element)
@@ -85,11 +87,12 @@ def compile_forward(robot: Robot, values: Mapping[str, float], servo: Servo | No
         tendon = spec.add_tendon(name=name)
         for joint, coefficient in weights.items():
             tendon.wrap_joint(joint, coefficient)
-    for name in (cable.name for cable in robot.cables):
-        spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_TENDON, **_MOTOR)
-    if servo is not None:
+    if servo is None:
+        for name in cables:
+            spec.add_actuator(name=name, target=name, trntype=_TENDON, **_MOTOR)
+    else:
         for k, joint in enumerate(robot.joints):
-            _add_servo(spec, joint, servo, k)
+            _add_servo(spec, joint, servo, k, _TENDON if joint in cables else _JOINT)
     model = compile_robot(robot, spec)
     _set_couplings(model, robot)
     _set_bodies(model, robot, values)
@@ -140,8 +143,11 @@ def _set_couplings(model: Any, robot: Robot) -> None:
             model.eq_data[model.equality(own).id, : len(curve.coef)] = curve.coef
 
 
-def _add_servo(spec: Any, joint: str, servo: Servo, k: int) -> None:
-    """Add the servo of a joint, and play; its control is a position, a velocity or a torque."""
+def _add_servo(spec: Any, joint: str, servo: Servo, k: int, kind: Any) -> None:
+    """Add the servo of a joint or tendon, and play of a joint.
+
+    Its control is a position, a velocity or a torque.
+    """
     kp = float(servo.kp[k])
     kv = float(servo.kv[k])
     options = _MOTOR | {
@@ -158,10 +164,10 @@ def _add_servo(spec: Any, joint: str, servo: Servo, k: int) -> None:
     spec.add_actuator(
         name=joint,
         target=joint,
-        trntype=mujoco.mjtTrn.mjTRN_JOINT,
+        trntype=kind,
         **options,
     )
-    if servo.play.any() and servo.play[k] > 0:
+    if kind == _JOINT and servo.play.any() and servo.play[k] > 0:
         like = spec.joint(joint)
         ends = 0.5 * servo.play[k] * np.array([-1.0, 1.0])
         loose = {word: getattr(like, word) for word in ("type", "axis", "pos")}
@@ -232,7 +238,7 @@ class ForwardRobot:
     def tie(self, q: Array) -> tuple[Array, Array]:
         """Return the configuration (nq,) of actuated positions (n,), and speeds per speed (nv, n).
 
-        Coupled joints stand where their couplings put them.
+        Coupled joints stand where couplings and tendons put them.
 
         Raises
         ------
@@ -241,11 +247,11 @@ class ForwardRobot:
         """
         kinematics = self._kinematics
         full = kinematics.walk(kinematics.home(), q, 0)
-        slope = np.zeros((self.model.nv, len(q)))
+        slope = np.zeros((kinematics.size, len(q)))
         slope[kinematics.actuated] = np.eye(len(q))
         if kinematics.closed:
             slope[kinematics.passive] = -kinematics.slope()
-        return full[: self.model.nq], slope
+        return full[: self.model.nq], slope[: self.model.nv]
 
     @quiet()
     def _set_joints(self, joints: Mapping[str, Mapping[str, float]]) -> None:

@@ -26,10 +26,11 @@ from mujoco import rollout
 from identifiability.foundation.errors import RobotError, listing
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.values import frozen
 from identifiability.logs import Log, signals
 from identifiability.logs.commands import acting
 from identifiability.robot import Robot
-from identifiability.robot.mjcf import quiet
+from identifiability.robot.mjcf import find_arms, quiet
 from identifiability.robot.servo import Servo
 
 from .forward import DIVERGED, HARD, ForwardRobot
@@ -48,13 +49,88 @@ LITTLE: Tolerance = 0.4
 SHORTEST: Tolerance = 0.5
 
 
+@frozen
+class ServoPlaces:
+    """Where a MuJoCo model holds the coordinates of servos: joints, and tendons along joints.
+
+    Attributes
+    ----------
+    is_joint : (n,) bool
+    index : (n,) int
+        The degree of freedom of a joint, or the tendon.
+    of_positions : (n, nq)
+        Coordinates per position of the model.
+    of_speeds : (n, nv)
+        Their speeds per speed of the model.
+    """
+
+    is_joint: np.ndarray
+    index: np.ndarray
+    of_positions: Array
+    of_speeds: Array
+
+    @staticmethod
+    def of(model: Any, robot: Robot) -> ServoPlaces:
+        """Return the places of a robot's actuated coordinates.
+
+        Raises
+        ------
+        RobotError
+            If a tendon runs along joints of two branches.
+        """
+        tendons = {cable.name for cable in robot.cables}
+        is_joint = np.array([name not in tendons for name in robot.joints])
+        index = np.zeros(len(robot.joints), int)
+        of_positions = np.zeros((len(index), model.nq))
+        of_speeds = np.zeros((len(index), model.nv))
+        for k, name in enumerate(robot.joints):
+            arms = {name: 1.0}
+            index[k] = model.joint(name).dofadr[0] if is_joint[k] else model.tendon(name).id
+            if not is_joint[k]:
+                arms = find_arms(model, index[k])
+                _check_branch(robot, model, name, arms)
+            for joint, c in arms.items():
+                of_positions[k, model.joint(joint).qposadr[0]] = c
+                of_speeds[k, model.joint(joint).dofadr[0]] = c
+        return ServoPlaces(is_joint, index, of_positions, of_speeds)
+
+    def read(self, model: Any, word: str) -> Array:
+        """Return a number of the coordinates in a model, (n,)."""
+        out = np.zeros(len(self.index))
+        for kind, own in (("dof", self.is_joint), ("tendon", ~self.is_joint)):
+            out[own] = getattr(model, f"{kind}_{word}")[self.index[own]]
+        return out
+
+    def write(self, model: Any, word: str, values: Array) -> None:
+        """Set a number of the coordinates in a model, (n,)."""
+        for kind, own in (("dof", self.is_joint), ("tendon", ~self.is_joint)):
+            getattr(model, f"{kind}_{word}")[self.index[own]] = values[own]
+
+
+def _check_branch(robot: Robot, model: Any, name: str, arms: Mapping[str, float]) -> None:
+    """Refuse a tendon along joints of two branches, whose inertia MuJoCo does not have."""
+    dofs = [int(model.joint(joint).dofadr[0]) for joint in arms]
+    before, last = set[int](), max(dofs)
+    while last >= 0:
+        before.add(last)
+        last = int(model.dof_parentid[last])
+    if not before.issuperset(dofs):
+        raise RobotError(
+            f"{robot.path}: the tendon '{name}' drives joints of two branches "
+            f"({listing(arms)}), and MuJoCo lacks the inertia that it ties together, so it is not "
+            "rolled out. Let the servo drive one of these joints, which the others follow "
+            "(<equality>)."
+        )
+
+
 class CommandedRobot:
     """A robot with given parameters and servos.
 
     Parameters
     ----------
     robot : Robot
-        Without loops, though joints may follow others; its `servo` or another one drives it.
+        Without loops, though joints may follow others, and tendons may run along joints. Its
+        `servo` or another one drives it.
     parameters : mapping
         Standard parameters by name; those that are not given keep the file's values.
     servo : Servo, optional
@@ -77,11 +153,13 @@ class CommandedRobot:
                 f"{robot.path} are to be found from logs of commands, so nothing can move "
                 "yet: analyze such logs and give the result."
             )
-        if robot.loops or robot.cables or robot.transmission is not None:
+        spatial = any(cable.points for cable in robot.cables)
+        if robot.loops or spatial or robot.transmission is not None:
             raise RobotError(
-                f"{robot.path}: positions are predicted of robots whose joints are moved one by "
-                "one, or follow another joint. This robot has loops, cables or motors that mix "
-                "joints. Torque is predicted without --forward."
+                f"{robot.path}: commands move joints one by one, joints that follow others, and "
+                "tendons along joints. This robot has loops, tendons between bodies, or a "
+                "[transmission]. State the gains of its servos ([servo] kp = …, kv = …): its "
+                "torque is computed without rollouts, and predicted without --forward."
             )
         self.robot = robot
         self.servo = servo
@@ -89,12 +167,15 @@ class CommandedRobot:
         self.model = self._forward.model
         # Diverging rollouts are not restarted.
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-        joints = [self.model.joint(j) for j in robot.joints]
-        self.dofs = np.array([j.dofadr[0] for j in joints], int)
-        self.at = np.array([j.qposadr[0] for j in joints], int)
+        self.places = ServoPlaces.of(self.model, robot)
         #: Actuators of the joints, which also subtract offsets.
         self.actuators = np.array([self.model.actuator(j).id for j in robot.joints], int)
-        self.offset = self._forward.bias[0][self.dofs]
+        joints, lines = self._forward.bias
+        tendons = [cable.name for cable in robot.cables]
+        own = self.places.is_joint
+        self.offset = np.zeros(len(own))
+        self.offset[own] = joints[self.places.index[own]]
+        self.offset[~own] = [lines[tendons.index(j)] for j in compress(robot.joints, ~own)]
 
     def resized(self, sizes: Mapping[str, float]) -> CommandedRobot:
         """Return the robot with bodies of scaled mass and inertia."""
@@ -121,7 +202,7 @@ class CommandedRobot:
         M *= 1 + 1e-9 * np.eye(len(M))  # a motor without a rotor moves nothing within play
         if self.robot.closed:
             return 1 / np.diag(np.linalg.inv(slope.T @ M @ slope))
-        return 1 / np.diag(np.linalg.inv(M))[self.dofs]
+        return 1 / np.diag(np.linalg.inv(M))[self.places.index]
 
     @quiet()
     def gravity(self, q: Array) -> Array:
@@ -138,8 +219,8 @@ class CommandedRobot:
     @cached_property
     def bare(self) -> Array:
         """Inertia that each joint feels at home without its rotor, (n,)."""
-        home = self._forward.home()[self.at]
-        own = self.model.dof_armature[self.dofs]
+        home = self.places.of_positions @ self._forward.home()
+        own = self.places.read(self.model, "armature")
         return np.maximum(self.inertia(home) - own, 0.0)
 
     def longest(self, numbers: Mapping[str, Array], step: float = STEP) -> float:
@@ -151,23 +232,33 @@ class CommandedRobot:
         ratio = (self.bare + numbers["Ia"]) / np.maximum(damping, 1e-12)
         return float(np.clip(LITTLE * ratio.min(), SHORTEST * step, step))
 
+    @cached_property
+    def _groups(self) -> np.ndarray:
+        """Group of each kinematic tree: couplings tie trees together, (trees,) int."""
+        groups = np.arange(self.model.ntree)
+        for coupling in self.robot.couplings:
+            joints = [self.model.joint(j) for j in (coupling.joint, *coupling.terms)]
+            tied = groups[[self.model.dof_treeid[j.dofadr[0]] for j in joints]]
+            groups[np.isin(groups, tied)] = tied.min()
+        return groups
+
     @property
     def trees(self) -> np.ndarray:
-        """Kinematic tree of each joint, (n,) int. No tree moves the joints of another tree."""
-        return self.model.dof_treeid[self.dofs]
+        """Group of trees of each joint, (n,) int. No group moves the joints of another group."""
+        dofs = np.abs(self.places.of_speeds).argmax(1)
+        return self._groups[self.model.dof_treeid[dofs]]
 
     def trees_of(self, bodies: Sequence[str]) -> np.ndarray:
-        """Return the kinematic tree of each body, (m,) int."""
-        return np.array([self.model.body_treeid[self.model.body(b).id] for b in bodies], int)
+        """Return the group of trees of each body, (m,) int."""
+        trees = [self.model.body_treeid[self.model.body(b).id] for b in bodies]
+        return self._groups[trees]
 
     def numbers(self) -> dict[str, Array]:
         """Return armature, damping, dry friction, offset and gains of the joints, each (n,)."""
-        m = self.model
-        k = self.dofs
         return {
-            "Ia": m.dof_armature[k].copy(),
-            "Fv": m.dof_damping[k].copy(),
-            "Fc": m.dof_frictionloss[k].copy(),
+            "Ia": self.places.read(self.model, "armature"),
+            "Fv": self.places.read(self.model, "damping"),
+            "Fc": self.places.read(self.model, "frictionloss"),
             "off": self.offset.copy(),
             "kv": self.servo.kv,
             "kp": self.servo.kp,
@@ -233,7 +324,10 @@ class CommandedRobot:
         q, slope = self._forward.tie(log.q[0])
         v = slope @ speed
         a0 = self._acceleration(model, data, q, v, control[0])
-        moved = begin * speed + (0.5 * begin**2 - h**2 / 8) * a0[self.dofs]
+        of_speeds = self.places.of_speeds
+        moved = begin * speed + (0.5 * begin**2 - h**2 / 8) * (of_speeds @ a0)
+        if not np.isfinite(moved).all():  # the step takes more inertia than light links have
+            return np.full(log.q.shape, np.nan)
         q, slope = self._forward.tie(log.q[0] + moved)
         v += (begin - 0.5 * h) * a0
         start = np.zeros(mujoco.mj_stateSize(model, _STATE))
@@ -245,8 +339,10 @@ class CommandedRobot:
             control,
             control_spec=int(mujoco.mjtState.mjSTATE_CTRL),
         )
-        first = q[self.at]
-        path = np.concatenate([[first - h * v[self.dofs], first], states[0][:, 1 + self.at]])
+        of_positions = self.places.of_positions
+        first = of_positions @ q
+        moving = states[0][:, 1 : 1 + model.nq] @ of_positions.T
+        path = np.concatenate([[first - h * (of_speeds @ v), first], moving])
         out = _sample(path, (log.t - log.t[0] - begin) / h + 1)
         limit = DIVERGED * (np.abs(log.q).max() + 1.0)
         out[np.cumsum(~(np.abs(out).max(1) < limit)) > 0] = np.nan
@@ -263,20 +359,21 @@ class CommandedRobot:
     def _with(self, numbers: Mapping[str, Array], h: float) -> Any:
         """Return the model with other numbers of its joints, at a step of h seconds."""
         model = copy(self.model)
-        dofs = self.dofs
+        places = self.places
         model.opt.timestep = h
         stiff = [2 * h, 1.0]
         model.dof_solref[:], model.dof_solimp[:, :2] = stiff, HARD
+        model.tendon_solref_fri[:], model.tendon_solimp_fri[:, :2] = stiff, HARD
         model.jnt_solref[:] = stiff
         model.eq_solref[:], model.eq_solimp[:, :2] = stiff, HARD
         damping = np.maximum(numbers["Fv"], 0.0)
-        model.dof_damping[dofs] = damping
-        model.dof_frictionloss[dofs] = np.maximum(numbers["Fc"], 0.0)
+        places.write(model, "damping", damping)
+        places.write(model, "frictionloss", np.maximum(numbers["Fc"], 0.0))
         servo = self.servo.having(numbers)
         whole = self.bare + numbers["Ia"]
         taken = -servo.lead + 0.5 * h * (damping + servo.damping)
         # A file without rotors may state less inertia than a servo of this rate can control.
-        model.dof_armature[dofs] = numbers["Ia"] - np.minimum(taken, LITTLE * whole)
+        places.write(model, "armature", numbers["Ia"] - np.minimum(taken, LITTLE * whole))
         # Delayed speeds of a servo seem to reduce the inertia. A saturated servo does not have this
         # effect, so its torque limit is reduced in proportion.
         seeming = np.clip(-servo.lead, 0.0, LITTLE * whole)

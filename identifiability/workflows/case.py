@@ -33,14 +33,14 @@ from identifiability.estimation.motion import MotionChoice, choose_motion, read_
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding, of_key, phrase
 from identifiability.foundation.options import OptionError
-from identifiability.foundation.runs import Progress, Run, share
+from identifiability.foundation.runs import First, Progress, Run, share
 from identifiability.foundation.stages import Stages
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Dataset, Preparation, prepare_log
 from identifiability.logs.prepare.dataset import explain_silence, require_signal
-from identifiability.logs.prepare.excerpt import prepare_excerpt
+from identifiability.logs.prepare.excerpt import most_rows, prepare_excerpt
 from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.prepare.preparation import (
     CommonPreparation,
@@ -163,7 +163,7 @@ class Data(OfStructure):
     hints : tuple of str
         Possible problems of robot file and logs, for the user to check.
     reading : Reading or None
-        Another reading of the logs. It is used if it `holds` and logs are in memory.
+        Another reading of the logs. It is used if it `holds`.
     explained : bool
         Whether a reading or a check explains all contradictions of physics.
     misread : str
@@ -354,7 +354,8 @@ class Case:
             return self.robot
         run.say("reading logs", 0.0)
         divides = self.use.divides and not self.validate
-        return self.stages.once(find_gains, self.robot, self.logs, divides, say=run.say)
+        tells = {"say": run.say, "first": run.first}
+        return self.stages.once(find_gains, self.robot, self.logs, divides, **tells)
 
     def recordings(self, run: Run) -> Recordings:
         """Return the logs as they were measured, with their roles."""
@@ -364,7 +365,9 @@ class Case:
         if self.reading is not None:
             known = self.reading
             recordings = self.stages.once(apply_to_logs, known.reading, recordings, known.structure)
-        return self.stages.once(assign_roles, recordings) if self.use.divides else recordings
+        if self.use.divides:
+            recordings = self.stages.once(assign_roles, recordings)
+        return self.stages.once(split_sensors, robot, recordings)
 
     def common_preparation(self, robot: Robot, recordings: Recordings) -> Preparation:
         """Return how logs are prepared, with one cut-off for all fitted ones.
@@ -425,7 +428,8 @@ class Case:
         if not recordings.commanded:
             return recordings, structure
         how = self.common_preparation(structure.robot, recordings)
-        return self.stages.once(follow, recordings, structure, how, run.seed, say=run.say)
+        tells = {"say": run.say, "first": run.first}
+        return self.stages.once(follow, recordings, structure, how, run.seed, **tells)
 
     def data(
         self,
@@ -440,7 +444,7 @@ class Case:
     ) -> Data:
         """Return the prepared logs under the reading that the fitted ones prefer.
 
-        Other columns are read only where logs are in memory; else the reading is only reported.
+        An excerpt chooses the reading of logs that are too long for memory. It holds for all rows.
 
         Parameters
         ----------
@@ -462,7 +466,7 @@ class Case:
         seek = seek and self.reading is None
         literal = self.literal(structure, recordings, run, done, seek=seek, most=most)
         reading = literal.confirmed
-        if reading is None or not apply or (recordings.long and not reading.keeps_columns):
+        if reading is None or not apply:
             return self.at_fit(literal, run)
         return self.at_fit(self.read_as(literal, reading, run, most), run)
 
@@ -485,25 +489,29 @@ class Case:
         if done:
             require_signal(prepared.fitted, done)
         unchecked = self.gathered(structure, recordings, motion.how, prepared)
-        reading = None
-        if seek:
-            widest = self.in_widest_band(unchecked, run, most)
-            reading = self.stages.once(seek_reading, widest)
+        if not seek:
+            return self.stages.once(check_logs, unchecked, None)
+        if recordings.long and most is None:
+            most = most_rows(recordings.fitted)
+        how = self.widest_band(motion)
+        rows = self.prepared(structure.robot, motion.recordings, how, run, most)
+        searched = self.gathered(structure, recordings, how, rows)
+        reading = self.stages.once(seek_reading, searched)
         return self.stages.once(check_logs, unchecked, reading)
 
-    def in_widest_band(self, data: Data, run: Run, most: int | None) -> Data:
-        """Return data in the widest band that the motion allows, in which readings are sought.
+    def widest_band(self, motion: Motions) -> Preparation:
+        """Return the preparation with the widest band that the motion allows, for readings.
 
-        The torque chose the band of the data. Torque that is misread must not choose the band in
+        The torque chooses the band of the data. Torque that is misread must not choose the band in
         which its reading is judged: a late torque fits best where there is hardly any motion.
         """
-        robot, recordings = data.robot, data.recordings
-        widest = self.stages.once(choose_cutoff, robot, recordings.fitted, self.preparation)
-        tuned = data.preparation
-        if tuned.cutoff == widest.cutoff or tuned.derivatives != widest.derivatives:
-            return data
-        prepared = self.prepared(robot, recordings, widest, run, most)
-        return self.gathered(data.structure, recordings, widest, prepared)
+        if motion.recordings.commanded:
+            return motion.how
+        logs = motion.recordings.fitted
+        widest = self.stages.once(choose_cutoff, self.robot, logs, self.preparation)
+        same_band = widest.cutoff == motion.how.cutoff
+        same_motion = widest.derivatives == motion.how.derivatives
+        return widest if same_motion and not same_band else motion.how
 
     def read_as(self, data: Data, reading: Reading, run: Run, most: int | None = None) -> Data:
         """Return data under another reading of their logs."""
@@ -679,7 +687,14 @@ def comparable_entry(source: LadderSource, commanded: bool) -> LadderEntry:
     return source.models_for(commanded=commanded)
 
 
-def find_gains(robot: Robot, logs: Sequence[LogLike], divides: bool, *, say: Progress) -> Robot:
+def find_gains(
+    robot: Robot,
+    logs: Sequence[LogLike],
+    divides: bool,
+    *,
+    say: Progress,
+    first: First | None = None,
+) -> Robot:
     """Return a robot whose servos have gains; logs of commands determine unstated ones.
 
     Raises
@@ -695,7 +710,7 @@ def find_gains(robot: Robot, logs: Sequence[LogLike], divides: bool, *, say: Pro
     # Motion that verifies the result must not choose the gains.
     recordings = assign_roles(recordings) if divides else recordings
     commanded = (x for x in recordings.fitted if x.commanded and x.motion_alone)
-    return learn_gains(robot, select_commanded(robot, commanded), say)
+    return learn_gains(robot, select_commanded(robot, commanded), say, first)
 
 
 def read_case(
@@ -715,14 +730,34 @@ def read_case(
     return read_recordings(logs, validate, known, preparation, commands=use.commands, torque=torque)
 
 
+def split_sensors(robot: Robot, recordings: Recordings) -> Recordings:
+    """Return recordings in which a log with torque on both sides of gears is two logs."""
+    both = [joint for joint in robot.joints if robot.torque.side_of(joint) == "both"]
+    if not both:
+        return recordings
+    fitted, held_out = (
+        tuple(part for log in logs for part in log.split_sensors(both))
+        for logs in (recordings.fitted, recordings.held_out)
+    )
+    return replace(recordings, fitted=fitted, held_out=held_out)
+
+
 def follow(
-    recordings: Recordings, structure: Structure, how: Preparation, seed: int, *, say: Progress
+    recordings: Recordings,
+    structure: Structure,
+    how: Preparation,
+    seed: int,
+    *,
+    say: Progress,
+    first: First | None = None,
 ) -> tuple[Recordings, Structure]:
     """Return recordings with torque of commands, calibrated on rollouts of a fitted robot."""
     from identifiability.servos import follow_commands  # noqa: PLC0415 - MuJoCo
 
     rng = np.random.default_rng(seed).spawn(1)[0]
-    found: tuple[Recordings, Structure] = follow_commands(recordings, structure, how, rng, say)
+    found: tuple[Recordings, Structure] = follow_commands(
+        recordings, structure, how, rng, say, first
+    )
     return found
 
 
@@ -918,22 +953,14 @@ def apply_to_logs(reading: Reading, recordings: Recordings, structure: Structure
     recordings : Recordings
     structure : Structure
         The model of the literal reading.
-
-    Raises
-    ------
-    LogError
-        If columns are read otherwise and a log is too long for memory.
     """
     robot = structure.robot
     weighs = bool(robot.known_torque or robot.torque.compensated)
     carried = CarriedReading.of(reading, structure)
     if reading.keeps_columns and not weighs:
         return replace(recordings, reading=carried)
-    for log in (*recordings.fitted, *recordings.held_out):
-        if log.long and not reading.keeps_columns:
-            raise LogError(Finding("reading.long", log.name, what=reading.description))
     fitted, held_out = (
-        tuple(x if x.long else reading.read(x, structure) for x in logs)
+        tuple(reading.read(log, structure) for log in logs)
         for logs in (recordings.fitted, recordings.held_out)
     )
     return replace(recordings, fitted=fitted, held_out=held_out, reading=carried)

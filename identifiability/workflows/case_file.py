@@ -22,7 +22,7 @@ from identifiability.foundation.values import frozen
 from identifiability.robot import Robot
 from identifiability.robot.description import Bound
 from identifiability.robot.locate import shipped_robots
-from identifiability.robot.sidecar import Length, Masses, Named, Strict
+from identifiability.robot.sidecar import Length, Masses, Named, Side, Strict
 
 #: Name of the file in the folder.
 FILE = "case.toml"
@@ -46,6 +46,7 @@ class SettingsEntry(Strict):
     decimate: Annotated[int, Field(gt=0)] | None = key("Keep one sample of so many.", None)
     time_unit: Literal["s", "ms", "us", "ns"] | None = key("Of the times in logs.", None)
     angles: Literal["rad", "deg"] | None = key("Unit of angles in logs.", None)
+    torque_side: Side | None = key("Where torque was measured.", None)
     base: Literal["fixed", "floating"] | None = key("Whether the root stood still.", None)
 
 
@@ -63,6 +64,7 @@ class CaseEntry(Strict):
     validate_: Paths | Literal["none"] = key(
         'Held-out logs; "none" fits all logs.', [], ["run3.csv"], alias="validate"
     )
+    loaded: Paths = key("Logs with a load on the robot, for `payload`.", [], ["loaded.csv"])
     result: FilePath = key(
         "JSON that `analyze` writes, and that `predict`, `export` and `payload` read.",
         "result.json",
@@ -124,6 +126,11 @@ class CaseFile:
         return [given] if isinstance(given, str) else [*map(self.place, given)]
 
     @property
+    def loaded(self) -> list[str]:
+        """Paths of the logs with a load."""
+        return [*map(self.place, self.entry.loaded)]
+
+    @property
     def settings(self) -> dict[str, Any]:
         """The settings that the file states."""
         return self.entry.settings.model_dump(exclude_none=True)
@@ -171,7 +178,8 @@ class CaseFile:
         ------
         RobotError
         """
-        own = {k: v for k, v in self.settings.items() if k in ("time_unit", "angles", "base")}
+        told = ("time_unit", "angles", "base", "torque_side")
+        own = {k: v for k, v in self.settings.items() if k in told}
         return self.with_masses(Robot.load(self.robot, self.sidecar, lock=self.entry.lock, **own))
 
 

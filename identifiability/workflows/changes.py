@@ -7,22 +7,24 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from itertools import groupby
 from typing import Any
 
 import numpy as np
 
 from identifiability.effects import FAMILIES, find_families
-from identifiability.estimation.differences import Differences
-from identifiability.estimation.groups import describe_term, place_of
-from identifiability.estimation.mixed_model import MixedModel, Term, Terms
+from identifiability.estimation.differences import WARM, Differences
+from identifiability.estimation.groups import place_of
+from identifiability.estimation.mixed_model import EVERYWHERE, Group, MixedModel, Terms, without
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.presenter import presented
+from identifiability.foundation.rounding import REACH
 from identifiability.foundation.values import frozen
 from identifiability.regression.columns import Candidate, number
 from identifiability.robot import Robot
+from identifiability.robot.robot import ten_parameters
 
 #: Families that may differ, other than loads.
 DIFFERING = (
@@ -32,6 +34,10 @@ DIFFERING = (
     "torque_scale",
     "passive_joint_friction",
 )
+#: Attributes that the size of a change sets.
+MEASURED = ("what", "names", "units", "sizes", "sd", "share", "share_sd", "felt", "parts")
+#: A function that the model may lack at a joint whose friction is nonlinear.
+VELOCITY = "function_of_velocity"
 #: Parameters of a load that its weight determines.
 WEIGHT = INERTIAL_KINDS[:4]
 
@@ -75,7 +81,7 @@ class DifferentTorque:
     @staticmethod
     def of(found: Differences, terms: Terms) -> DifferentTorque:
         """Return the torque of the first log minus that of the model of all logs."""
-        seen, p, a = found.missing.seen, len(found.known.precision), found.always.shape[1]
+        seen, p, a = found.missing.seen, found.known.size, found.always.shape[1]
         value = found.solve(terms)[0]
         explained = np.where(seen.data, 0.0, np.nan)
         sizes = found.always @ value[p : p + a]
@@ -89,6 +95,55 @@ class DifferentTorque:
         return DifferentTorque(seen.t[first], seen.raw[first], measured[first], explained[first])
 
 
+@frozen(kw_only=True)
+class FeltTorque:
+    """Torque of a change at the joint that feels it most, in the logs that have it.
+
+    Attributes
+    ----------
+    joint, unit : str
+    rms, sd : float [N·m or N]
+        Root of its mean square, with the sign of the first number of the change, and its standard
+        error.
+    before : float [N·m or N]
+        The rms torque of this joint in all logs.
+    """
+
+    joint: str = ""
+    unit: str = ""
+    rms: float = np.nan
+    sd: float = np.nan
+    before: float = np.nan
+
+    @staticmethod
+    def of(found: Differences, columns: np.ndarray, sizes: Array, spread: Array) -> FeltTorque:
+        """Return the torque of some columns (q,) of sizes (q,) with a covariance (q, q)."""
+        seen = found.missing.seen
+        acting = np.array(found.columns[int(columns[0])][0].logs)[seen.log] != 0
+        out = FeltTorque()
+        for j, joint in enumerate(seen.robot.joints):
+            rows = acting & seen.data[:, j]
+            if not rows.any():
+                continue
+            none = np.zeros(len(seen.y))
+            parts = [found.missing.entries.get((j, k), none)[rows] for k in columns.tolist()]
+            torque = np.column_stack(parts)
+            gram = torque.T @ torque / max(len(torque), 1)
+            rms = float(np.sqrt(max(sizes @ gram @ sizes, 0.0)))
+            if out.joint and not rms > abs(out.rms):
+                continue
+            slope = gram @ sizes / rms if rms > 0 else np.zeros(len(sizes))
+            before = float(np.sqrt(np.mean(seen.raw[seen.data[:, j], j] ** 2)))
+            out = FeltTorque(
+                joint=joint,
+                unit=seen.robot.torque_units[j],
+                rms=float(np.copysign(rms, sizes[0])),
+                sd=float(np.sqrt(slope @ spread @ slope)),
+                before=before,
+            )
+        return out
+
+
 # `Change`: a difference with size, place and time.
 
 
@@ -98,24 +153,38 @@ class Change:
 
     Attributes
     ----------
-    kind : {"load", "friction", "offset", "gain"}
+    kind : {"load", "friction", "offset", "gain", "missing"}
+        The last is an effect that the model lacks in all logs; it only competes with changes.
     family, what, place : str
         Its name; its description; and the body or joint, ``all joints`` where it is everywhere.
-    log : str
-        The only log with the change; empty if all compared logs have it.
+    log, since : str
+        The only log with the change, and the first of several; empty if all later logs have it.
+    seconds : float [s]
+        Of friction that changes within every log: the time in which it changes by its sizes. NaN of
+        a change between logs.
+    course : tuple of Change
+        Of several later logs, the change in each of them by itself.
+    gradual : bool
+        Whether it came in several steps; its sizes are those of the last log.
     names, units : tuple of str
         Of its q numbers.
     sizes, sd : (q,)
         Of these, given all other changes.
     share, share_sd : float
         Change relative to its torque before; NaN where that is not known.
+    felt : FeltTorque
+        Its torque.
     odds : float
         Log odds, averaged over sizes and ways, less the price of families and places; those of its
         surest part.
     others : tuple of str
-        Competing hypotheses,
+        Competing hypotheses of a change in part of a log,
     rivals : tuple of (family, place)
         and their names.
+    alternatives : tuple of Change
+        Competing hypotheses of a change between logs, with their sizes.
+    parts : tuple of Change
+        Of a change in all joints, that of each joint.
     start, stop : float [s]
         When it began and ended; infinite where that was not logged.
     began, ended : (float, float) [s]
@@ -134,10 +203,17 @@ class Change:
     sizes: Array
     sd: Array
     odds: float
-    others: tuple[str, ...]
+    since: str = ""
+    seconds: float = np.nan
+    course: tuple[Change, ...] = ()
+    gradual: bool = False
+    others: tuple[str, ...] = ()
     share: float = np.nan
     share_sd: float = np.nan
+    felt: FeltTorque = field(default_factory=FeltTorque)
     rivals: tuple[tuple[str, str], ...] = ()
+    alternatives: tuple[Change, ...] = ()
+    parts: tuple[Change, ...] = ()
     start: float = -np.inf
     stop: float = np.inf
     began: tuple[float, float] = (-np.inf, -np.inf)
@@ -150,9 +226,24 @@ class Change:
         return bool(np.isinf(self.start) and np.isinf(self.stop))
 
     @property
+    def within(self) -> bool:
+        """Whether it happens within every log, and not between logs."""
+        return bool(np.isfinite(self.seconds))
+
+    @property
     def sure(self) -> bool:
         """Whether its odds exceed the thresholds of fitted and unseen rows together."""
         return self.odds >= RULES.name + RULES.keep
+
+    @property
+    def relative(self) -> tuple[float, float]:
+        """The change and its standard error, as shares of the friction or gain before.
+
+        Of a load or an offset they are shares of the torque of the joint that feels it most.
+        """
+        if np.isfinite(self.share):
+            return self.share, self.share_sd
+        return self.felt.rms / self.felt.before, self.felt.sd / self.felt.before
 
     @property
     @presented
@@ -167,13 +258,36 @@ class Change:
         raise NotImplementedError
 
 
-def _describe(found: Differences, term: Term, names: Sequence[str]) -> str:
-    """Return a description of a group."""
-    own = found.whose(term)
-    if not own.pattern:
-        return f"{describe_term(term)} that the model lacks"
-    where = own.odd(names)
-    return f"{own.title} of {place_of(term)}{f' in {where}' if where else ''}"
+@frozen(kw_only=True)
+class Unchanged:
+    """A number that did not change, and the least change that would have been named.
+
+    Attributes
+    ----------
+    kind, family, what, place, name, unit : str
+        As of a `Change` with one number; of a load the mass.
+    least : float
+        Change that is named with 95 % probability; infinite if these logs cannot show it.
+    share : float
+        The same relative to the friction or gain; NaN where that is not known.
+    felt : FeltTorque
+        Its torque.
+    """
+
+    kind: str
+    family: str
+    what: str
+    place: str
+    name: str
+    unit: str
+    least: float
+    share: float
+    felt: FeltTorque
+
+    @property
+    def relative(self) -> float:
+        """The least change as a share, as `Change.relative`."""
+        return self.share if np.isfinite(self.share) else self.felt.rms / self.felt.before
 
 
 def rows_of(model: MixedModel, terms: Terms, k: int) -> np.ndarray:
@@ -192,23 +306,207 @@ def list_log_changes(found: Differences, terms: Terms, names: Sequence[str]) -> 
     names : sequence of str
         Of the logs, or of those that blocks are of.
     """
-    known, together = found.known, defaultdict[Any, list[int]](list)
+    together = defaultdict[Any, list[int]](list)
     for k, term in enumerate(terms):
         own = found.whose(term)
         if own.pattern:
             together[own.kind, place_of(term), own.pattern].append(k)
-    value, covariance = found.solve(terms)
-    levels = found.levels(known.base + known.directions @ value[: len(known.precision)])
     changes = []
     for which in together.values():
-        at = np.concatenate([rows_of(found.model, terms, k) for k in which])
-        columns = np.concatenate([found.at(terms[k]) for k in which])
-        spread = covariance[np.ix_(at, at)]
-        share = _share_of(levels[columns], found.missing.scale[columns], value[at], spread)
-        change = _join_terms(found, terms, which, names)
-        sd = np.sqrt(np.diag(spread))
-        changes.append(replace(change, sizes=value[at], sd=sd, share=share[0], share_sd=share[1]))
-    return tuple(sorted(changes, key=lambda c: -c.odds))
+        change = _measure_change(found, terms, which, names)
+        alternatives = [
+            _measure_change(found, (*without(terms, k), rival), [len(terms) - 1], names)
+            for k in which
+            for rival in found.model.rivals(terms, k)
+            if rival.odds > 0
+        ]
+        competing = tuple(other for other in alternatives if not _says_same(other, change))
+        course = _list_course(found, terms, which, names)
+        changes.append(replace(change, alternatives=competing, course=course))
+    ordered = sorted(changes, key=lambda c: -c.odds)
+    return tuple(_join_steps(ordered, names[: found.later]))
+
+
+def _says_same(other: Change, change: Change) -> bool:
+    """Return whether a change in all joints is sure at the place of another change alone."""
+    sure = {p.place for p in other.parts if abs(p.relative[0]) > REACH * p.relative[1]}
+    alike = (other.kind, other.log, other.since) == (change.kind, change.log, change.since)
+    return alike and sure == {change.place}
+
+
+def _join_steps(changes: Sequence[Change], later: Sequence[str]) -> list[Change]:
+    """Return changes, where several at one place are the steps of one: that in the last log.
+
+    Parameters
+    ----------
+    changes : sequence of Change
+        The surest first.
+    later : sequence of str
+        The later logs.
+    """
+    out = list[Change]()
+    for change in changes:
+        key = change.kind, change.place
+        steps = [k for k, c in enumerate(changes) if c.course and (c.kind, c.place) == key]
+        if not change.course or len(steps) < 2:
+            out.append(change)
+        elif change is changes[steps[0]]:
+            last = change.course[-1]
+            sure = [abs(c.relative[0]) > REACH * c.relative[1] for c in change.course]
+            first = later[sure.index(True)] if any(sure) else ""
+            numbers = {name: getattr(last, name) for name in MEASURED}
+            out.append(replace(change, **numbers, log="", since=first, gradual=True))
+    return out
+
+
+def _list_course(
+    found: Differences, terms: Terms, which: Sequence[int], names: Sequence[str]
+) -> tuple[Change, ...]:
+    """Return the change of some terms in each later log; none of one later log.
+
+    All changes of the same kind and place are replaced by one in each log.
+    """
+    first = terms[which[0]]
+    own = found.whose(first)
+    later = found.later
+    if later < 2 or own.pattern == WARM:
+        return ()
+
+    def alike(group: Group) -> bool:
+        other = found.candidate_of(group)
+        same = (other.kind, group.place) == (own.kind, first.group.place)
+        return same and other.pattern not in ("", WARM)
+
+    rest = tuple(t for t in terms if not alike(t.group))
+    member = first.member if own.kind == "load" else 0
+    singles = []
+    for group in filter(alike, found.groups):
+        amounts = found.candidate_of(group).logs
+        log = int(np.argmax(amounts))
+        if np.count_nonzero(amounts) == 1 and log < later:
+            singles.append((log, replace(first, group=group, member=member)))
+    every = (*rest, *(term for _, term in singles))
+    course = []
+    for log in range(later):
+        at = [len(rest) + k for k, (of_log, _) in enumerate(singles) if of_log == log]
+        course.append(_measure_change(found, every, at, names))
+    return tuple(course)
+
+
+def _measure_change(
+    found: Differences, terms: Terms, which: Sequence[int], names: Sequence[str]
+) -> Change:
+    """Return the change of some terms at one place, with its size."""
+    terms, which = _with_companions(found, terms, which)
+    value, covariance = found.solve(terms)
+    levels = found.levels(found.known.base + found.known.directions @ value[: found.known.size])
+    at = np.concatenate([rows_of(found.model, terms, k) for k in which])
+    columns = np.concatenate([found.at(terms[k]) for k in which])
+    families = {found.whose(terms[k]).family.name for k in which}
+    first = found.whose(terms[which[0]])
+    place = place_of(terms[which[0]])
+
+    def measure(some: np.ndarray, place: str) -> Change:
+        sizes, spread = value[at[some]], covariance[np.ix_(at[some], at[some])]
+        own = columns[some]
+        felt = FeltTorque.of(found, own, sizes, spread)
+        share = _share_of(levels[own], found.missing.scale[own], sizes, spread)
+        if (
+            first.kind == "friction"
+            and np.isfinite(share[0])
+            and len(set(owners[some].tolist())) == 1
+        ):
+            friction = _rms_friction(found, terms, value, own, levels[own], felt.joint)
+            share = felt.rms / friction, felt.sd / friction
+        _, called, units = zip(*(found.columns[n] for n in own.tolist()), strict=True)
+        title = first.title if len(families) == 1 else first.kind
+        return Change(
+            kind=first.kind if first.pattern else "missing",
+            family=first.family.name,
+            what=f"{title} of {place}",
+            place=place,
+            log=first.odd(names),
+            since=first.since(names),
+            seconds=longest if first.pattern == WARM else np.nan,
+            names=called,
+            units=units,
+            sizes=sizes,
+            sd=np.sqrt(np.diag(spread)),
+            share=share[0],
+            share_sd=share[1],
+            felt=felt,
+            odds=max(terms[k].odds for k in which),
+        )
+
+    seen = found.missing.seen
+    longest = max(float(np.ptp(seen.t[seen.log == k])) for k in np.unique(seen.log))
+    owners = np.array([found.columns[n][0].place for n in columns.tolist()])
+    change = measure(np.arange(len(at)), place)
+    places = list(dict.fromkeys(owners.tolist()))
+    if len(places) == 1:
+        return change
+    parts = tuple(measure(np.flatnonzero(owners == owner), owner) for owner in places)
+    return replace(change, parts=parts)
+
+
+def _rms_friction(
+    found: Differences, terms: Terms, value: Array, columns: np.ndarray, levels: Array, joint: str
+) -> float:
+    """Return the rms friction of a joint before a change, along the logs with the change.
+
+    A function of velocity that the model lacks there is friction as well.
+
+    Parameters
+    ----------
+    found : Differences
+    terms : tuple of Term
+    value : (c,)
+        Of the fixed columns and of the terms.
+    columns, levels : (q,)
+        Of the friction that changed.
+    joint : str
+        That feels it.
+    """
+    seen = found.missing.seen
+    j = seen.robot.joints.index(joint)
+    first = found.columns[int(columns[0])][0]
+    numbers = list(zip(columns.tolist(), levels.tolist(), strict=True))
+    for k, term in enumerate(terms):
+        if found.whose(term).family.name == VELOCITY:
+            at = rows_of(found.model, terms, k)
+            numbers += zip(found.at(term).tolist(), value[at].tolist(), strict=True)
+    torque = np.zeros(len(seen.y))
+    for column, size in numbers:
+        torque += size * found.missing.entries.get((j, column), 0.0)
+    rows = seen.data[:, j] & (np.array(first.logs)[seen.log] != 0)
+    return float(np.sqrt(np.mean(torque[rows] ** 2)))
+
+
+def _with_companions(
+    found: Differences, terms: Terms, which: Sequence[int]
+) -> tuple[Terms, list[int]]:
+    """Return terms with all friction of a place where some of it changed, and which these are.
+
+    Wear changes dry and viscous friction together. The evidence may name one of them only, and
+    would give it a part of the change of the other one.
+    """
+    first = terms[which[0]]
+    own = found.whose(first)
+    out, at = terms, list(which)
+    if own.kind != "friction" or not own.pattern:
+        return out, at
+    taken = {t.key for t in terms}
+    for group in found.groups:
+        other = found.candidate_of(group)
+        alike = (other.kind, other.pattern, group.place) == (
+            own.kind,
+            own.pattern,
+            first.group.place,
+        )
+        if alike and group.key not in taken:
+            at.append(len(out))
+            out = (*out, replace(first, group=group, member=0))
+    return out, at
 
 
 def _share_of(level: Array, rms: Array, sizes: Array, spread: Array) -> tuple[float, float]:
@@ -229,25 +527,58 @@ def _share_of(level: Array, rms: Array, sizes: Array, spread: Array) -> tuple[fl
     return float(slope @ sizes), float(np.sqrt(slope @ spread @ slope))
 
 
-def _join_terms(
-    found: Differences, terms: Terms, which: Sequence[int], names: Sequence[str]
-) -> Change:
-    """Return the change of some terms at one place, without its size."""
-    place, parts = place_of(terms[which[0]]), [found.whose(terms[k]) for k in which]
-    columns = [found.columns[n] for k in which for n in found.at(terms[k]).tolist()]
-    _, called, units = zip(*columns, strict=True)
-    rivals = [r for k in which for r in found.model.rivals(terms, k) if r.odds > 0]
-    alike = len({c.family.name for c in parts}) == 1
-    return Change(
-        kind=parts[0].kind,
-        family=parts[0].family.name,
-        what=f"{parts[0].title if alike else parts[0].kind} of {place}",
-        place=place,
-        log=parts[0].odd(names),
-        names=called,
-        units=units,
-        sizes=np.empty(0),
-        sd=np.empty(0),
-        odds=max(terms[k].odds for k in which),
-        others=tuple(dict.fromkeys(_describe(found, r, names) for r in rivals)),
-    )
+def list_unchanged(
+    found: Differences, terms: Terms, changes: Sequence[Change]
+) -> tuple[Unchanged, ...]:
+    """Return what did not change at each joint and body, in the order of the robot.
+
+    Parameters
+    ----------
+    found : Differences
+    terms : tuple of Term
+    changes : sequence of Change
+        Of these terms.
+    """
+    levels = np.abs(found.levels(found.known.base))
+    changed = {
+        (found.columns[n][0].family.name, found.columns[n][0].place)
+        for term in terms
+        for n in found.at(term).tolist()
+        if found.whose(term).pattern
+    }
+    out = []
+    for group in found.groups:
+        columns = found.columns_of(group.members[0])
+        first, name, unit = found.columns[int(columns[0])]
+        key = first.family.name, first.place
+        if first.pattern != "0" or group.place == EVERYWHERE or key in changed:
+            continue
+        unit_change = np.append(1.0, np.zeros(len(columns) - 1))
+        if first.kind == "load":  # of 1 kg at the centre of the body
+            unit_change = _body_of_one(found.missing.seen.robot, first.place)[: len(columns)]
+        level = float(levels[columns[0]])
+        least = found.model.least_named(terms, group, unit_change)
+        sizes = unit_change * (least if np.isfinite(least) else 0.0)
+        felt = FeltTorque.of(found, columns, sizes, np.zeros((len(sizes), len(sizes))))
+        out.append(
+            Unchanged(
+                kind=first.kind,
+                family=first.family.name,
+                what=f"{first.title} of {first.place}",
+                place=first.place,
+                name=name,
+                unit=unit,
+                least=least,
+                share=least / level if level > 0 else np.nan,
+                felt=felt,
+            )
+        )
+    order = {joint: k for k, joint in enumerate(found.missing.seen.robot.joints)}
+    return tuple(sorted(out, key=lambda x: order.get(x.place, len(order))))
+
+
+def _body_of_one(robot: Robot, body: str) -> Array:
+    """Return the ten parameters of 1 kg at the centre of a body, or at its origin."""
+    mass, *first = (robot.nominal[f"{body}.{kind}"] for kind in WEIGHT)
+    x, y, z = np.array(first) / mass if mass > 0 else np.zeros(3)
+    return ten_parameters(1.0, (x, y, z), np.zeros(3))

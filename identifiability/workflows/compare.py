@@ -17,6 +17,7 @@ from identifiability.foundation.names import Array
 from identifiability.foundation.options import checked
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.result import Result
+from identifiability.foundation.rounding import REACH
 from identifiability.foundation.runs import Run
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Preparation
@@ -26,7 +27,14 @@ from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Motion, RobotLike
 
 from .case import MEASURED, Case, Data, take_case
-from .changes import Change, DifferentTorque, list_log_changes
+from .changes import (
+    Change,
+    DifferentTorque,
+    FeltTorque,
+    Unchanged,
+    list_log_changes,
+    list_unchanged,
+)
 from .sides import Sides, find_changes
 
 # The logs of a comparison.
@@ -68,6 +76,8 @@ class Comparison(OfStructure, Result):
         Logs on either side.
     changes : tuple of Change
         The surest first.
+    unchanged : tuple of Unchanged
+        What else may change at each joint and body.
     hints : tuple of str
     preparation : Preparation
         Requested preparation of the logs.
@@ -84,6 +94,7 @@ class Comparison(OfStructure, Result):
     before: tuple[str, ...]
     after: tuple[str, ...]
     changes: tuple[Change, ...]
+    unchanged: tuple[Unchanged, ...]
     hints: tuple[str, ...]
     preparation: Preparation
     motion: Motion
@@ -106,9 +117,12 @@ class Comparison(OfStructure, Result):
             yield from name_estimates(zip(*columns, strict=True), **told)
 
     def explain_absence(self, name: str) -> str:
-        """Return that a parameter of the model did not change."""
-        known = name in self.structure.columns
-        return "no change of it was found between these logs." if known else ""
+        """Return that a parameter did not change, and from which size a change would be seen."""
+        told = "no change of it was found between these logs"
+        for number in self.unchanged:
+            if number.name == name:
+                return f"{told}; {number.least:.2g} {number.unit} would have been seen."
+        return f"{told}." if name in self.structure.columns else ""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison in the documented JSON schema."""
@@ -119,8 +133,56 @@ class Comparison(OfStructure, Result):
             "model": self.submodel.name,
             **{name: getattr(self, name) for name in own},
             "changed": bool(self.changes),
-            "changes": self.to_frame().to_dict("records"),
+            "changes": [_change_record(c) for c in self.changes],
+            "unchanged": [_unchanged_record(x) for x in self.unchanged],
         }
+
+
+def _change_record(change: Change) -> dict[str, Any]:
+    """Return a change with its numbers, the torque of it, and competing hypotheses."""
+    size, sd = change.relative
+    columns = (change.names, change.units, change.sizes, change.sd)
+    numbers = [
+        {"name": name, "unit": unit, "change": x, "low": x - REACH * s, "high": x + REACH * s}
+        for name, unit, x, s in zip(*columns, strict=True)
+    ]
+    return {
+        "what": change.what,
+        "kind": change.kind,
+        "place": change.place,
+        "log": change.log,
+        "since": change.since,
+        "within_seconds": change.seconds if change.within else None,
+        "sessions": [_interval(*point.relative) for point in change.course],
+        "log_odds": change.odds,
+        "share": _interval(size, sd),
+        "torque": {**_interval(change.felt.rms, change.felt.sd), **_joint_of(change.felt)},
+        "numbers": numbers,
+        "parts": [_change_record(part) for part in change.parts],
+        "or": [_change_record(other) for other in change.alternatives],
+    }
+
+
+def _unchanged_record(number: Unchanged) -> dict[str, Any]:
+    """Return a number that did not change, with the least change that would be named."""
+    return {
+        "what": number.what,
+        "kind": number.kind,
+        "place": number.place,
+        "name": number.name,
+        "unit": number.unit,
+        "seen_from": number.least,
+        "seen_from_share": number.relative,
+        "seen_from_torque": {"size": number.felt.rms, **_joint_of(number.felt)},
+    }
+
+
+def _interval(size: float, sd: float) -> dict[str, float]:
+    return {"size": size, "low": size - REACH * sd, "high": size + REACH * sd}
+
+
+def _joint_of(felt: FeltTorque) -> dict[str, str]:
+    return {"joint": felt.joint, "unit": felt.unit}
 
 
 # `compare`: changes between logs of one robot.
@@ -174,6 +236,7 @@ def compare(
         submodel = build_ladder(source.entry, unchanged.structure)[0]
         found = find_changes(sides, unchanged.structure, submodel)
         terms = found.model.search()
+        changes = list_log_changes(found, terms, sides.names)
         hints = (*_check_reading(case, unchanged, found.known.base, run), *unchanged.hints)
     later, earlier = sides.paths
     return Comparison(
@@ -181,7 +244,8 @@ def compare(
         submodel=submodel,
         before=earlier,
         after=later,
-        changes=list_log_changes(found, terms, sides.names),
+        changes=changes,
+        unchanged=list_unchanged(found, terms, changes),
         hints=hints,
         preparation=case.preparation or Preparation(),
         motion=sides.samples[0].motion,

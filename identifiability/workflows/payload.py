@@ -54,7 +54,7 @@ from identifiability.workflows.changes import Change, DifferentTorque, list_log_
 from .case import MEASURED, Case, take_case
 from .compare import read_sides
 from .predict import Fit, FitLike, find_fit, is_result, state_missing, state_reading
-from .sides import Sides, find_differences
+from .sides import Sides, find_differences, list_patterns
 from .torque_scale import UNSCALED, TorqueScale, measure_torque_scale
 
 # `LoadEstimate`: the ten parameters of a load, with their full uncertainty.
@@ -116,7 +116,7 @@ def widened(found: Differences, terms: Terms, at: slice) -> tuple[Array, Array]:
 
 def estimate_load(found: Differences, names: Sequence[str]) -> LoadEstimate:
     """Return the load that is in every hypothesis, of logs of some names."""
-    found, first = found.having(_load(found)[:, ORDER]), len(found.known.precision)
+    found, first = found.having(_load(found)[:, ORDER]), found.known.size
     terms = found.model.search()
     theta, spread = widened(found, terms, slice(first, first + 10))
     scale = found.scale @ found.always
@@ -301,7 +301,7 @@ def _invert_gain(found: Differences, sums: Array, j: int) -> tuple[float, float]
         The joint.
     """
     seen, known = found.missing.seen, found.known
-    size, at = known.directions.shape[1], len(known.precision)
+    size, at = known.directions.shape[1], known.size
     # Friction of this joint is fitted to its rows, in its unit.
     X, y = seen.X[:, [j]], seen.y[:, [j]]
     values = pooled_values(X, y, np.eye(size), np.zeros(size))
@@ -660,7 +660,8 @@ def _find_load(
         known = Known.nothing(submodel.M, submodel.fixed)
     else:
         known = Known.of(fit.base, fit.submodel.M, fit.covariance, fit.spread.unknown)
-    return find_differences(structure, sides.look(0), (place,), known, count, count)
+    patterns = list_patterns(len(sides.samples), count, count)
+    return find_differences(structure, sides.look(0), (place,), known, patterns)
 
 
 def _without_gains(robot: Robot) -> Structure:

@@ -55,7 +55,7 @@ from identifiability.robot.robot import new_place
 from identifiability.robot.servo import FOUND, Servo
 from identifiability.robot.sidecar import Value
 
-from .case import Case, Use, apply_to_logs, take_case
+from .case import MEASURED, Case, Use, apply_to_logs, take_case
 from .provenance import given_paths
 
 #: No log is set aside, and none needs torque.
@@ -540,6 +540,22 @@ def state_reading(
         yield from carried.find_contradictions(fit.structure, fit.base, read, named)
 
 
+def check_reading(fit: Fit, logs: Logs) -> tuple[Finding, ...]:
+    """Return sentences on the reading of a result for logs with torque, and on contradictions.
+
+    Parameters
+    ----------
+    fit : Fit
+    logs : log, path, DataFrame, or several
+    """
+    if fit.reading is None:
+        return ()
+    run = Run()
+    how = fit.preparation
+    case = Case(fit.robot, logs, preparation=how, reading=fit.reading, use=MEASURED)
+    return tuple(state_reading(fit, case, case.samples(case.robot, run), run))
+
+
 def _predict_rows(fit: Fit, chunk: Chunk, measured: bool) -> dict[str, np.ndarray]:
     """Return predicted and measured torque of some rows, as a `TorquePrediction` names them."""
     sensed = 1.0 if measured else np.nan
@@ -668,10 +684,25 @@ def read_fit(path: str | Path, robot: RobotLike) -> Fit:
         raise refuse_robot(path, content.robot, robot, str(error)) from None
     except ValueError:
         raise IdentifiabilityError(Finding("result.tables", path)) from None
-    changed = content.robot.sha256 not in ("", robot.sha256)
-    hints = (Finding("robot_changed", path, robot=robot.path.name),) if changed else ()
+    hints = note_change(path, content.robot, robot)
     fit = replace(fit, origin=str(path), missing=content.missing)
     return replace(fit, reading=carried, hints=hints)
+
+
+def note_change(result: object, made: RobotEntry | Robot, robot: Robot) -> tuple[Finding, ...]:
+    """Return a finding if a robot's file differs from the one that a result was made with.
+
+    Parameters
+    ----------
+    result : path, or name of the result
+    made : RobotEntry or Robot
+        The robot that the result was made with.
+    robot : Robot
+        The one that is given.
+    """
+    if made.sha256 in ("", robot.sha256):
+        return ()
+    return (Finding("robot_changed", result, robot=robot.path.name),)
 
 
 def _rebuild_model(entry: FitEntry, structure: Structure) -> Submodel:
@@ -813,7 +844,8 @@ def find_fit(result: FitLike, robot: Robot) -> Fit:
     if fit.robot.joints != robot.joints or fit.robot.bodies != robot.bodies:
         why = phrase("result.other", "joints")
         raise OptionError(str(refuse_robot("The result", fit.robot, robot, why)))
-    return fit
+    changed = note_change("the result", fit.robot, robot)
+    return replace(fit, hints=(*fit.hints, *changed)) if changed else fit
 
 
 # `PositionPrediction`: how robots move as logged commands, or torques, make them.
@@ -1043,18 +1075,18 @@ def _predict_positions(case: Case, result: Predicts | Robot | str | Path) -> Pos
     robot = case.robot
     robot.check_stands("predict --forward")
     recordings = case.stages.once(read_driven, robot, (*case.logs, *case.validate))
-    other = _find_machine(robot, result)
-    hints = recordings.hints
+    other, changed = _find_machine(robot, result)
+    hints = (*changed, *recordings.hints)
     # Logs of commands are read literally.
     by_torque = robot.servo is None and other is not None and is_result(result)
-    carried = find_fit(cast("FitLike", result), robot).reading if by_torque else None
-    if carried is not None and other is not None:
+    fit = find_fit(cast("FitLike", result), robot) if by_torque else None
+    if fit is not None and fit.reading is not None and other is not None:
+        carried = fit.reading
         recordings = apply_to_logs(carried.reading, recordings, carried.structure)
         gravity: Any = {"model": carried.turn(robot).model, "upright": robot.gravity}
         robot = replace(robot, **gravity)
         other = replace(other[0], **gravity), *other[1:]
-        said = phrase("carried_reading", "read", what=carried.reading.description)
-        hints = (Finding("carried_reading", text=said), *hints)
+        hints = (*check_reading(fit, (*case.logs, *case.validate)), *hints)
     logs = select_commanded(robot, in_memory(recordings.fitted))
     file: Machine = robot, _file_name(robot), {}
     if robot.servo is not None and robot.servo.unknown.any() and other is not None:
@@ -1072,19 +1104,25 @@ def read_driven(robot: Robot, logs: Sequence[LogLike]) -> Recordings:
     return read_recordings(logs, known=known, commands=True, learns=False)
 
 
-def _find_machine(robot: Robot, result: Predicts | Robot | str | Path) -> Machine | None:
-    """Return the robot of a result, or another one; None for the robot of the file itself."""
+def _find_machine(
+    robot: Robot, result: Predicts | Robot | str | Path
+) -> tuple[Machine | None, tuple[Finding, ...]]:
+    """Return the robot of a result, or another one, and whether the file of the result changed.
+
+    There is None for the robot of the file itself.
+    """
     if is_result(result):
         live: Any = result
         given = isinstance(result, (str, Path))
         path = Path(live if given else live.to_json(new_place("fitted", ".json")))
-        _, fitted, values = read_real(path, robot, "moved")
-        return fitted, path.name, complete_values(fitted, values, keep=False)
+        content, fitted, values = read_real(path, robot, "moved")
+        machine = fitted, path.name, complete_values(fitted, values, keep=False)
+        return machine, note_change(path if given else "the result", content.robot, robot)
     other = Robot.of(cast("RobotLike", result))
     if other.joints != robot.joints:
         joints = {"own": [*other.joints], "path": robot.path, "joints": [*robot.joints]}
         raise RobotError(Finding("robots.joints", other.path, **joints))
-    return None if other.sha256 == robot.sha256 else (other, _file_name(other), {})
+    return None if other.sha256 == robot.sha256 else (other, _file_name(other), {}), ()
 
 
 def _file_name(robot: Robot) -> str:

@@ -52,4 +52,4 @@ def state_provenance(
 
 def given_paths(logs: Iterable[Log | Dataset]) -> tuple[str, ...]:
     """Return the paths of logs as they were given, and the names of logs in memory."""
-    return tuple(log.path or log.name for log in logs)
+    return tuple(log.path or log.name for log in logs if not log.drives_alone)

@@ -1,7 +1,7 @@
 """Logs of two sides as one question: which changes lie between them.
 
 `Sides` holds the logs. `find_differences` and `find_changes` return the possible changes under a
-model. `find_loads` returns the loads that only held-out logs have.
+model. `find_loads` returns the loads that only held-out logs have, and `report_loads` states them.
 """
 
 from __future__ import annotations
@@ -22,8 +22,11 @@ from identifiability.estimation.differences import (
 )
 from identifiability.estimation.groups import Excerpt
 from identifiability.estimation.mixed_model import Terms
+from identifiability.estimation.prediction import Prediction
 from identifiability.foundation.errors import LogError
 from identifiability.foundation.findings import Finding
+from identifiability.foundation.names import Array
+from identifiability.foundation.rounding import REACH, measured
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
 from identifiability.logs.rules import RULES as LOG_RULES
@@ -88,8 +91,9 @@ def find_differences(
     seen: Excerpt,
     bodies: Sequence[str],
     known: Known,
-    later: int,
-    single: int,
+    patterns: Sequence[Array],
+    *,
+    warms: bool = False,
 ) -> Differences:
     """Return the possible differences between logs.
 
@@ -101,8 +105,10 @@ def find_differences(
     bodies : sequence of str
         That may carry a load.
     known : Known
-    later, single : int
-        How many of the first logs may have changed together, and how many separately.
+    patterns : sequence of (L,)
+        Which logs may have a change.
+    warms : bool
+        Whether friction may also change within every log.
     """
     robot, motions = structure.robot, [piece.motion for piece in seen.pieces]
     lacks, _ = list_candidates(robot, find_families(LACKS), structure.present, motions, fixed=False)
@@ -112,16 +118,34 @@ def find_differences(
     base = [0.0 if name.endswith(".scale") else x for name, x in stated.items()]
     known = replace(known, base=np.array(base))
     rows = Compared.about(replace(seen, y=seen.y / gain, raw=seen.raw / gain), known)
-    asked = (np.arange(rows.log[-1] + 1) < later).astype(float)
-    each = [x for x in np.eye(len(asked))[:single] if np.ptp(np.abs(x - asked))]
     return Differences.of(
         rows,
         list_changes(robot, bodies),
         lacks,
         known,
-        (asked, *each),
+        patterns,
         names=structure.base.names,
+        warms=warms,
     )
+
+
+def list_patterns(logs: int, later: int, single: int) -> list[Array]:
+    """Return all later logs, then some single logs, as amounts of a change (L,) in each log.
+
+    Parameters
+    ----------
+    logs, later, single : int
+        How many there are, how many of the first may have changed together, and how many alone.
+    """
+    asked = (np.arange(logs) < later).astype(float)
+    return [asked, *(x for x in np.eye(logs)[:single] if np.ptp(np.abs(x - asked)))]
+
+
+def list_sessions(logs: int, later: int) -> list[Array]:
+    """Return these patterns, and changes that stay since one of the later logs."""
+    order = np.arange(logs)
+    since = [((first <= order) & (order < later)).astype(float) for first in range(1, later - 1)]
+    return [*list_patterns(logs, later, logs), *since]
 
 
 def find_changes(sides: Sides, structure: Structure, submodel: Submodel) -> Differences:
@@ -131,7 +155,47 @@ def find_changes(sides: Sides, structure: Structure, submodel: Submodel) -> Diff
     values = pooled_values(seen.X[unchanged], seen.y[unchanged], submodel.M, submodel.fixed)
     known = Known.nothing(submodel.M, values)
     bodies = tool_bodies(structure.robot)
-    return find_differences(structure, seen, bodies, known, count, len(sides.samples))
+    patterns = list_sessions(len(sides.samples), count)
+    return find_differences(structure, seen, bodies, known, patterns, warms=True)
+
+
+def report_loads(
+    data: Data, submodel: Submodel, error: float, unseen: Prediction
+) -> tuple[Finding, ...]:
+    """Return findings on loads that only the held-out logs of the user carry.
+
+    A held-out log must err much more than the fitted logs: most of its squared error is new. Only
+    then are logs compared.
+
+    Parameters
+    ----------
+    data : Data
+    submodel : Submodel
+        The model that logs are compared under.
+    error : float
+        Relative error of the model to use on the fitted logs.
+    unseen : Prediction
+        Along the held-out logs, last by the model to use.
+    """
+    recordings, names = data.recordings, [sample.name for sample in data.validation]
+    if not names or data.misread or recordings.set_aside or recordings.commanded:
+        return ()
+    errors = np.array([unseen.relative_error(log)[-1] for log in range(len(names))])
+    if not np.nanmax(errors**2) > 2 * error**2:
+        return ()
+    found = list[Finding]()
+    for change in find_loads(data, submodel):
+        k = change.names.index(f"{change.place}.m")
+        mass, sd = float(change.sizes[k]), float(change.sd[k])
+        half = REACH * sd
+        if abs(mass) <= half:
+            continue
+        numbers = {"mass": mass, "sd": sd, "body": change.place}
+        load = measured(abs(mass), half, "kg")
+        more = "more" if mass > 0 else "less"
+        logs = [change.log] if change.log else names
+        found.append(Finding("held_out_load", logs=logs, load=load, more=more, **numbers))
+    return tuple(found)
 
 
 def find_loads(data: Data, submodel: Submodel) -> list[Change]:
@@ -156,7 +220,7 @@ def find_loads(data: Data, submodel: Submodel) -> list[Change]:
     changes = list_log_changes(found, terms, sides.names)
     fitted = sides.names[sides.count :]
     loads = [c for c in changes if c.kind == "load" and c.log not in fitted]
-    sure = [c for c in loads if c.sure and not c.others]
+    sure = [c for c in loads if c.sure and not c.alternatives]
     return sure if sure and _explains_most(found, terms, sides.count) else []
 
 

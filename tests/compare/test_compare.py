@@ -13,6 +13,7 @@ from identifiability.simulation.forces import joint_torque
 from identifiability.simulation.simulator import Campaign
 
 PLANAR = "two-link"
+KINDS = ("Fc", "Fv", "off", "gain")
 
 
 @cache
@@ -112,6 +113,45 @@ def test_of_three_logs_it_is_said_which_is_odd():
         assert change.log == "odd"
         assert abs(change.share - 0.5) < 3 * change.share_sd
         assert " in odd" in found.answer
+
+
+@pytest.mark.parametrize(("times", "least", "most"), [(1.1, 5, 6), (0.5, 0, 2)])
+def test_a_change_is_seen_from_the_stated_limit_on(times, least, most):
+    """At 1.1 times the limit 98 % are named, so P(< 5 of 6) = .006; at half of it 12 %."""
+    before = [logs(PLANAR, s)[0] for s in range(6)]
+    frame = compare(PLANAR, before[0], logs(PLANAR, 30)[1]).to_frame().set_index("name")
+    assert set(frame.index) == {
+        *(f"{joint}.{kind}" for joint in ("shoulder", "elbow") for kind in KINDS),
+        "link2.m",
+    }
+    assert not frame["seen_from_torque"].isna().any()
+    size = times * frame.loc["shoulder.off", "seen_from"]
+    shift = np.broadcast_to([size, 0.0], campaign(PLANAR).torque.shape)
+    seen = 0
+    for seed, first in enumerate(before):
+        found = compare(PLANAR, first, logs(PLANAR, 40 + seed, extra=shift)[1])
+        seen += ("offset", "shoulder") in said(found)
+    assert least <= seen <= most
+
+
+def test_wear_that_stays_and_warm_up_that_returns_are_told_apart():
+    falls = np.linspace(0.3, -0.3, len(campaign(PLANAR).torque) // 2)
+    speed = campaign(PLANAR).move.dq[:, 1]
+    dry = campaign(PLANAR).robot.nominal["elbow.Fc"]
+    warm = np.zeros_like(campaign(PLANAR).torque)
+    warm[:, 1] = np.tile(falls, 2) * 2 * dry * np.sign(speed)
+    sessions = [logs(PLANAR, s, extra=warm)[s % 2] for s in range(4)]
+    (change,) = compare(PLANAR, sessions[0], sessions[1:]).changes
+    assert (change.within, change.place) == (True, "elbow")
+    assert change.sizes[0] + 1.2 * dry == pytest.approx(0, abs=3 * change.sd[0])
+    worn = [logs(PLANAR, s, elbow=1.4)[s % 2] for s in (5, 6)]
+    found = compare(PLANAR, logs(PLANAR, 0)[0], [logs(PLANAR, 1)[1], *worn])
+    (change,) = (c for c in found.changes if c.place == "elbow")
+    assert change.since == worn[0].name
+    assert "this is wear" in found.statement
+    first, *later = (point.relative for point in change.course)
+    assert abs(first[0]) < 3 * first[1]
+    assert all(abs(size - 0.4) < 3 * sd for size, sd in later)
 
 
 def test_the_command_answers_first_and_writes_what_was_asked(command, succeeds, tmp_path):

@@ -70,6 +70,6 @@ def test_a_mass_that_a_counterweight_carries_is_told_with_it_under_every_model(t
     tau += rng.normal(0, 0.5, tau.shape)
     log = pd.DataFrame(np.column_stack([t, q, tau]), columns=["t", "X.q", "Z.q", "X.tau", "Z.tau"])
     model = diagnose(path, log[:1500], log[1500:]).write_model(tmp_path / "model.toml")
-    found = analyze(path, log, ladder=model, replicates=0).to_frame().loc["ram.m"]
+    found = analyze(path, log, ladder=model, replicates=0).to_frame(details=True).loc["ram.m"]
     assert "off(Z)" in found.label
     assert found.lower <= 19.5 - 185 / 9.81 <= found.upper

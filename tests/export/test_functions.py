@@ -45,7 +45,7 @@ def test_a_file_holds_what_is_best_without_the_function(learned):
     values, simple = (r.chosen.physical.parameters() for r in (result, plain))
     for name in ("elbow.Fv", "elbow.Fc"):
         assert values[name] == pytest.approx(simple[name], rel=0.05)
-        assert "fo" in result.to_frame().set_index("name").loc[name, "label"]
+        assert "fo" in result.to_frame(details=True).set_index("name").loc[name, "label"]
     curve = [x for n, x in values.items() if ".fo" in n or ".fe" in n]
     assert np.abs(curve).max() < 3 * np.abs(result.samples[0].tau[:, 1]).max()
 

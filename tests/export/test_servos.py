@@ -140,7 +140,7 @@ def test_every_draw_is_possible_and_loads_back(made):
 def test_what_logs_determine_hardly_varies_and_what_they_leave_open_does(made):
     robot, _, result, path = made
     narrow, wide = (draw_robots(robot, path, 300, prior=share).to_frame() for share in (0.1, 0.3))
-    stated = result.to_frame().set_index("name")["interval95"]
+    stated = result.to_frame(details=True).set_index("name")["interval95"]
     for table, name in product((narrow, wide), ("elbow.Fv", "elbow.Fc", "shoulder.Fc")):
         low, high = stated[name]
         ends = table[name].quantile([0.025, 0.975]).to_numpy()

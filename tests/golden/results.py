@@ -71,8 +71,9 @@ UNTOLD = ("provenance", "seconds", "preparation", "fit")
 #: as a share of the number, or of the largest of its list or kind.
 OF_ERROR, OF_NATS, OF_NUMBER = 0.02, 0.02, 1e-3
 
-#: The same share where a search ends by a tolerance of its own.
-OF_SEARCH = {"excite": 0.01}
+#: The same share where a search ends by a tolerance of its own, or where limits are multiples of
+#: standard errors.
+OF_SEARCH = {"excite": 0.01, "compare": 0.005}
 
 #: What was sampled, in standard deviations over the root of the effective sample size: two chains
 #: differ by √2 of these, and 22 means and deviations are compared.

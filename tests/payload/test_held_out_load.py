@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from planted_load import PlantedLoad
 
-from identifiability import analyze
+from identifiability import analyze, diagnose, prune
 from identifiability.foundation.findings import of_key
 
 LOAD = PlantedLoad(1.5, np.array([0.4, 0.0, 0.0]), 0.01 * np.eye(3))
 
 
-def look(logs, validate):
-    """Return the analysis of logs, and its findings on loads."""
-    found = analyze("two-link", logs, validate, replicates=0)
+def look(logs, validate, verb=analyze):
+    """Return the result of a verb on logs, and its findings on loads."""
+    found = verb("two-link", logs, validate, quick=True)
     return found, of_key(found.hints, "held_out_load")
 
 
@@ -22,15 +22,18 @@ def stribeck(moves):
     return 3.0 * np.sign(speed) * np.exp(-np.abs(speed) / 0.3)
 
 
-def test_a_load_of_a_held_out_log_is_named_with_its_mass(make_logs):
+@pytest.mark.parametrize("verb", [analyze, prune, diagnose])
+def test_a_load_of_a_held_out_log_is_named_with_its_mass(make_logs, verb):
     heavier = make_logs("two-link", LOAD, seed=9)[1]
-    found, (load,) = look(make_logs("two-link", seed=1), heavier)
+    found, (load,) = look(make_logs("two-link", seed=1), heavier, verb)
     assert load.decides
     assert abs(load.numbers["mass"] - 1.5) < 4 * load.numbers["sd"] < 0.3
     assert f"{heavier.name}, which was held out, seems to carry 1." in load
     assert load.numbers["more"] == "more"
-    (trust,) = (a for a in found.answers() if a.question == "May I trust it?")
-    assert "read the warning" in trust.short
+    assert load in found.warnings
+    if verb is not diagnose:
+        (trust,) = (a for a in found.answers() if a.question == "May I trust it?")
+        assert "read the warning" in trust.short
 
 
 def test_the_lighter_log_is_named_where_the_fitted_logs_carry_the_load(make_logs):
@@ -38,11 +41,12 @@ def test_the_lighter_log_is_named_where_the_fitted_logs_carry_the_load(make_logs
     assert load.numbers["more"] == "less"
 
 
+@pytest.mark.parametrize("verb", [analyze, prune, diagnose])
 @pytest.mark.parametrize("hidden", [False, True])
-def test_the_same_load_and_a_hidden_effect_are_no_other_load(make_logs, moves, hidden):
+def test_the_same_load_and_a_hidden_effect_are_no_other_load(make_logs, moves, hidden, verb):
     extra = stribeck(moves) if hidden else None
     first, other = make_logs("two-link", seed=1, extra=extra)
-    _, loads = look(first, other)
+    _, loads = look(first, other, verb)
     assert loads == []
 
 

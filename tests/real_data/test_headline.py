@@ -7,6 +7,7 @@ from identifiability.regression.reduction import default_ladder
 
 from ..export.test_headline import assert_both_errors
 
+LONG_REPEATED = pytest.param("KUKA 3 → 1", marks=pytest.mark.everything)
 LONG = [pytest.param(name, marks=pytest.mark.everything) for name in ("TX40 1 → 2", "UR10 1 → 2")]
 CASES = ["KUKA 1 → 3", "KR300 A, C → B", *LONG]
 
@@ -19,3 +20,14 @@ def test_both_errors_on_a_real_log_are_found_by_other_engines(name, study, data,
     # The engines know no clock: the model is that of the file, not what the logs complete it by.
     found = analyze(robot, fitted, unseen, replicates=0, ladder=default_ladder(Robot.of(robot)))
     assert_both_errors(robot, found, tmp_path)
+
+
+@pytest.mark.parametrize("name", ["KUKA 1 → 3", LONG_REPEATED])
+def test_a_motion_that_repeats_chooses_values_for_another_motion(name, study, data, tmp_path):
+    folder = data("kuka_lwr4").parent
+    cases = study("real_logs").find_cases(folder, tmp_path)
+    robot, fitted, unseen = next(rest for case, *rest in cases if case == name)
+    alone = analyze(robot, fitted, "none", replicates=0)
+    models = analyze(robot, fitted, unseen, replicates=0).models
+    used = models[alone.selected].unseen_by(int(alone.chosen.physical_used))
+    assert used <= 1.1 * min(model.unseen_by(k) for model in models for k in (0, 1))

@@ -10,7 +10,7 @@ from identifiability.report import write_result
 pytestmark = pytest.mark.pictures
 
 SECTIONS = (
-    "prediction", "parameters", "models", "correlated", "physics",
+    "values", "prediction", "parameters", "models", "correlated", "physics",
     "motion", "thresholds", "provenance", "ledger",
 )  # fmt: skip
 

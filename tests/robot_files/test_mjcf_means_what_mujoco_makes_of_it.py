@@ -24,7 +24,7 @@ REFUSED = {
             after=TENDON.format("").replace("<joint", '<joint joint="shoulder" coef="1"/><joint'),
             actuator='<actuator><position tendon="cable" kp="9"/></actuator>',
         ),
-        r"no actuated joint is left .*; name",
+        r"tie them with <equality><joint>, .* the tendon 'cable' moves their sum",
     ),
     "actuator of a site": (
         arm(inside='<site name="s"/>', actuator=JET),

@@ -250,6 +250,11 @@ class Dataset:
             object.__setattr__(self, "weight", np.broadcast_to(self.weight, self.tau.shape))
 
     @property
+    def drives_alone(self) -> bool:
+        """Return whether its torque is motor torque minus link torque."""
+        return self.motion.drives_alone
+
+    @property
     def ledger(self) -> tuple[Finding, ...]:
         """Return the findings on its rows and columns during preparation."""
         return tuple(of_key(self.notes))
@@ -438,6 +443,7 @@ def _prepare_rows(rows: tuple[Log, int, Rows], robot: Robot, plan: Plan) -> Data
     smooth = plan.smooth_speed(log, origin)
     if smooth is not None:
         motion = replace(motion, smooth_v=smooth[at])
+    motion = replace(motion, drives_alone=log.drives_alone)
     tau = log.tau[at] - _known_torque(robot, log.name, motion)
     if robot.base is not None and log.base is not None:
         tau = motion.freed(tau + _pushed(robot, motion, log.base[at]))
@@ -685,4 +691,5 @@ def move_samples(robot: Robot, given: Dataset, by: Array) -> Dataset:
     if len(new) < len(old):
         raise ClosureError(f"Loops of {given.name} do not close there.")
     new = replace(new, kept=old.kept, dropped=old.dropped, start=old.start)
+    new = replace(new, drives_alone=old.drives_alone)
     return replace(given, motion=new, weight=given.weight[:, np.abs(by).argmax(1)])

@@ -26,6 +26,11 @@ MOST_SAMPLES, MOST_IN_ALL = 3000, 4000
 STRETCH = 300
 
 
+def most_rows(logs: Sequence[Log]) -> int:
+    """Return the number of rows of each log in an excerpt of all."""
+    return min(MOST_SAMPLES, MOST_IN_ALL // len(logs))
+
+
 def prepare_excerpt(
     robot: Robot, log: Log, how: Preparation | None, most: int = MOST_SAMPLES
 ) -> Dataset:

@@ -13,7 +13,7 @@ FILES = {
     "Ladder": "prune",
     "Diagnosis": "diagnose",
     "ForwardGap": "diagnose",
-    "Change": "diagnose",
+    "Change": "compare",
     "TorquePrediction": "predict",
     "PositionPrediction": "predict",
     "Load": "payload",
@@ -27,6 +27,7 @@ FILES = {
     "Draws": "export",
     "Study": "study",
     "Fleet": "many",
+    "FirstAnswer": "first_answer",
 }
 
 

@@ -44,10 +44,26 @@ from .common import (
     sentence,
     state_contradicted,
 )
+from .profiles import answer_profiles
 from .tables import make_table
 
 if TYPE_CHECKING:
     from identifiability.workflows.analyze.result import Analysis, Laddered, ModelResult
+
+
+#: Columns of a frame without details.
+FRAME = (
+    "name",
+    "unit",
+    "value",
+    "sigma",
+    "lower",
+    "upper",
+    "used",
+    "nominal",
+    "verdict",
+    "reason",
+)
 
 
 class LadderedPresenter(PredictingPresenter):
@@ -121,7 +137,7 @@ class LadderedPresenter(PredictingPresenter):
         tilt = result.robot.tilt
         parts = [sentence("laddered.trust", "nothing", why=result.nothing)]
         if not result.nothing:
-            parts = [f"{a.short} {a.text}".rstrip() for a in result.answers()[:3]]
+            parts = [f"{a.short} {a.text}".rstrip() for a in result.answers()[:-1]]
         if tilt is not None:
             parts.append(sentence("laddered.statement", "tilt", tilt=tilt.text))
         if result.moved is not None:
@@ -158,13 +174,13 @@ class LadderedPresenter(PredictingPresenter):
             return sentence("laddered.measured", "held", names=names)
         return sentence("laddered.measured", "crossed")
 
-    def to_frame(self, model: str | None = None) -> pd.DataFrame:
+    def to_frame(self, model: str | None = None, *, details: bool = False) -> pd.DataFrame:
         """Return one row a parameter of the model to use, or of the named one."""
         result = self.result
         shown = result.chosen if model is None else result.models[result.find_model(model)]
         frame = pd.DataFrame(shown.rows())
         frame[["lower", "upper"]] = [*frame["interval95"]]
-        return by_name(frame)
+        return by_name(frame if details else frame[[*FRAME]])
 
     def ladder_frame(self) -> pd.DataFrame:
         """Return one row a model."""
@@ -188,6 +204,14 @@ class AnalysisPresenter(LadderedPresenter):
     """Answers of `analyze`."""
 
     result: Analysis
+
+    def asked(self) -> tuple[Answer, ...]:
+        """Return the recommended model, its error, its reliability, and the profiled numbers."""
+        profiles = self.result.profiles
+        return (
+            *super().asked(),
+            *([answer_profiles(profiles, self.result.shapes)] if profiles else []),
+        )
 
     def answer_use(self) -> Answer:
         """Return the model to use, and the number of its identifiable parameters."""

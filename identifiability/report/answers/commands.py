@@ -69,6 +69,9 @@ def reading_options(robot: Robot) -> str:
     words = [option_for_shell("--map", "=".join(rule)) for rule in rules]
     words += [f"--set time_unit={robot.time_unit}"] * (robot.time_unit != (own.time.unit or ""))
     words += [f"--set angles={robot.angles}"] * (robot.angles != own.angles)
+    side = robot.torque.side
+    if isinstance(side, str) and side != own.torque.side:
+        words.append(f"--set torque_side={side}")
     return "".join(f" {word}" for word in words)
 
 

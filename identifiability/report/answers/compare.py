@@ -3,23 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pandas as pd
 
-from identifiability.foundation.answers import Answer, Table, frame_table
+from identifiability.foundation.answers import Answer, Cell, Table, frame_table
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import shorten_paths
+from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import REACH
+from identifiability.foundation.rounding import REACH, format_number, measured
 
 from .commands import export_line, ladder_option, name_logs
-from .common import AnsweringPresenter, Command, answer, command, sentence
-from .tables import with_hints
+from .common import NAMED, AnsweringPresenter, Command, answer, command, sentence
+from .tables import make_table
+
+#: Of a frame of changes.
+COLUMNS = [
+    *("what", "kind", "place", "name", "change", "low", "high", "unit"),
+    *("share", "share_low", "share_high", "torque", "torque_low", "torque_high", "torque_unit"),
+    *("log_odds", "logs", "or"),
+]
 
 if TYPE_CHECKING:
-    from identifiability.workflows.changes import Change
+    from identifiability.workflows.changes import Change, Unchanged
     from identifiability.workflows.compare import Comparison
 
 
@@ -43,7 +53,10 @@ class ComparisonPresenter(AnsweringPresenter):
         question = sentence("comparison.how", "question", before=every[:k], after=every[k:])
         changed = Answer(question, result.answer, tone="vermilion" if result.changes else "green")
         why = " ".join(sentence("comparison.how", name) for name in ("logs", "odds"))
-        return changed, answer("comparison.trust", "logs", why, "amber")
+        trust = answer("comparison.trust", "logs", why, "amber")
+        cause = _answer_cause(result)
+        limits = (_answer_limits(result),) if result.unchanged else ()
+        return changed, *cause, *limits, trust
 
     def commands(self) -> list[Command]:
         """Return lines for the terminal, the most useful first."""
@@ -66,29 +79,230 @@ class ComparisonPresenter(AnsweringPresenter):
         return [command("fit_now", f"{fit} --report report.html")]
 
     def tables(self) -> tuple[Table, ...]:
-        """Return one row a number that changed."""
-        table = table_changes(self.result.changes, sentence("comparison.how", "table"))
-        return (with_hints(table, "changes"),)
+        """Return one row for each load, friction, offset and gain, what changed first."""
+        changed = [_change_row(part) for c in self.result.changes for part in c.parts or (c,)]
+        unchanged = [_unchanged_row(number) for number in self.result.unchanged]
+        table = make_table("comparison", [*changed, *unchanged])
+        filled = [any(row[k].text for row in table.rows) for k in range(len(table.columns))]
+        shown = [k for k, is_filled in enumerate(filled) if is_filled]
+        columns = tuple(table.columns[k] for k in shown)
+        rows = tuple(tuple(row[k] for k in shown) for row in table.rows)
+        return (replace(table, columns=columns, rows=rows),)
 
     def to_frame(self) -> pd.DataFrame:
-        """Return one row a number that changed: its name, change, interval and log odds."""
-        return by_name(frame_changes(self.result.changes))
+        """Return one row a number: its change with interval, or the least that would be seen."""
+        frame = frame_changes([p for c in self.result.changes for p in c.parts or (c,)])
+        limits = [
+            {
+                "what": x.what,
+                "kind": x.kind,
+                "place": x.place,
+                "name": x.name,
+                "unit": x.unit,
+                "torque_unit": x.felt.unit,
+                "seen_from": x.least,
+                "seen_from_share": x.relative,
+                "seen_from_torque": x.felt.rms,
+            }
+            for x in self.result.unchanged
+        ]
+        columns = [*frame.columns, "seen_from", "seen_from_share", "seen_from_torque"]
+        rows = [*frame.to_dict("records"), *limits]
+        return by_name(pd.DataFrame(rows, columns=columns))
+
+
+class ChangePresenter(Presenter):
+    """Words on what changed between logs, or while one was recorded."""
+
+    result: Change
+
+    def when(self) -> str:
+        """Return when the change began and ended, and in which log.
+
+        Nothing where that is all logs.
+        """
+        about, change = "diagnosis.change", self.result
+        ends = ("from", change.start, change.began), ("until", change.stop, change.ended)
+        told = [
+            sentence(about, word, at=at, low=low, high=high)
+            for word, at, (low, high) in ends
+            if np.isfinite(at)
+        ]
+        if told:
+            return sentence(about, "part", told=" ".join(told), log=change.log)
+        if change.within:
+            return sentence(about, "within", seconds=change.seconds)
+        if change.since:
+            key = "gradual" if change.gradual else "since"
+            return sentence(about, key, log=change.since)
+        return sentence(about, "log", log=change.log) if change.log else ""
+
+    def called(self) -> str:
+        """Return the change with its size, and its competing explanations."""
+        change, about = self.result, "diagnosis.change"
+        text = f"{_state_change(change)} {change.when}".rstrip()
+        others = state_alternatives(change)[:NAMED]
+        if others:
+            text = sentence(about, "or", text=text, others=" or ".join(others))
+        return text if change.sure else sentence(about, "perhaps", text=text)
+
+
+def state_alternatives(change: Change) -> list[str]:
+    """Return the competing explanations of a change, with their sizes and odds."""
+    texts = list(change.others)
+    for other in change.alternatives:
+        if other.kind == "missing":
+            by = measured(abs(other.felt.rms), REACH * other.felt.sd, other.felt.unit)
+            text = sentence("comparison.seen", "lacking", what=other.what, by=by)
+        else:
+            text = f"{_state_change(other)} {other.when}".rstrip()
+        texts.append(sentence("comparison.seen", "odds", text=text, odds=other.odds))
+    return list(dict.fromkeys(texts))
+
+
+def _state_change(change: Change) -> str:
+    """Return a change with its size.
+
+    Where a change has several parameters and its sum is uncertain, only the significant ones are
+    listed.
+    """
+    about, half = "diagnosis.change", REACH * change.sd
+    size, reach, unit = 100 * change.share, 100 * REACH * change.share_sd, "%"
+    words = "rose", "fell"
+    if change.kind == "load":
+        size, reach, unit, words = change.sizes[0], half[0], "kg", ("grew", "shrank")
+    if abs(size) > reach:
+        by = measured(abs(size), reach, unit)
+        return sentence(about, words[int(size < 0)], what=change.what, by=by)
+    parts = []
+    for name, x, h, u in zip(change.names, change.sizes, half, change.units, strict=True):
+        times, unit = (100, "%") if u == "1" else (1, u)
+        if abs(x) > h:
+            by = measured(times * x, times * h, unit)
+            parts.append(sentence(about, "by", name=name, by=by))
+    sizes = f": {listing(parts)}" if parts else ""
+    return sentence(about, "changed", what=change.what, sizes=sizes)
 
 
 def frame_changes(changes: Sequence[Change]) -> pd.DataFrame:
     """Return one row a number that changed: its name, change, interval and log odds."""
-    rows = [
-        [c.what, c.kind, name, size, size - REACH * sd, size + REACH * sd, unit, *rest]
-        for c in changes
-        for rest in [(c.share, c.share_sd, c.odds, c.when, "; ".join(c.others))]
-        for name, size, sd, unit in zip(c.names, c.sizes, c.sd, c.units, strict=True)
-    ]
-    columns = "what kind name change low high unit share share_sd log_odds logs or"
-    return pd.DataFrame(rows, columns=columns.split())
+    rows = []
+    for c in changes:
+        share, share_sd = c.relative
+        row = {
+            "what": c.what,
+            "kind": c.kind,
+            "place": c.place,
+            "share": share,
+            "share_low": share - REACH * share_sd,
+            "share_high": share + REACH * share_sd,
+            "torque": c.felt.rms,
+            "torque_low": c.felt.rms - REACH * c.felt.sd,
+            "torque_high": c.felt.rms + REACH * c.felt.sd,
+            "torque_unit": c.felt.unit,
+            "log_odds": c.odds,
+            "logs": c.when,
+            "or": "; ".join(state_alternatives(c)),
+        }
+        for name, size, sd, unit in zip(c.names, c.sizes, c.sd, c.units, strict=True):
+            low, high = size - REACH * sd, size + REACH * sd
+            rows.append(
+                {**row, "name": name, "change": size, "low": low, "high": high, "unit": unit}
+            )
+    return pd.DataFrame(rows, columns=COLUMNS)
 
 
 def table_changes(changes: Sequence[Change], caption: str) -> Table:
-    """Return the numbers that changed as a table."""
-    frame = frame_changes(changes).drop(columns=["kind", "share_sd"])
-    frame = frame.loc[:, (frame != "").any()]  # no logs are named unless there are several
+    """Return the numbers that changed while a log was recorded as a table."""
+    shown = ["what", "name", "change", "low", "high", "unit", "log_odds", "logs", "or"]
+    frame = frame_changes(changes)[shown]
+    frame = frame.loc[:, (frame != "").any()]  # no alternatives are named unless there are some
     return frame_table(frame.rename(columns={"log_odds": "log odds", "logs": "in"}), caption)
+
+
+def _title(change: Change | Unchanged) -> str:
+    """Return what changed, without its place."""
+    return change.what.removesuffix(f" of {change.place}")
+
+
+def _change_row(change: Change) -> tuple[object, ...]:
+    """Return the row of a change: place, quantity, size, torque, limit, odds, logs, rivals."""
+    size, sd = change.relative
+    by = signed(100 * size, 100 * REACH * sd, "%")
+    if change.kind == "load":
+        by = signed(change.sizes[0], REACH * change.sd[0], "kg")
+    felt = change.felt
+    torque = signed(felt.rms, REACH * felt.sd, felt.unit)
+    if felt.joint != change.place:
+        torque = f"{torque} at {felt.joint}"
+    rivals = "; ".join(state_alternatives(change))
+    return change.place, _title(change), by, torque, "", change.odds, change.when, rivals
+
+
+def _unchanged_row(number: Unchanged) -> tuple[object, ...]:
+    """Return the row of a number that did not change."""
+    limit = sentence("comparison.seen", "never")
+    if np.isfinite(number.least):
+        torque = f"{format_number(number.felt.rms, 2)} {number.felt.unit}"
+        limit = f"{_least(number)} ({torque})"
+    return number.place, _title(number), "no change", "", limit, Cell(""), "", ""
+
+
+def _least(number: Unchanged) -> str:
+    """Return the least change that would be seen, of a load in kg, else in %."""
+    if number.kind == "load":
+        return f"{format_number(number.least, 2)} kg"
+    return f"{format_number(100 * number.relative, 2)} %"
+
+
+def _answer_limits(result: Comparison) -> Answer:
+    """Return from which size on each kind of change would be seen."""
+    numbers = [x for x in result.unchanged if np.isfinite(x.least)]
+    titles = dict.fromkeys(_title(x) for x in numbers)
+    least, ranges = [], []
+    for title in titles:
+        some = sorted((x for x in numbers if _title(x) == title), key=lambda x: x.relative)
+        first, last = some[0], some[-1]
+        least.append(sentence("comparison.seen", "from", what=title, least=_least(first)))
+        holes = {"what": title, "place": first.place, "least": _least(first)}
+        holes |= {"other": last.place, "most": _least(last)}
+        ranges.append(sentence("comparison.seen", "range" if len(some) > 1 else "one", **holes))
+    short = listing(least) or sentence("comparison.seen", "never")
+    why = sentence("comparison.seen", "text", limits=listing(ranges, between="; "))
+    return answer(
+        "comparison.seen", "limits", why, "green", limits=f"{short[0].upper()}{short[1:]}"
+    )
+
+
+def _answer_cause(result: Comparison) -> tuple[Answer, ...]:
+    """Return whether friction changed by wear or by warming up; nothing if none changed."""
+    frictions = [c for c in result.changes if c.kind == "friction"]
+    parts = [_state_cause(c, result) for c in frictions]
+    unsure = [c for c in result.changes if c.alternatives]
+    parts += [sentence("comparison.next", c.kind, what=c.what) for c in unsure]
+    if not parts:
+        return ()
+    return (
+        answer("comparison.cause", "causes", "", "amber", causes=" ".join(dict.fromkeys(parts))),
+    )
+
+
+def _state_cause(change: Change, result: Comparison) -> str:
+    """Return the probable cause of a change of friction, and what to measure next."""
+    about, what = "comparison.cause", f"{change.what[0].upper()}{change.what[1:]}"
+    size, sd = change.relative
+    if change.within:
+        key = "warm" if size < 0 else "rises"
+        return sentence(about, key, what=what, seconds=change.seconds)
+    falls = [c.relative[0] for c in result.changes if c.within and c.place == change.place]
+    if falls and abs(size) - REACH * sd <= abs(falls[0]):
+        return sentence(about, "perhaps", what=what)
+    if len(result.after) < 2 or change.log:
+        return sentence(about, "once", what=what)
+    return sentence(about, "wear" if size > 0 else "lower", what=what)
+
+
+def signed(value: float, half: float, unit: str) -> str:
+    """Return a change with its sign, its unit and half of its interval."""
+    text = measured(value, half, unit)
+    return f"+{text}" if value > 0 else text

@@ -11,14 +11,13 @@ import pandas as pd
 
 from identifiability.effects import find_family, title_of
 from identifiability.foundation.answers import Answer, Note, Table
-from identifiability.foundation.errors import listing
 from identifiability.foundation.keyed import Row, name_estimates
 from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import BASE, Array
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import REACH, join, measured
+from identifiability.foundation.rounding import REACH, join
 from identifiability.reading.rules import RULES as READING_RULES
 from identifiability.regression.reduction import full_model
 from identifiability.workflows.diagnose.result import logs_disagree
@@ -40,7 +39,6 @@ from .compare import table_changes
 from .tables import make_table
 
 if TYPE_CHECKING:
-    from identifiability.workflows.changes import Change
     from identifiability.workflows.diagnose.forward import ForwardGap
     from identifiability.workflows.diagnose.result import Diagnosis, NamedEffect, Odds
 
@@ -351,61 +349,6 @@ def _effect_cells(e: NamedEffect) -> tuple[Any, ...]:
     """Return an effect, its places, log odds and errors as one row of a table."""
     names = " or ".join(dict.fromkeys([e.name, *e.alternatives][:LIKELIEST]))
     return names, ", ".join(e.joints), e.odds, e.unseen, e.before, e.after
-
-
-class ChangePresenter(Presenter):
-    """Words on what changed between logs, or while one was recorded."""
-
-    result: Change
-
-    def when(self) -> str:
-        """Return when the change began and ended, and in which log.
-
-        Nothing where that is all logs.
-        """
-        about, change = "diagnosis.change", self.result
-        ends = ("from", change.start, change.began), ("until", change.stop, change.ended)
-        told = [
-            sentence(about, word, at=at, low=low, high=high)
-            for word, at, (low, high) in ends
-            if np.isfinite(at)
-        ]
-        if told:
-            return sentence(about, "part", told=" ".join(told), log=change.log)
-        return sentence(about, "log", log=change.log) if change.log else ""
-
-    def called(self) -> str:
-        """Return the change with its size, and its competing explanations."""
-        change, about = self.result, "diagnosis.change"
-        text = f"{_state_change(change)} {change.when}".rstrip()
-        if change.others:
-            others = " or ".join(change.others[:LIKELIEST])
-            text = sentence(about, "or", text=text, others=others)
-        return text if change.sure else sentence(about, "perhaps", text=text)
-
-
-def _state_change(change: Change) -> str:
-    """Return a change with its size.
-
-    Where a change has several parameters and its sum is uncertain, only the significant ones are
-    listed.
-    """
-    about, half = "diagnosis.change", REACH * change.sd
-    size, reach, unit = 100 * change.share, 100 * REACH * change.share_sd, "%"
-    words = "rose", "fell"
-    if change.kind == "load":
-        size, reach, unit, words = change.sizes[0], half[0], "kg", ("grew", "shrank")
-    if abs(size) > reach:
-        by = measured(abs(size), reach, unit)
-        return sentence(about, words[int(size < 0)], what=change.what, by=by)
-    parts = []
-    for name, x, h, u in zip(change.names, change.sizes, half, change.units, strict=True):
-        times, unit = (100, "%") if u == "1" else (1, u)
-        if abs(x) > h:
-            by = measured(times * x, times * h, unit)
-            parts.append(sentence(about, "by", name=name, by=by))
-    sizes = f": {listing(parts)}" if parts else ""
-    return sentence(about, "changed", what=change.what, sizes=sizes)
 
 
 class ForwardGapPresenter(Presenter):

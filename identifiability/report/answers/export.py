@@ -72,4 +72,5 @@ class DrawsPresenter(Presenter):
     def statement(self) -> str:
         """Return their number and their prior, in words."""
         result = self.result
-        return sentence("export.draws", count=len(result.values), share=result.share)
+        said = sentence("export.draws", count=len(result.values), share=result.share)
+        return " ".join([said, *result.hints])

@@ -61,7 +61,7 @@ def make_table(
     known = TABLES[name]
     columns = [make_column(holes, **told) for told in known["columns"]]
     caption = known.get("caption", "").format(**holes)
-    options = {key: known[key] for key in ("filter_by", "long") if key in known}
+    options = {key: known[key] for key in ("filter_by", "long", "always") if key in known}
     return Table.of(caption, [*columns, *more], rows, marked=marked, **options)
 
 

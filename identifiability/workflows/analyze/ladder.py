@@ -58,6 +58,11 @@ class LadderFit:
     crossed: Array
 
     @property
+    def written(self) -> Score:
+        """The score of the values that predictions and files have."""
+        return self.real if self.robot.as_good and self.real is not None else self.free
+
+    @property
     def values(self) -> Array:
         """Base parameters (b, `ACCOUNTS`): estimated, and of the nearest physical robot.
 
@@ -150,7 +155,7 @@ def fit_with_robot(
     score = held_out.score(free, held_out.roots(fit, submodel.M))
     weight = WEAK if cad_weight is None and not choose else cad_weight
     tried = [w for w in WEIGHTS if w <= heaviest] if weight is None else [weight or WEIGHTS[-1]]
-    chosen = choose_prior(model, held_out, score, tried)
+    chosen = choose_prior(model, held_out, tried)
     if weight is None:
         weight = WEAK if chosen is None else chosen.weight
     robot = find_nearest(model, weight)
@@ -212,7 +217,7 @@ def compute_ladder(
         fits=tuple(fits),
         folds=folds,
         short=short,
-        near=near_best([one.free for one in fits]),
+        near=near_best([one.written for one in fits]),
         fitted=fitted,
         unseen=others[0] if others else fitted,
         shared=measure_shared_errors(rows),

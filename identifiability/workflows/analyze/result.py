@@ -24,14 +24,15 @@ from identifiability.estimation.prediction import (
     measure_spread,
     widening,
 )
+from identifiability.estimation.profile import Profile
 from identifiability.estimation.verdict import Class, Flag, Verdict, name_rows, withdraw
 from identifiability.foundation import handed
-from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.foundation.errors import IdentifiabilityError, near_match
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.keyed import Row
 from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import INERTIAL_KINDS, Array
-from identifiability.foundation.options import check_choice
+from identifiability.foundation.options import OptionError, check_choice
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.result import Result
 from identifiability.foundation.rounding import REACH
@@ -291,8 +292,32 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         return replace(own, errors=np.stack([own.errors[0], raw.errors[1]]))
 
     def rows_by_name(self) -> Iterator[Row]:
-        """Yield the verdicts of the model to use, then those of the parameters that it omits."""
-        return name_rows(self.chosen.rows(), self.full.rows())
+        """Yield the verdicts of the model to use, then those of the parameters that it omits.
+
+        Parameters that no sensor observes come last, with the values of the robot file.
+        """
+        yield from name_rows(self.chosen.rows(), self.full.rows())
+        for row in self._unobserved():
+            yield Row(
+                name=row["name"],
+                estimate=row["nominal"],
+                unit=row["unit"],
+                verdict=row["verdict"],
+                reason=row["reason"],
+                details={},
+            )
+
+    def _unobserved(self) -> list[dict[str, Any]]:
+        """Return the parameters that no sensor observes, as rows of JSON."""
+        told = {
+            "verdict": Class.NOT_IDENTIFIABLE.value,
+            "reason": phrase("verdict", "unobserved"),
+        }
+        nominal = self.robot.nominal
+        return [
+            {"name": p.name, "unit": p.unit, "nominal": nominal.get(p.name, 0.0), **told}
+            for p in self.structure.unobserved
+        ]
 
     def explain_absence(self, name: str) -> str:
         """Return in which combinations a standard parameter is."""
@@ -411,11 +436,12 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
         return dict(zip(("rows", "all_rows", "raw"), map(float, (share, *errors)), strict=True))
 
     @presented
-    def to_frame(self, model: str | None = None) -> pd.DataFrame:
+    def to_frame(self, model: str | None = None, *, details: bool = False) -> pd.DataFrame:
         """Return one row a parameter of the model to use, or of the named one.
 
         ``used`` is its value in predictions and files, `lower` and `upper` the ends of its
-        95 % interval.
+        95 % interval. With `details` there are also the terms of its error, the paper's rule and
+        all other columns that JSON has.
 
         Raises
         ------
@@ -459,6 +485,8 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             "estimator": used.estimate.estimator.name,
             "provenance": self.provenance,
         }
+        unobserved = self._unobserved()
+        found |= {"unobserved": unobserved} if unobserved else {}
         return found if self.moved is None else found | {"rollout": self.moved.to_rollout()}
 
     def _errors(self) -> dict[str, Any]:
@@ -537,12 +565,15 @@ class Analysis(Laddered[ModelResult]):
         Posterior of the selected model, where it was asked for.
     alternative : Reading or None
         Under which all is said: `Reading.read` reads other logs likewise.
+    profiles : tuple of Profile
+        Curves of the requested numbers, then of the stated shapes and delays.
     """
 
     schema: ClassVar[str] = "identifiability/analysis/1"
 
     belief: Belief | None = None
     alternative: Reading | None = None
+    profiles: tuple[Profile, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
@@ -558,7 +589,24 @@ class Analysis(Laddered[ModelResult]):
                 "without_effect": list(base.without_effect),
             },
             "file": self.file_frame().to_dict("records"),
+            "profiles": [p.to_dict() for p in self.profiles],
         }
+
+    def find_profile(self, name: str) -> Profile:
+        """Return the profile of a number.
+
+        Raises
+        ------
+        OptionError
+            If the number was not profiled.
+        """
+        known = {p.number.name: p for p in self.profiles}
+        if name not in known:
+            raise OptionError(
+                f"The number '{name}' was not profiled{near_match(name, known)} Run "
+                f"analyze(…, profile=['{name}'])."
+            )
+        return known[name]
 
     @presented
     def file_frame(self) -> pd.DataFrame:

@@ -156,6 +156,7 @@ def _move_again(robot: Robot, log: Log, prepared: Dataset, how: Preparation) -> 
         dq=None if log.dq is None else motion.actuated_v,
         ddq=None,
         sha256=prepared.sha256,
+        drives_alone=log.drives_alone,
     )
     again = prepare_log(robot, measured, how).motion
     kept = len(again) == len(motion)

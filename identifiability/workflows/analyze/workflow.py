@@ -22,9 +22,16 @@ from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, one_thread
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.options import NotNegative, Replicates, Seed, checked, resolve_count
-from identifiability.foundation.rounding import REACH, measured
-from identifiability.foundation.runs import Progress, Run, quiet, running, share
+from identifiability.foundation.options import (
+    Names,
+    NotNegative,
+    Replicates,
+    Seed,
+    checked,
+    resolve_count,
+)
+from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.runs import First, Progress, Run, quiet, running, share
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Band
@@ -40,11 +47,12 @@ from identifiability.regression.reduction import (
 )
 from identifiability.robot import RobotLike
 from identifiability.workflows.case import Case, Data, WeightedRows, comparable_entry, take_case
-from identifiability.workflows.sides import find_loads
+from identifiability.workflows.sides import report_loads
 
 from .belief import Belief, form_belief, refine_verdicts
 from .judge import assess_ladder, select_model, tell_with_file
 from .ladder import FittedLadder, LadderFit, compute_ladder
+from .profiles import check_numbers, profile_numbers
 from .result import Analysis, ModelResult, compare_logs, doubt
 
 # Further findings: an unsuitable cut-off, and remarks of the fit on its logs.
@@ -90,43 +98,6 @@ def say_of_fit(data: Data, result: ModelResult, missing: Sequence[str]) -> list[
     return [*filter(None, (moved, compare_logs(data.samples, result, missing)))]
 
 
-def say_loads(rows: WeightedRows, submodel: Submodel, result: ModelResult) -> tuple[Finding, ...]:
-    """Return findings on loads that only the held-out logs of the user carry.
-
-    A held-out log must err much more than the fitted logs: most of its squared error is new. Only
-    then are logs compared.
-
-    Parameters
-    ----------
-    rows : WeightedRows
-    submodel : Submodel
-        The model that logs are compared under.
-    result : ModelResult
-        The model to use.
-    """
-    data, recordings = rows.data, rows.data.recordings
-    if not data.validation or data.misread or recordings.set_aside or recordings.commanded:
-        return ()
-    fitted, unseen = result.used[:2]
-    names = [sample.name for sample in data.validation]
-    errors = np.array([unseen.relative_error(log)[0] for log in range(len(names))])
-    if not np.nanmax(errors**2) > 2 * fitted.relative_error()[0] ** 2:
-        return ()
-    found = list[Finding]()
-    for change in find_loads(data, submodel):
-        k = change.names.index(f"{change.place}.m")
-        mass, sd = float(change.sizes[k]), float(change.sd[k])
-        half = REACH * sd
-        if abs(mass) <= half:
-            continue
-        numbers = {"mass": mass, "sd": sd, "body": change.place}
-        load = measured(abs(mass), half, "kg")
-        more = "more" if mass > 0 else "less"
-        logs = [change.log] if change.log else names
-        found.append(Finding("held_out_load", logs=logs, load=load, more=more, **numbers))
-    return tuple(found)
-
-
 def predict_everywhere(
     data: Data, fit: LadderFit, account: int, folds: Folds | None
 ) -> Prediction | None:
@@ -158,6 +129,10 @@ def predict_everywhere(
 # The whole way from logs to the answer.
 
 
+#: Share of the time of an analysis of commands after which their torque is known.
+SERVOS: Tolerance = 0.65
+
+
 @checked
 def analyze(
     robot: RobotLike | Case,
@@ -170,12 +145,14 @@ def analyze(
     estimator: Kind = "auto",
     replicates: Replicates | None = None,
     posterior: bool = False,
+    profile: Names = (),
     cad_prior: NotNegative | None = None,
     prior: NotNegative | None = None,
     seed: Seed = 0,
     progress: Progress | None = None,
     engine: Engine | None = None,
     quick: bool = False,
+    first: First | None = None,
 ) -> Analysis:
     """Say which parameters the logs determine, and which model of a ladder to use.
 
@@ -209,6 +186,10 @@ def analyze(
         Also sample the posteriors of the selected model; costs two to three times the rest. It is
         off by default. It narrows parameters that the data do not determine, and never changes a
         verdict on the others.
+    profile : sequence of str
+        Numbers whose profile is computed besides those of the stated shapes and delays: a
+        parameter, a shape such as ``joint_2.stribeck_friction``, ``total_mass``, or the largest
+        torque of a joint along the fitted logs, ``joint_2.torque``.
     cad_prior : float, optional
         Weight of a log-det prior around the bodies of the robot file in the search for the nearest
         physical robot [σ²]; 0 for none. By default the heaviest that predicts stretches of the
@@ -226,6 +207,9 @@ def analyze(
         processes.
     quick : bool
         Fewer replicates, unless their number is given.
+    first : callable(Result), optional
+        Called with a first answer from some windows of long logs of commands, in about a quarter of
+        the time of the whole answer.
 
     Raises
     ------
@@ -237,26 +221,40 @@ def analyze(
     with one_thread("blas"):
         case = take_case(robot, logs, validate, preparation)
         with running(engine) as runner:  # workers are gone when their memory is wanted elsewhere
-            run = Run(progress or quiet, runner, seed)
+            run = Run(progress or quiet, runner, seed, first)
             settings = choose_settings(case, run, prior, cad_prior, posterior=posterior, **options)
-            found = _fit_case(case, run, ladder, method, settings)
+            found = _fit_case(case, run, ladder, method, settings, profile)
         found = tell_with_file(found, settings["prior"])
         return believe(found, run.say) if posterior else found
 
 
 def _fit_case(
-    case: Case, run: Run, ladder: LadderLike | None, method: Method, settings: Mapping[str, Any]
+    case: Case,
+    run: Run,
+    ladder: LadderLike | None,
+    method: Method,
+    settings: Mapping[str, Any],
+    profiled: Sequence[str],
 ) -> Analysis:
     """Return the models of a ladder, judged, and which one to use."""
     source = case.ladder(ladder, beside=True)
     # A model that was given is taken as it is.
     complete, kind = ladder is None and case.model is None, settings["estimator"]
+    # The torque of servos takes more than half of the time; it is computed before the other stages.
+    if case.recordings(run).commanded:
+        case.torque(case.first_structure(run, ladder), run)
+        run = run.after(SERVOS)
     rows, submodels = prepare_ladder(case, source, run, method, kind, complete)
+    check_numbers(rows.data.structure, profiled)
     fitted = case.stages.once(compute_ladder, rows, submodels, settings["cad_prior"], run=run)
     rng = np.random.default_rng(settings["seed"]).spawn(2)[1]
+    run.say("looking for missing effects", 0.75)
     found = conclude_analysis(fitted, rng, settings, rows.missing)
-    loads = say_loads(rows, submodels[0], found.chosen)
-    return replace(found, source=source, hints=(*loads, *found.hints))
+    chosen = found.chosen
+    loads = report_loads(rows.data, submodels[0], chosen.error_ra, chosen.used[1])
+    found = replace(found, source=source, hints=(*loads, *found.hints))
+    run.say("profiling", 0.85)
+    return replace(found, profiles=profile_numbers(found, profiled))
 
 
 def choose_settings(

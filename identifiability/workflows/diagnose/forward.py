@@ -134,6 +134,8 @@ def compare_forward(
     ForwardGap
         With a note instead of numbers where MuJoCo cannot simulate this robot.
     """
+    if before.structure.robot.torque.has_side("both"):
+        return ForwardGap.none("torque was measured on both sides of gears")
     dt = signals.sampling_step(unseen[0].motion.t)
     steps = max(2, round(HORIZON / dt))
     at = _stretches(unseen, dt, steps, DRAWN_STRETCHES)

@@ -36,7 +36,7 @@ from identifiability.regression.regression import Regression
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
 from identifiability.workflows.analyze.ladder import fit_with_robot, hold_folds
-from identifiability.workflows.predict import Fit, Predicts, read_fit
+from identifiability.workflows.predict import Fit, Predicts, find_fit, read_fit
 
 
 @frozen
@@ -120,10 +120,13 @@ class KnownValues(Known):
         their errors,".
     share : float
         Share within which bodies equal the file's; 0 without such knowledge.
+    hints : tuple of str
+        Differences from the inputs with which a result was made, whose values these are.
     """
 
     words: str
     share: float = 0.0
+    hints: tuple[str, ...] = ()
 
     @property
     def root(self) -> Array:
@@ -211,8 +214,8 @@ def read_given(given: Given, robot: Robot) -> tuple[Fit | None, str]:
     if isinstance(given, str | Path):
         return read_fit(given, robot), Path(given).name
     if isinstance(given, Predicts):
-        return given.fit, "the result given"
-    return (given, "the result given") if isinstance(given, Fit) else (None, "")
+        return find_fit(given, robot), "the result given"
+    return None, ""
 
 
 def know_fit(fit: Fit, structure: Structure, name: str) -> KnownValues:
@@ -238,7 +241,8 @@ def know_fit(fit: Fit, structure: Structure, name: str) -> KnownValues:
         models = {"kept": fit.structure.model.texts, "diagnosed": structure.model.texts}
         raise IdentifiabilityError(phrase("kept", "other", name=name, **models))
     own = Known.of(fit.base, np.eye(len(fit.base)), fit.base_covariance, fit.base_unknown)
-    return KnownValues(**vars(own), words=f"the values of {name}, with their errors,")
+    words = f"the values of {name}, with their errors,"
+    return KnownValues(**vars(own), words=words, hints=fit.hints)
 
 
 @frozen

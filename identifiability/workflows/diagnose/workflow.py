@@ -35,7 +35,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.logs.prepare.dataset import require_signal
-from identifiability.logs.prepare.excerpt import MOST_IN_ALL, MOST_SAMPLES, thin_all
+from identifiability.logs.prepare.excerpt import most_rows, thin_all
 from identifiability.physical.cad_prior import load_by_fit, resolve_prior, with_loads
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.quality.hints import where_outlying
@@ -65,8 +65,10 @@ from identifiability.workflows.case import (
     take_case,
 )
 from identifiability.workflows.changes import Change
+from identifiability.workflows.predict import state_reading
 from identifiability.workflows.provenance import state_provenance
 from identifiability.workflows.roles import require_held_out
+from identifiability.workflows.sides import report_loads
 
 from .naming import (
     Gains,
@@ -155,6 +157,9 @@ def diagnose(
     with one_thread():
         case = take_case(robot, logs, validate, preparation)
         run = Run(progress or quiet, engine or Serial(), seed)
+        fit, _ = read_given(fixed, case.robot)
+        # Values that are kept belong to the reading of their logs.
+        case = case if fit is None else case.with_(reading=fit.reading)
         recordings = case.recordings(run)
         require_held_out(recordings)
         model = case.model if model is None else model  # type: ignore[assignment]
@@ -162,6 +167,9 @@ def diagnose(
         request = Request(effects, model, fixed, prior)
         found, data = _diagnose_logs(case, request, run, of_intervals)
         found = _with_context(case, request, found, data, quick=quick, seed=seed)
+        if fit is not None:
+            said = state_reading(fit, case, found.samples, run)
+            found = replace(found, hints=(*said, *found.hints))
         if not quick and forward and found.included and found.robot.base is None:
             run.say("simulating forward", 0.95)
             found = replace(found, forward=simulate_forward(found, of_motion))
@@ -259,7 +267,11 @@ def _with_context(
     # Torque of commands is calibrated with the cut-off.
     band = getattr(found.preparation, "band", None)
     said = () if found.commanded else say_band(band, names=True)
-    hints = (*found.hints, *data.hints, *said, *free_again(request.model))
+    hints = (*found.known.hints, *found.hints, *data.hints, *said, *free_again(request.model))
+    hints = (
+        *report_loads(data, full_model(data.structure.base), found.error_after, found.gap),
+        *hints,
+    )
     if request.prior:
         hints = (found.known.hint, *hints)
     if request.fixed is True:
@@ -378,7 +390,7 @@ def _read_logs(
     otherwise. Of logs that are too long for memory excerpts are prepared.
     """
     raw = recordings or case.recordings(run)
-    most = _most_rows(raw) if raw.long else None
+    most = most_rows(raw.fitted) if raw.long else None
     seek = not request.keeps
     data = case.data(structure, run, "diagnosed", recordings=recordings, seek=seek, most=most)
     if request.keeps:
@@ -404,14 +416,9 @@ def _refuse_silent_part(case: Case, data: Data, run: Run) -> None:
     LogError
     """
     recordings = data.recordings
-    most = _most_rows(recordings) if recordings.long else None
+    most = most_rows(recordings.fitted) if recordings.long else None
     prepared = case.prepared(data.robot, recordings, data.preparation, run, most)
     require_signal(prepared.held_out, "verified")
-
-
-def _most_rows(recordings: Recordings) -> int:
-    """Return the number of rows of each log that are used."""
-    return min(MOST_SAMPLES, MOST_IN_ALL // len(recordings.fitted))
 
 
 #: Excerpts of fitted and of held-out logs; empty where all rows are used.
@@ -423,7 +430,7 @@ def _look_at(case: Case, data: Data, run: Run) -> tuple[Data, Excerpts]:
 
     Samples of commanded robots are taken along the motion of their rollouts.
     """
-    recordings, most = data.recordings, _most_rows(data.recordings)
+    recordings, most = data.recordings, most_rows(data.recordings.fitted)
     excerpts: Excerpts = (), ()
     if not recordings.long:
         pairs = (data.samples, recordings.fitted), (data.validation, recordings.held_out)

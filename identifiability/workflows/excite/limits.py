@@ -24,7 +24,7 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.reduction import USUAL_EFFECTS
 from identifiability.regression.regression import Model
-from identifiability.regression.structure import Structure
+from identifiability.regression.structure import Structure, sense_joints
 from identifiability.robot import Motion, Robot
 from identifiability.robot.closure import invert, loop_jacobian, passes_singular
 from identifiability.robot.rules import RULES as ROBOT_RULES
@@ -262,7 +262,9 @@ class Drive:
         """Return the drives of a robot; None where no limit of a drive is stated."""
         if not (np.isfinite(limits.torque).any() or np.isfinite(limits.power).any()):
             return None
-        structure = Structure.of(robot, Model.of(*default_effects(robot, USUAL_EFFECTS)))
+        # Limits are those of motors, wherever torque was measured.
+        model = Model.of(*default_effects(robot, USUAL_EFFECTS))
+        structure = Structure.of(sense_joints(robot), model)
         return Drive(structure, limits.torque, limits.power)
 
     def load(self, motion: Motion) -> Array:

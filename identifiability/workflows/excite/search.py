@@ -235,13 +235,15 @@ class Objective:
             return G, Workspace(missing, nowhere, missing, nowhere)
         step = self.series.period / samples
         space = survey(robot, self.limits, motion, samples, m, step, self.drive)
-        W = self.question.model.regressor(robot, motion)[:, :, self.question.columns]
-        W *= np.sqrt(known.weights * known.samples / samples)[:, None]
+        W = self.question.model.all_sensors(robot, motion)[:, :, self.question.columns]
+        sensors = W.shape[1] // n
+        weights = np.tile(known.weights, sensors)
+        W *= np.sqrt(weights * known.samples / samples)[:, None]
         if len(W) < m * samples:
             full = np.zeros((m * samples, *W.shape[1:]))
             full[motion.kept] = W
             W = full
-        rows = W.reshape(m, samples * n, -1)
+        rows = W.reshape(m, samples * n * sensors, -1)
         # The product of one matrix with itself takes half of the work.
         return known.G + np.stack([own.T @ own for own in rows]), space
 

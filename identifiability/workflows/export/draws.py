@@ -30,7 +30,7 @@ from identifiability.posterior.target import Prior, Target
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
 from identifiability.workflows.analyze.belief import start_inside, state_prior, widest
-from identifiability.workflows.predict import Fit, read_fit
+from identifiability.workflows.predict import Fit, find_fit
 
 from .workflow import save_robot
 
@@ -51,12 +51,15 @@ class Draws:
         By which bodies may differ from the file's.
     servos : DataFrame
         Delay of commands [s] and gains that the logs determine, of each draw.
+    hints : tuple of str
+        Differences from the inputs with which the result was made.
     """
 
     structure: Structure
     values: Array
     share: float
     servos: pd.DataFrame = field(default_factory=pd.DataFrame)
+    hints: tuple[str, ...] = ()
 
     @property
     def robots(self) -> Iterator[dict[str, float]]:
@@ -123,7 +126,7 @@ def draw_robots(
         If the file is no result or one of another robot, or the robot file's bodies cannot exist.
     """
     robot = Robot.of(robot)
-    fit = result if isinstance(result, Fit) else read_fit(result, robot)
+    fit = find_fit(result, robot)
     # Share of their size by which bodies differ from the file's, where logs hold no torque.
     usual = robot.said.prior_relative if robot.servo is None else PHYSICAL_RULES.body_within
     share = usual if prior is None else prior
@@ -134,7 +137,9 @@ def draw_robots(
         raise IdentifiabilityError(f"No robot can be drawn: {error}") from None
     drawn = {name: rng.normal(x, sd, count) for name, (x, sd) in fit.servo.items()}
     servos = pd.DataFrame(drawn)
-    return Draws(structure=fit.structure, values=values, share=share, servos=servos)
+    return Draws(
+        structure=fit.structure, values=values, share=share, servos=servos, hints=fit.hints
+    )
 
 
 def _draw_values(fit: Fit, share: float, count: int, rng: np.random.Generator) -> Array:

@@ -32,7 +32,7 @@ from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.prediction import predict as predict_torque
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.errors import IdentifiabilityError, RobotError, near_match
-from identifiability.foundation.findings import phrase
+from identifiability.foundation.findings import of_key, phrase
 from identifiability.foundation.linalg import NEARLY, ROUNDOFF
 from identifiability.foundation.names import GROUPED_KINDS, INERTIAL_KINDS, Array
 from identifiability.foundation.options import ExportFormat, FilePath, checked
@@ -57,7 +57,10 @@ from identifiability.workflows.case import Case, Use
 from identifiability.workflows.predict import (
     PositionPrediction,
     ResultEntry,
+    check_reading,
+    note_change,
     predict,
+    read_fit,
     read_real,
     refuse_robot,
     state_missing,
@@ -342,8 +345,11 @@ def export(
     known = every_parameter(robot, content.physical.shapes)
     check_result(robot, Path(result), content, {*known, *robot.nominal})
     given |= _as_stated(robot, given)
+    said = note_change(result, content.robot, own)
     if wanted == "isaaclab":
-        return _describe(robot, content, given, Written(write_isaaclab(robot, given, content, out)))
+        written = Written(write_isaaclab(robot, given, content, out))
+        found = _describe(robot, content, given, written)
+        return replace(found, notes=(*said, *found.notes))
     rises = _state_rises(own, content, wanted, out.name)
     if rises and not force:
         raise IdentifiabilityError(phrase("exported", "errs_more", rises=" ".join(rises)))
@@ -351,11 +357,13 @@ def export(
     if list_logs(validate):
         with temporary_folder() as folder:
             unseen = judge_files(own, write(Path(folder) / out.name), validate, content)
+        if content.rollout is None and content.fit is not None:
+            said += check_reading(read_fit(result, own), validate)
         if unseen.totals[1] > unseen.totals[0] and not force:
             errors = phrase("exported", "worse", told=unseen.told, file=out.name)
-            raise IdentifiabilityError(errors)
+            raise IdentifiabilityError(" ".join([*of_key(said, "reading_contradicted"), errors]))
     found = _describe(robot, content, given, write(out), wanted, unseen)
-    found = replace(found, notes=(*rises, *found.notes))
+    found = replace(found, notes=(*said, *rises, *found.notes))
     return found if found.sidecar is None else _add_snippet(own, found)
 
 
@@ -621,9 +629,8 @@ def _reread(robot: Robot, path: Path, sidecar: Path | None, *, alone: bool) -> R
         lock = {name: robot.locked[name] for name in robot.lock_option if path == robot.path}
         base: Any = robot.base_option
         copy = Robot.load(path, beside, lock=lock, base=base)
-    return replace(
-        copy, columns=robot.columns, time_unit=robot.time_unit, angles=robot.angles, sidecar=None
-    )
+    told = {key: getattr(robot, key) for key in ("columns", "time_unit", "angles", "torque")}
+    return replace(copy, **told, sidecar=None)
 
 
 # Numbers of servos that a simulator needs, other than gains.

@@ -481,7 +481,7 @@ def walk(fit: WhitenedRegression, plan: Plan) -> tuple[list[Step], list[Refusal]
     """Return the models from a fit of all columns down, and the refused moves."""
     left, made = _force(Remaining.of(fit), plan.forced)
     refused = []
-    for kind in (Kind.OFFSET, Kind.MERGE, Kind.ZERO, Kind.TIE):
+    for kind in (Kind.LIMIT, Kind.OFFSET, Kind.MERGE, Kind.ZERO, Kind.TIE):
         asked = [move for move in plan.suggested if move.kind is kind]
         while asked := [m for m in asked if len(left.partition.apply(m)) < len(left.partition)]:
             move = asked.pop(int(np.argmin([left.cost(m) for m in asked])))

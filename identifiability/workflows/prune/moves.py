@@ -16,6 +16,7 @@ from typing import Literal
 import numpy as np
 from scipy.linalg import null_space
 
+from identifiability.estimation.profile import Profile
 from identifiability.foundation.errors import listing
 from identifiability.foundation.linalg import RANK_TOLERANCE
 from identifiability.foundation.names import GROUPED_KINDS, Array
@@ -40,6 +41,7 @@ class Kind(StrEnum):
 
     UNEXCITED = "not excited"
     FORCED = "forced"
+    LIMIT = "limit of a shape"
     OFFSET = "zero offset"
     MERGE = "merge Coulomb"
     ZERO = "zero by geometry"
@@ -381,6 +383,26 @@ def propose_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
     moves += zero_moves(structure, columns)
     ties = [{*c} for m in moves if m.kind is Kind.TIE for c in m.tie]
     return moves + [m for m in tie_moves(structure, columns) if {*m.tie[0]} not in ties]
+
+
+def limit_moves(
+    structure: Structure, columns: Sequence[str], curves: Iterable[Profile]
+) -> list[Move]:
+    """Return the zeros of effects whose shape the logs do not keep from one of its limits.
+
+    The curve of the effect vanishes at that limit, or is the curve of an effect that the model has.
+    """
+    moves = []
+    for curve in curves:
+        joint, _, family = curve.number.name.rpartition(".")
+        own = [p.name for p in structure.parameters if (p.owner, p.group) == (joint, family)]
+        levels = tuple(name for name in own if name in columns)
+        for limit, is_open, end in zip(curve.number.limits, curve.open, ("0", "∞"), strict=True):
+            if is_open and levels and (not limit or (limit, joint) in structure.present):
+                why = f"The logs allow {curve.number.name} → {end}, the limit without the effect"
+                moves.append(Move(Kind.LIMIT, levels, why=why))
+                break
+    return moves
 
 
 def offset_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:

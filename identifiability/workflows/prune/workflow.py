@@ -53,6 +53,7 @@ from identifiability.regression.reduction import (
 from identifiability.robot import RobotLike
 from identifiability.workflows.analyze.judge import decide_model, rms_torque, tell_with_file
 from identifiability.workflows.analyze.ladder import ACCOUNTS, LadderFit, fit_with_robot
+from identifiability.workflows.analyze.profiles import find_noise, profile_shapes
 from identifiability.workflows.analyze.result import WORSE
 from identifiability.workflows.analyze.shared_errors import SharedErrors, measure_shared_errors
 from identifiability.workflows.analyze.workflow import (
@@ -62,6 +63,7 @@ from identifiability.workflows.analyze.workflow import (
     say_of_fit,
 )
 from identifiability.workflows.case import Case, WeightedRows, take_case
+from identifiability.workflows.sides import report_loads
 
 from .elimination import (
     Search,
@@ -73,7 +75,7 @@ from .elimination import (
     thin_path,
     weigh_models,
 )
-from .moves import propose_moves
+from .moves import limit_moves, propose_moves
 from .result import Ladder, PrunedModel
 
 #: Models as good as the best, and smaller ones, for which a physical certificate is computed.
@@ -184,7 +186,9 @@ def _reduce(
     rng = np.random.default_rng(settings["seed"]).spawn(3)[2]
     draws = settings["replicates"]
     measured = measure_models(question, search, selected, fit, replicates=draws, rng=rng)
-    hints = *_hint(question.rows, measured["models"], selected), thinned
+    chosen = measured["models"][selected]
+    loads = report_loads(data, question.start, chosen.error_ra, chosen.used[1])
+    hints = *loads, *_hint(question.rows, measured["models"], selected), thinned
     return Ladder(
         structure=data.structure,
         samples=data.samples,
@@ -260,11 +264,14 @@ def walk_down(
     rows, start = question.rows, question.start
     data = rows.data
     signal = find_signal([s.survey for s in data.samples])
+    noise = find_noise(data.missing.noise, rows.information)
+    curves = profile_shapes(data.structure, data.samples, noise, start.columns)
+    limits = limit_moves(data.structure, start.columns, curves)
     return find_path(
         start.reduce(rows.information),
         whitened=None if whitened is None else start.reduce(whitened),
         variation=rows.unweighted.variation * signal,
-        suggested=propose_moves(data.structure, start.columns),
+        suggested=[*limits, *propose_moves(data.structure, start.columns)],
         forbid=forbid,
         force=force,
         method=question.estimator,

@@ -70,6 +70,15 @@ def test_folds_leave_out_the_memory_on_both_sides_and_do_not_cross_logs():
     assert Folds.of(gather(W, tau, size=5, logs=(60,) * 5), 12.0).count == 5
 
 
+def test_a_region_of_the_motion_is_left_out_in_all_its_repetitions():
+    W, tau = (np.concatenate([x, x, x]) for x in rows(N=60))
+    folds = Folds.of_regions(gather(W, tau, size=5))
+    assert folds.count == 4
+    each = folds.test.reshape(3, 12)
+    assert (each == each[0]).all()
+    assert not (folds.train & folds.tested).any()
+
+
 @pytest.mark.parametrize("memory", [61.0, 1000.0])
 def test_a_log_too_short_for_five_folds_is_refused_in_one_sentence(memory):
     W, tau = rows(N=300)

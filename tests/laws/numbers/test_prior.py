@@ -132,14 +132,23 @@ def test_the_heaviest_prior_within_two_nats_is_taken_and_a_surely_better_fit_sta
         return Score(np.full(F, total / F), times * squares, 100 * squares.sum(0), real.folds.ratio)
 
     for totals, free, taken, good in (
-        ((-10.0, -1.5, 0.0, 0.4), score(0.0), 1, True),
-        ((-30.0, -10.0, 0.0, 1.0), score(0.0), 2, True),
-        ((-30.0, -10.0, 0.0, 1.0), score(500.0, 0.01), 2, False),
+        ((-10.0, -1.5, 0.0, 0.4), 1.0, 1, True),
+        ((-30.0, -10.0, 0.0, 1.0), 1.0, 2, True),
+        ((-30.0, -10.0, 0.0, 1.0), 0.01, 2, False),
     ):
-        planted = iter(totals)
-        fixed = SimpleNamespace(folds=real.folds, score=lambda *_: score(next(planted)))  # noqa: B023
+        planted, errors = iter(totals), iter((1.0, free))
+        regions = SimpleNamespace(
+            folds=real.regions.folds,
+            refit=lambda *_: None,
+            score=lambda _: score(0.0, next(errors)),  # noqa: B023
+        )
+        fixed = SimpleNamespace(
+            folds=real.folds,
+            score=lambda *_: score(next(planted)),  # noqa: B023
+            regions=regions,
+        )
         weights = (1e-1, 3e-2, 1e-2, 3e-3)
-        found = choose_prior(model, fixed, free, weights)
+        found = choose_prior(model, fixed, weights)
         assert found.weight == weights[taken]
         assert found.as_good is good
 

@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability.effects import find_family
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
@@ -79,16 +78,25 @@ def test_torque_of_the_motor_needs_the_ratio_of_its_gear(load):
     np.testing.assert_allclose(tau, 100 * table().filter(like="tau").to_numpy())
 
 
-def test_no_rotor_is_seen_by_a_sensor_behind_the_gear(load):
-    effects = ("rigid_body", "viscous_friction", "actuator_inertia")
-    plain = [p.name for p in Model.of(*effects).parameters(load())]
-    robot = load('[torque]\nside = "link"\n')
-    assert {"a.Ia", "b.Ia"} <= set(plain)
-    assert [p.name for p in Model.of(*effects).parameters(robot)] == [
-        name for name in plain if not name.endswith(".Ia")
-    ]
-    family = find_family("actuator_inertia")
-    assert "behind the gears" in family.refuse(robot, "a")
-    assert family.refuse(load(), "a") == ""
+def test_neither_rotor_nor_friction_is_seen_by_a_sensor_behind_the_gear(load):
+    model = Model.of("rigid_body", "viscous_friction", "actuator_inertia")
+    robot = load('[torque]\nside = {a = "link"}\n')
+    plain = {p.name for p in model.parameters(load())}
+    assert plain - {p.name for p in model.parameters(robot)} == {"a.Fv", "a.Ia"}
     _, notes = torques(table(), robot)
-    assert "the model has none" in notes[0]
+    assert "torque of a was measured behind the gear" in notes[0]
+
+
+def test_columns_of_motor_and_link_are_told_apart(load):
+    robot = load('[torque]\nside = {b = "both"}\nratio = 100\n')
+    frame = table().rename(columns={"b.tau": "link_torque_b", "b.q": "link_position_b"})
+    frame = frame.assign(motor_torque_b=0.25, motor_position_b=100.0)
+    log = Log.from_frame(frame, "log", Conventions.of(robot))
+    links, drives = log.split_sensors(["b"])
+    np.testing.assert_allclose(links.tau[:, 1], table()["b.tau"])
+    np.testing.assert_allclose(drives.tau[:, 1], 25 - table()["b.tau"])
+    np.testing.assert_allclose(drives.q[:, 1], 1.0)
+    assert drives.unmeasured[:, 0].all()
+    assert not drives.unmeasured[:, 1].any()
+    with pytest.raises(IdentifiabilityError, match=r"has no b\.tau_m.*--map"):
+        torques(table(), robot)

@@ -1,0 +1,47 @@
+"""The first answer on long logs of commands: numbers of joints, and the step that still runs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from identifiability.foundation.answers import Answer, Table
+from identifiability.foundation.presenter import Presenter
+from identifiability.foundation.result import by_name
+
+from .common import answer, sentence
+from .tables import make_table
+
+if TYPE_CHECKING:
+    from identifiability.servos import FirstAnswer
+
+
+class FirstAnswerPresenter(Presenter):
+    """Answers of a first answer."""
+
+    result: FirstAnswer
+
+    def heading(self) -> tuple[str, str, str]:
+        """Return the title of the page, its kind, and its subject."""
+        result = self.result
+        return result.robot.title, sentence("first_answer", "kind"), ", ".join(result.logs)
+
+    def answers(self) -> tuple[Answer, ...]:
+        """Return what the numbers come from and what still runs, and the joint that errs most."""
+        result = self.result
+        about = "first_answer"
+        worst = max(result.rows(), key=lambda row: row["error"])
+        lengths: dict[str, Any] = {"seconds": result.seconds, "of_seconds": result.of_seconds}
+        return (
+            answer(about, "begun", sentence(about, "refined"), **lengths),
+            answer(about, "worst", question=sentence(about, "follows"), **worst),
+        )
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return one row a joint."""
+        return (make_table("first_answer", self.result.rows()),)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a joint."""
+        return by_name(pd.DataFrame(self.result.rows()))

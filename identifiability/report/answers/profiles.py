@@ -1,0 +1,55 @@
+"""Sentences on the profiles of an analysis: how far each number may go, and the simpler model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from identifiability.effects import FAMILIES, title_of
+from identifiability.estimation.profile import Profile
+from identifiability.foundation.answers import Answer
+from identifiability.foundation.rounding import format_number
+
+from .common import answer, sentence
+
+
+def answer_profiles(profiles: Sequence[Profile], shapes: Mapping[str, float]) -> Answer:
+    """Return the regions of all profiles, and which stated shapes lie outside of them."""
+    said = list[str]()
+    for curve in profiles:
+        said.append(state_region(curve))
+        lower, upper = curve.region
+        stated = shapes.get(curve.number.name, lower)
+        if not lower <= stated <= upper:
+            holes = {"stated": format_number(stated, 3), "unit": curve.number.unit}
+            said.append(sentence("analysis.bounds", "excluded", **holes))
+    regions = " ".join(said)
+    return answer("analysis.bounds", "found", regions=regions)
+
+
+def state_region(curve: Profile) -> str:
+    """Return the 95 % region of a number, and the simpler models that the logs do not exclude."""
+    lower, upper = (format_number(end, 3) for end in curve.region)
+    part = {
+        (False, False): "both",
+        (True, False): "most",
+        (False, True): "least",
+        (True, True): "open",
+    }[curve.open]
+    holes = {"name": curve.number.name, "unit": curve.number.unit, "lower": lower, "upper": upper}
+    region = sentence("analysis.bounds", part, **holes)
+    return " ".join([region, *state_limits(curve)])
+
+
+def state_limits(curve: Profile) -> list[str]:
+    """Return the simpler models at the open ends of a curve, each as a sentence."""
+    place, _, family = curve.number.name.rpartition(".")
+    if family not in FAMILIES:
+        zero = curve.open[0] and curve.number.least == 0
+        return [sentence("analysis.bounds", "zero", name=curve.number.name)] if zero else []
+    limits = [x for x, is_open in zip(curve.number.limits, curve.open, strict=True) if is_open]
+    sentences = list[str]()
+    for limit in dict.fromkeys(limits):
+        part = "instead" if limit else "without"
+        holes = {"effect": title_of(family), "place": place, "limit": title_of(limit)}
+        sentences.append(sentence("analysis.bounds", part, **holes))
+    return sentences

@@ -1,0 +1,150 @@
+"""Lines for the terminal as calls in Python, for notebooks."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import replace
+
+from identifiability.foundation.answers import Answer
+
+#: Options of the command line that are switches.
+SWITCHES = ("quick", "forward", "posterior", "force", "patch")
+
+#: Settings and options that `Robot.load` takes, by the keyword.
+OF_ROBOT = ("sidecar", "map", "lock", "base", "time_unit", "angles")
+
+#: Settings of the preparation of logs.
+OF_PREPARATION = ("derivatives", "cutoff", "decimate")
+
+#: Options whose Python keyword has another name.
+KEYWORDS = {"parameter": "parameters", "format": "form"}
+
+#: Methods that write a file, by the option. `--out` depends on the verb.
+WRITERS = {"report": "write_report", "json": "to_json"}
+OUT = {"diagnose": "write_model", "prune": "write_model", "excite": "write_motion"}
+
+#: Variable that a verb's result gets.
+VARIABLES = {"diagnose": "missing", "prune": "pruned", "excite": "motion"}
+
+
+def in_python(answer: Answer) -> Answer:
+    """Return an answer whose lines for the terminal are calls in Python."""
+    lines = tuple((purpose, python_lines(line)) for purpose, line in answer.commands)
+    return replace(answer, commands=lines)
+
+
+def python_lines(line: str) -> str:
+    """Return the calls in Python that do what a line of the terminal does, one a line.
+
+    Parameters
+    ----------
+    line : str
+        ``identifiability VERB …``, several joined by ``&&``. Other lines are returned as they are.
+    """
+    calls = [shlex.split(part) for part in line.split(" && ")]
+    if any(words[:1] != ["identifiability"] for words in calls):
+        return line
+    return "\n".join(_call(words[1], words[2:]) for words in calls)
+
+
+def _call(verb: str, words: Sequence[str]) -> str:
+    """Return the call of a verb, and the calls that write its files."""
+    given, options = _split(words)
+    robot = _robot(given[:1], options)
+    keywords = _keywords(options, verb)
+    if verb == "new":
+        verb = "new_study"
+        arguments = [repr(word) for word in given]
+    elif verb in ("analyze", "prune", "diagnose", "calibrate", "inspect"):
+        arguments = [robot, _one_or_list(given[1:])]
+    else:
+        out = [options["out"][0]] if verb == "export" and "out" in options else []
+        arguments = [robot, *map(repr, [*given[1:], *out])]
+    if verb == "calibrate":
+        arguments = [f"analyze({', '.join(filter(None, arguments))})"]
+    result = VARIABLES.get(verb, "result")
+    call = f"{result} = {verb}({', '.join(filter(None, [*arguments, *keywords]))})"
+    return "\n".join([call, *_writers(verb, result, options)])
+
+
+def _split(words: Sequence[str]) -> tuple[list[str], dict[str, list[str]]]:
+    """Return the arguments, and the values of each option; settings are options, too."""
+    given: list[str] = []
+    options: dict[str, list[str]] = {}
+    rest = iter(words)
+    for word in rest:
+        if not word.startswith("--"):
+            given.append(word)
+            continue
+        name = word.removeprefix("--").replace("-", "_")
+        value = "True" if name in SWITCHES else next(rest, "")
+        if name == "set":
+            name, _, value = value.partition("=")
+        options.setdefault(name, []).append(value)
+    return given, options
+
+
+def _robot(given: Sequence[str], options: dict[str, list[str]]) -> str:
+    """Return the robot as an argument: its path, or the call that loads it as it was read."""
+    told = []
+    for name in OF_ROBOT:
+        if name not in options:
+            continue
+        values = options[name]
+        pairs = dict(value.partition("=")[::2] for value in values)
+        if name == "map":
+            told.append(f"columns={pairs!r}")
+        elif name == "lock":
+            held = {joint: float(at) for joint, at in pairs.items() if at}
+            told.append(f"lock={held or values!r}")
+        else:
+            told.append(f"{name}={values[0]!r}")
+    path = repr(given[0]) if given else ""
+    return f"Robot.load({', '.join([path, *told])})" if told else path
+
+
+def _keywords(options: dict[str, list[str]], verb: str) -> list[str]:
+    """Return the keywords of a call."""
+    told = []
+    prepared = [f"{k}={_value(options[k][0])}" for k in OF_PREPARATION if k in options]
+    if prepared:
+        told.append(f"preparation=Preparation({', '.join(prepared)})")
+    apart = {*OF_ROBOT, *OF_PREPARATION, *WRITERS, "out", "next", "workers", "rate", "periods"}
+    apart |= {"patch"}
+    for name, values in options.items():
+        if name in apart:
+            continue
+        value = _value(values[0]) if name in SWITCHES else _one_or_list(values)
+        told.append(f"{KEYWORDS.get(name, name)}={value}")
+    if verb == "export" and "patch" in options:
+        told.append("form='patch'")
+    return told
+
+
+def _writers(verb: str, result: str, options: dict[str, list[str]]) -> list[str]:
+    """Return the calls that write the files of a result."""
+    writers = dict(WRITERS)
+    if verb in OUT:
+        writers["out"] = OUT[verb]
+    if verb in ("predict", "simulate"):
+        writers["out"] = "to_frame().to_csv"
+    names = [name for name in writers if name in options]
+    return [f"{result}.{writers[name]}({options[name][0]!r})" for name in names]
+
+
+def _one_or_list(values: Sequence[str]) -> str:
+    if len(values) == 1:
+        return _value(values[0])
+    return repr(list(values)) if values else ""
+
+
+def _value(text: str) -> str:
+    """Return a value as Python writes it: a number, a truth value or a text."""
+    if text in ("True", "False"):
+        return text
+    try:
+        float(text)
+    except ValueError:
+        return repr(text)
+    return text

@@ -1,0 +1,67 @@
+"""Profiles: regions of shapes, of parameters, and of what the logs determine from one side."""
+
+import numpy as np
+import pytest
+
+from identifiability import Case, IdentifiabilityError, Noise, Robot, analyze, plot, prune
+from identifiability.regression.reduction import LadderEntry
+from identifiability.simulation import Campaign, random_trajectory
+
+SPEED, ENTRY = 0.1, "stribeck_friction@elbow:0.5"
+EFFECTS = ["rigid_body", "viscous_friction", "coulomb_friction", ENTRY]
+SHAPE = "elbow.stribeck_friction"
+
+
+def case_of(level):
+    """Return a case of two logs with Stribeck friction of a level in the elbow [N·m]."""
+    robot, rng = Robot.load("two-link"), np.random.default_rng(5)
+    motions = [random_trajectory(robot, rng, samples=2000, period=20.0) for _ in range(2)]
+    campaign = Campaign.of(robot, motions)
+    speed = campaign.move.dq[:, 1]
+    force = np.zeros_like(campaign.torque)
+    force[:, 1] = level * np.exp(-np.abs(speed) / SPEED) * np.sign(speed)
+    logs = campaign.logs(force, Noise(torque=0.03), rng)
+    model = LadderEntry.model_validate({"models": [{"name": "M", "effects": EFFECTS}]})
+    return Case(robot, logs[:1], logs[1:], model=model)
+
+
+@pytest.fixture(scope="module")
+def found():
+    names = ["link2.mx", "total_mass", "elbow.torque"]
+    return analyze(case_of(0.3), profile=names, replicates=0)
+
+
+@pytest.mark.pictures
+def test_a_shape_is_profiled_unasked_and_its_region_holds_the_truth(found):
+    lower, upper = found.find_profile(SHAPE).region
+    assert lower < SPEED < upper < 4 * SPEED
+    assert f"{SHAPE} is between" in found.statement
+    assert "The model states 0.5 rad/s, which the logs exclude" in found.statement
+    assert plot.profile(found, SHAPE).axes
+
+
+def test_inside_the_cone_the_region_is_the_interval(found):
+    curve, row = found.find_profile("link2.mx"), found["link2.mx"]
+    half = 0.0196 * row.details["sigma_robust_percent"] * abs(row.estimate)
+    assert np.allclose(curve.region, (curve.best - half, curve.best + half), atol=0.1 * half)
+
+
+def test_a_number_that_the_logs_do_not_determine_may_be_bounded_from_one_side(found):
+    mass, torque = (found.find_profile(name) for name in ("total_mass", "elbow.torque"))
+    assert mass.open == (False, True)
+    assert 3 < mass.region[0] < 6.5  # the mass of the robot
+    assert "total_mass is bounded from one side: it is at least" in found.statement
+    assert np.ptp(torque.region) < 0.1 * torque.best
+
+
+def test_a_flat_profile_names_the_simpler_model_and_prune_takes_the_step():
+    case = case_of(0.0)
+    assert "simpler model that has Coulomb friction in elbow" in analyze(case).statement
+    assert prune(case).models[1].step.move.text == "zero elbow.Fs"
+
+
+def test_a_number_that_is_not_there_is_one_sentence():
+    with pytest.raises(
+        IdentifiabilityError, match="'totalmass' to profile, did you mean 'total_mass'"
+    ):
+        analyze(case_of(0.3), profile=["totalmass"])
