@@ -309,24 +309,29 @@ class ReadingSearch:
         """Return the readings that the evidence of adjusted rows prefers, the likeliest first."""
         judged = [replace(reading, log_odds=self.weigh(reading)) for reading in readings]
         needed = RULES.unseen_gain + np.log(max(self.tried, 1))
-        likely = [reading for reading in judged if reading.log_odds >= needed]
+        likely = [r for r in judged if r.log_odds >= needed and self.gain_of_payload(r) >= needed]
         if not likely:
             return []
         # Of readings that explain nearly the same, the one with fewest numbers comes first.
         alike = ALIKE * max(reading.log_odds for reading in likely)
 
         def rank(reading: Reading) -> tuple[bool, int, float]:
-            # The price of a payload's numbers decides against the same reading without a payload.
+            # A payload was judged against the same reading without it.
             counts = reading.log_odds >= alike and not reading.carries
             numbers = reading.fitted_numbers if counts else 0
             return reading.log_odds < alike, numbers, -reading.log_odds - self.vote(reading)
 
         return sorted(likely, key=rank)
 
-    def weigh(self, reading: Reading) -> float:
-        """Return the log odds of a reading against the literal one [nat]."""
+    def gain_of_payload(self, reading: Reading) -> float:
+        """Return the log odds of a payload's weight [nat]; infinite where the reading has none."""
+        without = replace(reading, carries=False)
+        return self.weigh(reading, without) if reading.carries else float(np.inf)
+
+    def weigh(self, reading: Reading, other: Reading | None = None) -> float:
+        """Return the log odds of a reading against another one, by default the literal [nat]."""
         plain, rows = self.compare_rows(reading)
-        less = plain.fit(self.literal, adjusted=True) - rows.fit(reading, adjusted=True)
+        less = plain.fit(other or self.literal, adjusted=True) - rows.fit(reading, adjusted=True)
         price = 0.5 * float(np.log(plain.counts.sum()))
         return float(rows.count(reading) @ less) - price * reading.fitted_numbers
 

@@ -6,7 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import Model, Noise, Robot, analyze, diagnose, prepare_log, prune, simulate
+from identifiability import (
+    Model,
+    Noise,
+    Robot,
+    analyze,
+    diagnose,
+    export,
+    prepare_log,
+    prune,
+    simulate,
+)
 from identifiability.effects.base import horizontal_axes
 from identifiability.effects.nominal import gravity_torque
 from identifiability.logs.prepare.preparation import choose_cutoff
@@ -123,12 +133,15 @@ def test_effort_without_weight_is_found_whatever_masses_the_file_has(name, masse
     assert not found.structure(Structure.of(robot, MODEL)).robot.gravity.any()
 
 
-def test_the_weight_of_a_payload_is_found_in_effort_without_that_of_the_robot():
+def test_the_weight_of_a_payload_is_found_in_effort_without_that_of_the_robot(tmp_path):
     robot, log = record("two-link", payload=1.5)
     found = analyze(robot, replace(log, tau=log.tau - weight(robot, log)), "none", replicates=0)
     assert "but not of its payload" in found.hints[0]
     mass = found.to_frame().set_index("name").loc["link2.weight_m"]
     assert mass.lower <= 1.5 <= mass.upper <= mass.lower + 0.3
+    result = found.to_json(tmp_path / "result.json")
+    written = export(robot, result, tmp_path / "out.xml", force=True)
+    assert "link2.weight_m" in written.statement
 
 
 def test_a_zero_of_the_first_encoder_is_named_with_the_tilt_that_acts_as_it_does():
