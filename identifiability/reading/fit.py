@@ -112,15 +112,15 @@ def split_gravity(structure: Structure, samples: tuple[Dataset, ...], excerpt: E
     return np.stack([weightless, *axes], 3)
 
 
-def leave_out_ends(excerpt: Excerpt) -> Excerpt:
-    """Return rows without those near the ends of logs, where a delayed torque is unknown."""
+def away_from_ends(excerpt: Excerpt) -> np.ndarray:
+    """Return the rows far from the ends of logs, (N,) bool: there a delayed torque is known."""
     inside = np.zeros(len(excerpt.t), bool)
     for k in np.unique(excerpt.log):
         at = excerpt.log == k
         first, last = excerpt.t[at][[0, -1]]
         end = min(DELAYS[-1], (last - first) / (2 * BLOCKS))
         inside[at] = (excerpt.t[at] >= first + end) & (excerpt.t[at] <= last - end)
-    return replace(excerpt, data=excerpt.data & inside[:, None])
+    return inside
 
 
 def _key(numbers: Array) -> bytes:
@@ -159,6 +159,8 @@ class TorqueRows:
         self.structure = structure
         self.robot = structure.robot
         self.excerpt = excerpt
+        #: Where torque of each joint is data, (N, n), whatever its delay.
+        self.data = excerpt.data & away_from_ends(excerpt)[:, None]
         self.parts = parts
         self.separate_offsets = separate_offsets
         self.others = others
@@ -207,7 +209,7 @@ class TorqueRows:
             Whether readings may state another gravity, or lack it in some joints.
         """
         columns = regression or structure.regression(samples)
-        excerpt = leave_out_ends(Excerpt.of(columns, excerpt_size(structure)))
+        excerpt = Excerpt.of(columns, excerpt_size(structure))
         has_weight = "rigid_body" in structure.model.names and structure.robot.gravity.any()
         if turns_gravity and has_weight:
             parts = split_gravity(structure, samples, excerpt)
@@ -223,14 +225,14 @@ class TorqueRows:
     @cached_property
     def variation(self) -> Array:
         """Variance of each torque column where it is data, (n,)."""
-        pairs = zip(self.excerpt.y.T, self.excerpt.data.T, strict=True)
+        pairs = zip(self.excerpt.y.T, self.data.T, strict=True)
         measured = [y[data] for y, data in pairs]
         return np.array([y.var() if len(y) else 0.0 for y in measured])
 
     @property
     def counts(self) -> Array:
         """Number of rows of each joint whose torque is data, (n,)."""
-        return np.asarray(self.excerpt.data.sum(0))
+        return np.asarray(self.data.sum(0))
 
     # The fit of a reading.
 
@@ -402,9 +404,10 @@ class TorqueRows:
 
     def _rows_of(self, joint: int, rows: Array, adjusted: bool) -> Array:
         """Return rows (N, m) of a joint, minus their projection on offsets and smooth functions."""
-        rows = self._adjust(joint, self.excerpt.data[:, [joint]] * rows, adjusted)
+        data = self.data[:, [joint]]
+        rows = self._adjust(joint, data * rows, adjusted)
         if self.separate_offsets:
-            constant = self._adjust(joint, self.constant[joint], adjusted)
+            constant = self._adjust(joint, data * self.constant[joint], adjusted)
             rows -= constant @ (np.linalg.pinv(constant) @ rows)
         return rows
 
@@ -439,7 +442,8 @@ class TorqueRows:
         missing = Missing(with_reversals(self.robot, listed, present), self.excerpt)
         columns: list[list[Array]] = [[] for _ in self.robot.joints]
         for joint, k in sorted(missing.entries):
-            columns[joint].append(missing.entries[joint, k] / missing.scale[k])
+            data = self.data[:, joint]
+            columns[joint].append(data * missing.entries[joint, k] / missing.scale[k])
         # No function acts in a joint without data.
         none = np.zeros((len(self.excerpt.t), 0))
         return [_shorten(np.stack(own, 1)) if own else none for own in columns]
