@@ -33,7 +33,7 @@ import json
 import re
 import shutil
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
@@ -714,14 +714,17 @@ def values_of(case: Case, model: mujoco.MjModel) -> dict[str, float]:
     return out
 
 
-def truth_of(case: Case, a: Analysis) -> pd.Series:
-    """Return the machine's base parameters by label; empty where the file has others in its way."""
+def truth_of(case: Case, a: Analysis, further: Mapping[str, float] = {}) -> pd.Series:
+    """Return the machine's base parameters by label; empty where the file has others in its way.
+
+    `further` states parameters that the machine does not have.
+    """
     base, names = a.base, [p.name for p in a.base.parameters]
     file, own = (values_of(case, m) for m in (Machine.of(case.robot).model, case.machine.model))
     bodies = [n for n in names if n.rpartition(".")[2] in BODY]
     if any(not np.isclose(file[n], case.robot.nominal[n], atol=1e-9) for n in bodies):
         return pd.Series(dtype=float)
-    values = base.G @ np.array([own.get(n, 0.0) for n in names])
+    values = base.G @ np.array([(own | further).get(n, 0.0) for n in names])
     said = [n.startswith("base.") or n.endswith(".off") for n in base.names]
     values[said] = np.nan  # no machine has a tilt, and offsets are those of logs
     return pd.Series(values, base.labels)

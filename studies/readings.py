@@ -164,6 +164,9 @@ def judge(result: Analysis, logged: Logged, fault: Fault, over: float) -> tuple[
         names = bool(fault.says and re.search(fault.says, said, re.IGNORECASE))
         return ("question" if names else "none"), said if names else ""
     corrects = reading is None or is_right(as_right(reading, logged.robot), logged, fault)
+    if reading is not None and logged.right.zero.any():
+        # A tilt about the first axis is the same physics, if the reading states the zero as well.
+        corrects = over <= MEDIAN and f"positions of {logged.place} are" in reading.description
     if fault.equivalent and reading is not None:
         same = changed(as_right(reading, logged.robot), logged.robot)
         corrects = over <= MEDIAN and same == changed(logged.right, logged.robot)
@@ -298,7 +301,7 @@ def examine(logged: Logged, row: str, path: Path, truths: Truths) -> dict[str, A
     out["predicted"] = predicted_gain(result)
     out["trust"] = result.answers()[2].tone
     if fault.labels:
-        out |= examine_labels(result, truth_of(logged.case, result))
+        out |= examine_labels(result, truth_of(logged.case, result, logged.weight))
     return out
 
 

@@ -21,6 +21,7 @@ from tempfile import TemporaryDirectory
 import mujoco
 import numpy as np
 import pandas as pd
+from field_conditions import values_of
 from hidden_physics import Runs, add_mass, torque_between
 from hidden_physics_cases import (
     FITTED,
@@ -35,9 +36,11 @@ from hidden_physics_cases import (
 from hidden_physics_laws import INSIDE
 from scipy.spatial.transform import Rotation
 
+from identifiability.effects.inertia import WEIGHT
 from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.names import Array
 from identifiability.robot import Robot
+from identifiability.robot.robot import last_bodies
 from identifiability.simulation.mujoco_robot import MujocoRobot
 
 #: Arms that are drawn, by the kinds of their joints, one shipped arm, and closed chains.
@@ -181,6 +184,8 @@ class Logged:
         Number of fitted logs: the last one is sealed.
     place : str
         Joint of the fault.
+    weight : mapping of str to float
+        Mass [kg] and first moments [kg·m] of a payload, whose weight alone acts.
     """
 
     drawn: Drawn
@@ -194,6 +199,7 @@ class Logged:
     fitted: int
     sidecar: str = ""
     place: str = ""
+    weight: dict[str, float] = field(default_factory=dict)
     case: Case = field(init=False)
 
     def __post_init__(self) -> None:
@@ -527,6 +533,11 @@ def _compensate_robot(x: Logged) -> None:
     bare = _load(x)
     x.tau = x.tau - weigh(x.drawn, bare)
     x.right = replace(x.right, gravity=np.zeros(3))
+    loaded, before = (values_of(x.case, model) for model in (x.case.machine.model, bare))
+    for body in last_bodies(x.robot):
+        for kind in WEIGHT:
+            name = f"{body}.{kind}"
+            x.weight[f"{body}.weight_{kind}"] = loaded[name] - before[name]
 
 
 def _compensate_load(x: Logged) -> None:

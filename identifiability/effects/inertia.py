@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 import pinocchio as pin
@@ -24,6 +25,8 @@ def _inner_bodies(robot: Robot) -> tuple[str, ...]:
     return tuple(b for b in robot.bodies if b not in last_bodies(robot))
 
 
+#: Kinds on which the weight of a body depends.
+WEIGHT = ("m", "mx", "my", "mz")
 #: Kinds that no body can have below zero.
 _NONNEGATIVE = ("m", "Ixx", "Iyy", "Izz")
 
@@ -130,22 +133,60 @@ class Payload(Effect):
     """``τ = K_body [m mx my mz Ixx …]``: a load fixed to a last body of the robot.
 
     In a refit it is equal to mass and moments of that body; a file adds it to them.
+
+    A drive may remove the weight of the robot alone from the torque. The torque then has the
+    weight of the payload only, under the gravity of the shape. Its inertia is part of the body's.
+
+    Parameters
+    ----------
+    gravity : (3,), optional [m/s²]
+        Gravity that acts on the payload alone.
     """
 
     name = "payload"
     equation = "τ = K_body [m mx my mz Ixx Ixy Iyy Ixz Iyz Izz]ᵀ"
     source = "[Khalil 2007, Eq. 6]"
+    shape_size: ClassVar[int] = 3
+
+    def __init__(self, gravity: Sequence[float] | Array | None = None) -> None:
+        self.gravity = None if gravity is None else tuple(map(float, gravity))
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """How a ladder file writes the effect."""
+        if self.gravity is None:
+            return (self.name,)
+        return (f"{self.name}@*:{','.join(map(repr, self.gravity))}",)
+
+    def about(self, shape: Sequence[float]) -> Payload:
+        """Return the effect whose weight alone acts, under a gravity."""
+        return Payload(shape)
 
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
-        """Return the ten inertial parameters of the payload on every last body."""
-        return tuple(
-            replace(p, kind=f"payload_{p.kind}", group=self.name, nonnegative=False)
-            for p in _on_last_bodies(robot).parameters(robot)
-        )
+        """Return the parameters of the payload on every last body: ten, or four of its weight."""
+        inertial = _on_last_bodies(robot).parameters(robot)
+        if self.gravity is None:
+            return tuple(self._rename(p, "payload") for p in inertial)
+        weight = [replace(p, stated_as="") for p in inertial if p.kind in WEIGHT]
+        return tuple(self._rename(p, "weight") for p in weight)
+
+    def _rename(self, parameter: Parameter, prefix: str) -> Parameter:
+        kind = f"{prefix}_{parameter.kind}"
+        return replace(parameter, kind=kind, group=self.name, nonnegative=False)
 
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
         """Write the rigid-body columns of the last bodies."""
-        _on_last_bodies(robot).fill(robot, motion, out)
+        bodies = _on_last_bodies(robot)
+        if self.gravity is None:
+            bodies.fill(robot, motion, out)
+            return
+        acts = [p.kind in WEIGHT for p in bodies.parameters(robot)]
+        for sign in (1.0, -1.0):
+            model = robot.model.copy()
+            model.gravity.linear = sign * np.array(self.gravity)
+            columns = np.zeros((*out.shape[:2], len(acts)))
+            bodies.fill(replace(robot, model=model), motion, columns)
+            out += 0.5 * sign * columns[:, :, acts]
 
 
 def _on_last_bodies(robot: Robot) -> Placed:

@@ -14,6 +14,7 @@ from identifiability.robot.description import FIELDS, name_numbers
 
 from .effect import AlongAxes, Family
 from .friction import complete_coulomb_levels
+from .inertia import Payload
 from .registry import FAMILIES
 
 # Values of a model's parameters that a robot file holds, as their effects state them.
@@ -242,4 +243,5 @@ def every_parameter(
     robot = replace(robot, shapes={**robot.shapes, **(shapes or {})})
     effects = [family.effect for family in reversed(FAMILIES.values())]
     placed = [e.placed("*") for e in effects if isinstance(e, AlongAxes) and e.placeable]
-    return {p.name: p for e in (*placed, *effects) for p in e.parameters(robot)}
+    weight = Payload(robot.gravity)
+    return {p.name: p for e in (weight, *placed, *effects) for p in e.parameters(robot)}

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from identifiability.effects.functions import has_session
+from identifiability.effects.inertia import WEIGHT
 from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.rounding import join
 from identifiability.foundation.rules import Tolerance
@@ -33,6 +34,7 @@ MOST, LEGS = 8, 4
 
 CORRECT_COLUMNS = "Correct the log or the map of its columns"
 CORRECT_POSITIONS = "Correct the log, the map of its columns or their unit"
+CORRECT_ZERO = "Write the tilt into the robot file, or the zero under [columns] in the sidecar"
 CORRECT_SIGN = "Correct its sign in the log, or say sign = -1 under [torque] in the sidecar"
 COMPARE_OFFSETS = "Those of another log cannot be known; compare gives these with their intervals"
 CORRECT_GEARS = 'Correct units in the log, or say side = "motor" and each ratio under [torque]'
@@ -105,6 +107,13 @@ class ReadingCandidates:
             "The effort seems to be compensated for gravity",
             "Say compensated = true under [torque] in the sidecar",
             gravity=np.zeros(3),
+        )
+        yield self._other(
+            "The effort seems to be compensated for gravity of the robot, but not of its payload",
+            "Say compensated = true under [torque] in the sidecar",
+            gravity=np.zeros(3),
+            carries=True,
+            fitted_numbers=len(WEIGHT),
         )
         if not self.logs.weighs:
             return

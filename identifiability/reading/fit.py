@@ -17,7 +17,7 @@ import scipy
 from scipy.linalg import solve_triangular
 
 from identifiability.effects import find_families
-from identifiability.effects.inertia import ActuatorInertia
+from identifiability.effects.inertia import WEIGHT, ActuatorInertia
 from identifiability.effects.transmission import Hysteresis
 from identifiability.estimation.gaussian import Normal
 from identifiability.estimation.groups import Excerpt, Missing, with_reversals
@@ -30,7 +30,9 @@ from identifiability.logs.spectrum import autocorrelation_time
 from identifiability.regression.columns import list_candidates
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
+from identifiability.robot.robot import last_bodies
 
+from .candidates import DELAYS
 from .reading import Reading
 
 #: Size of the excerpt: most rows, as a number of windows of a number of rows, and most numbers of
@@ -110,6 +112,17 @@ def split_gravity(structure: Structure, samples: tuple[Dataset, ...], excerpt: E
     return np.stack([weightless, *axes], 3)
 
 
+def away_from_ends(excerpt: Excerpt) -> np.ndarray:
+    """Return the rows far from the ends of logs, (N,) bool: there a delayed torque is known."""
+    inside = np.zeros(len(excerpt.t), bool)
+    for k in np.unique(excerpt.log):
+        at = excerpt.log == k
+        first, last = excerpt.t[at][[0, -1]]
+        end = min(DELAYS[-1], (last - first) / (2 * BLOCKS))
+        inside[at] = (excerpt.t[at] >= first + end) & (excerpt.t[at] <= last - end)
+    return inside
+
+
 def _key(numbers: Array) -> bytes:
     """Return a key of equal numbers; zeros of both signs are equal."""
     return np.asarray(numbers + 0.0).tobytes()
@@ -130,6 +143,8 @@ class TorqueRows:
         Whether each log has its own torque offsets.
     others : tuple of TorqueRows
         Rows of the same samples along other motions, whose smooth functions are removed as well.
+
+    The columns of `parts` after the b base parameters are those of a payload's weight.
     """
 
     def __init__(
@@ -144,6 +159,8 @@ class TorqueRows:
         self.structure = structure
         self.robot = structure.robot
         self.excerpt = excerpt
+        #: Where torque of each joint is data, (N, n), whatever its delay.
+        self.data = excerpt.data & away_from_ends(excerpt)[:, None]
         self.parts = parts
         self.separate_offsets = separate_offsets
         self.others = others
@@ -208,14 +225,14 @@ class TorqueRows:
     @cached_property
     def variation(self) -> Array:
         """Variance of each torque column where it is data, (n,)."""
-        pairs = zip(self.excerpt.y.T, self.excerpt.data.T, strict=True)
+        pairs = zip(self.excerpt.y.T, self.data.T, strict=True)
         measured = [y[data] for y, data in pairs]
         return np.array([y.var() if len(y) else 0.0 for y in measured])
 
     @property
     def counts(self) -> Array:
         """Number of rows of each joint whose torque is data, (n,)."""
-        return np.asarray(self.excerpt.data.sum(0))
+        return np.asarray(self.data.sum(0))
 
     # The fit of a reading.
 
@@ -272,6 +289,9 @@ class TorqueRows:
         bodies = np.array([p.group == "rigid_body" for p in self.structure.parameters])
         of_bodies = self.structure.G[:, bodies].any(1)
         stated = self.structure.G @ np.where(bodies, self.structure.nominal, 0.0)
+        # A payload is not in the file.
+        of_payload = np.zeros(self.parts.shape[2] - len(stated))
+        stated, of_bodies = (np.append(x, of_payload) for x in (stated, of_bodies))
         product, square = 0.0, 0.0
         for j, gram in enumerate(self.grams(self.weights(reading), adjusted=False)):
             at = self.acts[j]
@@ -312,7 +332,9 @@ class TorqueRows:
         cross = cross - gram @ known
         # Columns of length zero are not fitted.
         gram[[*fixed]] = gram[:, [*fixed]] = 0.0
-        return known + solve_nonnegative(gram, cross, self.structure.base.nonnegative)
+        nonnegative = self.structure.base.nonnegative
+        of_payload = np.zeros(size - len(nonnegative), bool)
+        return known + solve_nonnegative(gram, cross, np.append(nonnegative, of_payload))
 
     # Products of columns and torque, each computed once.
 
@@ -382,9 +404,10 @@ class TorqueRows:
 
     def _rows_of(self, joint: int, rows: Array, adjusted: bool) -> Array:
         """Return rows (N, m) of a joint, minus their projection on offsets and smooth functions."""
-        rows = self._adjust(joint, self.excerpt.data[:, [joint]] * rows, adjusted)
+        data = self.data[:, [joint]]
+        rows = self._adjust(joint, data * rows, adjusted)
         if self.separate_offsets:
-            constant = self._adjust(joint, self.constant[joint], adjusted)
+            constant = self._adjust(joint, data * self.constant[joint], adjusted)
             rows -= constant @ (np.linalg.pinv(constant) @ rows)
         return rows
 
@@ -419,7 +442,8 @@ class TorqueRows:
         missing = Missing(with_reversals(self.robot, listed, present), self.excerpt)
         columns: list[list[Array]] = [[] for _ in self.robot.joints]
         for joint, k in sorted(missing.entries):
-            columns[joint].append(missing.entries[joint, k] / missing.scale[k])
+            data = self.data[:, joint]
+            columns[joint].append(data * missing.entries[joint, k] / missing.scale[k])
         # No function acts in a joint without data.
         none = np.zeros((len(self.excerpt.t), 0))
         return [_shorten(np.stack(own, 1)) if own else none for own in columns]
@@ -440,6 +464,21 @@ class TorqueRows:
         if other.excerpt is self.excerpt:
             return self
         return TorqueRows(self.structure, self.excerpt, self.parts, others=(other,))
+
+    def with_payload(self) -> TorqueRows:
+        """Return the rows without weight, but for that of a payload on the last bodies.
+
+        The payload adds columns of its own, so it may have other masses than the bodies.
+        """
+        bodies = last_bodies(self.robot)
+        places = [
+            k
+            for k, p in enumerate(self.structure.parameters)
+            if p.group == "rigid_body" and p.owner in bodies and p.kind in WEIGHT
+        ]
+        weight = self.parts[..., 1:] @ self.robot.gravity @ self.structure.G[:, places]
+        parts = np.append(self.parts[..., 0], weight, axis=2)
+        return TorqueRows(self.structure, self.excerpt, parts[..., None])
 
     def halves(self) -> tuple[TorqueRows, TorqueRows]:
         """Return the rows of two parts: every other block of each log."""

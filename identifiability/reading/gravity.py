@@ -7,11 +7,16 @@ from itertools import product
 from typing import TypeAlias
 
 import numpy as np
+import pinocchio as pin
 import scipy
 
 from identifiability.effects.base import horizontal_axes
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.values import frozen
+from identifiability.robot import Robot
+from identifiability.robot.kinematics import turn
 
 #: Widths of the two searches for a direction [rad].
 WIDE: Tolerance = 0.3
@@ -61,6 +66,53 @@ def tune_direction(gravity: Array, misfits: Misfits) -> Array:
 
     direction = refine_direction(gravity / size, logs, NARROW)
     return np.asarray(size * (direction / np.linalg.norm(direction)))
+
+
+@frozen
+class FirstZero:
+    """A wrong encoder zero of the first joint, which acts as gravity turned about its axis.
+
+    Attributes
+    ----------
+    joint : str
+    angle : float [rad]
+        By which its positions are too large.
+    gravity : (3,) [m/s²]
+        Gravity that acts as this zero does.
+    """
+
+    joint: str
+    angle: float
+    gravity: Array
+
+    @staticmethod
+    def near(robot: Robot, gravity: Array) -> FirstZero | None:
+        """Return the zero whose gravity is nearest to another one (3,); None if no zero acts.
+
+        Only an arm that begins with one revolute joint has such a zero.
+        """
+        model = robot.model
+        name = model.names[1]
+        begins = [*model.parents][1:].count(0) == 1
+        if robot.closed or robot.base is not None or not begins or name not in robot.joints:
+            return None
+        data = model.createData()
+        pin.computeJointJacobians(model, data, pin.neutral(model))
+        axis = pin.getJointJacobian(model, data, 1, pin.WORLD)[3:, 0]
+        stated, found = (np.cross(axis, g) for g in (robot.gravity, gravity))
+        if np.linalg.norm(stated) <= NEARLY * np.linalg.norm(robot.gravity):
+            return None
+        angle = float(np.arctan2(axis @ np.cross(stated, found), stated @ found))
+        return FirstZero(name, angle, turn(robot.gravity, angle * axis))
+
+    @property
+    def text(self) -> str:
+        """The zero in words, to follow a tilt."""
+        side = "large" if self.angle > 0 else "small"
+        return (
+            f"positions of {self.joint} are {abs(self.angle):.3g} rad too {side}, "
+            "which gives the same torque"
+        )
 
 
 def list_directions(stated: Array) -> list[Array]:

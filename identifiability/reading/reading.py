@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from identifiability.effects.base import GravityTilt
+from identifiability.effects.inertia import Payload
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import percent
 from identifiability.foundation.values import frozen
@@ -49,6 +50,8 @@ class Reading:
         Gravity in the world of the robot file.
     turned : bool
         Whether the direction of gravity was fitted.
+    carries : bool
+        Whether the torque has the weight of a payload, though gravity is zero.
     motion : (n, n)
         Matrix A: the joint positions are A q.
     parameters : (p,)
@@ -78,6 +81,7 @@ class Reading:
     gravity: Array
     motion: Array
     turned: bool = False
+    carries: bool = False
     parameters: Array = np.empty(0)
     separate_offsets: bool = False
     offsets: Mapping[str, Array] = {}
@@ -152,7 +156,8 @@ class Reading:
             return literal
         if self.gravity.any():
             return Structure.of(robot, literal.model + GravityTilt(self.gravity))
-        return Structure.of(self.robot(robot), literal.model)
+        model = literal.model + Payload(robot.gravity) if self.carries else literal.model
+        return Structure.of(self.robot(robot), model)
 
     def robot(self, robot: Robot) -> Robot:
         """Return a robot under the reading's gravity and places of torque sensors."""
@@ -191,17 +196,32 @@ class Reading:
         """
         gravity = self.gravity_torque(rows, literal)
         offset = np.broadcast_to(self.offsets.get(log.name, 0.0), self.factor.shape)[columns]
-        torque = self._shifted(rows.t, log, columns) * self.factor[columns] + gravity - offset
-        return replace(rows, tau=torque, **self._moved(rows))
+        torque = self._shifted(rows.t, log, columns, log.tau)
+        torque = torque * self.factor[columns] + gravity - offset
+        gone = self._unmeasured(rows.t, log, columns)
+        return replace(rows, tau=torque, unmeasured=gone, **self._moved(rows))
 
-    def _shifted(self, times: Array, log: Log, columns: Array) -> Array:
-        """Return the torque columns of joints at some times, without their delays, (N, k)."""
+    def _unmeasured(self, times: Array, log: Log, columns: Array) -> Array | None:
+        """Return a mask of torque that was not measured at some times, (N, k); None if all was.
+
+        The last torque of a delayed column comes after the end of the log.
+        """
+        if log.unmeasured is None and not self.delay.any():
+            return None
+        at = times[:, None] + self.delay[columns]
+        outside = (at < log.t[0]) | (at > log.t[-1])
+        if log.unmeasured is not None:
+            outside |= self._shifted(times, log, columns, log.unmeasured) > 0.0
+        return np.asarray(outside)
+
+    def _shifted(self, times: Array, log: Log, columns: Array, values: Array) -> Array:
+        """Return the values (N, k) of torque columns at some times, without their delays."""
         shifted = []
         order = np.searchsorted(columns, self.order[columns])
         for delay, column in zip(self.delay[columns].tolist(), order.tolist(), strict=True):
             first, last = np.searchsorted(log.t, times[[0, -1]] + delay)
             near = slice(max(first - 1, 0), last + 1)
-            shifted.append(np.interp(times + delay, log.t[near], log.tau[near, column]))
+            shifted.append(np.interp(times + delay, log.t[near], values[near, column]))
         return np.column_stack(shifted)
 
     def gravity_torque(self, log: Log, literal: Structure) -> Array:

@@ -29,9 +29,9 @@ from identifiability.physical.cad_prior import combine_with_file
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.quality import MeasuredLogs
 
-from .candidates import MOST, ReadingCandidates
+from .candidates import CORRECT_ZERO, MOST, ReadingCandidates
 from .fit import TorqueRows, excerpt_size
-from .gravity import find_directions, tune_direction
+from .gravity import FirstZero, find_directions, tune_direction
 from .reading import Reading
 from .rules import RULES
 from .sensor_side import find_link_side
@@ -42,6 +42,8 @@ JUDGED = 3
 #: Factors between two units or delays that are tried, of several numbers and of one.
 BETWEEN = np.geomspace(1 / 3, 3.0, 101)
 COARSE = BETWEEN[::5]
+#: Factors between two of the coarse ones.
+NEAR = BETWEEN[46:55]
 #: Sum of the log residuals within which two readings are equally good.
 EVEN: Tolerance = 0.02
 #: Share of the largest log odds from which two readings explain nearly the same.
@@ -124,14 +126,16 @@ class ReadingSearch:
         ClosureError
             If loops do not close along its motion.
         """
-        if not (reading.separate_offsets or reading.moves_joints):
+        if not (reading.separate_offsets or reading.moves_joints or reading.carries):
             return self.rows
-        key = b"" if reading.separate_offsets else reading.motion.tobytes()
+        key = bytes([reading.separate_offsets, reading.carries]) + reading.motion.tobytes()
         if key not in self._other_rows:
             self._other_rows[key] = self._make_rows(reading)
         return self._other_rows[key]
 
     def _make_rows(self, reading: Reading) -> TorqueRows:
+        if reading.carries:
+            return self.rows.with_payload()
         if not reading.separate_offsets:
             return move_rows(self.logs, self.logs.samples, reading.motion)
         excerpt = self.rows.excerpt
@@ -228,9 +232,22 @@ class ReadingSearch:
     def refine(self, reading: Reading) -> Reading:
         """Return a reading with the delay, unit or direction that fits best, described."""
         tuned = tune_numbers(self.rows_of(reading), reading)
-        if reading.turned:
-            return replace(tuned, description=self.candidates.turned(tuned.gravity).description)
-        return describe_numbers(tuned)
+        return self.describe_direction(tuned) if reading.turned else describe_numbers(tuned)
+
+    def describe_direction(self, reading: Reading) -> Reading:
+        """Return a reading whose description states the direction of gravity.
+
+        An encoder zero of the first joint may give the same torque. Then it states both.
+        """
+        description = self.candidates.turned(reading.gravity).description
+        zero = FirstZero.near(self.robot, reading.gravity)
+        if zero is not None:
+            turned = replace(reading, gravity=zero.gravity, fitted_numbers=1)
+            if self.rows.fit(turned).sum() <= self.rows.fit(reading).sum() + EVEN:
+                return replace(
+                    turned, description=f"{description}, or {zero.text}", remedy=CORRECT_ZERO
+                )
+        return replace(reading, description=description)
 
     def complete(self, reading: Reading) -> Reading:
         """Return a reading with the data that `Reading.read` needs: offsets, or the added robot."""
@@ -292,22 +309,29 @@ class ReadingSearch:
         """Return the readings that the evidence of adjusted rows prefers, the likeliest first."""
         judged = [replace(reading, log_odds=self.weigh(reading)) for reading in readings]
         needed = RULES.unseen_gain + np.log(max(self.tried, 1))
-        likely = [reading for reading in judged if reading.log_odds >= needed]
+        likely = [r for r in judged if r.log_odds >= needed and self.gain_of_payload(r) >= needed]
         if not likely:
             return []
         # Of readings that explain nearly the same, the one with fewest numbers comes first.
         alike = ALIKE * max(reading.log_odds for reading in likely)
 
         def rank(reading: Reading) -> tuple[bool, int, float]:
-            numbers = reading.fitted_numbers if reading.log_odds >= alike else 0
+            # A payload was judged against the same reading without it.
+            counts = reading.log_odds >= alike and not reading.carries
+            numbers = reading.fitted_numbers if counts else 0
             return reading.log_odds < alike, numbers, -reading.log_odds - self.vote(reading)
 
         return sorted(likely, key=rank)
 
-    def weigh(self, reading: Reading) -> float:
-        """Return the log odds of a reading against the literal one [nat]."""
+    def gain_of_payload(self, reading: Reading) -> float:
+        """Return the log odds of a payload's weight [nat]; infinite where the reading has none."""
+        without = replace(reading, carries=False)
+        return self.weigh(reading, without) if reading.carries else float(np.inf)
+
+    def weigh(self, reading: Reading, other: Reading | None = None) -> float:
+        """Return the log odds of a reading against another one, by default the literal [nat]."""
         plain, rows = self.compare_rows(reading)
-        less = plain.fit(self.literal, adjusted=True) - rows.fit(reading, adjusted=True)
+        less = plain.fit(other or self.literal, adjusted=True) - rows.fit(reading, adjusted=True)
         price = 0.5 * float(np.log(plain.counts.sum()))
         return float(rows.count(reading) @ less) - price * reading.fitted_numbers
 
@@ -355,8 +379,14 @@ def tune_numbers(rows: TorqueRows, reading: Reading) -> Reading:
 
     if reading.delay.any():
         step = sampling_step(rows.excerpt.pieces[0].motion.t)
-        delays = [np.round(x * reading.delay / step) * step for x in COARSE]
-        reading = min((replace(reading, delay=delay) for delay in delays), key=misfit)
+        # A shift by whole samples smooths no noise.
+        for factors in (COARSE, NEAR):
+            shifts = {round(x * float(np.abs(reading.delay).max()) / step) for x in factors}
+            delays = [np.sign(reading.delay) * step * shift for shift in sorted(shifts)]
+            reading = min((replace(reading, delay=delay) for delay in delays), key=misfit)
+        sample = np.sign(reading.delay) * step
+        near = [misfit(replace(reading, delay=reading.delay + k * sample)) for k in (-1, 0, 1)]
+        reading = replace(reading, delay=reading.delay + find_vertex(near) * sample)
     for joint in np.flatnonzero(reading.rescaled).tolist():
         at = np.arange(len(reading.factor)) == joint
         # One column has another unit; the gears of several need a finer search.
@@ -367,6 +397,13 @@ def tune_numbers(rows: TorqueRows, reading: Reading) -> Reading:
         turned = tune_direction(reading.gravity, lambda g: rows.fit(replace(reading, gravity=g)))
         reading = replace(reading, gravity=rows.acting_gravity(turned))
     return reading
+
+
+def find_vertex(values: Sequence[float]) -> float:
+    """Return where a parabola through values at −1, 0 and 1 is least; zero if nowhere."""
+    before, here, after = values
+    bend = before - 2.0 * here + after
+    return float(np.clip((before - after) / (2.0 * bend), -0.5, 0.5)) if bend > 0.0 else 0.0
 
 
 def thin_samples(logs: MeasuredLogs) -> tuple[Dataset, ...]:

@@ -491,13 +491,27 @@ class Case:
         unchecked = self.gathered(structure, recordings, motion.how, prepared)
         if not seek:
             return self.stages.once(check_logs, unchecked, None)
-        searched = unchecked
         if recordings.long and most is None:
-            inputs = motion.recordings, motion.how, run, most_rows(recordings.fitted)
-            excerpt = self.prepared(structure.robot, *inputs)
-            searched = self.gathered(structure, recordings, motion.how, excerpt)
+            most = most_rows(recordings.fitted)
+        how = self.widest_band(motion)
+        rows = self.prepared(structure.robot, motion.recordings, how, run, most)
+        searched = self.gathered(structure, recordings, how, rows)
         reading = self.stages.once(seek_reading, searched)
         return self.stages.once(check_logs, unchecked, reading)
+
+    def widest_band(self, motion: Motions) -> Preparation:
+        """Return the preparation with the widest band that the motion allows, for readings.
+
+        The torque chooses the band of the data. Torque that is misread must not choose the band in
+        which its reading is judged: a late torque fits best where there is hardly any motion.
+        """
+        if motion.recordings.commanded:
+            return motion.how
+        logs = motion.recordings.fitted
+        widest = self.stages.once(choose_cutoff, self.robot, logs, self.preparation)
+        same_band = widest.cutoff == motion.how.cutoff
+        same_motion = widest.derivatives == motion.how.derivatives
+        return widest if same_motion and not same_band else motion.how
 
     def read_as(self, data: Data, reading: Reading, run: Run, most: int | None = None) -> Data:
         """Return data under another reading of their logs."""

@@ -1,11 +1,22 @@
 """Under a wrong model everything seems to be missing: other ones of the same torque come first."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from identifiability import Model, Noise, Robot, analyze, diagnose, prepare_log, prune, simulate
+from identifiability import (
+    Model,
+    Noise,
+    Robot,
+    analyze,
+    diagnose,
+    export,
+    prepare_log,
+    prune,
+    simulate,
+)
 from identifiability.effects.base import horizontal_axes
 from identifiability.effects.nominal import gravity_torque
 from identifiability.logs.prepare.preparation import choose_cutoff
@@ -17,15 +28,17 @@ from identifiability.robot import complete_motion
 from identifiability.robot.description import Tilt
 from identifiability.robot.kinematics import turn
 from identifiability.simulation import Campaign, random_trajectory
+from identifiability.workflows import case
 
 MODEL = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
 
-def record(name, seed=1, masses=1.0, samples=600, **noise):
+def record(name, seed=1, masses=1.0, samples=600, payload=0.0, **noise):
     """Return a robot, and a log of one whose masses are so many times the file's."""
     robot, rng = Robot.load(name), np.random.default_rng(seed)
     bodies = {n: masses * x for n, x in robot.nominal.items() if n.split(".")[0] in robot.bodies}
     truth = robot.with_values(bodies)
+    truth = truth.with_payload(mass=payload, centre=(0.3, 0.0, 0.1)) if payload else truth
     noise = Noise(**{"additive": 0.02, "correlation": 0.9, "encoder": 1e-5, **noise})
     return robot, simulate(
         truth, random_trajectory(truth, rng, samples=samples), noise=noise, rng=rng
@@ -120,6 +133,25 @@ def test_effort_without_weight_is_found_whatever_masses_the_file_has(name, masse
     assert not found.structure(Structure.of(robot, MODEL)).robot.gravity.any()
 
 
+def test_the_weight_of_a_payload_is_found_in_effort_without_that_of_the_robot(tmp_path):
+    robot, log = record("two-link", payload=1.5)
+    found = analyze(robot, replace(log, tau=log.tau - weight(robot, log)), "none", replicates=0)
+    assert "but not of its payload" in found.hints[0]
+    mass = found.to_frame().set_index("name").loc["link2.weight_m"]
+    assert mass.lower <= 1.5 <= mass.upper <= mass.lower + 0.3
+    result = found.to_json(tmp_path / "result.json")
+    written = export(robot, result, tmp_path / "out.xml", force=True)
+    assert "link2.weight_m" in written.statement
+
+
+def test_a_zero_of_the_first_encoder_is_named_with_the_tilt_that_acts_as_it_does():
+    robot, log = record("two-link")
+    found = look(robot, replace(log, q=log.q + np.array([0.4, 0.0])))
+    assert found.turned
+    says = re.search(r"positions of shoulder are (\S+) rad too large", found.description)
+    assert float(says[1]) == pytest.approx(0.4, abs=0.02)
+
+
 def test_weight_that_one_joint_lacks_is_found_and_the_fitted_robot_s_is_added():
     robot, log = record("six-dof-arm", masses=1.3)
     truth = robot.with_values({n: 1.3 * x for n, x in robot.nominal.items()})
@@ -132,15 +164,40 @@ def test_weight_that_one_joint_lacks_is_found_and_the_fitted_robot_s_is_added():
     assert np.linalg.norm(missed[:, 1]) < 0.2 * np.linalg.norm(file[:, 1])
 
 
-@pytest.mark.parametrize(("joint", "samples"), [(4, -3), (2, 10)])
-def test_a_late_torque_is_found_to_a_sample(arm, joint, samples):
+def delay(log, seconds):
+    """Return a log with positions alone, whose torque is late by (n,) [s]."""
+    pairs = zip(seconds, log.tau.T, strict=True)
+    tau = np.stack([np.interp(log.t - by, log.t, x) for by, x in pairs], 1)
+    return replace(log, dq=None, ddq=None, tau=tau)
+
+
+@pytest.mark.parametrize(("joint", "seconds"), [(4, -0.04), (2, 0.13)])
+def test_a_late_torque_is_found_to_a_third_of_a_sample(arm, joint, seconds):
     robot, log = arm
-    tau = log.tau.copy()
-    tau[:, joint] = np.roll(tau[:, joint], samples)
-    found = look(robot, replace(log, tau=tau))
+    late = delay(log, seconds * (np.arange(6) == joint))
+    found = look(robot, late)
     assert np.flatnonzero(found.delay).tolist() == [joint]
-    assert found.delay[joint] == pytest.approx(samples * np.median(np.diff(log.t)), rel=0.3)
-    assert ("late" if samples > 0 else "early") in found.description
+    assert found.delay[joint] == pytest.approx(seconds, abs=0.004)
+    assert ("late" if seconds > 0 else "early") in found.description
+    unmeasured = found.read(late, Structure.of(robot, MODEL)).unmeasured
+    assert np.flatnonzero(unmeasured.any(0)).tolist() == [joint]
+    assert unmeasured.sum() == pytest.approx(abs(seconds) / np.diff(log.t).mean(), abs=1)
+
+
+def test_late_torque_chooses_no_band_in_which_it_is_read_or_fitted(arm, monkeypatch):
+    robot, log = arm
+    bands = []
+
+    def choose(logs):
+        bands.append(logs.samples[0].cutoff)
+        return choose_reading(logs)
+
+    monkeypatch.setattr(case, "choose_reading", choose)
+    for by in (0.0, 0.204):
+        found = analyze(robot, delay(log, np.full(6, by)), "none", replicates=0)
+        bands.append(found.samples[0].cutoff)
+    assert found.alternative.delay == pytest.approx(np.full(6, by), abs=0.004)
+    assert len(set(bands)) == 1
 
 
 @pytest.mark.parametrize(("degrees", "masses"), [(30.0, 2.0), (180.0, 1.0)])
