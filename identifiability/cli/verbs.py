@@ -375,7 +375,8 @@ def export(
         )
         written = found.write(out)
         echo(found.statement)
-        echo(f"{written[0]}" + (f" … {written[-1].name}" if len(written) > 1 else ""))
+        last = f" … {written[-1].name}" if len(written) > 1 else ""
+        echo(f"{written[0]}{last}")
         return
     if prior is not None:
         raise kinds.OptionError(Finding("prior.draws"))

@@ -53,7 +53,7 @@ from identifiability.physical.cad_prior import load_by_fit
 from identifiability.quality import MeasuredLogs, find_always, find_oddities
 from identifiability.quality.hints import leave_out_rows, weigh_rows
 from identifiability.quality.recordings import LogLike, Logs, Recordings, list_logs, read_recordings
-from identifiability.reading import CarriedReading, Reading, choose_reading
+from identifiability.reading import CarriedReading, Reading, choose_reading, contradicts
 from identifiability.reading.rules import RULES
 from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import (
@@ -493,10 +493,11 @@ class Case:
             return self.stages.once(check_logs, unchecked, None)
         if recordings.long and most is None:
             most = most_rows(recordings.fitted)
-        how = self.widest_band(motion)
-        rows = self.prepared(structure.robot, motion.recordings, how, run, most)
-        searched = self.gathered(structure, recordings, how, rows)
-        reading = self.stages.once(seek_reading, searched)
+        bands = list[Data]()
+        for how in (self.widest_band(motion), motion.how):
+            rows = self.prepared(structure.robot, motion.recordings, how, run, most)
+            bands.append(self.gathered(structure, recordings, how, rows))
+        reading = self.stages.once(seek_reading, *bands)
         return self.stages.once(check_logs, unchecked, reading)
 
     def widest_band(self, motion: Motions) -> Preparation:
@@ -869,9 +870,23 @@ def _tell_motion(how: Preparation) -> tuple[str, ...]:
     return (how.reason,) if isinstance(how, CommonPreparation) and how.reason else ()
 
 
-def seek_reading(data: Data) -> Reading | None:
-    """Return another reading of the logs that the fitted rows surely prefer, if there is one."""
-    return None if data.silence else choose_reading(data.measured)
+def seek_reading(widest: Data, own: Data) -> Reading | None:
+    """Return another reading of the logs that the fitted rows surely prefer, if there is one.
+
+    Noise of the motion can imitate a reading in the widest band. So the band of the literal reading
+    must not contradict it.
+
+    Parameters
+    ----------
+    widest, own : Data
+        The logs in the widest band, which chooses, and in the band of the literal reading.
+    """
+    if widest.silence:
+        return None
+    reading = choose_reading(widest.measured)
+    if reading is not None and own is not widest and contradicts(own.measured, reading):
+        return None
+    return reading
 
 
 def check_logs(data: Data, reading: Reading | None) -> Data:
