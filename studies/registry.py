@@ -89,5 +89,6 @@ STUDIES = (
     Study("servo_robots", "Are motors, delays and motion of servos found from commands alone?"),
     Study("readings", "Are wrongly named columns corrected, and sound logs left as they are?"),
     Study("benchmark_peers", "How fast is it, compared with Pinocchio's loop, FIGAROH and cvxpy?"),
+    Study("exam", "Which tool errs least on unseen motion?", file="public_exam"),
     Study("foreign_logs", "Are foreign and spoilt logs read right, or their faults named?"),
 )
