@@ -12,6 +12,7 @@ from scipy.signal import lfilter
 from identifiability.foundation.linalg import or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import REACH
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
 from identifiability.regression.structure import Structure
@@ -22,19 +23,21 @@ from .stretch import Springs, Stretch, cut_stretches
 
 #: Resonances that are tried [Hz], and the damping ratio at which they are.
 FREQUENCIES = np.geomspace(4.0, 40.0, 20)
-RATIO = 0.05
+RATIO: Tolerance = 0.05
 #: Multiples of the frequency that was screened at which a fit starts: far from it, it may not move.
-STARTS = (0.7, 1.0, 1.4)
+STARTS: tuple[Tolerance, ...] = (0.7, 1.0, 1.4)
 #: Order of the noise of each joint, as an autoregression.
 ORDER = 3
 #: Steps of a fit, of a first one and of the last, and how often a step is halved.
 STEPS, LAST, HALVINGS = 6, 12, 4
 #: Largest changes of the logarithms of a frequency and of a damping ratio in one step.
-LARGEST = (0.3, 1.0)
+LARGEST: tuple[Tolerance, ...] = (0.3, 1.0)
 #: Torque of deflections, relative to all torque, from which links are unstable.
-UNSTABLE = 1e3
+UNSTABLE: Tolerance = 1e3
 #: Relative singular value below which columns are taken to be dependent.
-DEPENDENT = 1e-8
+DEPENDENT: Tolerance = 1e-8
+#: Fall of the sum of squares below which a fit has ended.
+ENOUGH: Tolerance = 0.03
 
 
 #: No joint bends.
@@ -185,7 +188,7 @@ class Problem:
                 share /= 2.0
             else:
                 break
-            done = left @ left - other[0] @ other[0] < RULES.surplus / 100
+            done = left @ left - other[0] @ other[0] < ENOUGH
             (numbers, change, rivals), (left, jacobian) = moved, other
             if done:
                 break
