@@ -267,6 +267,7 @@ def diagnose(
     fixed: Fixed = False,
     seed: kinds.Seed = 0,
     quick: bool = False,
+    bending: bool = False,
     out: ModelOut = None,
     motion: Annotated[Path | None, Option("--next"), Writes(".json")] = None,
     limits: Limits = None,

@@ -55,7 +55,7 @@ def test_bridged_gaps_change_the_motion_by_what_a_cubic_misses(two):
     for rows, ends, error in (*one, (some, 100, 1e-3)):
         s, lost = prepared(two, rows, decimate=1), 4000 - len(rows)
         assert s.hints == ()
-        assert any(f"lost samples ({lost}, at most" in note for note in s.notes)
+        assert any(f"{lost} lost samples (gaps of up to" in note for note in s.notes)
         same = np.isin(np.round(whole.motion.t / DT), np.round(s.motion.t / DT))
         inner = slice(ends, len(rows) - ends)
         for name in ("actuated_q", "actuated_v", "actuated_a"):
