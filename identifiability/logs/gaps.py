@@ -244,8 +244,11 @@ class Gaps:
         # Whole up to this share of a step, which of uneven steps a quarter is: else no
         # clock.
         whole = len(self) and float(np.median(np.abs(steps - np.rint(steps)))) < 0.125
+        # Few gaps, however long, split a log into stretches: pauses, or windows of a long log.
+        often = len(self) > RULES.small * samples
         # More gaps are lost samples only where half of them are whole steps.
-        if self.lost.sum() > samples or (len(self) > 0.25 * samples and not whole):
+        many = len(self) > 0.25 * samples
+        if (often and self.lost.sum() > samples) or (many and not whole):
             raise LogError(
                 f"{self.name} is sampled so unevenly (every {samples / len(self):.2g}th step is "
                 f"longer than the usual {self.step:.3g} s, the first after t = {self.t[0]:.6g} s) "

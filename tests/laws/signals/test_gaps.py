@@ -136,6 +136,11 @@ def test_a_late_stamp_is_no_gap_and_an_uneven_clock_is_refused(two):
         prepare_log(two, log)
 
 
+def test_a_long_pause_splits_a_log_and_is_no_uneven_clock(two):
+    rows = np.concatenate([np.arange(1000), 6000 + np.arange(1000)])
+    assert len(prepare_log(two, Log.from_frame(frame(rows))).breaks) == 1
+
+
 def test_a_log_with_derivatives_of_its_own_loses_nothing_at_short_gaps(two):
     for lost, split in ((10, 0), (100, 1)):
         log = Log.from_frame(frame(without(2000, (999, lost)), derivatives=True))
