@@ -389,7 +389,8 @@ def _resonates(fit: Fit, band: float) -> bool:
 def _describe(problem: Problem, fit: Fit, at: int, gains: dict[int, float]) -> ElasticJoint:
     joint = fit.springs.joints[at]
     frequency = float(fit.springs.frequency[0, at])
-    sd = float(np.sqrt(fit.covariance[at, at]))
+    # A stiffness goes with the square of its frequency.
+    sd = float(np.hypot(2.0 * np.sqrt(fit.covariance[at, at]), RULES.model_error))
     stiffness = float(fit.springs.stiffness(problem.inertia)[0, at])
     # The first frequency was that of the first inertia.
     inertia = float(mean_inertia(problem.stretches[0], fit.change)[joint])
@@ -397,9 +398,9 @@ def _describe(problem: Problem, fit: Fit, at: int, gains: dict[int, float]) -> E
     return ElasticJoint(
         joint=problem.stretches[0].robot.joints[joint],
         stiffness=stiffness,
-        stiffness_half=2.0 * REACH * sd * stiffness,
+        stiffness_half=REACH * sd * stiffness,
         resonance=frequency,
-        resonance_half=REACH * sd * frequency,
+        resonance_half=0.5 * REACH * sd * frequency,
         damping_ratio=float(fit.springs.ratio[0, at]),
         inertia=inertia,
         gain=gains[joint],
