@@ -25,6 +25,9 @@ class Rules(RuleTable):
     distorted: Annotated[
         float, "factor between two inertias from which a rigid fit is distorted, by hand"
     ] = 2.0
+    model_error: Annotated[
+        float, "standard deviation of a stiffness by errors of the equation, relative, calibrated"
+    ] = 0.038
     band: Annotated[
         tuple[float, float], "narrowest and widest band of the torque [Hz], by hand"
     ] = (10.0, 30.0)

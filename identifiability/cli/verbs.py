@@ -176,6 +176,8 @@ def inspect(
     result, written = run(locals(), "inspect")
     needs = [] if result.records else [f"{n.text} {n.line}".rstrip() for n in result.needs]
     case = CASE.get()
+    if case is not None:
+        case.read_truth(result.robot)
     holds = [] if case is None else [case.statement]
     print_result(result, written, [*holds, *(text.replace("\n", " ") for text in needs)])
 
