@@ -16,12 +16,12 @@ from typing import Any
 
 import pandas as pd
 from exam.cases import CASES
-from exam.contract import run_tool
+from exam.contract import read_run, run_tool
 from exam.score import Case, score
 from shared import ROOT, study_parser, write_answer
 
 #: Tools that enter, and the variable with the interpreter of a tool's environment.
-TOOLS = ("ours", "least_squares", "figaroh_qr")
+TOOLS = ("ours", "least_squares", "figaroh_qr", "mujoco_sysid")
 PYTHON = "TOOL_PYTHON"
 
 #: Cases of a run in short.
@@ -35,9 +35,15 @@ EQUAL = 1.01
 
 
 def run_exam(
-    tools: Sequence[Path], names: Sequence[str], cache: Path, data: Path | None, python: str
+    tools: Sequence[Path],
+    names: Sequence[str],
+    cache: Path,
+    data: Path | None,
+    python: str,
+    *,
+    keep: bool,
 ) -> pd.DataFrame:
-    """Return one row a case and tool."""
+    """Return one row a case and tool; earlier answers are scored again if they are kept."""
     rows: list[dict[str, Any]] = []
     for source in CASES:
         folder = source.make(cache, data) if source.name in names else None
@@ -46,8 +52,10 @@ def run_exam(
         case = Case.read(folder)
         for adapter in tools:
             out = cache / "answers" / source.name / adapter.stem
-            other = find_python(adapter.stem, python)
-            run = run_tool(adapter, folder.resolve(), out.resolve(), other)
+            run = read_run(out) if keep else None
+            if run is None:
+                other = find_python(adapter.stem, python)
+                run = run_tool(adapter, folder.resolve(), out.resolve(), other)
             rows.append({"case": source.name, "tool": adapter.stem, **score(case, run, out)})
             print(rows[-1], flush=True)
     return pd.DataFrame(rows)
@@ -105,6 +113,7 @@ def main(argv: Sequence[str] | None = None) -> pd.DataFrame:
     parser.add_argument("--tool", nargs="+", default=None, help="names, or paths of adapters")
     parser.add_argument("--only", nargs="+", default=[c.name for c in CASES], help="cases")
     parser.add_argument("--python", default="", help="interpreter of the tools' environment")
+    parser.add_argument("--keep", action="store_true", help="score earlier answers again")
     parser.add_argument("--cache", type=Path, default=ROOT / ".cache" / "exam")
     parser.add_argument("--data", type=Path, help="folder of the data sets")
     asked = parser.parse_args(argv)
@@ -112,7 +121,7 @@ def main(argv: Sequence[str] | None = None) -> pd.DataFrame:
     folder = Path(__file__).parent / "exam" / "adapters"
     tools = [Path(t) if t.endswith(".py") else folder / f"{t}.py" for t in named]
     names = QUICK if asked.quick else asked.only
-    frame = run_exam(tools, names, asked.cache, asked.data, asked.python)
+    frame = run_exam(tools, names, asked.cache, asked.data, asked.python, keep=asked.keep)
     table = summarize(frame)
     print(table.round(3).to_string(index=False))
     tables = {"Tools": table, "Cases": frame}

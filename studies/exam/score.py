@@ -83,9 +83,12 @@ def unseen_error(case: Case, answer: Answer, out: Path) -> float:
         t = log["t"].to_numpy()
         edge = EDGE * (t[-1] - t[0])
         inside = (t >= t[0] + edge) & (t <= t[-1] - edge)
+        columns = [c for c in log if c.endswith(f".{kind}")]
+        if not {"t", *columns} <= {*guess}:
+            return float("inf")
         if guess["t"].iloc[0] > t[inside][0] or guess["t"].iloc[-1] < t[inside][-1]:
             return float("inf")
-        for column in (c for c in log if c.endswith(f".{kind}")):
+        for column in columns:
             measured = log[column].to_numpy()[inside]
             errors.append(measured - np.interp(t[inside], guess["t"], guess[column]))
             sizes.append(measured - measured.mean() * case.commanded)

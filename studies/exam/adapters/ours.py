@@ -5,6 +5,7 @@ import json
 from reading import enter, write_prediction
 
 import identifiability
+import numpy as np
 from identifiability import Case, analyze, diagnose, export, predict
 
 
@@ -24,10 +25,13 @@ def main(folder, out):
         diagnosis = diagnose(case, forward=False)
         result = diagnosis.to_json(out / "diagnosis.json")
         answer["effects"] = [f"{e.name} {p.place}" for e in diagnosis.effects for p in e.placements]
+    names, mix, gear = joints, np.eye(len(joints)), analysis.robot.transmission
+    if gear is not None:  # logs hold the torque of motors
+        names, mix = gear.motors, np.linalg.inv(gear.ratio[:, None] * gear.coupling)
     answer["predictions"] = []
     for k, log in enumerate(unseen):
         of_log = predict(case.robot, result, [log])
-        file = write_prediction(out, k, of_log.t, of_log.predicted, joints)
+        file = write_prediction(out, k, of_log.t, of_log.predicted @ mix, names)
         answer["predictions"].append(file)
     return answer
 

@@ -47,8 +47,10 @@ def load_chain(pin: Any, robot: Path, said: dict[str, Any]) -> tuple[Any, list[s
         raise RefusalError("It needs an open chain in a URDF.")
     if "transmission" in said:
         raise RefusalError("Motors are coupled.")
-    text = robot.read_text(encoding="utf-8")  # angles, not sines and cosines
-    model = pin.buildModelFromXML(text.replace('type="continuous"', 'type="revolute"'))
+    limit = '<limit lower="-9" upper="9" effort="1e9" velocity="1e3"/>'
+    angle = f'type="revolute">{limit}'  # Pinocchio has sines and cosines of continuous joints
+    text = robot.read_text(encoding="utf-8").replace('type="continuous">', angle)
+    model = pin.buildModelFromXML(text)
     model.gravity.linear = np.array(said.get("gravity", [0, 0, -9.81]))
     joints = [str(name) for name in model.names[1:]]
     links = {f.parentJoint: f.name for f in reversed(list(model.frames)) if f.type == pin.BODY}
@@ -57,15 +59,15 @@ def load_chain(pin: Any, robot: Path, said: dict[str, Any]) -> tuple[Any, list[s
     return model, joints, names
 
 
-def split(log: pd.DataFrame, joints: list[str]) -> tuple[Any, Any, Any]:
-    """Return times, positions and torque of a log."""
-    q, tau = (log[[f"{j}.{k}" for j in joints]].to_numpy() for k in ("q", "tau"))
+def split(log: pd.DataFrame, joints: list[str], kind: str = "tau") -> tuple[Any, Any, Any]:
+    """Return times, positions and torque, or another kind, of a log."""
+    q, tau = (log[[f"{j}.{k}" for j in joints]].to_numpy() for k in ("q", kind))
     return log["t"].to_numpy(), q, tau
 
 
-def prepare(log: pd.DataFrame, joints: list[str]) -> tuple[Any, ...]:
+def prepare(log: pd.DataFrame, joints: list[str], kind: str = "tau") -> tuple[Any, ...]:
     """Return times and low-passed q, dq, ddq, tau (N, n) of a log."""
-    t, *columns = split(log, joints)
+    t, *columns = split(log, joints, kind)
     step = float(np.median(np.diff(t)))
     low = butter(ORDER, min(0.9, 2 * CUTOFF * step))
     q, tau = (filtfilt(*low, x, axis=0) for x in columns)
