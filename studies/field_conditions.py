@@ -578,7 +578,7 @@ CONDITIONS = {
         5, r"friction|time|\.F[cv]\b", labels=False, truth=_having("friction_drift@{}")
     ),
     "stops and dwells": Condition(6, "", machine=_stops, truth=_as_it_is),
-    "guided by hand": Condition(6, "weighed down|outlier|influential", _guided, sealed="sound"),
+    "guided by hand": Condition(6, "less weight|outlier|influential", _guided, sealed="sound"),
     "point to point": Condition(7, "", machine=_point_to_point, of=ARMS, truth=_as_it_is),
     "gains off by 5-15 %": Condition(8, r"\bgain|scale|torque column", _gains, labels=False),
     "passive friction": Condition(

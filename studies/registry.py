@@ -70,6 +70,7 @@ STUDIES = (
         "Is it named where robots are simulated by another physics than is fitted?",
         file="hidden_physics_exam",
     ),
+    Study("elastic_joints", "Are joints that bend named, and rigid arms left alone?"),
     Study("coverage", "Do intervals of 95 % hold the truth in 95 % of the cases?"),
     Study("coverage_posterior", "Do posteriors hold the truth as often where noise is slow?"),
     Study(

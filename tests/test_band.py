@@ -20,6 +20,7 @@ from identifiability import (
 )
 from identifiability.regression.structure import Structure
 from identifiability.simulation import PrescribedMotion, random_trajectory
+from identifiability.workflows.case import Case
 
 RATE, SPEED, STEP = 200, 0.1, 0.003
 
@@ -57,6 +58,8 @@ def test_every_verb_takes_the_same_band(two_link, coarse, verb, monkeypatch):
         return prepare_log(robot, log, how, **options)
 
     monkeypatch.setattr("identifiability.workflows.case.prepare_log", prepare)
+    # Readings are sought in another band.
+    monkeypatch.setattr(Case, "widest_band", lambda _, motion: motion.how)
     other = replace(coarse.rows(0, 3500, "other"), sha256="other")
     asked = [coarse]
     if verb == "compare":
@@ -72,3 +75,9 @@ def test_every_verb_takes_the_same_band(two_link, coarse, verb, monkeypatch):
         # Logs after are compared in the band of the logs before.
         cutoff = analyze(robot, asked[:1], "none", replicates=0).samples[0].cutoff
     assert {how.cutoff for how in taken} == {cutoff}
+
+
+def test_noise_of_the_motion_imitates_no_reading(two_link, coarse):
+    # In the widest band, the torque of the shoulder seems to have another unit.
+    result = analyze(two_link[0], coarse.rows(0, 1750, "one"), "none", replicates=0)
+    assert "alternative" not in {hint.key for hint in result.hints}

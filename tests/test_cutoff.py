@@ -61,7 +61,7 @@ def test_names_found_in_a_band_that_was_set_too_wide_are_doubted(positions):
     log = positions(5e-3)
     wide = diagnose("two-link", log, preparation=Preparation(cutoff=30.0))
     (said,) = of_key(wide.hints, "cutoff_wide")
-    assert "Do not rely on names" in said
+    assert "Do not rely on the named effects" in said
     assert not of_key(diagnose("two-link", log).hints, "cutoff_wide")
 
 

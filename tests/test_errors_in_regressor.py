@@ -136,12 +136,12 @@ def test_the_choice_is_printed_without_being_asked_for(simulated_session, succee
 def test_what_was_chosen_is_said_and_another_record_can_be_asked_for(simulated_session):
     noisy, _ = disturb(simulated_session("3-rps", "601", noise=Noise()), "multiplicative", 0)
     found = analyze("3-rps", noisy, "none", replicates=0)
-    assert any("planted on this motion" in hint for hint in found.hints)
+    assert any("simulated test with the same motion" in hint for hint in found.hints)
     assert "Fourier series" in found.samples[0].notes[0]
     named = diagnose("3-rps", noisy)
-    assert any("planted on this motion" in hint for hint in named.hints)
+    assert any("simulated test with the same motion" in hint for hint in named.hints)
     words = {"given": "log's own", "spline": "a spline", "fourier": "Fourier series"}
     for kind, word in words.items():
         plain = analyze("3-rps", noisy, "none", replicates=0, preparation=Preparation(kind))
-        assert not any("planted on this motion" in hint for hint in plain.hints)
+        assert not any("simulated test with the same motion" in hint for hint in plain.hints)
         assert word in plain.samples[0].notes[0]

@@ -18,7 +18,7 @@ def spoilt(simulated):
 
 def test_a_finding_is_its_sentence_and_what_it_was_made_of():
     found = Finding("wraps", "a.csv", where=["'elbow.q' at 2 rows"], rows=2)
-    assert found.startswith("a.csv: angles jump by a whole turn ('elbow.q' at 2 rows); they")
+    assert found.startswith("a.csv: angles jump by a whole turn ('elbow.q' at 2 rows), because")
     assert (found.key, found.subject, found.level) == ("wraps", "a.csv", Level.INFO)
     again = pickle.loads(pickle.dumps(found))
     assert again == found

@@ -111,7 +111,9 @@ def test_a_joint_that_errs_far_more_than_all_together_is_in_the_headline(verb, s
     printed = call(f"{verb} {GIVEN} --quick --report page.html")
     for text in (" ".join(printed.split()), text_of(study / "page.html")):
         assert re.search(r"(Fair|Poor|Useless) in joint_6 \(", text), text
-        assert re.search(r"joint_6 errs by .* over its own variation, all joints", text), text
+        assert re.search(
+            r"torque error at joint_6 is .* torque variation, .* for all joints", text
+        ), text
         assert not UNRESERVED.search(text), text
 
 
@@ -136,5 +138,5 @@ def test_a_joint_that_errs_little_is_not_warned_of_however_little_the_others_err
     joints = ("a", "b")
     assert not state_uneven(0.003, joints, np.array([0.001, 0.029]))
     (found,) = state_uneven(0.009, joints, np.array([0.004, 0.031]))
-    assert "b errs by 3.1 %" in found
+    assert "torque error at b is 3.1 %" in found
     assert not state_uneven(0.02, joints, np.array([0.01, 0.05]))

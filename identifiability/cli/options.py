@@ -116,7 +116,8 @@ class Reads:
         OptionError
         """
         path = Path(value)
-        meant = self.always or path.suffix.lower() == f".{self.form.lower()}"
+        form = f".{self.form.lower()}"
+        meant = self.always or path.suffix.lower() == form
         if meant and not path.exists():
             raise OptionError(f"There is no {self.what} file '{value}'; give a {self.form} file.")
 
@@ -273,7 +274,8 @@ class Verb:
         """Return it with its options, as typer has it."""
         alone = typer.Typer(add_completion=False, rich_markup_mode="markdown")
         run, settings = _flattened(self.function)
-        alone.command(name, cls=Command, help=helps()["verbs"].get(name))(run)
+        described = helps()["verbs"].get(name)
+        alone.command(name, cls=Command, help=described)(run)
         made: Any = typer.main.get_command(alone)
         made.settings = settings
         return made

@@ -269,6 +269,7 @@ def diagnose(
     fixed: Fixed = False,
     seed: kinds.Seed = 0,
     quick: bool = False,
+    bending: bool = False,
     out: ModelOut = None,
     motion: Annotated[Path | None, Option("--next"), Writes(".json")] = None,
     limits: Limits = None,
@@ -377,7 +378,8 @@ def export(
         )
         written = found.write(out)
         echo(found.statement)
-        echo(f"{written[0]}" + (f" … {written[-1].name}" if len(written) > 1 else ""))
+        last = f" … {written[-1].name}" if len(written) > 1 else ""
+        echo(f"{written[0]}{last}")
         return
     if prior is not None:
         raise kinds.OptionError(Finding("prior.draws"))

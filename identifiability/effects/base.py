@@ -196,7 +196,8 @@ class ImuMounting(Effect):
     def _fitted(self, robot: Robot) -> list[str]:
         if robot.base is None:
             return []
-        return [k for k in CORRECTIONS if k in (robot.base.imu.fit or CORRECTIONS)]
+        fitted = robot.base.imu.fit or CORRECTIONS
+        return [k for k in CORRECTIONS if k in fitted]
 
     def parameters(self, robot: Robot) -> tuple[Parameter, ...]:
         """Return the corrections that the sidecar lists, or all twelve with a prior."""

@@ -288,7 +288,9 @@ class Shaped(AlongAxes):
 
     def axes(self, robot: Robot) -> Sequence[Axis]:
         """Return the axes of actuated joints and coupled motors, or those that are asked for."""
-        asked = find_named(self.only or "*", (a.name for a in robot.axes))
+        if self.only is None:
+            return robot.axes
+        asked = find_named(self.only, (a.name for a in robot.axes))
         return [a for a in robot.axes if a.name in asked]
 
     def shapes(self, robot: Robot) -> dict[str, float]:
@@ -301,8 +303,9 @@ def put(out: Array, column: int, load: Array, force: Array) -> None:
     if load.ndim == 2:
         out[:, :, column] = load * force[:, None]
         return
-    for joint in np.flatnonzero(load):
-        out[:, joint, column] = load[joint] * force
+    for joint, share in enumerate(load.tolist()):
+        if share:
+            out[:, joint, column] = share * force
 
 
 # `Family`: facts about an effect for diagnoses, exports and reports.
@@ -527,10 +530,14 @@ class Part:
     owner: str
     kinds: tuple[str, ...] = ()
 
-    def takes(self, parameter: Parameter) -> bool:
-        """Whether a parameter of the effect belongs to the part."""
-        here = bool(find_named(self.owner, [parameter.owner]))
-        return here and (not self.kinds or parameter.kind in self.kinds)
+    def choose(self, parameters: Sequence[Parameter]) -> dict[int, Parameter]:
+        """Return the parameters of the effect that belong to the part, by column."""
+        owners = set(find_named(self.owner, (p.owner for p in parameters)))
+        return {
+            column: p
+            for column, p in enumerate(parameters)
+            if p.owner in owners and (not self.kinds or p.kind in self.kinds)
+        }
 
     def find(self, robot: Robot) -> tuple[Effect, dict[int, Parameter]]:
         """Return the effect at its place, and the parameters that match the pattern, by column.
@@ -545,7 +552,7 @@ class Part:
         if isinstance(effect, AlongAxes) and effect.placeable:
             there.append(effect.placed(self.owner))
         for own in there:
-            found = {k: p for k, p in enumerate(own.parameters(robot)) if self.takes(p)}
+            found = self.choose(own.parameters(robot))
             if found:
                 return own, found
         owners = dict.fromkeys(p.owner for p in effect.parameters(robot))

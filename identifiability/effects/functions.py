@@ -346,6 +346,7 @@ class FunctionOfOtherVelocity(FromJoint):
     def curves(self, at: Along) -> list[Array]:
         """Return the splines of the speed of the other joint."""
         other = self.origin(at.robot, at.axis)
-        source = next(a for a in at.robot.axes if a.name == at.robot.joints[other])
+        axis = at.robot.joints[other]
+        source = next(a for a in at.robot.axes if a.name == axis)
         u = fine_at_rest(at.motion.actuated_v[:, other], largest_speed(at.robot, source))
         return list(splines(np.clip(u, -1.0, 1.0)).T)  # the limit is no end of the data

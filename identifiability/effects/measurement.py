@@ -438,6 +438,7 @@ class EncoderBias(AtMotors):
         for k, joint in enumerate(motors(robot)):
             # Along the whole way where one is known, which need not be small.
             way = robot.reference.get(f"{robot.joints[joint]}.bias", 0.0) or NEARLY
-            q = motion.q - way * (np.arange(motion.q.shape[1]) == robot.actuated[joint])
+            turned = np.arange(motion.q.shape[1]) == robot.actuated[joint]
+            q = motion.q - way * turned
             change = (rigid - rigid_torque(robot, replace(motion, q=q))) / way
             out[:, :, k] = -without_rounding(change, rigid)

@@ -44,7 +44,8 @@ def reference_values(robot: Robot) -> Mapping[str, float]:
         return robot.reference
     values = dict(robot.nominal)
     for k, body in zip(robot.carriers, robot.bodies, strict=True):  # a sidecar's are no loads
-        theta = robot.model.inertias[k].toDynamicParameters().tolist()
+        inertia = robot.model.inertias[k]
+        theta = inertia.toDynamicParameters().tolist()
         values |= zip((f"{body}.{kind}" for kind in INERTIAL_KINDS), theta, strict=True)
     return values
 
@@ -90,7 +91,8 @@ def gravity_torque(robot: Robot, motion: Motion, gravity: Array) -> Array:
 
 def has_masses(robot: Robot) -> bool:
     """Whether the file states a mass for any body, and none is a guess."""
-    return not robot.guessed and any(robot.nominal.get(f"{b}.m", 0.0) > 0 for b in robot.bodies)
+    masses = [robot.nominal.get(f"{b}.m", 0.0) for b in robot.bodies]
+    return not robot.guessed and any(mass > 0 for mass in masses)
 
 
 def needs_masses(robot: Robot, _place: str) -> str:

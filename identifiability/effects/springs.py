@@ -204,7 +204,8 @@ class PositionTorque(Shaped):
         ends = np.array([span.low, span.high]) - self.home(robot, axis)
         first = self.grid(robot, axis)[0]
         step = self.shape(robot, axis)
-        cells = np.clip(np.floor(ends / step + [1e-9, -1e-9]).astype(int) - first, 0, None)
+        borders = np.floor(ends / step + [1e-9, -1e-9])
+        cells = np.clip(borders.astype(int) - first, 0, None)
         return self.kinds(robot, axis)[cells[0] : cells[1] + DEGREE + 1]
 
     def home(self, robot: Robot, axis: Axis) -> float:

@@ -149,7 +149,8 @@ def add_white_noise(log: Log, dt: float) -> Log:
 
     def more(x: Array) -> Array:
         density = Spectrum.of([x], dt).power
-        highest = density[int(RULES.nearly_all * len(density)) :].mean(0)
+        first = int(RULES.nearly_all * len(density))
+        highest = density[first:].mean(0)
         return np.asarray(x + np.sqrt(highest * 0.5 / dt) * rng.standard_normal(x.shape))
 
     return replace(log, q=more(log.q), dq=None if log.dq is None else more(log.dq))
@@ -274,7 +275,8 @@ def make_windows(robot: Robot, logs: Sequence[Log], how: Preparation) -> list[Wi
         If a log cannot be prepared in this way.
     """
     parts = [(make_plan(robot, log, how), *window) for log in logs for window in log.windows()]
-    step = -(-sum(len(log) for _, _, log in parts) // ROWS)
+    rows = sum(len(log) for _, _, log in parts)
+    step = -(-rows // ROWS)
     return [Window.of(robot, log, origin, plan, step) for plan, origin, log in parts]
 
 

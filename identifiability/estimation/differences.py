@@ -331,7 +331,8 @@ class Differences:
 
     def candidate_of(self, group: Group) -> Differing:
         """Return the candidate of a group, at its first place."""
-        return self.columns[int(self.columns_of(group.members[0])[0])][0]
+        first = int(self.columns_of(group.members[0])[0])
+        return self.columns[first][0]
 
     def at(self, term: Term) -> np.ndarray:
         """Return the columns of a term among those of candidates."""

@@ -204,7 +204,8 @@ def weigh_outliers(
         values = [f.estimator.refit(part, f, train) for part, f in pairs]
         if held_out.score(values[1]).error > held_out.score(values[0]).error:
             return information, None
-    scatter = np.sqrt((fit.estimator.influence(weighed, fit) ** 2).sum(0))
+    influence = fit.estimator.influence(weighed, fit)
+    scatter = np.sqrt((influence**2).sum(0))
     known = fit.determined & (scatter > 0)
     moved = np.abs(before.value - fit.value) / np.where(known, scatter, np.inf)
     logs = np.unique(information.log)

@@ -98,7 +98,9 @@ class Estimate:
         """Autocorrelation time of the actuators that carry the residual [samples]."""
         share = self.weights * self.variance
         total = share.sum()
-        return float((share * self.times).sum() / total if total > 0 else self.times.mean())
+        if not total > 0:
+            return float(self.times.mean())
+        return float((share * self.times).sum() / total)
 
     @property
     def dof(self) -> int:
@@ -228,7 +230,8 @@ def combine(information: Information, plain: Estimate) -> Combined:
         share = np.where(weak, 1.0, strength)
         T = np.vstack([np.where(weak, 0.0, to_V @ left / share), np.where(weak, B, 0.0)])
         x = to_W @ (Q.T @ R[:, 2 * k])
-        moved = left.T @ (R[:k, 2 * k] - R[:k, k : 2 * k] @ x)
+        rest = R[:k, 2 * k] - R[:k, k : 2 * k] @ x
+        moved = left.T @ rest
         x = x + B @ np.where(weak, 0.0, moved / share)
         lean = np.maximum(strength, 1.0 / np.sqrt(N))  # noise alone correlates by that
         rss = information.squares(np.append(-x, 1.0))
@@ -317,7 +320,8 @@ def measure_memory(information: Information, fit: Estimate) -> Noise:
     part = information.select(fit.kept)
     turn = np.vstack([unit_coordinates(part.factor(fit.weights)[:k, :k]), np.zeros((1, k))])
     taken = fit.weights * part.squares(turn).sum(1)  # of noise of variance 1
-    change = np.column_stack([turn, np.append(-fit.value[list(fit.kept)], 1.0)])
+    kept = fit.value[list(fit.kept)]
+    change = np.column_stack([turn, np.append(-kept, 1.0)])
     rounding = RANK_TOLERANCE**2 * part.torque
     slow = fit.rss / own_rows
     known = np.full(information.actuators, np.inf)

@@ -160,7 +160,8 @@ class Folds:
         for name, pieces in zip(names, wanted.tolist(), strict=True):
             rows = np.flatnonzero(log == name)
             middle = ends[rows] - 0.5 * counts[rows] - (ends[rows[0]] - counts[rows[0]])
-            test[rows] = before + (middle * pieces / counts[rows].sum()).astype(int)
+            share = middle * pieces / counts[rows].sum()
+            test[rows] = before + share.astype(int)
             before += pieces
         return Folds._around(information, np.unique(test, return_inverse=True)[1], memory)
 
@@ -436,7 +437,8 @@ def _sum_gain(each: Array, ratio: float) -> Gain:
     K = len(each)
     apart = each - each.mean()  # np.var of a few numbers takes four times as long
     spread = float(apart @ apart) / (K - 1) if K > 1 else np.inf
-    return Gain(float(each.sum()), float(K * np.sqrt(spread * (1.0 / K + ratio))))
+    sd = np.sqrt(spread * (1.0 / K + ratio))
+    return Gain(float(each.sum()), float(K * sd))
 
 
 def _error_gain(a: Array, b: Array, ratio: float) -> Gain:
@@ -453,7 +455,8 @@ def _error_gain(a: Array, b: Array, ratio: float) -> Gain:
 
 def near_best(scores: Sequence[Score]) -> np.ndarray:
     """Return which of M models are as good as the best of them, (M,) bool."""
-    best = scores[int(np.argmax([s.density.sum() for s in scores]))]
+    densities = [s.density.sum() for s in scores]
+    best = scores[int(np.argmax(densities))]
     return np.array([may_stand(score, best) for score in scores])
 
 

@@ -680,4 +680,5 @@ def column_noise(information: Information, fit: Estimate) -> Array:
     """Return the largest over joints of column rms over residual rms, per unit, (k,)."""
     squares = information.squares(np.eye(information.size + 1)[:, :-1])
     floor = 1e-18 * float(np.max(fit.rss, initial=0.0)) + 1e-300
-    return np.sqrt(squares / np.maximum(fit.rss, floor)[:, None]).max(0)
+    variance = np.maximum(fit.rss, floor)[:, None]
+    return np.sqrt(squares / variance).max(0)

@@ -68,4 +68,5 @@ class Normal:
     @property
     def evidence(self) -> float:
         """Marginal log-likelihood of the torque, up to a constant that all models share."""
-        return float(0.5 * self.half @ self.half - np.log(np.diag(self.factor)).sum())
+        log_determinant = np.log(np.diag(self.factor)).sum()
+        return float(0.5 * self.half @ self.half - log_determinant)

@@ -249,7 +249,8 @@ class MixedModel:
             target = target.copy()
             target[:first] += self.prior @ self.mean / self.scale[:first]
         x = Normal.of(P, target)
-        likelihood = x.evidence - 0.5 * float(np.log(sizes).sum())
+        log_sizes = float(np.log(sizes).sum())
+        likelihood = x.evidence - 0.5 * log_sizes
         return Solution(x.factor, x.half, columns, likelihood)
 
     def beside(self, terms: Terms) -> list[Group]:
@@ -300,7 +301,8 @@ class MixedModel:
             each = rises[at]
             if g.positive:  # shapes of one curve may cancel: its sign is that of the likeliest
                 narrow = widths[at][:, None] == widths[at].min()
-                likeliest = int(np.argmax(np.where(narrow, each, -np.inf).max(1)))
+                narrowest = np.where(narrow, each, -np.inf)
+                likeliest = int(np.argmax(narrowest.max(1)))
                 each = each + np.where(narrow, signs[at], signs[at][likeliest])
             member, size = np.unravel_index(int(np.argmax(each)), each.shape)
             odds = float(np.logaddexp.reduce(each.ravel()) - np.log(each.size)) - g.price

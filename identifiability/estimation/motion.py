@@ -193,7 +193,8 @@ class Record:
         """Whether the log repeats the period of its Fourier series at least twice."""
         period = self.series["fourier"].period
         assert period is not None
-        return bool(2 * period <= self.log.t[-1] - self.log.t[0] + 2 * self.plan.step)
+        length = self.log.t[-1] - self.log.t[0]
+        return bool(2 * period <= length + 2 * self.plan.step)
 
     def is_quiet(self) -> bool:
         """Return whether the default preparation leaves next to no noise in any channel."""
@@ -243,7 +244,8 @@ def try_records(
     ClosureError
         If loops close nowhere along a record.
     """
-    step = -(-sum(len(r.log) for r in records) // ROWS)
+    rows = sum(len(r.log) for r in records)
+    step = -(-rows // ROWS)
     measured = [r.measured(r.log, step) for r in records]
     true = [r.samples(r.series[kind].motion, step, None) for r in records]
     own = [_fit(structure, samples) for samples in (measured, true)]

@@ -66,7 +66,8 @@ class TorqueUncertainty:
         variance = np.maximum(np.einsum("anj,jk,ank->an", W, self.covariance, W), 0.0)
         # A direction that the fitted motion never showed acts above this share of the torque of its
         # columns there.
-        variance[(np.abs(W @ self.unknown) > 1e-5).any(2)] = np.inf
+        endless = np.abs(W @ self.unknown) > 1e-5
+        variance[endless.any(2)] = np.inf
         few = stdtrit(self.dof, ENDS[1])
         low, raw = (few * np.sqrt(variance + sd**2) for sd in (self.low, self.raw))
         return REACH * np.sqrt(variance), low, raw
@@ -301,11 +302,13 @@ class Prediction:
         torque never varies.
         """
         variation = np.sum(self.apart(axis=0, raw=raw) ** 2, axis=0)
-        return np.sqrt(_ratio(self.errors[int(raw), 1].sum(0), variation[:, None]))
+        squares = self.errors[int(raw), 1].sum(0)
+        return np.sqrt(_ratio(squares, variation[:, None]))
 
     def joint_rms(self, *, raw: bool = False) -> Array:
         """Return the root mean square of each joint's error, (n, m) [N·m or N]."""
-        return np.sqrt(self.errors[int(raw), 1].sum(0) / self._rows[:, None])
+        squares = self.errors[int(raw), 1].sum(0)
+        return np.sqrt(squares / self._rows[:, None])
 
     def by_joint(self, of: str = "") -> dict[str, Array]:
         """Return errors of the first model by joint, low-passed and raw, as columns of a table."""

@@ -178,7 +178,8 @@ class Profile:
             start = start + self.parabola[0]
             first = 0.0
         share = (REACH - first) / (last - first)
-        return float(self.number.unscale(start + share * (self.coordinates[outside] - start)))
+        step = self.coordinates[outside] - start
+        return float(self.number.unscale(start + share * step))
 
     @property
     def curvature(self) -> tuple[float, float]:

@@ -133,7 +133,8 @@ class Finding(str):
     @property
     def remedy(self) -> str:
         """Return the remedy; empty if its sentence contains it."""
-        return str(sentences()[self.key].get("do", "")).strip()
+        sentence = sentences()[self.key].get("do", "")
+        return str(sentence).strip()
 
     @property
     def done(self) -> str:

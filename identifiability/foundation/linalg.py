@@ -132,5 +132,6 @@ def without_rounding(torque: Array, of: Array) -> Array:
         Torque from which it is computed.
     """
     most = np.abs(torque).max(axis=0, initial=0.0)
-    kept: Array = torque * (most > ROUNDOFF * np.abs(of).max(initial=0.0))
+    largest = np.abs(of).max(initial=0.0)
+    kept: Array = torque * (most > ROUNDOFF * largest)
     return kept

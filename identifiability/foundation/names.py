@@ -111,9 +111,11 @@ def find_named(text: str, names: Iterable[str]) -> list[str]:
         A text that equals a name means only that name.
     names : iterable of str
     """
-    known = list(dict.fromkeys(names))
-    if text in known or not is_pattern(text):
-        return [name for name in known if name == text]
+    known = dict.fromkeys(names)
+    if text in known:
+        return [text]
+    if not is_pattern(text):
+        return []
     letters = {"*": ".*", "?": "."}
     rule = re.compile("".join(letters.get(c, re.escape(c)) for c in text), re.DOTALL)
     return [name for name in known if rule.fullmatch(name)]

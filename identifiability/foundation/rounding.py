@@ -90,13 +90,15 @@ def format_number(value: float | None, digits: int = 4, *, pad: bool = False) ->
         return NONE
     if value == 0:
         return "0"
-    power = _exponent(float(f"{abs(value):.{digits - 1}e}"))
+    mantissa = f"{abs(value):.{digits - 1}e}"
+    power = _exponent(float(mantissa))
     tail = ""
     if not -5 < power < 6:
         value = value / 10.0**power
         tail = f"·10{superscript(power)}"
         power = 0
-    text = f"{round(value, digits - 1 - power):.{max(0, digits - 1 - power)}f}"
+    decimals = digits - 1 - power
+    text = f"{round(value, decimals):.{max(0, decimals)}f}"
     if not pad and "." in text:
         text = text.rstrip("0").rstrip(".")
     return text.replace("-", "−") + tail
@@ -159,7 +161,8 @@ def percent_text(value: float | None) -> str:
 
 def format_count(count: int, noun: str) -> str:
     """Return ``1 sample``, ``2 samples``."""
-    return f"{count:,} {noun if count == 1 else f'{noun}s'}".replace(",", "\u202f")
+    counted = noun if count == 1 else f"{noun}s"
+    return f"{count:,} {counted}".replace(",", "\u202f")
 
 
 def join(names: list[str] | Strings, most: int = 6) -> str:
@@ -251,7 +254,8 @@ def clustered_share(events: Array, among: Array, related: Array) -> Share:
     if not total:
         return exact_share(0, 0)
     effective = total / max(design_effect(events, among), design_effect(related, among), 1.0)
-    return exact_share(float((events & among).sum()) / total * effective, effective)
+    share = float((events & among).sum()) / total
+    return exact_share(share * effective, effective)
 
 
 def design_effect(events: Array, among: Array) -> float:

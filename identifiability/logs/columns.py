@@ -200,7 +200,8 @@ def _guess(names: Mapping[str, str], known: Conventions) -> list[Column]:
     """Return the columns whose names identify their channel."""
     joints = tuple(dict.fromkeys((*known.motors, *known.joints, *known.locked)))
     if not known.joints:
-        joints = tuple({split_unit(n)[0].rpartition(".")[0]: 0 for n in names.values()})
+        owners = [split_unit(n)[0].rpartition(".")[0] for n in names.values()]
+        joints = tuple(dict.fromkeys(owners))
     guess = _guess_side if known.torque.has_side("both") else guess_column
     guesses = [guess(c, n, joints) for c, n in names.items()]
     return [g for g in guesses if g is not None and (known.joints or g.literal or g.name == "t")]

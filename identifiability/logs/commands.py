@@ -33,7 +33,8 @@ def held_mean(t: Array, x: Array, at: Array, width: float) -> Array:
     -------
     (m, n)
     """
-    area = np.concatenate([np.zeros((1, x.shape[1])), np.cumsum(x[:-1] * np.diff(t)[:, None], 0)])
+    areas = x[:-1] * np.diff(t)[:, None]
+    area = np.concatenate([np.zeros((1, x.shape[1])), np.cumsum(areas, 0)])
     ends = [_integral(t, x, area, at + side * 0.5 * width) for side in (-1, 1)]
     mean: Array = (ends[1] - ends[0]) / width
     return mean

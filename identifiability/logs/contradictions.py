@@ -181,13 +181,15 @@ def _compare(t: Array, x: Array, rate: Array) -> tuple[float, float] | None:
     dt = np.diff(t)
     whole = dt < RULES.gap * np.median(dt)
     given = np.cumsum(np.where(whole, np.diff(x), 0.0))
-    integral = np.cumsum(np.where(whole, 0.5 * (rate[1:] + rate[:-1]) * dt, 0.0))
+    mean = 0.5 * (rate[1:] + rate[:-1])
+    integral = np.cumsum(np.where(whole, mean * dt, 0.0))
     # An offset of the rate is a drift of its integral, which has no information on its shape.
     drift = np.column_stack([np.ones(len(dt)), t[1:] - t[0]])
     Q = np.linalg.qr(drift)[0]
     given = given - Q @ (Q.T @ given)
     integral = integral - Q @ (Q.T @ integral)
-    noise = np.sqrt(np.mean(np.diff(x, 2) ** 2) / 6) if len(x) > 2 else 0.0
+    bends = np.diff(x, 2)
+    noise = np.sqrt(np.mean(bends**2) / 6) if len(x) > 2 else 0.0
     size = float(np.sqrt(np.mean(given**2)))
     # Least ratio of motion to the noise of single samples for a comparison.
     if not size > 4.0 * noise or not size > 0:

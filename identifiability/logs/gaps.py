@@ -57,7 +57,8 @@ class StaleRule:
         for channel in (c for c in windows[0].channels if c in NAMES):
             values = [np.asarray(getattr(w, channel)) for w in windows]
             steps[channel] = np.min([smallest_change(x) for x in values], axis=0)
-            found = float(np.mean([find_stale(x, steps[channel]).mean() for x in values]))
+            shares = [find_stale(x, steps[channel]).mean() for x in values]
+            found = float(np.mean(shares))
             if found > 0:
                 share[channel] = found
         return StaleRule(steps, share)
@@ -99,7 +100,8 @@ def find_stale(x: Array, steps: Array) -> Array:
     across the repeated samples.
     """
     stale = np.zeros(len(x), bool)
-    same = np.concatenate([[False], (np.diff(x, axis=0) == 0).all(1), [False]])
+    stands = (np.diff(x, axis=0) == 0).all(1)
+    same = np.concatenate([[False], stands, [False]])
     edges = np.diff(same.astype(int))
     first = np.flatnonzero(edges == 1) + 1
     last = np.flatnonzero(edges == -1)
@@ -193,10 +195,12 @@ class Gaps:
         # A gap is longer than the deviation of 95 % of nearer steps: four standard deviations.
         gap = ratio - 1 > max((RULES.gap - 1), 2.0 * usual)
         gap &= ~_late(rows, ratio)
-        jitter = float(np.abs(ratio[~gap] - 1).max(initial=usual))
+        change = np.abs(ratio[~gap] - 1)
+        jitter = float(change.max(initial=usual))
         length = (then - t)[gap]
         others = max(clock.rows - 1 - len(length), 1)
-        drift = (clock.last - clock.first - float(length.sum())) / others / dt - 1
+        apart = clock.last - clock.first - float(length.sum())
+        drift = apart / others / dt - 1
         return Gaps(name, dt, usual, jitter, rows[gap], t[gap], length, drift)
 
     def __len__(self) -> int:
@@ -206,7 +210,8 @@ class Gaps:
     @property
     def lost(self) -> Array:
         """How many samples are missing in each, (m,) int."""
-        count: Array = np.maximum(np.rint(self.length / self.step).astype(int) - 1, 1)
+        steps = np.rint(self.length / self.step).astype(int)
+        count: Array = np.maximum(steps - 1, 1)
         return count
 
     def divide(self, longest: float, least: int = 1) -> Grid | None:
@@ -239,8 +244,11 @@ class Gaps:
         # Whole up to this share of a step, which of uneven steps a quarter is: else no
         # clock.
         whole = len(self) and float(np.median(np.abs(steps - np.rint(steps)))) < 0.125
+        # Few gaps, however long, split a log into stretches: pauses, or windows of a long log.
+        often = len(self) > RULES.small * samples
         # More gaps are lost samples only where half of them are whole steps.
-        if self.lost.sum() > samples or (len(self) > 0.25 * samples and not whole):
+        many = len(self) > 0.25 * samples
+        if (often and self.lost.sum() > samples) or (many and not whole):
             raise LogError(
                 f"{self.name} is sampled so unevenly (every {samples / len(self):.2g}th step is "
                 f"longer than the usual {self.step:.3g} s, the first after t = {self.t[0]:.6g} s) "

@@ -223,7 +223,8 @@ def resample(left: Array, rng: np.random.Generator) -> Array:
     noise also keeps its size along the motion, for example in proportion to the speed.
     """
     # A stretch of five correlation times loses a tenth of the correlation at its ends.
-    length = max(1, int(np.ceil(5 * np.median(autocorrelation_time(left) - 1.0))))
+    times = autocorrelation_time(left)
+    length = max(1, int(np.ceil(5 * np.median(times - 1.0))))
     stretch = np.arange(len(left)) // length
     signs = rng.choice([-1.0, 1.0], (int(stretch[-1]) + 1, left.shape[1]))
     return np.asarray(left * signs[stretch])
@@ -379,7 +380,8 @@ def _differences(state: Array) -> Array:
     N = len(state)
     size = 1 << (2 * N - 1).bit_length()
     spectrum = np.fft.rfft(state, size, axis=0)
-    products = np.fft.irfft(np.abs(spectrum) ** 2, size, axis=0)[:N].sum(1)
+    periodogram = np.abs(spectrum) ** 2
+    products = np.fft.irfft(periodogram, size, axis=0)[:N].sum(1)
     power = np.concatenate([[0.0], np.cumsum((state**2).sum(1))])
     lags = np.arange(N // 2 + 1)
     both = power[N - lags] + (power[N] - power[lags])

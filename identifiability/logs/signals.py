@@ -96,7 +96,8 @@ def cubic(at: Array, t: Array, x: Array) -> Array:
     out = np.zeros((len(at), *x.shape[1:]))
     for k in range(4):
         others = t[np.delete(nodes, k, axis=1)]
-        weight = np.prod((at[:, None] - others) / (t[nodes[:, [k]]] - others), axis=1)
+        lengths = t[nodes[:, [k]]] - others
+        weight = np.prod((at[:, None] - others) / lengths, axis=1)
         out += weight.reshape(-1, *(1,) * (x.ndim - 1)) * x[nodes[:, k]]
     return out
 
@@ -123,7 +124,8 @@ def butterworth_poles(share: float) -> Array:
     """
     radius = np.tan(np.pi * share / 2)
     count = BUTTERWORTH_ORDER
-    angles = np.pi * (2 * np.arange(count) + 1 + count) / (2 * count)
+    odd_numbers = 2 * np.arange(count) + 1
+    angles = np.pi * (odd_numbers + count) / (2 * count)
     analog = radius * np.exp(1j * angles)
     poles: Array = (1 + analog) / (1 - analog)
     return poles
@@ -249,7 +251,8 @@ class Decimation:
 
     def outputs(self, samples: int) -> int:
         """Return the number of outputs of a run of samples; its ends are not extrapolated."""
-        return max(0, (samples - (2 * self.reach + 1)) // self.factor + 1)
+        inner = samples - (2 * self.reach + 1)
+        return max(0, inner // self.factor + 1)
 
     def apply(self, x: Array) -> Array:
         """Return x (N, …) low-passed and decimated, (outputs, …)."""

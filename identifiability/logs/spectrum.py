@@ -78,7 +78,8 @@ class Spectrum:
         low = (k / 2 ** (1 / 6)).astype(int)
         high = np.ceil(k * 2 ** (1 / 6)).astype(int) + 1
         high = np.minimum(high, len(k))
-        total = np.concatenate([np.zeros((1, self.power.shape[1])), np.cumsum(self.power, 0)])
+        none = np.zeros((1, self.power.shape[1]))
+        total = np.concatenate([none, np.cumsum(self.power, 0)])
         mean: Array = (total[high] - total[low]) / (high - low)[:, None]
         return mean
 
@@ -116,7 +117,8 @@ class Spectrum:
     def acceleration(self, below: float) -> Array:
         """Return the mean square of each joint's acceleration up to a frequency, (n,)."""
         inside = self.f <= below
-        power: Array = self.f[1] * (self.motion * self._slope(self.order))[inside].sum(0)
+        density = self.motion * self._slope(self.order)
+        power: Array = self.f[1] * density[inside].sum(0)
         return power
 
     def noise_in_acceleration(self, cutoff: float) -> Array:
@@ -165,7 +167,8 @@ def bandwidth_of_windows(windows: Sequence[Array], dt: float) -> float:
         Positions; windows below half the longest length are ignored.
     dt : float [s]
     """
-    return max(float(s.bandwidths().max(initial=0.0)) for s in spectra_of(windows, dt))
+    spectra = spectra_of(windows, dt)
+    return max(float(s.bandwidths().max(initial=0.0)) for s in spectra)
 
 
 @frozen
@@ -350,7 +353,8 @@ def noise_at_rest(x: Array) -> Array:
     size = np.abs(x[ORDER // 2 : len(x) - ORDER // 2])
     # The share of samples near zero.
     slow = size <= np.quantile(size, 0.2, axis=0)
-    return np.asarray((_rough(x, None) ** 2 * slow).sum(0) / slow.sum(0))
+    squares = _rough(x, None) ** 2
+    return np.asarray((squares * slow).sum(0) / slow.sum(0))
 
 
 # The autocorrelation time of a series.

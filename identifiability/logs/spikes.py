@@ -65,7 +65,8 @@ def find_spikes(x: Array) -> list[Spike]:
     """Return the wrong samples of a column (N,) in their order; blocks of it are judged."""
     found = []
     # The last block has up to twice as many samples.
-    stops = [*range(PIECE, len(x) - PIECE - REACH + 1, PIECE), len(x)]
+    last = len(x) - PIECE - REACH + 1
+    stops = [*range(PIECE, last, PIECE), len(x)]
     for a, b in pairwise([0, *stops]):
         low = max(0, a - REACH)
         near = _find(
@@ -192,7 +193,8 @@ def find_wraps(x: Array) -> Wraps | None:
     for a, b in divide_rows(len(x) - 1):
         steps = np.abs(np.diff(x[a : b + 1]))
         rows.append(a + 1 + np.flatnonzero(steps > np.pi))
-        usual = max(usual, float(steps[steps <= np.pi].max(initial=0.0)))
+        within = steps[steps <= np.pi]
+        usual = max(usual, float(within.max(initial=0.0)))
     at = np.concatenate(rows)
     low, high = find_range(x)
     # Positions are wrapped where they jump, and else change by at most this share of half a turn

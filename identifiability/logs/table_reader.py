@@ -104,7 +104,8 @@ def _fresh(x: Array) -> Array:
     If values stay constant, one row for each usual interval counts as new.
     """
     every = np.ones(len(x), bool)
-    new = np.concatenate([[True], (np.diff(x, axis=0) != 0).any(1)])
+    changes = (np.diff(x, axis=0) != 0).any(1)
+    new = np.concatenate([[True], changes])
     starts = np.flatnonzero(new)
     lengths = np.diff(starts)
     if len(lengths) < RULES.fewest:

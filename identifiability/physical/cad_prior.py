@@ -223,7 +223,8 @@ def state_rows(structure: Structure, share: float, weight: float = 0.0) -> tuple
         aim.append(rows[-1] @ nominal)
     for name, (mean, sd) in robot.prior.items():
         if name in structure.columns:
-            rows.append((np.arange(p) == structure.columns.index(name))[None] / sd)
+            at = structure.columns.index(name)
+            rows.append((np.arange(p) == at)[None] / sd)
             aim.append(np.array([mean / sd]))
     return np.vstack(rows), np.concatenate(aim)
 
@@ -479,7 +480,8 @@ def _measure_errors(
     phi = np.array([[f.get(name, 0.0) for name in structure.columns] for f in accounts]).T
     first = [structure.columns.index(n) == k for k, n in enumerate(structure.columns)]
     regression = Regression(robot, structure.model, tuple(samples))
-    errors = predict(regression, phi * np.array(first)[:, None]).relative_error()
+    counted_once = phi * np.array(first)[:, None]
+    errors = predict(regression, counted_once).relative_error()
     if robot.tilt is not None:
         errors[3:] = np.nan
     return list(errors)

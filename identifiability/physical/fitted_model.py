@@ -186,7 +186,8 @@ class PhysicalSet:
         """
         slack = np.asarray(phi, float) @ self.rows.T - self.least
         inside = (slack >= -tolerance * self.bounded).all(axis=-1)
-        return np.asarray(inside & (self.margins(phi) >= -tolerance).all(axis=-1))
+        real = self.margins(phi) >= -tolerance
+        return np.asarray(inside & real.all(axis=-1))
 
 
 @lru_cache(maxsize=4)
@@ -534,5 +535,6 @@ class FittedModel:
         """Torque of the omitted parts of the model, ``rows phi − aim``: (b, p) and (b,)."""
         R = self.whole.factor(self.estimate.weights)[:-1, :-1]
         M = self.submodel.M
-        rest = R @ (np.eye(len(M)) - M @ np.linalg.pinv(M)) if M.size else R
+        kept = M @ np.linalg.pinv(M) if M.size else np.zeros((len(M), len(M)))
+        rest = R @ (np.eye(len(M)) - kept)
         return rest @ self.structure.G, rest @ self.submodel.fixed

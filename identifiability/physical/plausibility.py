@@ -100,7 +100,8 @@ def measure_reach(robot: Robot) -> float:
         mass = robot.nominal[f"{body}.m"]
         first = [robot.nominal[f"{body}.m{axis}"] for axis in "xyz"]
         if mass > 0:
-            reach = max(reach, float(ways[carrier - 1] + np.linalg.norm(first) / mass))
+            distance = np.linalg.norm(first) / mass
+            reach = max(reach, float(ways[carrier - 1] + distance))
     return reach
 
 

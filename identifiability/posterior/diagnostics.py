@@ -80,7 +80,8 @@ def measure_prior_sensitivity(draws: Array, logs: Array) -> Array:
     x = x - x.mean(1, keepdims=True)
     g = g - g.mean(1, keepdims=True)
     c = np.swapaxes(x, 1, 2) @ g / x.shape[1]
-    square = (c.sum(0) ** 2 - (c**2).sum(0)).sum(-1) / (E * (E - 1))
+    pairs = c.sum(0) ** 2 - (c**2).sum(0)
+    square = pairs.sum(-1) / (E * (E - 1))
     sd = draws.reshape(-1, m).std(0)
     moved = RULES.prior_power * np.sqrt(np.maximum(square, 0.0))
     return np.divide(moved, sd, out=np.zeros(m), where=sd > 0)

@@ -52,7 +52,8 @@ class Cone:
     def contains(self, y: Array) -> np.ndarray:
         """Whether points (K, M) are inside, (K,) bool."""
         inside = (y[:, : self.rows] >= 0).all(axis=1)
-        return np.asarray(inside & positive(self._matrices(y)).all(axis=1))
+        matrices = self._matrices(y)
+        return np.asarray(inside & positive(matrices).all(axis=1))
 
     def first_exit(self, y: Array, dy: Array, limit: Array) -> tuple[Array, np.ndarray, Array]:
         """Find the first exit of the paths ``y + t dy`` before ``limit (K,)``.
@@ -120,13 +121,15 @@ class Cone:
         slopes = self.map[m:].reshape(-1, 10, p)[:, TRIANGLE]
         lower = np.linalg.inv(np.linalg.cholesky(J))
         turned = np.einsum("bij,bjkp,blk->bilp", lower, slopes, lower, optimize=True)
-        value = 2 * np.log(np.diagonal(lower, axis1=1, axis2=2)).sum() - np.log(rows).sum()
+        diagonals = np.diagonal(lower, axis1=1, axis2=2)
+        value = 2 * np.log(diagonals).sum() - np.log(rows).sum()
         scaled = self.map[:m] / rows[:, None]
         gradient = -scaled.sum(0) - np.einsum("biip->p", turned)
         return float(value), gradient, np.vstack([scaled, turned.reshape(-1, p)])
 
     def _matrices(self, y: Array) -> Array:
-        return y[:, self.rows :].reshape(len(y), -1, 10)[..., TRIANGLE]
+        numbers = y[:, self.rows :].reshape(len(y), -1, 10)
+        return numbers[..., TRIANGLE]
 
 
 def exit_through_rows(y: Array, dy: Array) -> tuple[Array, np.ndarray]:

@@ -342,7 +342,8 @@ def where_outlying(joints: Sequence[str], samples: Sequence[Dataset], found: Out
     new = (np.diff(found.log) != 0) | (found.first[1:] > found.last[:-1])
     place = np.cumsum([False, *new])
     own = place == place[at]
-    ends = log.output_times(np.array([found.first[own][0], found.last[own][-1] - 1]))
+    first, last = found.first[own][0], found.last[own][-1] - 1
+    ends = log.output_times(np.array([first, last]))
     far = float(np.sqrt(found.beyond[at, worst]))
     size = [np.abs(s.tau[s.at_outputs, worst]) for s in samples]
     parts = zip(found.log, found.first, found.last, strict=True)

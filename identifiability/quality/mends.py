@@ -137,7 +137,8 @@ def _drop_hung(log: Log) -> tuple[Log, list[Finding]]:
 
 def find_runs(x: Array) -> list[tuple[int, int]]:
     """Return runs of constant values (N, c) that are unusually long, as [first, last)."""
-    changes = np.flatnonzero((np.diff(x, axis=0) != 0).any(1)) + 1
+    moves = (np.diff(x, axis=0) != 0).any(1)
+    changes = np.flatnonzero(moves) + 1
     edges = np.concatenate([[0], changes, [len(x)]])
     lengths = np.diff(edges)
     long = lengths >= RULES.stuck * max(1.0, float(np.median(lengths)))

@@ -10,6 +10,6 @@ from __future__ import annotations
 
 from .carried import CarriedReading, ReadingEntry
 from .reading import Reading
-from .search import choose_reading
+from .search import choose_reading, contradicts
 
-__all__ = ["CarriedReading", "Reading", "ReadingEntry", "choose_reading"]
+__all__ = ["CarriedReading", "Reading", "ReadingEntry", "choose_reading", "contradicts"]

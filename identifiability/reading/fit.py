@@ -234,6 +234,12 @@ class TorqueRows:
         """Number of rows of each joint whose torque is data, (n,)."""
         return np.asarray(self.data.sum(0))
 
+    @cached_property
+    def longest_delay(self) -> float:
+        """The longest delay that is sought [s]: half a block of the shortest log."""
+        logs = [self.excerpt.t[self.excerpt.log == k] for k in np.unique(self.excerpt.log)]
+        return float(min(t[-1] - t[0] for t in logs)) / (2 * BLOCKS)
+
     # The fit of a reading.
 
     def fit(self, reading: Reading, *, adjusted: bool = False) -> Array:

@@ -74,6 +74,16 @@ def choose_reading(logs: MeasuredLogs) -> Reading | None:
     return search.choose() or find_link_side(search.rows, search.literal)
 
 
+def contradicts(logs: MeasuredLogs, reading: Reading) -> bool:
+    """Return whether logs speak against a reading that others of their samples chose.
+
+    Places of torque sensors are judged by functions of the joints alone, and are not checked.
+    """
+    if reading.link_side.any():
+        return False
+    return ReadingSearch(logs).weigh(reading) < -RULES.unseen_gain
+
+
 class ReadingSearch:
     """The search for the reading of some logs.
 
@@ -193,7 +203,9 @@ class ReadingSearch:
 
     def propose(self) -> Iterator[Reading]:
         """Yield all readings that are tried."""
-        yield from self.candidates.of_torque()
+        longest = self.rows.longest_delay
+        readings = self.candidates.of_torque()
+        yield from (r for r in readings if np.abs(r.delay).max(initial=0.0) <= longest)
         if self.rows.turns_gravity:
             yield from self.propose_gravity()
         yield from self.propose_positions()
@@ -381,7 +393,9 @@ def tune_numbers(rows: TorqueRows, reading: Reading) -> Reading:
         step = sampling_step(rows.excerpt.pieces[0].motion.t)
         # A shift by whole samples smooths no noise.
         for factors in (COARSE, NEAR):
-            shifts = {round(x * float(np.abs(reading.delay).max()) / step) for x in factors}
+            delay = float(np.abs(reading.delay).max())
+            sought = np.minimum(factors * delay, rows.longest_delay)
+            shifts = {round(x / step) for x in sought.tolist()}
             delays = [np.sign(reading.delay) * step * shift for shift in sorted(shifts)]
             reading = min((replace(reading, delay=delay) for delay in delays), key=misfit)
         sample = np.sign(reading.delay) * step

@@ -26,7 +26,7 @@ Present = Collection[tuple[str, str]]
 #: Why a family is not tried where it is.
 HAS = "the model has it already"
 #: Samples that columns are computed of at a time.
-PIECE = 4096
+PIECE = 8192
 
 #: Torque (N,) by joint and column, where it is not zero everywhere.
 Entries = dict[tuple[int, int], Array]

@@ -377,7 +377,8 @@ class Information:
         ----------
         change : (k + 1,) or (k + 1, m)
         """
-        return np.array([np.square(p.root @ x).sum(0) for p, x in self.of_actuators(change)])
+        parts = self.of_actuators(change)
+        return np.array([np.square(p.root @ x).sum(0) for p, x in parts])
 
     def squares_of_blocks(self, change: Array) -> Array:
         """Return each actuator's sum of squares of ``[W τ] x`` in each block, (…, B, n).

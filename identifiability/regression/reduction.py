@@ -159,7 +159,8 @@ def find_ladder(
     if isinstance(found, (str, Path)):
         entry = read_ladder(found)
         origin = str(found) if ladder is not None else Path(found).name
-        return LadderSource(entry, origin, hashlib.sha256(Path(found).read_bytes()).hexdigest())
+        digest = hashlib.sha256(Path(found).read_bytes())
+        return LadderSource(entry, origin, digest.hexdigest())
     if found is None:
         entry = default_ladder(robot)
         origin = "default"
@@ -169,7 +170,8 @@ def find_ladder(
     else:
         entry = found.to_ladder()
         origin = "given as a result"
-    return LadderSource(entry, origin, hashlib.sha256(ladder_text(entry).encode()).hexdigest())
+    digest = hashlib.sha256(ladder_text(entry).encode())
+    return LadderSource(entry, origin, digest.hexdigest())
 
 
 def choose_model(model: ModelLike | None, default: Sequence[str]) -> Model:
@@ -509,7 +511,8 @@ def leave_to_terms(structure: Structure, R: Array, phi: Array) -> Array:
         share = np.maximum(free / length, least)
         out[own] -= P @ share
         out[terms] += share
-        out[own[~R[:, own].any(axis=0)]] = 0.0
+        nothing = ~R[:, own].any(axis=0)
+        out[own[nothing]] = 0.0
     return out
 
 

@@ -152,7 +152,8 @@ def _read_effects(texts: Iterable[str]) -> list[Effect]:
     by_name: dict[str, list[str]] = {}
     for text in texts:
         name = text.partition("@")[0]
-        by_name.setdefault(name.partition(".")[0] if "@" in text else name, []).append(text)
+        family = name.partition(".")[0] if "@" in text else name
+        by_name.setdefault(family, []).append(text)
     return [_read_effect(name, dict.fromkeys(written)) for name, written in by_name.items()]
 
 
@@ -377,7 +378,8 @@ class LogPart:
 
     def _pieces(self, samples: Dataset, widths: Sequence[int]) -> Iterable[Piece]:
         """Return pieces of a number of samples, or of as many as its columns allow."""
-        most = PIECE_BYTES // (8 * len(self.regression.robot.actuated) * sum(widths))
+        bytes_per_row = 8 * len(self.regression.robot.actuated) * sum(widths)
+        most = PIECE_BYTES // bytes_per_row
         # With few samples, a strong filter would read many more around them, for each piece anew.
         reach = 1 if samples.decimation is None else samples.decimation.reach
         return samples.pieces(min(max(CHUNK, REACHES * reach), max(most, reach)))

@@ -109,7 +109,8 @@ def invert(A: Array) -> tuple[Array, Array]:
         singular = np.array([np.linalg.matrix_rank(a) < len(a) for a in A])
         inverse = np.linalg.inv(np.where(singular[:, None, None], np.eye(A.shape[1]), A))
         inverse[singular] = np.nan
-    condition = np.abs(A).sum(1).max(1) * np.abs(inverse).sum(1).max(1)
+    norm, norm_of_inverse = (np.abs(x).sum(1).max(1) for x in (A, inverse))
+    condition = norm * norm_of_inverse
     return inverse, np.nan_to_num(condition, nan=np.inf)
 
 
@@ -424,7 +425,8 @@ class Motion:
         if self.smooth_v is None:
             return np.sign(speed)
         smooth = (row * self.smooth_v[:, 0]).sum(1)
-        sd = np.sqrt((row**2 * self.smooth_v[:, 1] ** 2).sum(1))
+        variance = (row**2 * self.smooth_v[:, 1] ** 2).sum(1)
+        sd = np.sqrt(variance)
         sure = 10.0 * np.sign(smooth)  # whose error function is one
         share = np.divide(smooth, np.sqrt(2.0) * sd, out=sure, where=sd > 0)
         sign: Array = scipy.special.erf(share)
@@ -553,8 +555,10 @@ def _free(robot: Description, motion: Motion, touch: Array | None) -> Motion:
 
 def count_independent(A: Array) -> int:
     """Return the number of independent rows of a Jacobian (m, nv)."""
-    r, _ = scipy.linalg.qr(A.T / (np.abs(A).max(initial=0.0) or 1.0), mode="r", pivoting=True)
-    return int((np.abs(np.diag(r)) > ROUNDOFF).sum())
+    largest = np.abs(A).max(initial=0.0) or 1.0
+    r, _ = scipy.linalg.qr(A.T / largest, mode="r", pivoting=True)
+    diagonal = np.abs(np.diag(r))
+    return int((diagonal > ROUNDOFF).sum())
 
 
 # Along a motion: torque of the actuated joints, known torque, and rest positions of springs.

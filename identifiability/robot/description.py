@@ -656,7 +656,8 @@ class Description(Stated):
     def configuration(self, q: Array) -> Array:
         """Return full configurations (N, nq) with actuated positions `q`, the rest at home."""
         full = np.repeat(self.home[None], len(q), 0)
-        full[:, [self.tree.single[name].iq for name in self.joints]] = q
+        places = [self.tree.single[name].iq for name in self.joints]
+        full[:, places] = q
         return full
 
     def describe_home(self) -> str:

@@ -225,7 +225,8 @@ def release_root(root: ET.Element, base: str | None) -> tuple[ET.Element, str]:
         first[0].set("type", "fixed")
         return root, ""
     root.remove(first[0])
-    root.remove(next(link for link in root.findall("link") if link.get("name") == top))
+    links = root.findall("link")
+    root.remove(next(link for link in links if link.get("name") == top))
     return root, first[0].get("name", "")
 
 

@@ -154,7 +154,8 @@ def base_acceleration(acc: Array, omega: Array, alpha: Array) -> Array:
         Angular velocity and acceleration. All are along the axes of the base.
     """
     x, y, z = omega.T
-    return np.hstack([acc, alpha - np.stack([y * z, -x * z, x * y], 1)])
+    spin = np.stack([y * z, -x * z, x * y], 1)
+    return np.hstack([acc, alpha - spin])
 
 
 def contact_jacobian(

@@ -28,7 +28,8 @@ def basis_along(axis: Array) -> Array:
     axis = axis / np.linalg.norm(axis)
     first = np.zeros(3)
     # The coordinate after the largest is never along the axis.
-    first[(int(np.argmax(np.abs(axis))) + 1) % 3] = 1.0
+    longest = int(np.argmax(np.abs(axis)))
+    first[(longest + 1) % 3] = 1.0
     first -= (first @ axis) * axis
     first /= np.linalg.norm(first)
     return np.stack([first, np.cross(axis, first), axis], 1)
@@ -46,7 +47,8 @@ def shortest_turn(start: Array, end: Array) -> Array:
 
 def turn(vector: Array, step: Array) -> Array:
     """Return a vector (3,) turned by a rotation vector (3,)."""
-    out: Array = scipy.spatial.transform.Rotation.from_rotvec(step).apply(vector)
+    rotation = scipy.spatial.transform.Rotation.from_rotvec(step)
+    out: Array = rotation.apply(vector)
     return out
 
 

@@ -313,7 +313,8 @@ def expand_includes(path: Path, root: ET.Element, found: list[Path], room: int) 
                 )
             check_files(path, path, *found, most=MOST_TEXT)
             inner = parse_xml(file, ("mujoco", "mujocoinclude"), room)
-            room = expand_includes(path, inner, found, room - sum(1 for _ in inner.iter()))
+            elements = sum(1 for _ in inner.iter())
+            room = expand_includes(path, inner, found, room - elements)
             at = list(parent).index(child)
             parent[at : at + 1] = list(inner)
     return room
@@ -456,7 +457,8 @@ def read_included(path: Path) -> tuple[ET.Element, list[Path]]:
     found: list[Path] = []
     root = parse_xml(path, ROOTS)
     if root.tag == "mujoco":
-        expand_includes(path, root, found, MOST_ELEMENTS - sum(1 for _ in root.iter()))
+        elements = sum(1 for _ in root.iter())
+        expand_includes(path, root, found, MOST_ELEMENTS - elements)
     _check_size(path, root)
     return root, found
 

@@ -248,7 +248,8 @@ def find_outside(m: Any, extra: Sidecar, ties: Sequence[set[int]]) -> Strings:
     reached.discard(-1)
     while more := {k for tie in ties if tie & reached for k in tie - reached} - {-1}:
         reached |= more
-    first = {int(tree): b for b, tree in reversed([*enumerate(m.body_treeid)]) if tree >= 0}
+    trees = reversed([*enumerate(m.body_treeid)])
+    first = {int(tree): b for b, tree in trees if tree >= 0}
     return tuple(m.body(b).name for k, b in sorted(first.items()) if reached and k not in reached)
 
 

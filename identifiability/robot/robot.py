@@ -65,7 +65,8 @@ def ten_parameters(mass: float, centre: Point, inertia: Moments) -> Array:
             "A body has a mass, a centre of three numbers and an inertia of three moments or a "
             "(3, 3) tensor about that centre; give finite numbers."
         )
-    theta = np.array(pin.Inertia(mass, c, 0.5 * (about + about.T)).toDynamicParameters())
+    body = pin.Inertia(mass, c, 0.5 * (about + about.T))
+    theta = np.array(body.toDynamicParameters())
     if not np.allclose(about, about.T, rtol=TINY) or mass < 0 or not possible(theta):
         raise RobotError(
             f"No real body has a mass of {mass:g} kg and these moments of inertia about its "
@@ -76,7 +77,8 @@ def ten_parameters(mass: float, centre: Point, inertia: Moments) -> Array:
 
 def possible(theta: Array) -> bool:
     """Return whether some real body has these ten parameters."""
-    return least_eigenvalue(theta) >= -TINY * float(np.abs(theta).max())
+    largest = float(np.abs(theta).max())
+    return least_eigenvalue(theta) >= -TINY * largest
 
 
 # Robots that are changed in code: other numbers in a copy of the file, or another file.

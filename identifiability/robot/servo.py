@@ -161,7 +161,8 @@ class Servo:
         """
         each = [np.split(doubt, 2) for doubt in self.doubt]
         gains = [replace(self, kp=self.kp * (1 + share), kv=self.kv + more) for more, share in each]
-        older = replace(self, rate=self.rate / (1 + 1 / np.sqrt(3)))
+        slower = self.rate / (1 + 1 / np.sqrt(3))
+        older = replace(self, rate=slower)
         return (*gains, older) if self.assumed else tuple(gains)
 
 

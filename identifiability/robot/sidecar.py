@@ -109,7 +109,8 @@ class KnownTorque(Strict):
                 "and nothing is extrapolated; measure it there too, or leave these samples out."
             )
         if self.table:
-            return np.asarray(np.interp(position, *np.array(sorted(self.table)).T))
+            positions, forces = np.array(sorted(self.table)).T
+            return np.asarray(np.interp(position, positions, forces))
         found: Array = np.polynomial.polynomial.polyval(position, self.polynomial)
         return found
 

@@ -163,7 +163,8 @@ def write_table(table: str | Path | Mapping[str, Any], out: str | Path) -> Strin
     notes = (f"{listing(guessed)} {ball}",) if guessed else ()
     top = _urdf(read)
     _check_names(top, source)
-    top.insert(0, ET.Comment(for_xml_comment(" ".join([f"From {source}.", *notes]))))
+    said = " ".join([f"From {source}.", *notes])
+    top.insert(0, ET.Comment(for_xml_comment(said)))
     ET.indent(top)
     sidecar = {"name": read.name} | read.sidecar.model_dump(mode="json", exclude_unset=True)
     sidecar |= {"guessed": guessed} if guessed else {}
@@ -293,7 +294,8 @@ def converted_mjcf(robot: Description) -> ET.Element:
     """Return the file, with placeholders for inertias; loops are connections of sites."""
     top = ET.Element("mujoco", model=robot.title)
     ET.SubElement(top, "compiler", angle="radian")
-    ET.SubElement(top, "option", gravity=numbers(np.array(robot.model.gravity.linear)))
+    gravity = np.array(robot.model.gravity.linear)
+    ET.SubElement(top, "option", gravity=numbers(gravity))
     bodies = {GROUND: ET.SubElement(top, "worldbody")}
     for name, above, joints in body_joints(robot, GROUND):
         seen = [pin.SE3.Identity()]  # of the joints in the last one, where all of them are at zero

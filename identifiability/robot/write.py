@@ -97,7 +97,10 @@ def _edited_tag(old: str, new: str) -> str:
 
     bare = old.rstrip("/>").rstrip()
     end = old[len(bare) :] if old.endswith("/>") == new.endswith("/>") else new[-2:].lstrip('"')
-    return _ATTRIBUTE.sub(keep, bare) + "".join(f" {k}={x}" for k, x in said.items()) + end
+    kept = _ATTRIBUTE.sub(keep, bare)
+    # The attributes that the old tag has were taken out of `said`.
+    added = "".join(f" {k}={x}" for k, x in said.items())
+    return kept + added + end
 
 
 def _alike(text: str, other: str) -> bool:
@@ -445,7 +448,8 @@ def _write_joints(top: ET.Element, robot: Description, joints: Mapping[str, Numb
     for name, stated in joints.items():
         if name not in others:
             element = elements[name]
-            own = {w: x for w, x in stated.items() if x or w in {*defaults, *element.attrib}}
+            listed = {*defaults, *element.attrib}
+            own = {w: x for w, x in stated.items() if x or w in listed}
             _write_joint(element, robot, name, own if robot.mjcf else stated, degrees=degrees)
 
 
@@ -539,7 +543,8 @@ def _write_urdf_inertial(
     top: ET.Element, body: str, mass: float, centre: Array, inertia: Array
 ) -> None:
     links = top.findall("link")
-    urdf_inertial(next(link for link in links if link.get("name") == body), mass, centre, inertia)
+    link = next(link for link in links if link.get("name") == body)
+    urdf_inertial(link, mass, centre, inertia)
     hosts = {
         child.get("link"): parent.get("link")
         for joint in top.iterfind("joint[@type='fixed']")

@@ -328,7 +328,9 @@ def parse_hidden(text: str, laws: Mapping[str, Law] | None = None) -> Hidden:
 def scaled(force: Array, tau: Array, share: float) -> Array:
     """Return a force (N,) or (N, n) scaled to a share of the rms of a torque of that shape."""
     size = np.sqrt(np.mean(force**2))
-    return force * (share * np.sqrt(np.mean(tau**2)) / size) if size > 0 else force
+    if not size > 0:
+        return force
+    return force * (share * np.sqrt(np.mean(tau**2)) / size)
 
 
 def hidden_torque(
@@ -383,7 +385,8 @@ def _record(move: PrescribedMotion, tau: Array, k: int, name: str) -> Array:
         since = np.concatenate([t - t[0] for t in np.split(move.t, seams)])
         return since - 0.4 * since.max() if name == "torque_drift" else since * move.dq[:, k]
     # Warm-up about a calibration in the middle: the drift has zero mean, so that it is no offset.
-    drift = 1.0 - np.exp(-(move.t - move.t[0]) / (0.5 * np.ptp(move.t) or 1.0))
+    time_constant = 0.5 * np.ptp(move.t) or 1.0
+    drift = 1.0 - np.exp(-(move.t - move.t[0]) / time_constant)
     return drift - drift.mean()
 
 

@@ -228,7 +228,8 @@ class ForwardRobot:
         options.disableflags &= ~int(disabled.mjDSBL_CONSTRAINT | disabled.mjDSBL_ACTUATION | on)
         options.disableflags |= int(disabled.mjDSBL_CONTACT)
         # Loose joints, the only ones without a name, have ends.
-        self.model.jnt_limited[[k for k in range(self.model.njnt) if self.model.joint(k).name]] = 0
+        named = [k for k in range(self.model.njnt) if self.model.joint(k).name]
+        self.model.jnt_limited[named] = 0
         options.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
 
     def home(self) -> Array:

@@ -122,7 +122,8 @@ def _take_meshes(robot: Robot, root: ET.Element) -> dict[str, bytes]:
     found = dict[str, bytes]()
     for k, mesh in enumerate(root.iterfind("link/collision/geometry/mesh")):
         name = mesh.get("filename", "").removeprefix("package://").removeprefix("file://")
-        places = [place / name for place in (folder, *list(folder.parents)[:3])]
+        folders = (folder, *list(folder.parents)[:3])
+        places = [place / name for place in folders]
         check_files(robot.path, *places)
         mesh.set("filename", f"{k}_{Path(name).name}")
         found |= {mesh.get("filename", ""): p.read_bytes() for p in places[::-1] if p.is_file()}

@@ -72,7 +72,8 @@ class Noise:
         if text in named:
             return named[text]
         known = list(Noise.__dataclass_fields__)
-        given = dict(part.replace(" ", "").partition("=")[::2] for part in text.split(","))
+        settings = text.replace(" ", "").split(",")
+        given = dict(part.partition("=")[::2] for part in settings)
         try:
             values = {name: float(number) for name, number in given.items()}
         except ValueError:

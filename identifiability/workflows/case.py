@@ -24,10 +24,11 @@ import numpy as np
 
 from identifiability.effects import FAMILIES, default_effects
 from identifiability.effects.friction import PassiveJointFriction
+from identifiability.effects.measurement import TorqueScale
 from identifiability.estimation.cutoff import has_choice, tune_cutoff
 from identifiability.estimation.estimate import Kind, Method, Outliers, find_estimator, with_known
 from identifiability.estimation.estimator import Estimator
-from identifiability.estimation.groups import MissingEffects, describe_term, find_missing
+from identifiability.estimation.groups import MissingEffects, Share, describe_term, find_missing
 from identifiability.estimation.mixed_model import Term
 from identifiability.estimation.motion import MotionChoice, choose_motion, read_records
 from identifiability.foundation.errors import LogError
@@ -53,7 +54,7 @@ from identifiability.physical.cad_prior import load_by_fit
 from identifiability.quality import MeasuredLogs, find_always, find_oddities
 from identifiability.quality.hints import leave_out_rows, weigh_rows
 from identifiability.quality.recordings import LogLike, Logs, Recordings, list_logs, read_recordings
-from identifiability.reading import CarriedReading, Reading, choose_reading
+from identifiability.reading import CarriedReading, Reading, choose_reading, contradicts
 from identifiability.reading.rules import RULES
 from identifiability.regression.information import Information, gather_information
 from identifiability.regression.reduction import (
@@ -493,10 +494,11 @@ class Case:
             return self.stages.once(check_logs, unchecked, None)
         if recordings.long and most is None:
             most = most_rows(recordings.fitted)
-        how = self.widest_band(motion)
-        rows = self.prepared(structure.robot, motion.recordings, how, run, most)
-        searched = self.gathered(structure, recordings, how, rows)
-        reading = self.stages.once(seek_reading, searched)
+        bands = list[Data]()
+        for how in (self.widest_band(motion), motion.how):
+            rows = self.prepared(structure.robot, motion.recordings, how, run, most)
+            bands.append(self.gathered(structure, recordings, how, rows))
+        reading = self.stages.once(seek_reading, *bands)
         return self.stages.once(check_logs, unchecked, reading)
 
     def widest_band(self, motion: Motions) -> Preparation:
@@ -634,8 +636,12 @@ class Case:
         """
         if data.recordings.commanded:
             return data
-        named = (t for t in data.missing.named if t.odds >= RULES.log_odds)
-        terms = [t for t in named if t.group.family in COMPLETED]
+        named = data.missing.shares[: len(data.missing.named)]
+        sure = [s for s in named if s.term.odds >= RULES.log_odds]
+        units = [ask_for_unit(s) for s in sure if is_another_unit(s)]
+        data = replace(data, hints=(*data.hints, *units))
+        sure = [s for s in sure if not is_another_unit(s)]
+        terms = [s.term for s in sure if s.term.group.family in COMPLETED]
         if not terms:
             return data
         return self.at_fit(self.stages.once(complete_model, data, tuple(terms)), run)
@@ -869,9 +875,23 @@ def _tell_motion(how: Preparation) -> tuple[str, ...]:
     return (how.reason,) if isinstance(how, CommonPreparation) and how.reason else ()
 
 
-def seek_reading(data: Data) -> Reading | None:
-    """Return another reading of the logs that the fitted rows surely prefer, if there is one."""
-    return None if data.silence else choose_reading(data.measured)
+def seek_reading(widest: Data, own: Data) -> Reading | None:
+    """Return another reading of the logs that the fitted rows surely prefer, if there is one.
+
+    Noise of the motion can imitate a reading in the widest band. So the band of the literal reading
+    must not contradict it.
+
+    Parameters
+    ----------
+    widest, own : Data
+        The logs in the widest band, which chooses, and in the band of the literal reading.
+    """
+    if widest.silence:
+        return None
+    reading = choose_reading(widest.measured)
+    if reading is not None and own is not widest and contradicts(own.measured, reading):
+        return None
+    return reading
 
 
 def check_logs(data: Data, reading: Reading | None) -> Data:
@@ -925,6 +945,20 @@ def with_samples(data: Data, samples: tuple[Dataset, ...], regression: Regressio
     if samples is data.samples:
         return data
     return replace(data, samples=samples, regression=regression)
+
+
+def is_another_unit(share: Share) -> bool:
+    """Return whether a scale of a joint's torque is wrong by more than this torque.
+
+    No motor constant is so wrong. It is a unit, and the file's masses may contradict the model's
+    choice of the joint that has it.
+    """
+    return share.term.group.family == TorqueScale.name and bool((np.abs(share.value) > 1.0).any())
+
+
+def ask_for_unit(share: Share) -> Finding:
+    """Return the question whether a joint's torque has another unit than that of other joints."""
+    return Finding("question", text=phrase("question", "unit", joint=share.term.group.place))
 
 
 def complete_model(data: Data, terms: Sequence[Term]) -> Data:

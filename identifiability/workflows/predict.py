@@ -923,7 +923,8 @@ class PositionPrediction(Result):
     def totals(self) -> Array:
         """Error of each run over these joints (rms), (runs,)."""
         errors = np.array([run.errors for run in self.runs])
-        return np.asarray(np.sqrt(np.mean(errors[:, self.alike] ** 2, axis=1)))
+        squares = np.mean(errors[:, self.alike] ** 2, axis=1)
+        return np.asarray(np.sqrt(squares))
 
     def write(self, path: str | Path) -> Path:
         """Write positions sample by sample, measured and simulated, as CSV or Parquet.

@@ -80,7 +80,8 @@ class Sides:
         LogError
         """
         seen = Excerpt.of(self.regression, EXCERPT)
-        fewest = int(np.bincount(seen.log, minlength=len(self.samples)).min())
+        rows = np.bincount(seen.log, minlength=len(self.samples))
+        fewest = int(rows.min())
         if fewest < LOG_RULES.fewest or fewest * len(seen.robot.joints) <= values:
             raise LogError(Finding("sides.few", samples=fewest, values=values))
         return seen

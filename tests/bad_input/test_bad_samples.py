@@ -51,7 +51,7 @@ def test_it_is_named_and_weighs_nothing(frame, fault, analysed):
     bad = analyze("two-link", Log.from_frame(spoilt, "a"), replicates=100)
     assert good.hints == ()
     (hint,) = bad.hints
-    assert hint.startswith("a: one value lies far from those before and after")
+    assert hint.startswith("a: one value lies too far from the neighbouring rows")
     assert named in hint
     assert hint in bad.statement
     moved = np.abs(bad.full.estimate.value - good.full.estimate.value)
@@ -67,6 +67,6 @@ def test_a_burst_that_is_no_single_sample_is_told_by_every_verb(frame):
         prune("two-link", log, replicates=20),
         diagnose("two-link", log, quick=True, forward=False),
     ):
-        (hint,) = (h for h in found.hints if " is weighed down in the fit: " in h)
+        (hint,) = (h for h in found.hints if " rows less weight; " in h)
         assert "the torque of elbow is up to " in hint
         assert hint.startswith(("a from t = 2.", "a, part 1 from t = 2."))

@@ -50,4 +50,4 @@ def test_a_motion_near_a_singular_configuration_is_reported_with_its_row():
     row = int(samples.motion.near_singular[0]) + 1
     assert 190 < row <= 201  # the middle of the motion
     assert f"first in data row {row}, condition number up to" in note
-    assert "torques there are amplified errors" in note
+    assert "small motion errors become large torque errors there" in note

@@ -31,3 +31,18 @@ def test_the_same_stretches_are_looked_at(derivatives, few, sizes, frame_of, sav
         found = getattr(parts.motion, name)
         np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-8 * np.abs(wanted).max())
     np.testing.assert_array_equal(parts.tau, whole.tau)
+
+
+@pytest.mark.parametrize("derivatives", [True, False])
+def test_windows_lie_where_the_joints_move(derivatives, few, sizes, frame_of, saved):
+    frame = frame_of("two-link", periods=7, samples=2000, derivatives=derivatives)
+    moving = (2000, 8000)
+    still = (frame.index < moving[0]) | (frame.index > moving[1])
+    frame.loc[still, [c for c in frame if c.endswith(".q")]] = 0.3
+    sizes()
+    found = prepare_excerpt(Robot.load("two-link"), Log.read(saved(frame)), None, 120)
+    first, last = frame.t[list(moving)]
+    times = found.output_times()
+    assert np.mean((times >= first) & (times <= last)) > 0.9
+    assert [hint.key for hint in found.hints] == ["excerpt"]
+    assert "in 3 windows" in found.hints[0]

@@ -140,7 +140,8 @@ def read_sheet(path: Path, _: Conventions) -> Whole:
         lineterminator="\n",
     )
     form = find_form(text, "utf-8")
-    rows = sheet.iloc[form.lines :].reset_index(drop=True).set_axis(list(form.columns), axis=1)
+    data = sheet.iloc[form.lines :].reset_index(drop=True)
+    rows = data.set_axis(list(form.columns), axis=1)
     others = [other for other in filled if other != name]
     notes = form.notes
     if others:

@@ -330,8 +330,9 @@ class Dataset:
             where = p.moves
             rows = rows + where.sum(0)
             # As measured: low-passed torque changes near rows that are no data.
-            low = raw.min(0, initial=np.inf, where=where)
-            ends.append(np.stack([low, raw.max(0, initial=-np.inf, where=where)]))
+            lowest = raw.min(0, initial=np.inf, where=where)
+            highest = raw.max(0, initial=-np.inf, where=where)
+            ends.append(np.stack([lowest, highest]))
         low, high = np.stack(ends, 1)
         ranges = [find_range(x) for x in (m.actuated_q, m.actuated_v, m.actuated_a)]
         start, stop = (m.t[0], m.t[-1]) if len(m) else (np.nan, np.nan)

@@ -1,7 +1,8 @@
 """Excerpts of prepared logs: a diagnosis evaluates many models on few rows.
 
-For long logs, evenly spaced stretches are prepared. Measured derivatives need no filter. To have
-fewer rows, torque and columns are still low-passed at ten times the bandwidth of the motion.
+For long logs, stretches with equal shares of the motion are prepared. Measured derivatives need no
+filter. To have fewer rows, torque and columns are still low-passed at ten times the bandwidth of
+the motion.
 """
 
 from __future__ import annotations
@@ -11,19 +12,28 @@ from dataclasses import replace
 
 import numpy as np
 
+from identifiability.foundation.findings import Finding
+from identifiability.foundation.linalg import or_one
 from identifiability.logs import Log, signals
 from identifiability.logs.log import join_logs
+from identifiability.logs.rows import forget
 from identifiability.logs.rules import RULES
 from identifiability.logs.spectrum import bandwidth_of_windows
 from identifiability.robot import Robot
 
 from .dataset import Dataset, prepare_log
-from .preparation import Preparation
+from .preparation import Preparation, make_plan
 
 #: Samples after decimation that a diagnosis looks at in one log, and in all that are fitted; more
 #: are thinned to stretches.
 MOST_SAMPLES, MOST_IN_ALL = 3000, 4000
 STRETCH = 300
+
+#: An hour [s].
+HOUR = 3600.0
+
+#: Samples of each stretch of a long log from which its motion is measured.
+LOOKS = 64
 
 
 def most_rows(logs: Sequence[Log]) -> int:
@@ -40,7 +50,7 @@ def prepare_excerpt(
     ----------
     robot : Robot
     log : Log
-        Of a long one evenly spaced stretches are prepared.
+        Of a long one stretches with equal shares of its motion are prepared.
     how : Preparation or None
         None decimates measured derivatives.
     most : int
@@ -51,10 +61,50 @@ def prepare_excerpt(
         how = Preparation(decimate=factor) if factor > 1 else Preparation()
     # This many times as many samples are read, in longer stretches.
     read = 40
-    if log.long and len(log) > read * most:
-        windows = spread(len(log), read * STRETCH, most // STRETCH)
-        log = join_logs([log.rows(a, b) for a, b in windows])
-    return thin(prepare_log(robot, log, how), most)
+    if not (log.long and len(log) > read * most):
+        return thin(prepare_log(robot, log, how), most)
+    windows = share_motion(log, read * STRETCH, most // STRETCH)
+    joined = join_logs([log.rows(a, b) for a, b in windows])
+    samples = thin(prepare_log(robot, joined, how), most)
+    # Gaps between windows are no gaps of the log.
+    hints = make_plan(robot, log, how).hints
+    return replace(samples, hints=(*hints, _tell_windows(log, windows)))
+
+
+def share_motion(log: Log, length: int, most: int) -> list[tuple[int, int]]:
+    """Return at most `most` stretches (start, stop) of a length, with equal shares of the motion.
+
+    Hours at rest hold no information. The path of all joints, in their standard deviations, is
+    divided into equal parts, and a stretch lies about the middle of each.
+    """
+    count = max(1, min(most, len(log) // length))
+    step = max(1, length // LOOKS)
+    q = log.q[::step]
+    forget()
+    travel = np.abs(np.diff(q, axis=0)) / or_one(q.std(axis=0))
+    path = np.cumsum(travel.sum(axis=1))
+    middles = path[-1] * (np.arange(count) + 0.5) / count
+    centres = step * np.searchsorted(path, middles)
+    starts = []
+    earliest = 0
+    for k, centre in enumerate(centres.tolist()):
+        latest = len(log) - (count - k) * length
+        starts.append(min(max(centre - length // 2, earliest), latest))
+        earliest = starts[-1] + length
+    return [(start, start + length) for start in starts]
+
+
+def _tell_windows(log: Log, windows: Sequence[tuple[int, int]]) -> Finding:
+    """Return the finding that says which windows of a long log are looked at."""
+    start, stop = windows[0]
+    return Finding(
+        "excerpt",
+        log.name,
+        count=len(windows),
+        seconds=float(log.t[stop - 1] - log.t[start]),
+        hours=(log.clock.last - log.clock.first) / HOUR,
+        where=", ".join(f"{log.t[a]:.0f}" for a, _ in windows),
+    )
 
 
 def thin_prepared(

@@ -82,7 +82,8 @@ class Smoothing:
         noisy = level > RULES.negligible * size
         if not noisy.any():
             return None
-        band = float(Spectrum.of(windows, dt, 1).bandwidths().max(initial=0.0))
+        widths = Spectrum.of(windows, dt, 1).bandwidths()
+        band = float(widths.max(initial=0.0))
         cutoff = min(max(RULES.cutoff_wide * band, RULES.cutoff_lowest), 0.45 / dt)
         sd = np.sqrt(2 * cutoff * dt) * level
         at_rest = np.sqrt(np.mean([noise_at_rest(x) for x in windows], axis=0))

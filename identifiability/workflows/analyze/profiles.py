@@ -202,7 +202,8 @@ class ConsistentNumbers:
         if name in names and known[names.index(name)]:
             root = float(roots[names.index(name)])
         x = np.linalg.lstsq(self.model.to_x.T, direction, rcond=None)[0]
-        apart = np.abs(direction - x @ self.model.to_x).max()
+        outside = direction - x @ self.model.to_x
+        apart = np.abs(outside).max()
         used = np.abs(x) > NEARLY * np.abs(x).max(initial=0.0)
         if apart > NEARLY * np.abs(direction).max() or not estimate.determined[used].all():
             return float("nan"), np.inf, root**2

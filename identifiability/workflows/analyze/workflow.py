@@ -123,7 +123,8 @@ def predict_everywhere(
     regression = replace(data.unseen or data.regression, dwelling=True)
     folds = None if data.validation else folds
     values = fit.values[None] if folds is None else fit.turned
-    return predict_all(regression, [Task(values[:, :, [account]], folds, kept=False)])[0]
+    task = Task(values[:, :, [account]], folds, kept=False)
+    return predict_all(regression, [task])[0]
 
 
 # The whole way from logs to the answer.

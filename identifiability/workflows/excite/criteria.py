@@ -56,7 +56,8 @@ class LogDet:
         c = self.chosen
         others = np.setdiff1d(np.arange(G.shape[1]), c)
         gain = _log_det(unit) - _log_det(unit[:, others][:, :, others])
-        gain = gain + 2 * np.log(length[:, c]).sum(1)
+        log_lengths = np.log(length[:, c])
+        gain = gain + 2 * log_lengths.sum(1)
         cost: Array = -gain / (2 * len(c))
         return cost
 
@@ -102,7 +103,8 @@ class Discrimination:
 
     def cost(self, G: Array) -> Array:
         """Return half the logarithm of the mean of one over one more than the squares, (m,)."""
-        cost: Array = 0.5 * np.log(np.mean(1.0 / (1.0 + self.squares(G)), axis=0))
+        left = 1.0 / (1.0 + self.squares(G))
+        cost: Array = 0.5 * np.log(np.mean(left, axis=0))
         return cost
 
     def figure(self, cost: float) -> float:
@@ -124,7 +126,8 @@ class Discrimination:
         size, rest = length[:, ask.own] * ask.values, np.append(np.arange(self.model), other)
         S, base = unit[:, ask.own][:, :, ask.own], unit[:, rest][:, :, rest]
         cross = unit[:, rest][:, :, ask.own]
-        S = S - cross.transpose(0, 2, 1) @ np.linalg.solve(base + TINY * np.eye(len(rest)), cross)
+        steady = base + TINY * np.eye(len(rest))
+        S = S - cross.transpose(0, 2, 1) @ np.linalg.solve(steady, cross)
         squares: Array = np.maximum(np.einsum("mi,mij,mj->m", size, S, size), 0.0)
         return squares
 
@@ -148,7 +151,8 @@ def scaled(G: Array) -> tuple[Array, Array]:
 
 def _log_det(G: Array) -> Array:
     """Return log-determinants of scaled Gram matrices (m, k, k); 0 × 0 ones have 0."""
-    total: Array = np.linalg.slogdet(G + TINY * np.eye(G.shape[1]))[1]
+    steady = G + TINY * np.eye(G.shape[1])
+    total: Array = np.linalg.slogdet(steady)[1]
     return total
 
 
@@ -267,7 +271,8 @@ def gather_known(regression: Regression) -> Known:
     information = gather_information(regression)
     fit = estimate(information)
     noise = fit.variance * fit.times  # that an average over many samples has
-    weights = 1.0 / np.maximum(noise, TINY * float(noise.max()) or 1.0)
+    least = TINY * float(noise.max()) or 1.0
+    weights = 1.0 / np.maximum(noise, least)
     R = information.factor(weights)[:k, :k]
     planned = information.samples / len(samples)
     return Known(R.T @ R, weights, planned, fit.value, given_paths(samples))

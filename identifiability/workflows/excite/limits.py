@@ -139,7 +139,8 @@ def _choose_limit(stated: Any, filed: Array, likely: Array) -> tuple[Any, bool]:
     if stated is not None:
         return stated, False
     unknown = ~np.isfinite(filed)
-    return np.where(unknown, likely, filed), bool((unknown & np.isfinite(likely)).any())
+    chosen = np.where(unknown, likely, filed)
+    return chosen, bool((unknown & np.isfinite(likely)).any())
 
 
 def _read(given: LimitsLike | None, known: Sequence[str]) -> LimitsFile:

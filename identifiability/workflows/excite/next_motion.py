@@ -199,7 +199,8 @@ class Bench:
         first, ((own,), *others) = _find_columns(d, question, effects)
         known = gather_known(question.along(d.samples))
         by_name = dict(zip(p.parameters, p.values, strict=True))
-        values = np.array([by_name[one.name] for one in Placed([named]).parameters(d.robot)])
+        parameters = Placed([named]).parameters(d.robot)
+        values = np.array([by_name[one.name] for one in parameters])
         asks = _ask_rivals(known.G, own, values, others)
         aim = Discrimination(first, asks)
         names = (text, *(f"{r.family}@{r.place}" for r in rivals))
@@ -211,13 +212,15 @@ class Bench:
         If a rival contains the effect, no motion separates them unless the rival is true.
         """
         asks = self.aim.asks
-        whole = np.array([a.values @ G[np.ix_(a.own, a.own)] @ a.values for a in asks])
+        blocks = [G[np.ix_(a.own, a.own)] for a in asks]
+        whole = np.array([a.values @ g @ a.values for a, g in zip(asks, blocks, strict=True)])
         left = self.aim.squares(G[None])[:, 0]
         return np.reshape(left > (1.0 - SAME**2) * whole, (-1, 2))
 
     def chance(self, G: Array, told: np.ndarray) -> float:
         """Return the chance of a decision for the least sure of the separable rivals."""
-        each = decision_chance(self.aim.squares(G[None])[:, 0]).reshape(-1, 2)
+        squares = self.aim.squares(G[None])[:, 0]
+        each = decision_chance(squares).reshape(-1, 2)
         some = told.any(1) | ~told.any()
         return float(np.where(told[:, 0], each[:, 0], each[:, 1])[some].min())
 

@@ -81,7 +81,9 @@ def _keeps(
     space = survey(robot, limits, whole, len(motion.t), 1, step, drive)
     if not space.kept(limits.closure_bound)[0]:
         return False
-    return watched is None or float(watched.gaps(whole.q).min()) >= CLEARANCE
+    if watched is None:
+        return True
+    return float(watched.gaps(whole.q).min()) >= CLEARANCE
 
 
 # `Excitation`: a motion to measure, its merit, and the limits that it keeps.

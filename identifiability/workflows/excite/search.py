@@ -172,7 +172,8 @@ class Objective:
         """Return the costs of candidates (m, size), (m,)."""
         cost = self._alone(x)
         if self.watched[0] is not None:
-            cost = cost + TOUCHING * nearness(self.gaps(x, self.samples)).sum(1)
+            touching = nearness(self.gaps(x, self.samples)).sum(1)
+            cost = cost + TOUCHING * touching
         return cost
 
     def _alone(self, x: Array) -> Array:
@@ -184,7 +185,8 @@ class Objective:
 
     def gradient(self, x: Array, step: float = 1e-5) -> tuple[float, Array]:
         """Return the cost of one candidate and its gradient by forward differences."""
-        cost = self._alone(np.vstack([x, x + step * np.eye(len(x))]))
+        moves = step * np.eye(len(x))
+        cost = self._alone(np.vstack([x, x + moves]))
         slope: Array = (cost[1:] - cost[0]) / step
         if self.watched[0] is None:
             return float(cost[0]), slope
@@ -194,7 +196,8 @@ class Objective:
         total = TOUCHING * float(nearness(gaps).sum())
         if near.any():
             moved = self.gaps(x + NUDGE * np.eye(len(x)), self.samples, near)
-            slope = slope + (TOUCHING * nearness(moved).sum(1) - total) / NUDGE
+            touching = TOUCHING * nearness(moved).sum(1)
+            slope = slope + (touching - total) / NUDGE
         return float(cost[0]) + total, slope
 
     def gaps(self, x: Array, samples: int, at: np.ndarray | None = None) -> Array:

@@ -278,7 +278,8 @@ def _with_noise(objective: Objective, x: Array, samples: int) -> Objective:
     """Return the objective in units of white noise of a share of the file's torque along x."""
     known = objective.known
     alone = (replace(known, weights=one) for one in np.eye(len(known.weights)))
-    each = (replace(objective, known=one).look(x, samples)[0][0] for one in alone)
+    objectives = [replace(objective, known=one) for one in alone]
+    each = (o.look(x, samples)[0][0] for o in objectives)
     # Where no log tells it, 5 % of each joint's torque (rms) is expected.
     noise = 0.05**2 / samples * np.array([known.values @ G @ known.values for G in each])
     weights = np.divide(1.0, noise, out=np.zeros_like(noise), where=noise > 0)

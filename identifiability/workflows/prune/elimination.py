@@ -242,7 +242,8 @@ class WhitenedRegression:
     def _turn(self, partitions: Sequence[Partition]) -> Array:
         """Return orthonormal directions (k, k); the first ones span the free space of a model."""
         rows = [before.rows_to(after) for before, after in pairwise(partitions)]
-        fixed = np.concatenate([np.empty((0, len(self.inverse))), *rows]) @ self.inverse
+        none = np.empty((0, len(self.inverse)))
+        fixed = np.concatenate([none, *rows]) @ self.inverse
         fixed /= np.linalg.norm(fixed, axis=1, keepdims=True)
         Q, _ = np.linalg.qr(fixed.T, mode="complete")
         return Q[:, ::-1]
@@ -694,7 +695,8 @@ def thin_path(search: Search, chosen: int) -> tuple[Search, int, str]:
     steps, first = search.steps, first_allowed(search.steps)
     if len(steps) <= MEASURED + 1:  # of so many columns, with the model that has none
         return search, chosen, ""
-    best = first + np.argsort([-s.density for s in steps[first:]], kind="stable")[:MEASURED]
+    densities = [-s.density for s in steps[first:]]
+    best = first + np.argsort(densities, kind="stable")[:MEASURED]
     kept = sorted({*range(first + 1), chosen, *best.tolist()})
     said = Finding("thinned", count=len(steps), shown=len(kept))
     return replace(search, steps=tuple(steps[k] for k in kept)), kept.index(chosen), said

@@ -330,7 +330,8 @@ def find_equal_bodies(robot: Robot) -> list[tuple[int, ...]]:
     parts, sets, numbers = attachments(robot), list[list[int]](), {WORLD: WORLD}
     for k, link in enumerate(robot.links):
         above = numbers[link.parent]
-        near = [s for s in sets if numbers[robot.links[s[0]].parent] == above]
+        parents = [numbers[robot.links[s[0]].parent] for s in sets]
+        near = [s for s, parent in zip(sets, parents, strict=True) if parent == above]
         home = next((s for s in near if _are_alike(robot, parts, s[0], k)), [])
         if not home:
             sets.append(home)

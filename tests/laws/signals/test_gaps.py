@@ -55,7 +55,7 @@ def test_bridged_gaps_change_the_motion_by_what_a_cubic_misses(two):
     for rows, ends, error in (*one, (some, 100, 1e-3)):
         s, lost = prepared(two, rows, decimate=1), 4000 - len(rows)
         assert s.hints == ()
-        assert any(f"lost samples ({lost}, at most" in note for note in s.notes)
+        assert any(f"{lost} lost samples (gaps of up to" in note for note in s.notes)
         same = np.isin(np.round(whole.motion.t / DT), np.round(s.motion.t / DT))
         inner = slice(ends, len(rows) - ends)
         for name in ("actuated_q", "actuated_v", "actuated_a"):
@@ -134,6 +134,11 @@ def test_a_late_stamp_is_no_gap_and_an_uneven_clock_is_refused(two):
     log = Log.from_frame(frame(np.cumsum(np.tile([1, 1, 9], 700))), "log")
     with pytest.raises(IdentifiabilityError, match="log is sampled so unevenly"):
         prepare_log(two, log)
+
+
+def test_a_long_pause_splits_a_log_and_is_no_uneven_clock(two):
+    rows = np.concatenate([np.arange(1000), 6000 + np.arange(1000)])
+    assert len(prepare_log(two, Log.from_frame(frame(rows))).breaks) == 1
 
 
 def test_a_log_with_derivatives_of_its_own_loses_nothing_at_short_gaps(two):

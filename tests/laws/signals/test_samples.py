@@ -184,7 +184,7 @@ def test_columns_of_another_joint_or_late_by_a_fifth_of_a_period_contradict():
     assert "shoulder.dq" in remarks(dq=late, ddq=None)
     assert remarks(dq=wave(T - 0.05)[1], ddq=None) == []  # sin² .25 = .06
     (one,) = contradictions(log_of(T, ddq=ddq * [0.0, 1.0] + [1e-3, 0.0]))
-    assert one.text.startswith("'shoulder.ddq' contradicts 'shoulder.dq': integrated, it explain")
+    assert one.text.startswith("'shoulder.ddq' contradicts 'shoulder.dq' (its integral")
 
 
 @pytest.mark.parametrize(
