@@ -1,4 +1,4 @@
-"""MuJoCo's sysid: mass and centre of each body (its default); armature, damping and friction of each joint.
+"""MuJoCo's sysid: mass and centre of each body; armature, damping and friction of each joint.
 
 Many short rollouts begin at measured states, are driven by measured torque or commands, and are
 compared with measured positions, as its documentation does.
@@ -48,12 +48,18 @@ def collect(spec, model, joints, scale, fit):
         dials.add(sysid.body_inertia_param(spec, model, body))
     for j in joints:
         for kind, share in (("armature", 0.02), ("damping", 0.1), ("frictionloss", 0.1)):
+
             def turn(spec, p, j=j, kind=kind):
-                setattr(spec.joint(j), kind, [p.value[0], 0, 0] if kind == "damping" else p.value[0])
+                setattr(
+                    spec.joint(j), kind, [p.value[0], 0, 0] if kind == "damping" else p.value[0]
+                )
+
             dials.add(sysid.Parameter(f"{j}_{kind}", share * scale, 0.0, scale, modifier=turn))
         if fit:
+
             def gain(spec, p, j=j):
                 sysid.apply_pgain(spec, j, p.value[0])
+
             dials.add(sysid.Parameter(f"{j}_kp", 10.0, 1.0, 100.0, modifier=gain))
     return dials
 

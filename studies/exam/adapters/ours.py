@@ -2,10 +2,10 @@
 
 import json
 
+import numpy as np
 from reading import enter, write_prediction
 
 import identifiability
-import numpy as np
 from identifiability import Case, analyze, diagnose, export, predict
 
 
