@@ -46,7 +46,9 @@ def read_values(analysis, found):
     names = [p.name for p in analysis.base.parameters]
     rows = dict(zip(analysis.base.names, analysis.base.G))
     values = []
-    for row in (p for p in found["parameters"] if None not in p["interval95"]):
+    for row in found["parameters"]:
+        if None in row["interval95"] or row["name"] not in rows:
+            continue
         terms = {n: float(c) for n, c in zip(names, rows[row["name"]]) if abs(c) > 1e-9}
         low, high = row["interval95"]
         called = row["verdict"] == "identifiable"
