@@ -103,8 +103,18 @@ def run_tool(adapter: Path, case: Path, out: Path, python: str = sys.executable)
             env=os.environ | threads,
             check=True,
         )
-    code, seconds, memory = json.loads(done.stdout.splitlines()[-1])
-    answer, status = _read(adapter.stem, out, code)
+    (out / "run.json").write_bytes(done.stdout.splitlines()[-1])
+    run = read_run(out)
+    assert run is not None
+    return run
+
+
+def read_run(out: Path) -> Run | None:
+    """Return what a tool answered into a folder, or None if it did not run."""
+    if not (out / "run.json").is_file():
+        return None
+    code, seconds, memory = json.loads((out / "run.json").read_text(encoding="utf-8"))
+    answer, status = _read(out.name, out, code)
     return Run(answer, status, seconds, memory / 1024)
 
 

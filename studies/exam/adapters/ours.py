@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 from reading import enter, write_prediction
 
 import identifiability
@@ -24,10 +25,13 @@ def main(folder, out):
         diagnosis = diagnose(case, forward=False)
         result = diagnosis.to_json(out / "diagnosis.json")
         answer["effects"] = [f"{e.name} {p.place}" for e in diagnosis.effects for p in e.placements]
+    names, mix, gear = joints, np.eye(len(joints)), analysis.robot.transmission
+    if gear is not None:  # logs hold the torque of motors
+        names, mix = gear.motors, np.linalg.inv(gear.ratio[:, None] * gear.coupling)
     answer["predictions"] = []
     for k, log in enumerate(unseen):
         of_log = predict(case.robot, result, [log])
-        file = write_prediction(out, k, of_log.t, of_log.predicted, joints)
+        file = write_prediction(out, k, of_log.t, of_log.predicted @ mix, names)
         answer["predictions"].append(file)
     return answer
 
@@ -42,7 +46,9 @@ def read_values(analysis, found):
     names = [p.name for p in analysis.base.parameters]
     rows = dict(zip(analysis.base.names, analysis.base.G))
     values = []
-    for row in (p for p in found["parameters"] if None not in p["interval95"]):
+    for row in found["parameters"]:
+        if None in row["interval95"] or row["name"] not in rows:
+            continue
         terms = {n: float(c) for n, c in zip(names, rows[row["name"]]) if abs(c) > 1e-9}
         low, high = row["interval95"]
         called = row["verdict"] == "identifiable"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 import tomllib
 from pathlib import Path
@@ -43,12 +44,17 @@ def load_chain(pin: Any, robot: Path, said: dict[str, Any]) -> tuple[Any, list[s
     """
     if said["kind"] == "commands":
         raise RefusalError("The logs have no torque.")
-    if robot.suffix != ".urdf":
-        raise RefusalError("It needs an open chain in a URDF.")
+    text = robot.read_text(encoding="utf-8")
+    if "<equality" in text:
+        raise RefusalError("It needs an open chain.")
     if "transmission" in said:
         raise RefusalError("Motors are coupled.")
-    text = robot.read_text(encoding="utf-8")  # angles, not sines and cosines
-    model = pin.buildModelFromXML(text.replace('type="continuous"', 'type="revolute"'))
+    limit = '<limit lower="-9" upper="9" effort="1e9" velocity="1e3"/>'
+    angle = f'type="revolute">{limit}'  # Pinocchio has sines and cosines of continuous joints
+    if robot.suffix == ".urdf":
+        model = pin.buildModelFromXML(text.replace('type="continuous">', angle))
+    else:
+        model = pin.buildModelFromMJCF(str(robot))
     model.gravity.linear = np.array(said.get("gravity", [0, 0, -9.81]))
     joints = [str(name) for name in model.names[1:]]
     links = {f.parentJoint: f.name for f in reversed(list(model.frames)) if f.type == pin.BODY}
@@ -57,15 +63,43 @@ def load_chain(pin: Any, robot: Path, said: dict[str, Any]) -> tuple[Any, list[s
     return model, joints, names
 
 
-def split(log: pd.DataFrame, joints: list[str]) -> tuple[Any, Any, Any]:
-    """Return times, positions and torque of a log."""
-    q, tau = (log[[f"{j}.{k}" for j in joints]].to_numpy() for k in ("q", "tau"))
+def load_mujoco(mujoco: Any, path: Path, said: dict[str, Any], joints: list[str]) -> Any:
+    """Return MuJoCo's model to edit: a motor or position servo, and a sensor, at each joint."""
+    if "transmission" in said:
+        raise RefusalError("Motors are coupled.")
+    text = re.sub(r"(?s)<(visual|collision)\b.*?</\1>", "", path.read_text())
+    try:
+        urdf = mujoco.MjSpec.from_string(text)
+        urdf.compile()
+        spec = mujoco.MjSpec.from_string(urdf.to_xml())
+    except ValueError as error:
+        raise RefusalError("MuJoCo cannot read the robot file.") from error
+    spec.option.gravity = said.get("gravity", [0, 0, -9.81])
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    if len(spec.joints) > len(joints):
+        raise RefusalError("Rollouts begin at states, and the logs lack passive joints.")
+    for actuator in list(spec.actuators):
+        spec.delete(actuator)
+    for j in joints:
+        motor = spec.add_actuator(name=j, target=j, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        spec.add_sensor(name=f"{j}_q", type=mujoco.mjtSensor.mjSENS_JOINTPOS, objname=j,
+                        objtype=mujoco.mjtObj.mjOBJ_JOINT)  # fmt: skip
+        gains = [said.get("servo", {}).get(x, 0.0) for x in ("kp", "kv")]
+        kp, kv = (x[j] if isinstance(x, dict) else x for x in gains)
+        if said["kind"] == "commands":
+            motor.set_to_position(kp=10.0 if kp == "fit" else kp, kv=kv)
+    return spec
+
+
+def split(log: pd.DataFrame, joints: list[str], kind: str = "tau") -> tuple[Any, Any, Any]:
+    """Return times, positions and torque, or another kind, of a log."""
+    q, tau = (log[[f"{j}.{k}" for j in joints]].to_numpy() for k in ("q", kind))
     return log["t"].to_numpy(), q, tau
 
 
-def prepare(log: pd.DataFrame, joints: list[str]) -> tuple[Any, ...]:
+def prepare(log: pd.DataFrame, joints: list[str], kind: str = "tau") -> tuple[Any, ...]:
     """Return times and low-passed q, dq, ddq, tau (N, n) of a log."""
-    t, *columns = split(log, joints)
+    t, *columns = split(log, joints, kind)
     step = float(np.median(np.diff(t)))
     low = butter(ORDER, min(0.9, 2 * CUTOFF * step))
     q, tau = (filtfilt(*low, x, axis=0) for x in columns)
@@ -103,3 +137,19 @@ def enter(main: Any, tool: str) -> None:
         write(out, tool, **main(case, out))
     except RefusalError as why:
         write(out, tool, refused=str(why))
+
+
+def predict_torque(
+    mujoco: Any, model: Any, out: Path, logs: list[pd.DataFrame], joints: list[str]
+) -> list[str]:
+    """Write the torque of MuJoCo's inverse dynamics along logs; return the names of the files."""
+    data, files = mujoco.MjData(model), []
+    for k, log in enumerate(logs):
+        t, *motion, _ = prepare(log, joints)
+        tau = np.zeros_like(motion[0])
+        for row in range(len(t)):
+            data.qpos, data.qvel, data.qacc = (x[row] for x in motion)
+            mujoco.mj_inverse(model, data)
+            tau[row] = data.qfrc_inverse
+        files.append(write_prediction(out, k, t, tau, joints))
+    return files
