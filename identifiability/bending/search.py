@@ -18,7 +18,7 @@ from identifiability.regression.structure import Structure
 
 from .result import Bending, ElasticJoint
 from .rules import RULES
-from .stretch import Springs, Stretch, cut_stretches
+from .stretch import UNSTABLE, Springs, Stretch, cut_stretches
 
 #: Resonances that are tried [Hz], and the damping ratio at which they are.
 FREQUENCIES = np.geomspace(4.0, 40.0, 20)
@@ -31,8 +31,6 @@ ORDER = 3
 STEPS, LAST, HALVINGS = 6, 12, 4
 #: Largest changes of the logarithms of a frequency and of a damping ratio in one step.
 LARGEST = (0.3, 1.0)
-#: Torque of deflections, relative to all torque, from which links are unstable.
-UNSTABLE = 1e3
 #: Relative singular value below which columns are taken to be dependent.
 DEPENDENT = 1e-8
 
@@ -250,6 +248,8 @@ class Problem:
         return other
 
 
+# Trials with unstable links overflow, and are refused.
+@np.errstate(over="ignore", invalid="ignore")
 def find_bending(
     structure: Structure,
     fitted: Sequence[Dataset],
