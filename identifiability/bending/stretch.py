@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
 from identifiability.logs.prepare.dataset import Piece
@@ -21,13 +22,13 @@ from .deflection import Deflection, LinkEquation, integrate
 #: Groups of parameters whose stated values are the start.
 STATED = ("rigid_body", "actuator_inertia")
 #: Steps of the differences by position, velocity and acceleration: [rad or m, and per s, per s²].
-STEPS = (1e-4, 1e-3, 1e-2)
+STEPS: tuple[Tolerance, ...] = (1e-4, 1e-3, 1e-2)
 #: Most samples of all logs together: the integration takes as long as they are many.
 MOST = 6_000
 #: Fewest samples of a stretch.
 FEWEST = 400
 #: Torque of deflections, relative to the largest measured torque, from which links are unstable.
-UNSTABLE = 1e3
+UNSTABLE: Tolerance = 1e3
 
 
 @frozen
