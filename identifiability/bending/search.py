@@ -19,7 +19,7 @@ from identifiability.regression.structure import Structure
 
 from .result import Bending, ElasticJoint, Response
 from .rules import RULES
-from .stretch import Springs, Stretch, cut_stretches
+from .stretch import UNSTABLE, Springs, Stretch, cut_stretches
 
 #: Resonances that are tried [Hz], and the damping ratio at which they are.
 FREQUENCIES = np.geomspace(4.0, 40.0, 20)
@@ -34,8 +34,6 @@ ORDER = 3
 STEPS, LAST, HALVINGS = 6, 12, 4
 #: Largest changes of the logarithms of a frequency and of a damping ratio in one step.
 LARGEST: tuple[Tolerance, ...] = (0.3, 1.0)
-#: Torque of deflections, relative to all torque, from which links are unstable.
-UNSTABLE: Tolerance = 1e3
 #: Relative singular value below which columns are taken to be dependent.
 DEPENDENT: Tolerance = 1e-8
 #: Fall of the sum of squares below which a fit has ended.
@@ -255,6 +253,8 @@ class Problem:
         return other
 
 
+# Trials with unstable links overflow, and are refused.
+@np.errstate(over="ignore", invalid="ignore")
 def find_bending(
     structure: Structure,
     fitted: Sequence[Dataset],
