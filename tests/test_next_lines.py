@@ -213,7 +213,7 @@ def test_the_demo_tells_one_story_and_its_next_line_acts_on_it(tmp_path, monkeyp
     hidden = "Stribeck friction in joint_2"
     first, *_, last = said.splitlines()
     assert hidden in first
-    assert f"{hidden} (log odds" in said
+    assert f"{hidden} (probability" in said
     assert last.endswith((tmp_path / "look/demo.html").as_uri())
     (line,) = re.findall(r"^Next .*?: (identifiability .*)$", said, re.MULTILINE)
     found = call(shlex.split(line)[1:])

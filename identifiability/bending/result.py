@@ -10,6 +10,22 @@ from identifiability.foundation.values import frozen
 
 
 @frozen
+class Response:
+    """Torque of the links of a joint over that of rigid links, by frequency.
+
+    Attributes
+    ----------
+    frequency : (F,) [Hz]
+    measured, modelled : (F,)
+        Share of the amplitude, from measured torque and from the model of the joints that bend.
+    """
+
+    frequency: Array
+    measured: Array
+    modelled: Array
+
+
+@frozen
 class ElasticJoint:
     """A joint that bends.
 
@@ -28,6 +44,8 @@ class ElasticJoint:
         Mean inertia of the links that the joint moves.
     gain : float [nat]
         What the fitted logs gain by it, beside the other joints and all rivals.
+    response : Response
+        Its frequency response.
     """
 
     joint: str
@@ -38,6 +56,13 @@ class ElasticJoint:
     damping_ratio: float
     inertia: float
     gain: float
+    response: Response
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return its numbers for JSON."""
+        numbers = asdict(self)
+        response = numbers.pop("response")
+        return numbers | {"response": {name: x.tolist() for name, x in response.items()}}
 
 
 @frozen
@@ -78,7 +103,7 @@ class Bending:
         error = {"before": self.error_before, "after": self.error_after}
         unseen = {"before": self.held_before, "after": self.held_after}
         return {
-            "joints": [asdict(joint) for joint in self.joints],
+            "joints": [joint.to_dict() for joint in self.joints],
             "asked": list(self.asked),
             "band": self.band,
             "bandwidth": self.bandwidth,

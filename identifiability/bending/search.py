@@ -7,34 +7,37 @@ from copy import copy
 from dataclasses import replace
 
 import numpy as np
-from scipy.signal import lfilter
+from scipy.signal import csd, lfilter
 
 from identifiability.foundation.linalg import or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import REACH
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
 from identifiability.regression.structure import Structure
 
-from .result import Bending, ElasticJoint
+from .result import Bending, ElasticJoint, Response
 from .rules import RULES
-from .stretch import Springs, Stretch, cut_stretches
+from .stretch import UNSTABLE, Springs, Stretch, cut_stretches
 
 #: Resonances that are tried [Hz], and the damping ratio at which they are.
 FREQUENCIES = np.geomspace(4.0, 40.0, 20)
-RATIO = 0.05
+RATIO: Tolerance = 0.05
 #: Multiples of the frequency that was screened at which a fit starts: far from it, it may not move.
-STARTS = (0.7, 1.0, 1.4)
+STARTS: tuple[Tolerance, ...] = (0.7, 1.0, 1.4)
+#: Length of the windows of a spectrum [s].
+WINDOW: Tolerance = 4.0
 #: Order of the noise of each joint, as an autoregression.
 ORDER = 3
 #: Steps of a fit, of a first one and of the last, and how often a step is halved.
 STEPS, LAST, HALVINGS = 6, 12, 4
 #: Largest changes of the logarithms of a frequency and of a damping ratio in one step.
-LARGEST = (0.3, 1.0)
-#: Torque of deflections, relative to all torque, from which links are unstable.
-UNSTABLE = 1e3
+LARGEST: tuple[Tolerance, ...] = (0.3, 1.0)
 #: Relative singular value below which columns are taken to be dependent.
-DEPENDENT = 1e-8
+DEPENDENT: Tolerance = 1e-8
+#: Fall of the sum of squares below which a fit has ended.
+ENOUGH: Tolerance = 0.03
 
 
 #: No joint bends.
@@ -185,7 +188,7 @@ class Problem:
                 share /= 2.0
             else:
                 break
-            done = left @ left - other[0] @ other[0] < RULES.surplus / 100
+            done = left @ left - other[0] @ other[0] < ENOUGH
             (numbers, change, rivals), (left, jacobian) = moved, other
             if done:
                 break
@@ -250,6 +253,8 @@ class Problem:
         return other
 
 
+# Trials with unstable links overflow, and are refused.
+@np.errstate(over="ignore", invalid="ignore")
 def find_bending(
     structure: Structure,
     fitted: Sequence[Dataset],
@@ -289,7 +294,9 @@ def find_bending(
     alone = problem.without_rivals()
     rigid = alone.fit(NONE, fit.change)
     bent = alone.fit(fit.springs, fit.change, LAST) if gains else rigid
-    joints = tuple(_describe(problem, fit, c, gains) for c in range(len(fit.springs.joints)))
+    places = range(len(fit.springs.joints))
+    responses = [measure_response(problem, bent, c, band) for c in places]
+    joints = tuple(_describe(problem, fit, c, gains, responses[c]) for c in places)
     before, after = (_errors(problem.inertia, stretches, x) for x in (rigid, bent))
     unseen = cut_stretches(structure, held_out)
     return Bending(
@@ -386,7 +393,32 @@ def _resonates(fit: Fit, band: float) -> bool:
     return bool(low and fit.springs.ratio.max() <= RULES.damped)
 
 
-def _describe(problem: Problem, fit: Fit, at: int, gains: dict[int, float]) -> ElasticJoint:
+def measure_response(problem: Problem, fit: Fit, at: int, band: float) -> Response:
+    """Return the frequency response of a joint that bends, up to the band [Hz]."""
+    joint = fit.springs.joints[at]
+    rigid, measured, modelled = [], [], []
+    for s in problem.stretches:
+        values = s.values(fit.change)
+        load = s.load(values)
+        bent = s.bent_torque(fit.springs, problem.inertia, values)[:, :, 0]
+        rigid.append(load[:, joint])
+        measured.append((s.piece.tau - s.whole(fit.change) + load)[:, joint])
+        modelled.append((load + bent)[:, joint])
+    rate = 1.0 / problem.stretches[0].step
+    length = min(round(WINDOW * rate), *map(len, rigid))
+    spectra = [
+        sum(csd(x, y, rate, nperseg=length)[1] for x, y in zip(rigid, other, strict=True))
+        for other in (rigid, measured, modelled)
+    ]
+    frequency = np.fft.rfftfreq(length, 1.0 / rate)
+    shown = (frequency > 0) & (frequency <= band)
+    own, *others = (np.abs(np.asarray(x))[shown] for x in spectra)
+    return Response(frequency[shown], *(x / own for x in others))
+
+
+def _describe(
+    problem: Problem, fit: Fit, at: int, gains: dict[int, float], response: Response
+) -> ElasticJoint:
     joint = fit.springs.joints[at]
     frequency = float(fit.springs.frequency[0, at])
     # A stiffness goes with the square of its frequency.
@@ -404,6 +436,7 @@ def _describe(problem: Problem, fit: Fit, at: int, gains: dict[int, float]) -> E
         damping_ratio=float(fit.springs.ratio[0, at]),
         inertia=inertia,
         gain=gains[joint],
+        response=response,
     )
 
 

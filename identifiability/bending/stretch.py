@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
 from identifiability.logs.prepare.dataset import Piece
@@ -21,11 +22,13 @@ from .deflection import Deflection, LinkEquation, integrate
 #: Groups of parameters whose stated values are the start.
 STATED = ("rigid_body", "actuator_inertia")
 #: Steps of the differences by position, velocity and acceleration: [rad or m, and per s, per s²].
-STEPS = (1e-4, 1e-3, 1e-2)
+STEPS: tuple[Tolerance, ...] = (1e-4, 1e-3, 1e-2)
 #: Most samples of all logs together: the integration takes as long as they are many.
 MOST = 6_000
 #: Fewest samples of a stretch.
 FEWEST = 400
+#: Torque of deflections, relative to the largest measured torque, from which links are unstable.
+UNSTABLE: Tolerance = 1e3
 
 
 @frozen
@@ -171,7 +174,8 @@ class Stretch:
         """Return the torque (N, n) of one set of springs, and its derivatives (N, n, 2m + b).
 
         They are by the logarithms of frequencies and of damping ratios, and by the kept columns.
-        The derivative of a deflection obeys the same equation under another torque.
+        The derivative of a deflection obeys the same equation under another torque. If the values
+        make the links unstable, the torque is infinite and the derivatives are zero.
         """
         joints = list(springs.joints)
         m = len(joints)
@@ -180,6 +184,11 @@ class Stretch:
         stiffness, damping = springs.stiffness(inertia), springs.damping(inertia)
         load = self.load(values)[:, None, joints]
         own = integrate(equation, load, stiffness, damping)
+        torque = _torque_of(parts, own)[:, :, 0]
+        size = 2 * m + len(self.kept)
+        direct = np.zeros((*self.columns.shape[:2], size))
+        if not np.abs(torque).max() < UNSTABLE * np.nanmax(np.abs(self.piece.tau)):
+            return np.full_like(torque, np.inf), direct
         position, velocity, acceleration = (
             x[:, 0] for x in (own.position, own.velocity, own.acceleration)
         )
@@ -189,7 +198,6 @@ class Stretch:
         by_frequency = by_frequency - (damping * velocity)[:, None] * each
         by_ratio = -(damping * velocity)[:, None] * each
         rows = [by_frequency, by_ratio]
-        direct = np.zeros((*self.columns.shape[:2], 2 * m + len(self.kept)))
         places = np.flatnonzero(self.bodies)
         of_links = np.isin(self.kept, places)
         columns = np.searchsorted(places, self.kept[of_links])
@@ -204,7 +212,7 @@ class Stretch:
         force = np.concatenate([*rows, by_values], axis=1)
         moved = _torque_of(parts, integrate(equation, force, stiffness, damping))
         direct[:, :, 2 * m :][:, :, of_links] = -added
-        return _torque_of(parts, own)[:, :, 0], moved + direct
+        return torque, moved + direct
 
     # Rivals: what else makes torque late, small or smooth.
 

@@ -28,6 +28,7 @@ from identifiability.foundation.linalg import (
     triangular_factor,
 )
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array
+from identifiability.foundation.rounding import state_probability
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
@@ -550,7 +551,7 @@ class MissingEffects:
 
     @property
     def statement(self) -> str:
-        """Effects that the model seems to lack, with their odds, as the start of a sentence.
+        """Effects that the model seems to lack, with their probability, as the start of a sentence.
 
         It is reported from odds of 20 to 1 on, by fitted and unseen rows together.
         """
@@ -559,7 +560,7 @@ class MissingEffects:
         order = sorted(sure, key=lambda name: -sure[name])
         if not order:
             return ""
-        told = listing([f"{name} (log odds {sure[name]:.3g})" for name in order], TOLD)
+        told = listing([f"{name} ({state_probability(sure[name])})" for name in order], TOLD)
         return f"{told} {'seems' if len(order) == 1 else 'seem'} to be missing"
 
     def of_labels(self, submodel: Submodel, fit: Estimate) -> LabelAlternatives | None:

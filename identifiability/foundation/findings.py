@@ -197,5 +197,5 @@ def ledger(said: Iterable[str], *, every: bool = False) -> tuple[Table, ...]:
         if every or found.done:
             touched = listing(found.numbers.get("columns", ()), 4)
             count = str(found.numbers.get("rows", ""))
-            rows.append((found.key, found.subject, count, touched, found.done or "said"))
+            rows.append((found.key, found.subject, count, touched, found.done or "reported"))
     return (Table.of("Changes made to the logs", columns, rows),) if rows else ()

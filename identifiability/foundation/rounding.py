@@ -11,7 +11,7 @@ from collections.abc import Callable
 from decimal import Decimal
 from functools import partial
 
-from scipy.special import betaincinv
+from scipy.special import betaincinv, expit
 
 from .names import Array, Strings
 from .values import frozen
@@ -126,6 +126,19 @@ def percent(share: float, count: int = 3, *, pad: bool = False) -> str:
     if 99.99 < share < math.inf:
         return "more than 9999 %"
     return f"{format_number(100 * share, count, pad=pad)} %" if math.isfinite(share) else NONE
+
+
+def state_probability(log_odds: float) -> str:
+    """Return the probability of log odds [nat] in percent, in words.
+
+    Examples
+    --------
+    >>> state_probability(1.2), state_probability(1500.0)
+    ('probability 77 %', 'probability over 99.99 %')
+    """
+    probability = float(expit(log_odds))
+    almost_sure = probability > 0.9999
+    return "probability over 99.99 %" if almost_sure else f"probability {percent(probability, 2)}"
 
 
 #: Shares in percent to two digits, and errors to three, zeros kept.

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from identifiability.foundation.findings import phrase
-from identifiability.foundation.names import Strings
+from identifiability.foundation.names import Array, Strings
 from identifiability.foundation.values import frozen
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 
@@ -83,7 +83,10 @@ def find_link_side(rows: TorqueRows, literal: Reading) -> Reading | None:
     if told or robot.transmission is not None or len(robot.inertia_parts) > 1:
         return None
     stated = list_drives(rows)
-    free = [drive for drive in stated if has_no_friction(rows, literal, drive)]
+    if not stated:
+        return None
+    values = [half.solve(literal, adjusted=False)[0] for half in rows.halves()]
+    free = [drive for drive in stated if has_no_friction(rows, values, drive)]
     if 2 * len(free) <= len(stated):
         return None
     comparison = Comparison(rows, literal)
@@ -108,12 +111,11 @@ def find_link_side(rows: TorqueRows, literal: Reading) -> Reading | None:
     )
 
 
-def has_no_friction(rows: TorqueRows, literal: Reading, drive: Drive) -> bool:
-    """Return whether friction of a drive is negligible in each half of the rows."""
+def has_no_friction(rows: TorqueRows, values: Sequence[Array], drive: Drive) -> bool:
+    """Return whether friction of a drive is negligible in base parameters (b,) of each half."""
     places = list(drive.friction)
     columns = rows.excerpt.X[:, drive.joint, places]
     sizes = np.sqrt((columns**2).mean(0) / rows.variation[drive.joint])
-    values = (half.solve(literal, adjusted=False)[0] for half in rows.halves())
     return all(np.abs(value[places]) @ sizes <= RULES.nil for value in values)
 
 

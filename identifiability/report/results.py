@@ -154,16 +154,20 @@ def set_symbols(text: str) -> Markup:
     """Escape a text, set indices of Greek symbols low (``ε_RA``), keep ``5 %`` on one line.
 
     Numbers in sentences of the terminal are typeset for the page: ``-2e-05`` becomes ``−2·10⁻⁵``.
+    Words between backticks become code.
 
     Examples
     --------
     >>> print(set_symbols("-2e-05 of run-1.csv, arm-2, 1-2 and 3 %"))
     −2·10⁻⁵ of run-1.csv, arm-2, 1-2 and 3 %
+    >>> print(set_symbols("run `diagnose`"))
+    run <code>diagnose</code>
     """
     escaped = str(text if isinstance(text, Markup) else for_html(text))  # a link is markup
     escaped = re.sub(r"(?<![\w.)\]-])-(?=\.?\d)", "−", escaped)
     escaped = re.sub(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]\d\d+)\b", _powered, escaped)
     escaped = re.sub(r"(?<=\d) (?=[%σ×])", "\u00a0", escaped)
+    escaped = re.sub(r"`([^`]+)`", r"<code>\1</code>", escaped)
     return Markup(re.sub(r"([ετσφ])_([A-Za-z]+)", r"\1<sub>\2</sub>", escaped))
 
 

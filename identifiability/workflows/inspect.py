@@ -16,8 +16,8 @@ from threadpoolctl import threadpool_limits
 
 from identifiability.effects.nominal import has_masses
 from identifiability.foundation.engines import Engine
-from identifiability.foundation.errors import listing
-from identifiability.foundation.findings import phrase
+from identifiability.foundation.errors import LogError, listing
+from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import checked
 from identifiability.foundation.presenter import presented
@@ -27,6 +27,7 @@ from identifiability.foundation.runs import Progress, Run, quiet, running
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import of_commands
+from identifiability.logs.conventions import Conventions
 from identifiability.logs.gaps import Gaps
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import Dataset
@@ -432,7 +433,15 @@ def inspect(
         case = take_case(robot, logs, validate, preparation, Use(divides=False))
         say("reading the robot", 0.0)
         found = _describe_robot(case, model)
-        return _with_logs(found, case, Run(say, runner)) if case.logs else found
+        if not case.logs:
+            return found
+        run = Run(say, runner)
+        try:
+            return _with_logs(found, case, run)
+        except LogError as error:
+            if error.key != "columns.gain":
+                raise
+            return _with_currents(found, case, run, error)
 
 
 def _describe_robot(case: Case, model: ModelLike | None) -> Inspection:
@@ -467,3 +476,17 @@ def _with_logs(found: Inspection, case: Case, run: Run) -> Inspection:
         hints=tuple(dict.fromkeys(data.hints)),
         provenance={**found.provenance, **hashes},
     )
+
+
+def _with_currents(found: Inspection, case: Case, run: Run, refusal: LogError) -> Inspection:
+    """Return the inspection of logs whose currents have no gain yet.
+
+    One unit of current counts as one unit of torque, so findings on the unit of torque are left
+    out. The refusal that other verbs would raise is the first finding.
+    """
+    torque = case.robot.torque
+    gains = {joint: torque.at("gain", joint) or 1.0 for joint in Conventions.of(case.robot).joints}
+    robot = replace(case.robot, torque=torque.model_copy(update={"gain": gains}))
+    read = _with_logs(found, case.with_(robot=robot), run)
+    kept = [hint for hint in read.hints if getattr(hint, "key", "") not in ("unit", "joint_unit")]
+    return replace(read, hints=(Finding("currents", refusal=str(refusal)), *kept))

@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from identifiability import IdentifiabilityError, Log, Preparation, Robot, analyze, prepare_log
+from identifiability import (
+    IdentifiabilityError,
+    Log,
+    Preparation,
+    Robot,
+    analyze,
+    inspect,
+    prepare_log,
+)
 from identifiability.foundation.findings import of_key
 from identifiability.logs.conventions import Conventions
 from identifiability.quality.recordings import read_recordings
@@ -66,9 +74,14 @@ def test_currents_under_usual_names_need_gains_and_take_stated_units(bare, write
     names = ("t", "q1", "q2", "actual_current_1 [mA]", "actual_current_2 [mA]")
     given = bare.set_axis(list(names), axis=1)
     with pytest.raises(
-        IdentifiabilityError, match=r"has currents and no torques of shoulder, elbow; state in"
+        IdentifiabilityError,
+        match=r"no torques of shoulder, elbow.*gain = \{shoulder.* and ratio = \{shoulder",
     ):
         Log.from_frame(given, "log", known())
+    seen = inspect("two-link", given)
+    assert seen.warnings[0].startswith("log 1 has currents and no torques")
+    assert seen.records[0].clock["samples"] == len(given)
+    assert "gain and ratio" in seen.next()[0][0]
     log = Log.from_frame(given, "log", known(sidecar=side))
     scaled = bare[["shoulder.tau", "elbow.tau"]] * [2e-3, 4e-3]
     np.testing.assert_allclose(log.tau, scaled, rtol=1e-12)

@@ -7,8 +7,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability import diagnose
+from identifiability import Log, Robot, diagnose
 from identifiability.bending.deflection import LinkEquation, integrate
+from identifiability.bending.stretch import Springs, cut_stretches
+from identifiability.effects import default_effects
+from identifiability.logs.prepare import Preparation, prepare_log
+from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
 
 STEP, EVERY, SECONDS = 5e-4, 10, 10.0
 STIFFNESS = 400.0
@@ -81,6 +86,19 @@ def test_late_torque_of_a_rigid_arm_is_no_spring(robot):
     found = diagnose(robot, log, run(False, 4), quick=True, bending=True)
     assert not found.bending.joints
     assert "None that these logs can show" in found.statement
+
+
+def test_values_that_make_links_unstable_are_refused(robot):
+    arm_robot = Robot.load(robot)
+    bodies = Model.of(*default_effects(arm_robot, ("rigid_body", "actuator_inertia")))
+    how = Preparation(cutoff=25.0, outputs=10.0)
+    log = prepare_log(arm_robot, Log.from_frame(run(False, 3)), how)
+    (stretch,) = cut_stretches(Structure.of(arm_robot, bodies), [log])
+    springs = Springs((1,), np.array([[6.0]]), np.array([[0.05]]))
+    with np.errstate(over="ignore", invalid="ignore"):
+        torque, slopes = stretch.sensitivities(springs, np.ones(2), -stretch.stated)
+    assert np.isinf(torque).all()
+    assert not slopes.any()
 
 
 def test_the_deflection_is_that_of_an_oscillator():

@@ -27,7 +27,7 @@ def test_friction_without_a_name_is_learned_and_confirmed(logs_of, tmp_path):
     gap = d.held_before - named.held_after
     assert d.held_before - d.held_after > 0.9 * gap
     assert 1 <= len(effect.nearest) <= 3
-    assert "An unnamed function of velocity in left_shoulder (log odds" in d.statement
+    assert "An unnamed function of velocity in left_shoulder (probability" in d.statement
     assert "No name explains this in left_shoulder as well. Nearest to it" in d.statement
     row, *_ = json.loads(d.to_json(tmp_path / "d.json").read_text())["effects"]
     assert row["unnamed"]

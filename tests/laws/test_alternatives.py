@@ -65,7 +65,7 @@ def test_what_is_missing_reaches_the_card_the_labels_and_the_next_command(logs, 
     assert (
         answer_first(found)
         .answers[2]
-        .short.startswith(f"Only if nothing is missing, and {name} (log odds ")
+        .short.startswith(f"Only if nothing is missing, and {name} (probability ")
     )
     assert "Only if nothing is missing" in found.statement
     assert "identifiability diagnose" in found.next()[0][1]

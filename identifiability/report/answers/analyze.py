@@ -221,14 +221,12 @@ class AnalysisPresenter(LadderedPresenter):
         if result.nothing:
             return answer(about, "nothing", size)
         title, count = model_title(chosen), len(chosen.submodel)
-        capital = f"{title[0].upper()}{title[1:]}"
+        label = title if title == chosen.name else f"model {title}"
         part = "unjudged" if chosen.unjudged else "found"
         tone = "blue" if chosen.feasible else "amber"
         text = f"{size} {state_physics(result)}"
         found = found_cell(chosen).text
-        return answer(
-            about, part, text, tone, found=found, title=title, capital=capital, count=count
-        )
+        return answer(about, part, text, tone, found=found, title=title, label=label, count=count)
 
     def tables(self) -> tuple[Table, ...]:
         """Return the models, the errors by joint and by log, the parameters of the model to use."""

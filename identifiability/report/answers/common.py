@@ -283,7 +283,7 @@ def answer_trust(
     found, size : int
         Parameters that are identifiable, and all.
     missing : str
-        The missing effects and their odds (`MissingEffects.statement`).
+        The missing effects and their probability (`MissingEffects.statement`).
     warnings : sequence of str
         What changes a decision.
     """

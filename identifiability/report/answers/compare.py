@@ -15,7 +15,7 @@ from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import REACH, format_number, measured
+from identifiability.foundation.rounding import REACH, format_number, measured, state_probability
 
 from .commands import export_line, ladder_option, name_logs
 from .common import NAMED, AnsweringPresenter, Command, answer, command, sentence
@@ -148,7 +148,7 @@ class ChangePresenter(Presenter):
 
 
 def state_alternatives(change: Change) -> list[str]:
-    """Return the competing explanations of a change, with their sizes and odds."""
+    """Return the competing explanations of a change, with their sizes and probability."""
     texts = list(change.others)
     for other in change.alternatives:
         if other.kind == "missing":
@@ -156,7 +156,11 @@ def state_alternatives(change: Change) -> list[str]:
             text = sentence("comparison.seen", "lacking", what=other.what, by=by)
         else:
             text = f"{_state_change(other)} {other.when}".rstrip()
-        texts.append(sentence("comparison.seen", "odds", text=text, odds=other.odds))
+        texts.append(
+            sentence(
+                "comparison.seen", "odds", text=text, probability=state_probability(other.odds)
+            )
+        )
     return list(dict.fromkeys(texts))
 
 

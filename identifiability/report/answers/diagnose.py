@@ -17,7 +17,7 @@ from identifiability.foundation.names import BASE, Array
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import REACH, join
+from identifiability.foundation.rounding import REACH, join, measured, state_probability
 from identifiability.reading.rules import RULES as READING_RULES
 from identifiability.regression.reduction import full_model
 from identifiability.workflows.diagnose.result import logs_disagree
@@ -47,6 +47,9 @@ if TYPE_CHECKING:
 RESONANCES = 5.0
 #: Names that a sentence says of one effect; JSON has them all.
 LIKELIEST = 4
+
+#: Units of a size that is a torque or a force.
+TORQUE_UNITS = ("N·m", "N")
 
 
 class DiagnosisPresenter(PredictingPresenter):
@@ -143,8 +146,9 @@ class DiagnosisPresenter(PredictingPresenter):
         asked = [x for x in result.evidence if np.isfinite(x.after)]
         if asked:
             most = max(asked, key=lambda x: x.after)
-            name, odds = name_place(most.name, most.place), f"{most.after:.2g}".replace("-", "−")
-            parts.append(sentence(about, "likeliest", name=name, odds=odds))
+            name, sure = name_place(most.name, most.place), state_probability(most.after)
+            part = "likeliest" if most.after > 0 else "unexplained"
+            parts.append(sentence(about, part, name=name, probability=sure))
         parts.append(sentence(about, "looks", looks=_state_looks(result)))
         return " ".join(parts)
 
@@ -273,9 +277,9 @@ def _state_untried(d: Diagnosis) -> str:
 
 
 def _state_effect(e: NamedEffect) -> str:
-    """Return the name of an effect with its mass and its log odds."""
-    sure = f" (log odds {e.odds:.3g})" if np.isfinite(e.odds) else ""
-    return f"{name_effect(e)}{_state_mass(e)}{sure}"
+    """Return the name of an effect with its size and its probability."""
+    sure = f" ({state_probability(e.odds)})" if np.isfinite(e.odds) else ""
+    return f"{name_effect(e)}{_state_size(e)}{sure}"
 
 
 def name_place(name: str, place: str) -> str:
@@ -311,14 +315,23 @@ def _capital(text: str) -> str:
     return text[0].upper() + text[1:]
 
 
-def _state_mass(e: NamedEffect) -> str:
-    """Return the mass of a named load with its 95 % interval; nothing for other effects."""
-    masses = []
-    for p in e.placements:
-        for name, value, error, unit in p.rows:
-            if name.endswith(".payload_m"):
-                masses.append(f"{value:.3g} ± {REACH * error:.2g} {unit}")
-    return f", {' and '.join(masses)}".replace("-", "−") if masses else ""
+def _state_size(e: NamedEffect) -> str:
+    """Return the masses of a load, or the largest torque of an effect, with 95 % intervals.
+
+    An effect of several numbers a place has no single size.
+    """
+    rows = [row for p in e.placements for row in p.rows]
+    masses = [row for row in rows if row[0].endswith(".payload_m")]
+    if masses:
+        sizes = [measured(value, REACH * error, unit) for _, value, error, unit in masses]
+        return f", {' and '.join(sizes)}"
+    torques = [row for row in rows if row[3] in TORQUE_UNITS]
+    if len(rows) > len(e.placements) or not torques:
+        return ""
+    _, value, error, unit = max(torques, key=lambda row: abs(row[1]))
+    size = measured(abs(value), REACH * error, unit)
+    part = "size" if len(rows) == 1 else "largest"
+    return sentence("diagnosis.missing", part, size=size)
 
 
 # How much of the gap it explains, and how good the model is then.
@@ -383,7 +396,7 @@ def _list_doubts(d: Diagnosis) -> Iterator[Note]:
 def _state_refuted(x: Odds, d: Diagnosis) -> str:
     """Return that the motion that verifies did not confirm an effect."""
     name = _capital(name_place(x.name, x.place))
-    holes = {"before": f"{x.before:.3g}", "gain": f"{x.unseen:.2g}".replace("-", "−")}
+    holes = {"before": state_probability(x.before), "gain": f"{x.unseen:.2g}".replace("-", "−")}
     return sentence("diagnosis.doubts", "refuted", name=name, verified=d.verified_on, **holes)
 
 

@@ -48,6 +48,8 @@ class InspectionPresenter(AnsweringPresenter):
         fitted = [r.path or r.name for r in result.records if not r.held_out]
         judges = [path_for_shell(r.path or r.name) for r in result.records if r.held_out]
         logs = name_logs(result.robot, fitted)
+        if of_key(result.hints, "currents"):  # every other verb would refuse these logs
+            return [command("gains", f"inspect {self.robot} {logs}")]
         validate = "".join(f" --validate {path}" for path in judges)
         judge = f"analyze {self.robot} {logs}{validate} --report report.html --json analyze.json"
         return [command("analyze", judge)]

@@ -8,6 +8,7 @@ import numpy as np
 
 from identifiability.bending import Bending, find_bending
 from identifiability.bending.rules import RULES
+from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.runs import Run
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.preparation import choose_cutoff
@@ -15,7 +16,7 @@ from identifiability.regression.structure import Structure
 from identifiability.workflows.case import Case, Data
 
 #: Cut-off of the motion over the band of the torque.
-WIDER = 2.5
+WIDER: Tolerance = 2.5
 #: Fewest samples in a period of the highest frequency of the band.
 SAMPLES = 6
 

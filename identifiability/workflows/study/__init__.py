@@ -178,8 +178,12 @@ def _filled(name: str, told: dict[str, str]) -> str:
 
 def _facts(robot: Robot) -> dict[str, str]:
     """Return the values of a new sidecar, as TOML."""
+    first = next(iter(robot.joints), "joint")
+    slides = first in robot.motor_joints and robot.is_prismatic(robot.dof_index(first))
     return {
         "NAME": for_toml(robot.title),
         "ACTUATED": for_toml(robot.joints),
-        "FIRST": toml_key(next(iter(robot.joints), "joint")),
+        "FIRST": toml_key(first),
+        "RANGE": "[-0.1, 0.1]" if slides else "[-1, 1]",
+        "SPEED": "0.1" if slides else "1",
     }
