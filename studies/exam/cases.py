@@ -287,8 +287,10 @@ def _newton_euler(
         part = arm.dry[stribeck - 1] * (static[stribeck - 1] - 1)
         speed = np.gradient(q[:2, :, stribeck - 1], STEP, axis=1)
         lost = part * np.exp(-((speed / arm.stribeck) ** 2)) * np.sign(speed)
-        z = {h: float(np.sqrt((lost[:, ::every] ** 2).sum()) / (0.02 * rms[stribeck - 1]))
-             for h in hidden}  # fmt: skip
+        base = np.column_stack([speed.ravel(), np.sign(speed).ravel()])
+        seen = lost.ravel() - base @ np.linalg.lstsq(base, lost.ravel(), rcond=None)[0]
+        size = float(np.sqrt((seen**2).sum() / every) / (0.02 * rms[stribeck - 1]))
+        z = dict.fromkeys(hidden, size)
         columns = [["joint_2.tau", "joint_3.tau"]] if exchanged else []
         write_truth(folder, arm_truth(arm), effects=hidden, columns=columns, z=z)
         return {"robot": "robot.urdf"} | write_logs(folder, logs[:2], logs[2:])
