@@ -2,6 +2,7 @@
 # make lint: style, types, layers; make docs: the site, with the reference of every module;
 # make pins: do the pinned versions install on the oldest Python that is allowed?;
 # make mutants: would the tests notice faults?; make check-all: what takes too long for make test;
+# make exam TOOL=...: the public exam of tools (docs/reference/exam.md);
 # make processors: the kept results with the kernels of other processors, before a release.
 # Each needs Python 3.11 or newer and nothing else: it makes .venv itself.
 
@@ -16,7 +17,7 @@ export OPENBLAS_NUM_THREADS := 1
 # the package anew, and pytest would rewrite every test in every worker.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo paper pins test lowest lint golden format docs mutants processors check-all clean
+.PHONY: exam demo paper pins test lowest lint golden format docs mutants processors check-all clean
 
 demo: $(VENV)/run
 	$(BIN)/identifiability demo
@@ -29,6 +30,10 @@ pins: $(BIN)/python
 
 paper: $(VENV)/run
 	$(BIN)/identifiability paper
+
+# TOOL names a tool, or is the path of an adapter; without it all tools run.
+exam: $(VENV)/dev
+	$(BIN)/python studies exam $(if $(TOOL),--tool $(TOOL))
 
 test: $(VENV)/dev
 	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal -q $(PYTEST)

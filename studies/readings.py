@@ -187,16 +187,21 @@ def sealed_error(result: Analysis, factor: Array, scale: Array, *, centred: bool
     scale : (n,) [N·m or N]
         Variation of the true torque of the joint that each column holds.
     centred : bool
-        Whether the mean of the error does not count.
+        Whether the error counts by its median distance from its median, without an offset.
     """
     held_out = result.held_out
     predicted = held_out.predicted.reshape(*held_out.tau.shape, -1)[..., 0]
     data = held_out.data & np.isfinite(held_out.tau)
     rest = np.where(data, held_out.tau - predicted, 0.0)
-    rows = np.maximum(data.sum(0), 1)
+    error = np.sqrt((rest**2).sum(0) / np.maximum(data.sum(0), 1))
     if centred:
-        rest = np.where(data, rest - rest.sum(0) / rows, 0.0)
-    error = np.sqrt((rest**2).sum(0) / rows) / np.abs(factor)
+        # Samples that are partly at rest have a part of an offset. The median ignores these few.
+        columns = [
+            x[known] if known.any() else np.zeros(1)
+            for x, known in zip(rest.T, data.T, strict=True)
+        ]
+        error = np.array([np.median(np.abs(x - np.median(x))) for x in columns])
+    error = error / np.abs(factor)
     return float(np.sqrt(np.mean((error / scale)[data.any(0)] ** 2)))
 
 

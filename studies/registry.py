@@ -70,6 +70,7 @@ STUDIES = (
         "Is it named where robots are simulated by another physics than is fitted?",
         file="hidden_physics_exam",
     ),
+    Study("elastic_joints", "Are joints that bend named, and rigid arms left alone?"),
     Study("coverage", "Do intervals of 95 % hold the truth in 95 % of the cases?"),
     Study("coverage_posterior", "Do posteriors hold the truth as often where noise is slow?"),
     Study(
@@ -88,5 +89,6 @@ STUDIES = (
     Study("servo_robots", "Are motors, delays and motion of servos found from commands alone?"),
     Study("readings", "Are wrongly named columns corrected, and sound logs left as they are?"),
     Study("benchmark_peers", "How fast is it, compared with Pinocchio's loop, FIGAROH and cvxpy?"),
+    Study("exam", "Which tool errs least on unseen motion?", file="public_exam"),
     Study("foreign_logs", "Are foreign and spoilt logs read right, or their faults named?"),
 )

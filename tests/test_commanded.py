@@ -541,11 +541,20 @@ def test_one_bad_joint_does_not_refuse_a_log_and_the_others_keep_their_values(ar
     assert low < TRUTH["shoulder.Fc"] < high
 
 
-def test_a_log_in_which_no_joint_follows_is_refused(arm, frames):
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (np.random.default_rng(1).permutation, r"Say which columns are commands.*shoulder\.cmd"),
+        (np.degrees, "in degrees"),
+        (np.radians, "in degrees"),
+        (np.negative, "wrong sign"),
+    ],
+)
+def test_a_log_in_which_no_joint_follows_is_refused_with_the_reason(arm, frames, spoil, said):
     spoilt = frames[1].copy()
     for joint in arm.joints:
-        spoilt[f"{joint}.cmd"] = np.random.default_rng(1).permutation(spoilt[f"{joint}.cmd"])
-    with pytest.raises(IdentifiabilityError, match=r"do not follow their commands.*shoulder\.cmd"):
+        spoilt[f"{joint}.cmd"] = spoil(spoilt[f"{joint}.cmd"])
+    with pytest.raises(IdentifiabilityError, match=f"do not follow their commands.*{said}"):
         analyze(arm, spoilt, quick=True)
 
 

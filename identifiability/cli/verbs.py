@@ -176,6 +176,8 @@ def inspect(
     result, written = run(locals(), "inspect")
     needs = [] if result.records else [f"{n.text} {n.line}".rstrip() for n in result.needs]
     case = CASE.get()
+    if case is not None:
+        case.read_truth(result.robot)
     holds = [] if case is None else [case.statement]
     print_result(result, written, [*holds, *(text.replace("\n", " ") for text in needs)])
 
@@ -267,6 +269,7 @@ def diagnose(
     fixed: Fixed = False,
     seed: kinds.Seed = 0,
     quick: bool = False,
+    bending: bool = False,
     out: ModelOut = None,
     motion: Annotated[Path | None, Option("--next"), Writes(".json")] = None,
     limits: Limits = None,

@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import minimum_filter1d
 
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.logs.commands import of_commands
 from identifiability.logs.rules import RULES
 
 from .registry import Does, MeasuredLogs, check
 
-#: Rounds in which signs and values are found in turns.
-ROUNDS = 30
+#: Share of its root mean square below which a magnitude is near zero, and samples in which it is
+#: the least there.
+NEAR_ZERO: Tolerance = 0.3
+NEIGHBOURS = 5
 
 
 @check("magnitude", Does.MISREADS)
 def find_magnitudes(logs: MeasuredLogs) -> list[Finding]:
-    """Return torque columns that are never negative, and that a torque of both signs explains."""
-    measured = [log.shown.tau for log in logs.recordings if not of_commands(log)]
-    never_negative = np.all([(tau >= 0).all(0) for tau in measured], axis=0)
-    joints = np.flatnonzero(never_negative).tolist() if measured else []
+    """Return torque columns that may be magnitudes, and that a torque of both signs explains."""
+    joints = np.flatnonzero(may_be_magnitudes(logs)).tolist()
     if not joints:
         return []
     columns = logs.structure.model.regressor(logs.robot, logs.motion)
@@ -32,8 +34,21 @@ def find_magnitudes(logs: MeasuredLogs) -> list[Finding]:
     return [Finding("magnitude", columns=names)] if names else []
 
 
+def may_be_magnitudes(logs: MeasuredLogs) -> Array:
+    """Return whether the torque column of each joint is never negative, but nearly zero, (n,)."""
+    measured = [log.shown.tau for log in logs.recordings if not of_commands(log)]
+    if not measured:
+        return np.zeros(len(logs.joints), bool)
+    least = np.min([tau.min(0) for tau in measured], axis=0)
+    most = np.max([tau.max(0) for tau in measured], axis=0)
+    return np.asarray((least >= 0) & (least < RULES.small * most))
+
+
 def is_magnitude(columns: Array, torque: Array, predicted: Array) -> bool:
-    """Return whether a signed torque has at most half the squared residual of an unsigned one.
+    """Return whether a signed torque has a at most half the squared residual of an unsigned one.
+
+    A torque changes its sign where its magnitude comes near zero. So the sign of each section
+    between two such places is sought, first from the signs of the prediction, then from one sign.
 
     Parameters
     ----------
@@ -42,15 +57,40 @@ def is_magnitude(columns: Array, torque: Array, predicted: Array) -> bool:
     torque : (N,) [N·m or N]
         Torque without negative values.
     predicted : (N,) [N·m or N]
-        Torque by the masses of the file. The search starts from its signs.
+        Torque by the masses of the file.
     """
     size = np.linalg.norm(columns, axis=0)
     Q, R = np.linalg.qr(columns[:, size > 0] / size[size > 0])
     Q = Q[:, np.abs(np.diag(R)) > RULES.negligible]
-    signed = np.where(predicted < 0, -torque, torque)
-    for _ in range(ROUNDS):
-        signed = np.where(Q @ (Q.T @ signed) < 0, -torque, torque)
-    return bool(residual_square(Q, signed) < 0.5 * residual_square(Q, torque))
+    sections = split_at_zeros(torque)
+    residuals = []
+    for start in (np.where(predicted < 0, -torque, torque), torque):
+        signs = choose_signs(Q, sections, np.sign(sections.T @ start))
+        residuals.append(residual_square(Q, sections @ signs))
+    return bool(min(residuals) < 0.5 * residual_square(Q, torque))
+
+
+def split_at_zeros(torque: Array) -> Array:
+    """Return torque (N,) as a sum of its sections between minima near zero, (N, sections)."""
+    near_zero = torque < NEAR_ZERO * np.sqrt(np.mean(torque**2))
+    least = torque <= minimum_filter1d(torque, NEIGHBOURS)
+    section = np.cumsum(near_zero & least)
+    split = np.zeros((len(torque), section[-1] + 1))
+    split[np.arange(len(torque)), section] = torque
+    return split
+
+
+def choose_signs(basis: Array, sections: Array, signs: Array) -> Array:
+    """Return the signs (k,) of sections (N, k) from which no change of one lowers the residual."""
+    rest = sections - basis @ (basis.T @ sections)
+    gram = rest.T @ rest
+    signs = np.where(signs < 0, -1.0, 1.0)
+    while True:
+        change = np.diag(gram) - signs * (gram @ signs)
+        best = int(np.argmin(change))
+        if change[best] > -RULES.negligible * float(np.trace(gram)):
+            return signs
+        signs[best] = -signs[best]
 
 
 def residual_square(basis: Array, torque: Array) -> float:

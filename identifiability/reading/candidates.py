@@ -22,6 +22,7 @@ from identifiability.foundation.values import frozen
 from identifiability.logs.spikes import TURN
 from identifiability.quality import MeasuredLogs
 from identifiability.quality.hints import find_torque_scale, measure_factors
+from identifiability.quality.magnitudes import may_be_magnitudes
 from identifiability.robot import Robot
 
 from .reading import Reading
@@ -99,6 +100,13 @@ class ReadingCandidates:
         everywhere = np.ones(len(self.names), bool)
         return [*self.single_joints(), ("The torque of all joints", everywhere)]
 
+    def _may_be_magnitude(self, at: Array) -> bool:
+        """Return whether a single joint is meant, (n,) bool, whose torque may have lost its sign.
+
+        Magnitudes fit with no sign and no unit, and may fit a little better with wrong ones.
+        """
+        return bool(at.sum() == 1 and may_be_magnitudes(self.logs)[at].all())
+
     def compensated(self) -> Iterator[Reading]:
         """Yield torque without gravity: of all joints, then of one."""
         if not self.turns_gravity or self.logs.robot.torque.compensated is not None:
@@ -165,6 +173,8 @@ class ReadingCandidates:
         if self.logs.robot.torque.sign:
             return
         for subject, at in self.all_subjects():
+            if self._may_be_magnitude(at):
+                continue
             yield self._other(
                 f"{subject} seems to have the wrong sign",
                 CORRECT_SIGN,
@@ -175,7 +185,8 @@ class ReadingCandidates:
         """Yield torque of one joint in another unit than the other joints'."""
         if self.logs.robot.torque.gain or len(self.names) < 2:
             return
-        for unit, (subject, at) in product(UNITS, self.single_joints()):
+        joints = [(s, at) for s, at in self.single_joints() if not self._may_be_magnitude(at)]
+        for unit, (subject, at) in product(UNITS, joints):
             yield self._other(
                 subject,
                 "Correct its unit in the log",

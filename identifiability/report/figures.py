@@ -574,6 +574,29 @@ def draw_profile(
 
 
 @drawn
+def draw_response(frequency: Array, measured: Array, modelled: Array, resonance: float) -> Figure:
+    """Draw the torque of links over that of rigid links by frequency, and the resonance.
+
+    Parameters
+    ----------
+    frequency : (F,) [Hz]
+    measured, modelled : (F,)
+    resonance : float [Hz]
+    """
+    figure, (axes,) = canvas(400, 260, (60, 10, 50, 38))
+    axes.plot(frequency, measured, ".", markersize=4.0, color=MUTED, label="measured")
+    axes.plot(frequency, modelled, color=BLUE, linewidth=1.2, label="modelled")
+    axes.axhline(1.0, color=MUTED, **DASHED)
+    if resonance <= frequency[-1]:
+        axes.axvline(resonance, color=BLUE, **DASHED)
+    legend_above(axes, handlelength=1.4)
+    axes.set_xlim(0.0, float(frequency[-1]))
+    axes.set_ylim(0.0, 1.2 * float(modelled.max()))
+    label_axes(axes, "frequency [Hz]", "torque over that of rigid links")
+    return figure
+
+
+@drawn
 def draw_forward(t: Array, before: Array, after: Array) -> Figure:
     """Draw the position error over the time since the start of a stretch.
 

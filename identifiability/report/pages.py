@@ -54,10 +54,11 @@ from .blocks import (
     torque_traces,
     traces,
 )
-from .figures import POINTS, draw_curve, draw_forward, draw_intervals
+from .figures import POINTS, draw_curve, draw_forward, draw_intervals, draw_response
 from .skeleton import STRETCH, move_skeletons, move_with_torque
 
 if TYPE_CHECKING:
+    from identifiability.bending import Bending
     from identifiability.workflows.calibrate.calibration import Calibration
     from identifiability.workflows.compare import Comparison
     from identifiability.workflows.diagnose.forward import ForwardGap
@@ -179,6 +180,7 @@ def diagnosis_sections(d: Diagnosis) -> list[Section | None]:
         section_effects(d),
         _section_gap(d),
         None if d.forward is None else section_forward(d.forward, d.robot.joints),
+        None if d.bending is None or not d.bending.joints else _section_bending(d.bending),
         _section_where(d),
         *_sections_method(d),
     ]
@@ -279,6 +281,16 @@ def section_forward(gap: ForwardGap, joints: tuple[str, ...]) -> Section:
     table = make_table("forward", rows)
     shown = picture("forward", figure, stretches=len(gap.before))
     return section("diagnosis.motion", shown, table, horizon=horizon)
+
+
+def _section_bending(found: Bending) -> Section:
+    """Return the frequency response of each joint that bends."""
+    pictures = []
+    for x in found.joints:
+        r = x.response
+        figure = draw_response(r.frequency, r.measured, r.modelled, x.resonance)
+        pictures.append(picture("response", figure, title=x.joint))
+    return section("diagnosis.response", gallery("responses", pictures), band=found.band)
 
 
 def _section_where(d: Diagnosis) -> Section:

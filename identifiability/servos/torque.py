@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from identifiability.foundation.errors import LogError
-from identifiability.foundation.findings import Finding
+from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.logs import Log, signals
@@ -115,8 +115,8 @@ def set_aside_joints(log: Log) -> Log:
     stands = np.ptp(log.q_ref, axis=0) == 0.0
     if lost.sum() > np.sum(~lost & ~stands):
         joint = log.joints[int(np.argmax(lost))]
-        rule = option_for_shell("--map", f"COLUMN={joint}.cmd", always=True)
-        raise LogError(Finding("servos.unfollowed", log.name, joint=joint, rule=rule))
+        why = explain_lost(joint, log.q_ref[:, lost], log.q[:, lost], most)
+        raise LogError(Finding("servos.unfollowed", log.name, joint=joint, why=why))
     if not lost.any():
         return log
     gone = np.tile(lost, (len(log), 1))
@@ -132,8 +132,38 @@ def follows_command(command: Array, q: Array, most: int) -> bool:
     # The command of a joint at rest gives no information.
     if min(size, max(moved, size) - RULES.small) <= 0.0:
         return True
-    is_degrees = 0.5 < np.radians(size / max(moved, RULES.small)) < 2.0
-    return not is_degrees and correlation_when_delayed(command, q, most) > 0.5
+    return not is_in_degrees(command, q) and correlation_when_delayed(command, q, most) > 0.5
+
+
+def is_in_degrees(command: Array, q: Array) -> bool:
+    """Return whether a command (N,) or its position (N,) seems to be in degrees."""
+    ratio = float(command.std()) / max(float(q.std()), RULES.small)
+    return bool(0.5 < np.radians(max(ratio, 1.0 / max(ratio, RULES.small))) < 2.0)
+
+
+def explain_lost(joint: str, commands: Array, positions: Array, most: int) -> str:
+    """Return why joints do not follow their commands, and the remedy.
+
+    Parameters
+    ----------
+    joint : str
+        The first of these joints.
+    commands, positions : (N, k)
+        Of the joints that do not follow.
+    most : int
+        Longest delay in samples.
+    """
+    pairs = list(zip(commands.T, positions.T, strict=True))
+    degrees = sum(is_in_degrees(command, q) for command, q in pairs)
+    against = sum(correlation_when_delayed(-command, q, most) > 0.5 for command, q in pairs)
+    if 2 * degrees > len(pairs):
+        command, q = pairs[0]
+        ratio = float(command.std() / q.std())
+        return phrase("servos.unfollowed", "degrees", ratio=ratio, joint=joint)
+    if 2 * against > len(pairs):
+        return phrase("servos.unfollowed", "reversed")
+    rule = option_for_shell("--map", f"COLUMN={joint}.cmd", always=True)
+    return phrase("servos.unfollowed", "other", rule=rule)
 
 
 def correlation_when_delayed(command: Array, q: Array, most: int) -> float:

@@ -24,10 +24,11 @@ import numpy as np
 
 from identifiability.effects import FAMILIES, default_effects
 from identifiability.effects.friction import PassiveJointFriction
+from identifiability.effects.measurement import TorqueScale
 from identifiability.estimation.cutoff import has_choice, tune_cutoff
 from identifiability.estimation.estimate import Kind, Method, Outliers, find_estimator, with_known
 from identifiability.estimation.estimator import Estimator
-from identifiability.estimation.groups import MissingEffects, describe_term, find_missing
+from identifiability.estimation.groups import MissingEffects, Share, describe_term, find_missing
 from identifiability.estimation.mixed_model import Term
 from identifiability.estimation.motion import MotionChoice, choose_motion, read_records
 from identifiability.foundation.errors import LogError
@@ -635,8 +636,12 @@ class Case:
         """
         if data.recordings.commanded:
             return data
-        named = (t for t in data.missing.named if t.odds >= RULES.log_odds)
-        terms = [t for t in named if t.group.family in COMPLETED]
+        named = data.missing.shares[: len(data.missing.named)]
+        sure = [s for s in named if s.term.odds >= RULES.log_odds]
+        units = [ask_for_unit(s) for s in sure if is_another_unit(s)]
+        data = replace(data, hints=(*data.hints, *units))
+        sure = [s for s in sure if not is_another_unit(s)]
+        terms = [s.term for s in sure if s.term.group.family in COMPLETED]
         if not terms:
             return data
         return self.at_fit(self.stages.once(complete_model, data, tuple(terms)), run)
@@ -940,6 +945,20 @@ def with_samples(data: Data, samples: tuple[Dataset, ...], regression: Regressio
     if samples is data.samples:
         return data
     return replace(data, samples=samples, regression=regression)
+
+
+def is_another_unit(share: Share) -> bool:
+    """Return whether a scale of a joint's torque is wrong by more than this torque.
+
+    No motor constant is so wrong. It is a unit, and the file's masses may contradict the model's
+    choice of the joint that has it.
+    """
+    return share.term.group.family == TorqueScale.name and bool((np.abs(share.value) > 1.0).any())
+
+
+def ask_for_unit(share: Share) -> Finding:
+    """Return the question whether a joint's torque has another unit than that of other joints."""
+    return Finding("question", text=phrase("question", "unit", joint=share.term.group.place))
 
 
 def complete_model(data: Data, terms: Sequence[Term]) -> Data:

@@ -50,6 +50,25 @@ class SettingsEntry(Strict):
     base: Literal["fixed", "floating"] | None = key("Whether the root stood still.", None)
 
 
+class ExamEntry(Strict):
+    """The case as a case of an exam of tools: `docs/reference/exam.md`."""
+
+    title: Named = key("What the case asks of a tool.", ..., "A KUKA on unseen motion")
+    source: Annotated[str, Field(min_length=1)] = key("Where the logs come from.", ..., "a paper")
+    licence: Named = key("Licence of the logs.", ..., "CC-BY-4.0")
+    kind: Literal["torque", "commands"] = key("What drives the robot in the logs.", "torque")
+    truth: FilePath | None = key("TOML of planted truth: `TruthEntry`.", None, "truth.toml")
+
+
+class TruthEntry(Strict):
+    """Planted truth of a simulated case."""
+
+    parameters: dict[str, float] = key("Standard parameters [SI].", {}, {"joint_1.Fv": 2.0})
+    effects: list[Named] = key("Hidden effects, each with its place.", [], ["stribeck joint_1"])
+    columns: list[list[Named]] = key("Exchanged columns, in pairs.", [], [["a.tau", "b.tau"]])
+    z: dict[str, float] = key("z of each hidden effect.", {}, {"stribeck joint_1": 12.0})
+
+
 class CaseEntry(Strict):
     """A robot, its logs and settings."""
 
@@ -73,6 +92,7 @@ class CaseEntry(Strict):
         "Masses of bodies that are known, between two limits [kg].", {}, {"forearm": [1.9, 2.1]}
     )
     settings: SettingsEntry = SettingsEntry()
+    exam: ExamEntry | None = key("Only for cases of an exam of tools.", None)
 
 
 @frozen
@@ -148,6 +168,8 @@ class CaseFile:
         settings = [f"{name} = {value}" for name, value in self.settings.items()]
         if settings:
             said.append(phrase("case", "settings", settings=settings))
+        if entry.exam is not None:
+            said.append(phrase("case", "exam", **entry.exam.model_dump()))
         return " ".join(said)
 
     def place(self, text: str) -> str:
@@ -170,6 +192,27 @@ class CaseFile:
         kept = (replace(b, mass=None) if _is_of(b, masses) else b for b in robot.bounds)
         stated = (Bound((body,), span) for body, span in masses.items())
         return replace(robot, bounds=(*kept, *stated))
+
+    def read_truth(self, robot: Robot) -> TruthEntry | None:
+        """Return the planted truth of an exam's case, if it has one.
+
+        Raises
+        ------
+        IdentifiabilityError
+            If the file cannot be read, or names a parameter that the robot does not have.
+        """
+        exam = self.entry.exam
+        if exam is None or exam.truth is None:
+            return None
+        path = Path(self.place(exam.truth))
+        truth = read_document(path, TruthEntry, "TOML", "truth", IdentifiabilityError)
+        owners = {*robot.bodies, *robot.joints, *robot.passive}
+        for name in truth.parameters:
+            owner = name.rpartition(".")[0]
+            if owner not in owners:
+                near = near_match(owner, owners)
+                raise IdentifiabilityError(Finding("case.truth", path, name=name, near=near))
+        return truth
 
     def load_robot(self) -> Robot:
         """Return the robot with its sidecar, locked joints, settings and known masses.

@@ -145,7 +145,7 @@ class TorquePrediction(Result):
 
     @property
     def as_logged(self) -> TorquePrediction:
-        """The same in the columns, signs and units of the logs, if their reading changes these."""
+        """The same in the columns, signs and units of the logs; stated units become SI units."""
         carried = self.fit.reading
         if carried is None:
             return self

@@ -39,15 +39,17 @@ def test_a_drawn_arm_is_read_as_it_was_logged(drawn, tmp_path, row, logs, outcom
     assert result["over"] < 1.05
 
 
+@pytest.mark.parametrize(("row", "number"), [("unit of one", 1), ("magnitudes", 4)])
+def test_logs_that_no_reading_corrects_are_a_question(tmp_path, row, number):
+    result = examine(plant("0", number, row), row, tmp_path / folder_name(row, number), Truths())
+    assert result["outcome"] == "question"
+
+
 def test_a_linkage_that_moves_in_a_level_plane_is_read_as_it_was_logged():
     # Gravity that acts in no joint has no direction to be tried.
     logged = plant("0", LEVEL, "nothing wrong")
     logs = [logged.frame(k) for k in range(logged.fitted)]
     assert analyze(logged.robot, logs, "none", replicates=0).alternative is None
-
-
-def result_structure(robot):
-    return Structure.of(robot, Model.of("rigid_body"))
 
 
 @pytest.mark.parametrize("row", ["columns exchanged", "sign of one", "unit of one", "delay of one"])
@@ -58,7 +60,8 @@ def test_the_reading_that_is_right_gives_the_logs_without_the_fault(drawn, row):
     reading = replace(Reading.literal(robot), **{name: getattr(right, name) for name in names})
     assert is_right(as_right(reading, robot), logged, FAULTS[row])
     assert not is_right(as_right(None, robot), logged, FAULTS[row])
-    read = reading.read(Log.from_frame(logged.frame(0)), result_structure(robot))
+    literal = Structure.of(robot, Model.of("rigid_body"))
+    read = reading.read(Log.from_frame(logged.frame(0)), literal)
     sound = logged.true_tau[0]
     half = len(sound) // 2  # a late column lacks its end
     assert np.abs(read.tau - sound)[:half].max() < 0.2 * np.abs(sound).max()

@@ -39,9 +39,12 @@ from .compare import table_changes
 from .tables import make_table
 
 if TYPE_CHECKING:
+    from identifiability.bending import Bending
     from identifiability.workflows.diagnose.forward import ForwardGap
     from identifiability.workflows.diagnose.result import Diagnosis, NamedEffect, Odds
 
+#: Highest resonance that a motion shows, as a multiple of its bandwidth.
+RESONANCES = 5.0
 #: Names that a sentence says of one effect; JSON has them all.
 LIKELIEST = 4
 
@@ -58,7 +61,9 @@ class DiagnosisPresenter(PredictingPresenter):
         question = sentence("diagnosis.residual", "question")
         error = self.answer_error(result.unexplained, question=question)
         error = error if result.moved is None else result.moved.warn(error)
-        return missing, _answer_gap(result), error
+        answers = missing, _answer_gap(result), error
+        bending = result.bending
+        return answers if bending is None else (*answers, _answer_bending(bending))
 
     def errors(self) -> tuple[float, Array]:
         """Return the errors of the model with the named effects on unseen motion."""
@@ -112,6 +117,8 @@ class DiagnosisPresenter(PredictingPresenter):
             tables.append(table_changes(result.changes, sentence("diagnosis.tables", "changed")))
         if result.effects:
             tables.append(make_table("named", map(_effect_cells, result.effects)))
+        if result.bending is not None and result.bending.joints:
+            tables.append(make_table("bending", _list_bending(result)))
         return (*tables, make_table("gap", result.error_frame().itertuples()))
 
     def cautions(self) -> tuple[Note, ...]:
@@ -177,6 +184,52 @@ class DiagnosisPresenter(PredictingPresenter):
             "rms_after": rms[:, -1],
         }
         return pd.DataFrame(columns)
+
+
+# Joints that bend.
+
+
+def _answer_bending(found: Bending) -> Answer:
+    """Return which joints bend."""
+    about = "diagnosis.bending"
+    question = sentence(about, "question")
+    if found.lost:
+        return Answer(question, sentence(about, "lost", why=found.lost), "", "grey")
+    if not found.joints:
+        shown = RESONANCES * found.bandwidth
+        told = sentence(about, "told", band=found.band, shown=shown)
+        return Answer(question, sentence(about, "none"), told, "green")
+    each = [
+        sentence(about, "one", joint=x.joint, resonance=x.resonance, half=x.resonance_half)
+        for x in found.joints
+    ]
+    return Answer(question, f"{join(each, NAMED)}.", sentence(about, "how"), "vermilion")
+
+
+def _list_bending(d: Diagnosis) -> Iterator[tuple[Any, ...]]:
+    """Yield the cells of the joints that bend."""
+    bending = d.bending
+    if bending is None:
+        return
+    units = dict(zip(d.robot.joints, d.robot.torque_units, strict=True))
+    for x in bending.joints:
+        at = d.robot.joints.index(x.joint)
+        way = "rad" if units[x.joint] == "N·m" else "m"
+        held = bending.held_before, bending.held_after
+        unseen = [np.nan if rms is None else float(rms[at]) for rms in held]
+        yield (
+            x.joint,
+            x.stiffness,
+            x.stiffness_half,
+            f"{units[x.joint]}/{way}",
+            x.resonance,
+            x.resonance_half,
+            x.damping_ratio,
+            x.gain,
+            float(bending.error_before[at]),
+            float(bending.error_after[at]),
+            *unseen,
+        )
 
 
 # What is missing.

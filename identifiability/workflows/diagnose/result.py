@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 import pandas as pd
 
+from identifiability.bending import Bending
 from identifiability.effects import find_family, title_of
 from identifiability.estimation.estimate import with_known
 from identifiability.estimation.fit import Fit as Known
@@ -267,6 +268,8 @@ class Diagnosis(Result, Predicts):
         Position errors of rollouts of the nearest physical robot, for logs of commands.
     forward : ForwardGap or None
         Forward simulation before and after, where it was made.
+    bending : Bending or None
+        Joints that bend, if that was asked.
     hints : tuple of str
         Possible problems of robot file and logs, for the user to check.
     nothing : str
@@ -300,6 +303,7 @@ class Diagnosis(Result, Predicts):
     nearest: PhysicalResult | None = None
     included: int = 0
     forward: ForwardGap | None = None
+    bending: Bending | None = None
     hints: tuple[str, ...] = ()
     nothing: str = ""
     alternative: str = ""
@@ -478,6 +482,8 @@ class Diagnosis(Result, Predicts):
             "preparation": {s.path or s.name: list(s.notes) for s in logs},
             "provenance": dict(self.provenance),
         }
+        if self.bending is not None:
+            found["bending"] = self.bending.to_dict()
         return found if self.moved is None else found | {"rollout": self.moved.to_rollout()}
 
     def _missing(self) -> dict[str, Any]:

@@ -70,6 +70,7 @@ from identifiability.workflows.provenance import state_provenance
 from identifiability.workflows.roles import require_held_out
 from identifiability.workflows.sides import report_loads
 
+from .elastic import ask_bending
 from .naming import (
     Gains,
     Naming,
@@ -112,6 +113,7 @@ def diagnose(
     seed: Seed = 0,
     quick: bool = False,
     forward: bool = True,
+    bending: bool = False,
     progress: Progress | None = None,
     engine: Engine | None = None,
 ) -> Diagnosis:
@@ -144,6 +146,8 @@ def diagnose(
         Leave out the simulation of `forward`.
     forward : bool
         Also simulate the verifying motion, without and with the named effects (half a second).
+    bending : bool
+        Also ask which joints of an open chain bend, in a wider band of the torque (seconds).
     progress : callable(str, float), optional
     engine : Engine, optional
         Where logs are prepared; here by default. The result does not depend on it.
@@ -173,6 +177,9 @@ def diagnose(
         if not quick and forward and found.included and found.robot.base is None:
             run.say("simulating forward", 0.95)
             found = replace(found, forward=simulate_forward(found, of_motion))
+        if bending:
+            run.say("asking which joints bend", 0.97)
+            found = replace(found, bending=ask_bending(case, data, found.completed, run))
         # Columns are large and no longer needed.
         return replace(found, problem=replace(found.problem, columns=()))
 

@@ -1,0 +1,13 @@
+"""Joints that bend: stiffness and resonance from motion and torque of the motors alone.
+
+`Stretch` has the motion, the columns and the derivatives of the links' torque (`stretch`).
+`integrate` solves the equation of the links behind their springs (`deflection`). `find_bending`
+searches for the joints that bend beside all rivals, and tunes their numbers (`search`).
+"""
+
+from __future__ import annotations
+
+from .result import Bending, ElasticJoint
+from .search import find_bending
+
+__all__ = ["Bending", "ElasticJoint", "find_bending"]

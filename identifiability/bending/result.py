@@ -1,0 +1,113 @@
+"""`Bending`: the joints that bend, as the logs show them."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+from identifiability.foundation.names import Array
+from identifiability.foundation.values import frozen
+
+
+@frozen
+class Response:
+    """Torque of the links of a joint over that of rigid links, by frequency.
+
+    Attributes
+    ----------
+    frequency : (F,) [Hz]
+    measured, modelled : (F,)
+        Share of the amplitude, from measured torque and from the model of the joints that bend.
+    """
+
+    frequency: Array
+    measured: Array
+    modelled: Array
+
+
+@frozen
+class ElasticJoint:
+    """A joint that bends.
+
+    Attributes
+    ----------
+    joint : str
+    stiffness : float [N·m/rad or N/m]
+    stiffness_half : float
+        Half width of the 95 % interval of the stiffness.
+    resonance : float [Hz]
+        Of the link with its motor locked, √(stiffness / inertia) / 2π.
+    resonance_half : float [Hz]
+        Half width of its 95 % interval.
+    damping_ratio : float
+    inertia : float [kg·m² or kg]
+        Mean inertia of the links that the joint moves.
+    gain : float [nat]
+        What the fitted logs gain by it, beside the other joints and all rivals.
+    response : Response
+        Its frequency response.
+    """
+
+    joint: str
+    stiffness: float
+    stiffness_half: float
+    resonance: float
+    resonance_half: float
+    damping_ratio: float
+    inertia: float
+    gain: float
+    response: Response
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return its numbers for JSON."""
+        numbers = asdict(self)
+        response = numbers.pop("response")
+        return numbers | {"response": {name: x.tolist() for name, x in response.items()}}
+
+
+@frozen
+class Bending:
+    """What logs say about joints that bend.
+
+    Attributes
+    ----------
+    joints : tuple of ElasticJoint
+        In the order in which they were found.
+    asked : tuple of str
+        Joints that were asked.
+    band : float [Hz]
+        Band of the torque that was used.
+    bandwidth : float [Hz]
+        Bandwidth of the motion.
+    error_before, error_after : (n,) [N·m or N]
+        Root mean square of what the model leaves of the torque of each joint, in that band: rigid,
+        and with the joints that bend.
+    held_before, held_after : (n,) or None
+        The same on held-out logs.
+    lost : str
+        Reason, after "because", why nothing was asked; empty if it was.
+    """
+
+    joints: tuple[ElasticJoint, ...]
+    asked: tuple[str, ...]
+    band: float
+    bandwidth: float
+    error_before: Array
+    error_after: Array
+    held_before: Array | None = None
+    held_after: Array | None = None
+    lost: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it for JSON."""
+        error = {"before": self.error_before, "after": self.error_after}
+        unseen = {"before": self.held_before, "after": self.held_after}
+        return {
+            "joints": [joint.to_dict() for joint in self.joints],
+            "asked": list(self.asked),
+            "band": self.band,
+            "bandwidth": self.bandwidth,
+            "rms": {name: x.tolist() for name, x in error.items()},
+            "rms_unseen": {name: x.tolist() for name, x in unseen.items() if x is not None},
+            "lost": self.lost,
+        }

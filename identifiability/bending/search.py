@@ -1,0 +1,477 @@
+"""`find_bending`: the joints that bend, found one by one beside all that could imitate them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import replace
+
+import numpy as np
+from scipy.signal import csd, lfilter
+
+from identifiability.foundation.linalg import or_one
+from identifiability.foundation.names import Array
+from identifiability.foundation.rounding import REACH
+from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.values import frozen
+from identifiability.logs.prepare import Dataset
+from identifiability.regression.structure import Structure
+
+from .result import Bending, ElasticJoint, Response
+from .rules import RULES
+from .stretch import Springs, Stretch, cut_stretches
+
+#: Resonances that are tried [Hz], and the damping ratio at which they are.
+FREQUENCIES = np.geomspace(4.0, 40.0, 20)
+RATIO: Tolerance = 0.05
+#: Multiples of the frequency that was screened at which a fit starts: far from it, it may not move.
+STARTS: tuple[Tolerance, ...] = (0.7, 1.0, 1.4)
+#: Length of the windows of a spectrum [s].
+WINDOW: Tolerance = 4.0
+#: Order of the noise of each joint, as an autoregression.
+ORDER = 3
+#: Steps of a fit, of a first one and of the last, and how often a step is halved.
+STEPS, LAST, HALVINGS = 6, 12, 4
+#: Largest changes of the logarithms of a frequency and of a damping ratio in one step.
+LARGEST: tuple[Tolerance, ...] = (0.3, 1.0)
+#: Torque of deflections, relative to all torque, from which links are unstable.
+UNSTABLE: Tolerance = 1e3
+#: Relative singular value below which columns are taken to be dependent.
+DEPENDENT: Tolerance = 1e-8
+#: Fall of the sum of squares below which a fit has ended.
+ENOUGH: Tolerance = 0.03
+
+
+#: No joint bends.
+NONE = Springs((), np.empty((1, 0)), np.empty((1, 0)))
+
+
+@frozen
+class Fit:
+    """Numbers of springs and of the model beside them.
+
+    Attributes
+    ----------
+    springs : Springs
+        One set.
+    change : (b,)
+        Changes of the kept columns from the values of the file.
+    rivals : (r,)
+        Values of the rivals' columns.
+    misfit : float
+        Sum of squares of the whitened residual.
+    covariance : (2m, 2m)
+        Of the logarithms of frequencies and damping ratios.
+    """
+
+    springs: Springs
+    change: Array
+    rivals: Array
+    misfit: float
+    covariance: Array
+
+
+class Problem:
+    """Torque of some logs under white noise, and what explains it.
+
+    Parameters
+    ----------
+    stretches : sequence of Stretch
+    change : (b,)
+        Changes of the kept columns along which rivals are computed.
+    """
+
+    def __init__(self, stretches: Sequence[Stretch], change: Array) -> None:
+        self.stretches = stretches
+        self.change = change
+        self.n = len(stretches[0].robot.actuated)
+        self.inertia = mean_inertia(stretches[0], change)
+        self.torque = [s.kept_rows(s.piece.tau - s.stated_torque) for s in stretches]
+        self.columns = [s.kept_rows(s.columns) for s in stretches]
+        self.beside = [s.kept_rows(s.rivals(change)) for s in stretches]
+        self.filters = self._fit_noise([np.zeros_like(y) for y in self.torque])
+
+    def _fit_noise(self, bent: Sequence[Array]) -> list[tuple[Array, float]]:
+        """Return taps and size of the noise of each joint, from what the richest model leaves."""
+        everything = [np.concatenate(x, 2) for x in zip(self.columns, self.beside, strict=True)]
+        rows = np.concatenate([x.reshape(-1, x.shape[2]) for x in everything])
+        torque = [y - x for y, x in zip(self.torque, bent, strict=True)]
+        target = np.concatenate([y.ravel() for y in torque])
+        length = or_one(np.linalg.norm(rows, axis=0))
+        values = np.linalg.lstsq(rows / length, target, rcond=DEPENDENT)[0] / length
+        left = [y - x @ values for y, x in zip(torque, everything, strict=True)]
+        return [_fit_autoregression([x[:, j] for x in left]) for j in range(self.n)]
+
+    def whiten(self, blocks: Sequence[Array]) -> Array:
+        """Return rows (N, n, …) of every stretch as rows of white noise, (R, …)."""
+        out = []
+        for joint, (taps, size) in enumerate(self.filters):
+            for x in blocks:
+                rows = x[:, joint]
+                white = lfilter(taps, [1.0], rows, axis=0) if rows.size else rows
+                out.append(white[ORDER:] / size)
+        return np.concatenate(out)
+
+    def bent(self, springs: Springs, change: Array) -> list[Array]:
+        """Return what springs add to the torque, kept rows (N, n, S) of every stretch."""
+        return [
+            s.kept_rows(s.bent_torque(springs, self.inertia, s.values(change)))
+            for s in self.stretches
+        ]
+
+    # The search for one more joint.
+
+    def screen(self, fit: Fit, joint: int) -> tuple[float, float]:
+        """Return the largest gain of one more joint [nat], and its frequency [Hz].
+
+        Its deflection may have another size than the equation says, because the values of the
+        rigid model are not yet those of a robot that bends.
+        """
+        tried = fit.springs.with_each(joint, FREQUENCIES, RATIO)
+        y = self.whiten(self.torque)
+        x = self.whiten(self.bent(tried, fit.change))
+        # Distorted values may make links that are unstable.
+        bounded = np.abs(x).max(0) < UNSTABLE * np.abs(y).max()
+        x = np.where(bounded, x, 0.0)
+        if fit.springs.joints:
+            known_torque = self.whiten(self.bent(fit.springs, fit.change))
+            x = x - known_torque
+            y = y - known_torque[:, 0]
+        basis = _orthonormal(self._linear())
+        y = y - basis @ (basis.T @ y)
+        x = x - basis @ (basis.T @ x)
+        square = (x**2).sum(0)
+        size = np.clip(y @ x / or_one(square), 0.0, RULES.amplitude)
+        gain = size * (y @ x) - 0.5 * size**2 * square
+        best = int(np.argmax(gain))
+        return float(gain[best]), float(FREQUENCIES[best])
+
+    def _linear(self) -> Array:
+        return np.concatenate([self.whiten(self.columns), self.whiten(self.beside)], axis=1)
+
+    # The fit of given joints.
+
+    def fit(self, springs: Springs, change: Array, steps: int = STEPS) -> Fit:
+        """Return springs, model and rivals that fit best, by Gauss–Newton steps.
+
+        Parameters
+        ----------
+        springs : Springs
+            The first numbers; of no joint, the rigid model is fitted.
+        change : (b,)
+            First changes of the kept columns.
+        steps : int
+        """
+        m, b = len(springs.joints), len(change)
+        y, linear = self.whiten(self.torque), self._linear()
+        rivals = np.zeros(linear.shape[1] - b)
+        numbers = np.log(np.concatenate([springs.frequency.ravel(), springs.ratio.ravel()]))
+        if not m:
+            values = _solve(linear, y)
+            left = y - linear @ values
+            return Fit(springs, values[:b], values[b:], float(left @ left), np.zeros((0, 0)))
+        limit = np.repeat(LARGEST, m)
+        left, jacobian = self._linearise(springs.joints, numbers, change, rivals, y, linear)
+        if not np.abs(left).max() < UNSTABLE * np.abs(y).max():
+            return Fit(springs, change, rivals, np.inf, np.full((2 * m, 2 * m), np.nan))
+        for _ in range(steps):
+            change_of = _solve(jacobian, left)
+            step = change_of[: 2 * m]
+            share = min(1.0, float((limit / np.maximum(np.abs(step), 1e-12)).min()))
+            for _ in range(HALVINGS):
+                moved = (
+                    numbers + share * step,
+                    change + share * change_of[2 * m : 2 * m + b],
+                    rivals + share * change_of[2 * m + b :],
+                )
+                other = self._linearise(springs.joints, *moved, y, linear)
+                if other[0] @ other[0] < left @ left:
+                    break
+                share /= 2.0
+            else:
+                break
+            done = left @ left - other[0] @ other[0] < ENOUGH
+            (numbers, change, rivals), (left, jacobian) = moved, other
+            if done:
+                break
+        misfit = float(left @ left)
+        spread = misfit / max(len(y) - jacobian.shape[1], 1)
+        length = or_one(np.linalg.norm(jacobian, axis=0))
+        inverse = np.linalg.pinv(jacobian / length, rcond=DEPENDENT)
+        covariance = (inverse[: 2 * m] @ inverse[: 2 * m].T) / np.outer(length, length)[
+            : 2 * m, : 2 * m
+        ]
+        tuned = replace(
+            springs, frequency=np.exp(numbers[None, :m]), ratio=np.exp(numbers[None, m:])
+        )
+        return Fit(tuned, change, rivals, misfit, covariance * spread)
+
+    def _linearise(
+        self,
+        joints: tuple[int, ...],
+        numbers: Array,
+        change: Array,
+        rivals: Array,
+        y: Array,
+        linear: Array,
+    ) -> tuple[Array, Array]:
+        """Return the whitened residual (R,), and derivatives of the model (R, 2m + b + r)."""
+        m, b = len(joints), len(change)
+        springs = Springs(joints, np.exp(numbers[None, :m]), np.exp(numbers[None, m:]))
+        torque = []
+        slopes = []
+        for s in self.stretches:
+            own, by = s.sensitivities(springs, self.inertia, s.values(change))
+            torque.append(s.kept_rows(own))
+            slopes.append(s.kept_rows(by))
+        left = y - linear @ np.concatenate([change, rivals]) - self.whiten(torque)
+        jacobian = np.concatenate([self.whiten(slopes), linear[:, b:]], axis=1)
+        jacobian[:, 2 * m : 2 * m + b] += linear[:, :b]
+        return left, jacobian
+
+    def with_noise_of(self, fit: Fit) -> Problem:
+        """Return the problem under the noise that a fit leaves, with rivals along its torque."""
+        other = copy(self)
+        other.change = fit.change
+        other.beside = [s.kept_rows(s.rivals(fit.change)) for s in self.stretches]
+        bent = [x[:, :, 0] for x in self.bent(fit.springs, fit.change)]
+        other.filters = other._fit_noise(bent)
+        return other
+
+    def without_scales(self) -> Problem:
+        """Return the problem without torque scales among the rivals.
+
+        A common scale of torque, bodies and springs changes nothing, so that it hides their size.
+        """
+        return self._with_rivals(-self.n)
+
+    def without_rivals(self) -> Problem:
+        """Return the problem of springs alone, whose model predicts other motion best."""
+        return self._with_rivals(0)
+
+    def _with_rivals(self, stop: int) -> Problem:
+        other = copy(self)
+        other.beside = [x[:, :, :stop] for x in self.beside]
+        return other
+
+
+def find_bending(
+    structure: Structure,
+    fitted: Sequence[Dataset],
+    held_out: Sequence[Dataset],
+    band: float,
+    bandwidth: float,
+) -> Bending:
+    """Return the joints of an open chain that bend.
+
+    Joints are found one by one: the joint with the largest gain is added, all numbers are fitted
+    again, and it stays if the gain exceeds the price of its numbers. Beside them stand delays,
+    low-passes, torque scales and encoder zeros of every joint. What they explain as well is no
+    evidence.
+
+    Parameters
+    ----------
+    structure : Structure
+        The robot under a model with rigid bodies.
+    fitted, held_out : sequence of Dataset
+        Prepared up to the band, without noise of the motion to speak of.
+    band, bandwidth : float [Hz]
+        Of the torque, and of the motion.
+    """
+    robot = structure.robot
+    stretches = cut_stretches(structure, fitted)
+    n = len(robot.actuated)
+    if not stretches:
+        why = "no log has a stretch that is long enough"
+        return Bending((), (), band, bandwidth, np.zeros(n), np.zeros(n), lost=why)
+    problem, asked = pose_problem(stretches)
+    problem, fit = add_joints(problem, asked, band)
+    price = _price(problem, len(asked))
+    fit = drop_weak(problem, fit, price)
+    gains = {j: measure_gain(problem, fit, j) for j in fit.springs.joints}
+    if gains:
+        fit = problem.without_scales().fit(fit.springs, fit.change, LAST)
+    alone = problem.without_rivals()
+    rigid = alone.fit(NONE, fit.change)
+    bent = alone.fit(fit.springs, fit.change, LAST) if gains else rigid
+    places = range(len(fit.springs.joints))
+    responses = [measure_response(problem, bent, c, band) for c in places]
+    joints = tuple(_describe(problem, fit, c, gains, responses[c]) for c in places)
+    before, after = (_errors(problem.inertia, stretches, x) for x in (rigid, bent))
+    unseen = cut_stretches(structure, held_out)
+    return Bending(
+        joints=joints,
+        asked=tuple(robot.joints[j] for j in asked),
+        band=band,
+        bandwidth=bandwidth,
+        error_before=before,
+        error_after=after,
+        held_before=_errors(problem.inertia, unseen, rigid) if unseen else None,
+        held_after=_errors(problem.inertia, unseen, bent) if unseen else None,
+    )
+
+
+def pose_problem(stretches: Sequence[Stretch]) -> tuple[Problem, tuple[int, ...]]:
+    """Return the problem about a rigid fit, and the joints that may bend."""
+    start = np.zeros(len(stretches[0].kept))
+    rigid = Problem(stretches, start).fit(NONE, start)
+    problem = Problem(stretches, first_values(stretches[0], rigid.change))
+    return problem, tuple(np.flatnonzero(problem.inertia > 0).tolist())
+
+
+def add_joints(problem: Problem, asked: tuple[int, ...], band: float) -> tuple[Problem, Fit]:
+    """Return the problem under the noise that is left, and the joints that bend."""
+    rigid = problem.fit(NONE, problem.change)
+    fit = replace(rigid, change=problem.change, rivals=np.zeros_like(rigid.rivals))
+    price = _price(problem, len(asked))
+    refused = set[int]()
+    while open_ := [j for j in asked if j not in refused and j not in fit.springs.joints]:
+        screened = [(*problem.screen(fit, joint), joint) for joint in open_]
+        gain, frequency, joint = max(screened)
+        if gain < price:
+            break
+        tried = [fit.springs.with_joint(joint, x * frequency, RATIO) for x in STARTS]
+        fits = [problem.fit(springs, fit.change) for springs in tried]
+        found = min((x for x in fits if _resonates(x, band)), key=_misfit, default=fit)
+        if 0.5 * (fit.misfit - found.misfit) < price:
+            refused.add(joint)
+            continue
+        problem = problem.with_noise_of(found)
+        fit = problem.fit(found.springs, found.change)
+    return problem, fit
+
+
+def mean_inertia(stretch: Stretch, change: Array) -> Array:
+    """Return the mean inertia of the links that each joint moves, (n,)."""
+    joints = range(len(stretch.robot.actuated))
+    parts = stretch.derivatives(joints, stretch.values(change))
+    return np.asarray(np.einsum("kjj->j", parts[2]) / parts.shape[1])
+
+
+def first_values(stretch: Stretch, rigid: Array) -> Array:
+    """Return the changes (b,) with which joints that bend are sought: of the rigid fit, or none.
+
+    Joints that bend distort a rigid fit. If the inertia of a joint is far from that of the robot
+    file, the values of the file are the better start.
+    """
+    stated = mean_inertia(stretch, np.zeros_like(rigid))
+    ratio = mean_inertia(stretch, rigid) / or_one(stated)
+    near = (ratio > 1.0 / RULES.distorted) & (ratio < RULES.distorted)
+    return np.zeros_like(rigid) if (stated > 0).all() and not near.all() else rigid
+
+
+def measure_gain(problem: Problem, fit: Fit, joint: int) -> float:
+    """Return what one of several joints gains, beside the others [nat]."""
+    other = problem.fit(fit.springs.without(joint), fit.change)
+    return 0.5 * (other.misfit - fit.misfit)
+
+
+def _misfit(fit: Fit) -> float:
+    return fit.misfit
+
+
+def drop_weak(problem: Problem, fit: Fit, price: float) -> Fit:
+    """Return a fit without the joints that gain less than their price beside the others."""
+    while fit.springs.joints:
+        gains = {j: measure_gain(problem, fit, j) for j in fit.springs.joints}
+        weakest = min(gains, key=lambda j: gains[j])
+        if gains[weakest] >= price:
+            break
+        fit = problem.fit(fit.springs.without(weakest), fit.change)
+    return fit
+
+
+def _price(problem: Problem, joints: int) -> float:
+    """Return the gain that a joint must exceed [nat]: of two numbers, and of all that are tried."""
+    rows = sum(y.size for y in problem.torque)
+    return float(np.log(rows) + np.log(joints * len(FREQUENCIES)) + RULES.surplus)
+
+
+def _resonates(fit: Fit, band: float) -> bool:
+    """Return whether every joint has a resonance that the band can show."""
+    low = fit.springs.frequency.max() <= RULES.highest * band
+    return bool(low and fit.springs.ratio.max() <= RULES.damped)
+
+
+def measure_response(problem: Problem, fit: Fit, at: int, band: float) -> Response:
+    """Return the frequency response of a joint that bends, up to the band [Hz]."""
+    joint = fit.springs.joints[at]
+    rigid, measured, modelled = [], [], []
+    for s in problem.stretches:
+        values = s.values(fit.change)
+        load = s.load(values)
+        bent = s.bent_torque(fit.springs, problem.inertia, values)[:, :, 0]
+        rigid.append(load[:, joint])
+        measured.append((s.piece.tau - s.whole(fit.change) + load)[:, joint])
+        modelled.append((load + bent)[:, joint])
+    rate = 1.0 / problem.stretches[0].step
+    length = min(round(WINDOW * rate), *map(len, rigid))
+    spectra = [
+        sum(csd(x, y, rate, nperseg=length)[1] for x, y in zip(rigid, other, strict=True))
+        for other in (rigid, measured, modelled)
+    ]
+    frequency = np.fft.rfftfreq(length, 1.0 / rate)
+    shown = (frequency > 0) & (frequency <= band)
+    own, *others = (np.abs(np.asarray(x))[shown] for x in spectra)
+    return Response(frequency[shown], *(x / own for x in others))
+
+
+def _describe(
+    problem: Problem, fit: Fit, at: int, gains: dict[int, float], response: Response
+) -> ElasticJoint:
+    joint = fit.springs.joints[at]
+    frequency = float(fit.springs.frequency[0, at])
+    # A stiffness goes with the square of its frequency.
+    sd = float(np.hypot(2.0 * np.sqrt(fit.covariance[at, at]), RULES.model_error))
+    stiffness = float(fit.springs.stiffness(problem.inertia)[0, at])
+    # The first frequency was that of the first inertia.
+    inertia = float(mean_inertia(problem.stretches[0], fit.change)[joint])
+    frequency *= float(np.sqrt(problem.inertia[joint] / inertia))
+    return ElasticJoint(
+        joint=problem.stretches[0].robot.joints[joint],
+        stiffness=stiffness,
+        stiffness_half=REACH * sd * stiffness,
+        resonance=frequency,
+        resonance_half=0.5 * REACH * sd * frequency,
+        damping_ratio=float(fit.springs.ratio[0, at]),
+        inertia=inertia,
+        gain=gains[joint],
+        response=response,
+    )
+
+
+def _errors(inertia: Array, stretches: Sequence[Stretch], fit: Fit) -> Array:
+    """Return the root mean square of what a fit leaves of each joint's torque, (n,)."""
+    left = []
+    for s in stretches:
+        model = s.whole(fit.change)
+        if fit.springs.joints:
+            values = s.values(fit.change)
+            model = model + s.bent_torque(fit.springs, inertia, values)[:, :, 0]
+        left.append(s.kept_rows(s.piece.tau - model))
+    return np.asarray(np.sqrt(np.mean(np.concatenate(left) ** 2, axis=0)))
+
+
+def _fit_autoregression(left: Sequence[Array]) -> tuple[Array, float]:
+    """Return the filter that makes residuals of one joint white, and the size of what is left."""
+    rows = []
+    for x in left:
+        late = [x[ORDER - k : len(x) - k] for k in range(ORDER + 1)]
+        rows.append(np.stack(late, 1))
+    lagged = np.concatenate(rows)
+    weights = np.linalg.lstsq(lagged[:, 1:], lagged[:, 0], rcond=None)[0]
+    size = float(np.std(lagged[:, 0] - lagged[:, 1:] @ weights))
+    return np.append(1.0, -weights), size or 1.0
+
+
+def _orthonormal(columns: Array) -> Array:
+    """Return an orthonormal basis of columns (N, k)."""
+    unit = columns / or_one(np.linalg.norm(columns, axis=0))
+    left, size, _ = np.linalg.svd(unit, full_matrices=False)
+    return np.asarray(left[:, size > DEPENDENT * size[0]])
+
+
+def _solve(columns: Array, target: Array) -> Array:
+    """Return the least-squares values of columns, whatever their units."""
+    length = or_one(np.linalg.norm(columns, axis=0))
+    return np.asarray(np.linalg.lstsq(columns / length, target, rcond=DEPENDENT)[0] / length)

@@ -1,0 +1,247 @@
+"""`Stretch`: consecutive samples of a log, with what the equation of elastic joints needs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+
+from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.values import frozen
+from identifiability.logs.prepare import Dataset
+from identifiability.logs.prepare.dataset import Piece
+from identifiability.logs.signals import differentiate, sampling_step
+from identifiability.regression.regression import Model
+from identifiability.regression.structure import Structure
+from identifiability.robot import complete_motion
+
+from .deflection import Deflection, LinkEquation, integrate
+
+#: Groups of parameters whose stated values are the start.
+STATED = ("rigid_body", "actuator_inertia")
+#: Steps of the differences by position, velocity and acceleration: [rad or m, and per s, per s²].
+STEPS: tuple[Tolerance, ...] = (1e-4, 1e-3, 1e-2)
+#: Most samples of all logs together: the integration takes as long as they are many.
+MOST = 6_000
+#: Fewest samples of a stretch.
+FEWEST = 400
+
+
+@frozen
+class Springs:
+    """Joints that bend, with S sets of their numbers.
+
+    Attributes
+    ----------
+    joints : tuple of int
+        The m joints.
+    frequency : (S, m) [Hz]
+        Resonance of each link with its motor locked, √(K / M) / 2π, at the mean inertia M.
+    ratio : (S, m)
+        Damping ratio.
+    """
+
+    joints: tuple[int, ...]
+    frequency: Array
+    ratio: Array
+
+    def with_joint(self, joint: int, frequency: float, ratio: float) -> Springs:
+        """Return one set of springs, with one more joint."""
+        return self.with_each(joint, np.array([frequency]), ratio)
+
+    def with_each(self, joint: int, frequencies: Array, ratio: float) -> Springs:
+        """Return sets of springs, each with one more joint of another frequency (S,)."""
+        sets = len(frequencies)
+        known = np.repeat(self.frequency, sets, axis=0), np.repeat(self.ratio, sets, axis=0)
+        frequency = np.column_stack([known[0], frequencies])
+        return Springs(
+            (*self.joints, joint), frequency, np.column_stack([known[1], np.full(sets, ratio)])
+        )
+
+    def without(self, joint: int) -> Springs:
+        """Return the springs of the other joints."""
+        rest = [c for c, j in enumerate(self.joints) if j != joint]
+        joints = tuple(self.joints[c] for c in rest)
+        return Springs(joints, self.frequency[:, rest], self.ratio[:, rest])
+
+    def stiffness(self, inertia: Array) -> Array:
+        """Return the stiffness (S, m), for the mean inertia (n,) of every joint."""
+        return (2.0 * np.pi * self.frequency) ** 2 * inertia[list(self.joints)]
+
+    def damping(self, inertia: Array) -> Array:
+        """Return the damping (S, m), for the mean inertia (n,) of every joint."""
+        own = inertia[list(self.joints)]
+        return 4.0 * np.pi * self.ratio * self.frequency * own
+
+
+class Stretch:
+    """Consecutive samples of a log along which joints may bend.
+
+    Values of the model are those of the robot file plus changes of the b kept columns. Where motion
+    determines only the sum of a rotor and a link, the rotor is the file's.
+
+    Parameters
+    ----------
+    structure : Structure
+        Of an open chain.
+    piece : Piece
+    """
+
+    def __init__(self, structure: Structure, piece: Piece) -> None:
+        self.structure = structure
+        self.robot = structure.robot
+        self.piece = piece
+        self.step = sampling_step(piece.motion.t)
+        parameters = structure.parameters
+        self.bodies = np.array([p.group == "rigid_body" for p in parameters])
+        stated = np.array([p.group in STATED for p in parameters])
+        #: Values of the file, (p,); zero where it has none.
+        self.stated = np.where(stated, structure.nominal, 0.0)
+        self.kept = np.asarray(structure.base.kept)
+        W = structure.model.regressor(self.robot, piece.motion)
+        self.columns = W[:, :, self.kept]
+        self.stated_torque = W @ self.stated
+        self._link_columns = W[:, :, self.bodies]
+        self._changes: dict[int, tuple[Array, ...]] = {}
+
+    def values(self, change: Array) -> Array:
+        """Return the values (p,) of the model for changes (b,) of the kept columns."""
+        out = self.stated.copy()
+        out[self.kept] += change
+        return out
+
+    def load(self, values: Array) -> Array:
+        """Return the torque of rigid links, (N, n)."""
+        return np.asarray(self._link_columns @ values[self.bodies])
+
+    def whole(self, change: Array) -> Array:
+        """Return the torque of the rigid model, (N, n)."""
+        return np.asarray(self.stated_torque + self.columns @ change)
+
+    # Derivatives of the links' torque.
+
+    def derivative_columns(self, joint: int) -> tuple[Array, ...]:
+        """Return columns (N, n, p of bodies) of P, D and M by the motion of a joint."""
+        if joint not in self._changes:
+            self._changes[joint] = tuple(self._difference(joint, k) for k in range(len(STEPS)))
+        return self._changes[joint]
+
+    def _difference(self, joint: int, order: int) -> Array:
+        motion = self.piece.motion
+        links = Model((self.structure.model.effects[self._rigid],))
+        state = [motion.actuated_q, motion.actuated_v, motion.actuated_a]
+        ends = []
+        for sign in (1.0, -1.0):
+            moved = [x.copy() for x in state]
+            moved[order][:, joint] += sign * STEPS[order]
+            ends.append(links.regressor(self.robot, complete_motion(self.robot, motion.t, *moved)))
+        return np.asarray((ends[0] - ends[1]) / (2.0 * STEPS[order]))
+
+    @cached_property
+    def _rigid(self) -> int:
+        return self.structure.model.names.index("rigid_body")
+
+    def derivatives(self, joints: Sequence[int], values: Array) -> Array:
+        """Return P, D and M by the motion of m joints, (3, N, n, m)."""
+        own = values[self.bodies]
+        each = [[c @ own for c in self.derivative_columns(joint)] for joint in joints]
+        return np.moveaxis(np.array(each), 0, -1)
+
+    # Torque of deflections, at every sample.
+
+    def equation(self, joints: Sequence[int], parts: Array) -> LinkEquation:
+        """Return the equation of the links behind m joints."""
+        own = parts[:, :, list(joints)]
+        return LinkEquation(self.step, *own)
+
+    def bent_torque(self, springs: Springs, inertia: Array, values: Array) -> Array:
+        """Return the torque that springs add to the rigid robot's, (N, n, S)."""
+        parts = self.derivatives(springs.joints, values)
+        load = self.load(values)[:, None, list(springs.joints)]
+        found = integrate(
+            self.equation(springs.joints, parts),
+            load,
+            springs.stiffness(inertia),
+            springs.damping(inertia),
+        )
+        return _torque_of(parts, found)
+
+    def sensitivities(self, springs: Springs, inertia: Array, values: Array) -> tuple[Array, Array]:
+        """Return the torque (N, n) of one set of springs, and its derivatives (N, n, 2m + b).
+
+        They are by the logarithms of frequencies and of damping ratios, and by the kept columns.
+        The derivative of a deflection obeys the same equation under another torque.
+        """
+        joints = list(springs.joints)
+        m = len(joints)
+        parts = self.derivatives(joints, values)
+        equation = self.equation(joints, parts)
+        stiffness, damping = springs.stiffness(inertia), springs.damping(inertia)
+        load = self.load(values)[:, None, joints]
+        own = integrate(equation, load, stiffness, damping)
+        position, velocity, acceleration = (
+            x[:, 0] for x in (own.position, own.velocity, own.acceleration)
+        )
+        each = np.eye(m)
+        # Damping grows with the frequency as well.
+        by_frequency = -2.0 * (stiffness * position)[:, None] * each
+        by_frequency = by_frequency - (damping * velocity)[:, None] * each
+        by_ratio = -(damping * velocity)[:, None] * each
+        rows = [by_frequency, by_ratio]
+        direct = np.zeros((*self.columns.shape[:2], 2 * m + len(self.kept)))
+        places = np.flatnonzero(self.bodies)
+        of_links = np.isin(self.kept, places)
+        columns = np.searchsorted(places, self.kept[of_links])
+        by_values = np.zeros((len(load), len(self.kept), m))
+        added = np.zeros((*self.columns.shape[:2], len(columns)))
+        states = (position, velocity, acceleration)
+        for c, joint in enumerate(joints):
+            for column, state in zip(self.derivative_columns(joint), states, strict=True):
+                added += column[:, :, columns] * state[:, c, None, None]
+        by_links = self._link_columns[:, :, columns] - added
+        by_values[:, of_links] = np.moveaxis(by_links[:, joints], 1, 2)
+        force = np.concatenate([*rows, by_values], axis=1)
+        moved = _torque_of(parts, integrate(equation, force, stiffness, damping))
+        direct[:, :, 2 * m :][:, :, of_links] = -added
+        return _torque_of(parts, own)[:, :, 0], moved + direct
+
+    # Rivals: what else makes torque late, small or smooth.
+
+    def rivals(self, change: Array) -> Array:
+        """Return columns (N, n, 4n) of delay, low-pass, encoder zero and torque scale by joint."""
+        values = self.values(change)
+        n = len(self.robot.actuated)
+        whole = self.whole(change)
+        late = differentiate(whole, self.step)
+        slow = differentiate(late, self.step)
+        turned = self.derivatives(range(n), values)[0]
+        alone = np.eye(n)
+        late, slow, scaled = (x[:, :, None] * alone for x in (late, slow, self.load(values)))
+        return np.concatenate([late, slow, turned, scaled], axis=2)
+
+    # What a fit compares.
+
+    def kept_rows(self, x: Array) -> Array:
+        """Return x (N, n, …), low-passed and decimated as torque is, zero where that is no data."""
+        return self.piece.weighed(self.piece.down(self.piece.silenced(np.array(x))))
+
+
+def _torque_of(parts: Array, found: Deflection) -> Array:
+    """Return the torque that deflections add to that of a rigid robot, (N, n, S)."""
+    states = (found.position, found.velocity, found.acceleration)
+    pairs = zip(parts, states, strict=True)
+    return -sum(part @ state.swapaxes(1, 2) for part, state in pairs)
+
+
+def cut_stretches(structure: Structure, samples: Sequence[Dataset]) -> list[Stretch]:
+    """Return stretches of logs without gaps: of each log as many samples."""
+    most = MOST // max(1, len(samples))
+    out = []
+    for log in samples:
+        for piece in log.pieces(most):
+            if len(piece.motion.t) >= FEWEST:
+                out.append(Stretch(structure, piece))
+                break
+    return out

@@ -1,0 +1,70 @@
+"""`ask_bending`: whether joints bend, asked of the logs of a diagnosis in a wider band."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from identifiability.bending import Bending, find_bending
+from identifiability.bending.rules import RULES
+from identifiability.foundation.rules import Tolerance
+from identifiability.foundation.runs import Run
+from identifiability.logs.prepare import Preparation
+from identifiability.logs.prepare.preparation import choose_cutoff
+from identifiability.regression.structure import Structure
+from identifiability.workflows.case import Case, Data
+
+#: Cut-off of the motion over the band of the torque.
+WIDER: Tolerance = 2.5
+#: Fewest samples in a period of the highest frequency of the band.
+SAMPLES = 6
+
+
+def ask_bending(case: Case, data: Data, structure: Structure, run: Run) -> Bending:
+    """Return what the logs say about joints that bend.
+
+    Parameters
+    ----------
+    case : Case
+    data : Data
+        The logs, under their reading.
+    structure : Structure
+        The robot under the model with the named effects.
+    run : Run
+    """
+    n = len(structure.robot.actuated)
+    nothing = Bending((), (), np.nan, np.nan, np.zeros(n), np.zeros(n))
+    lost = refuse(structure, data)
+    if lost:
+        return replace(nothing, lost=lost)
+    logs = data.recordings.fitted
+    chosen = choose_cutoff(structure.robot, logs, case.preparation)
+    found = getattr(chosen, "band", None)
+    if found is None:
+        return replace(nothing, lost="the logs state accelerations, which hide their own filter")
+    step = float(np.median(np.diff(logs[0].t)))
+    lowest, highest = RULES.band
+    wanted = float(np.clip(RULES.bandwidths * found.bandwidth, lowest, highest))
+    band = min(wanted, 1.0 / (SAMPLES * step))
+    how = Preparation(cutoff=WIDER * band, outputs=band)
+    prepared = case.prepared(structure.robot, data.recordings, how, run)
+    return find_bending(structure, prepared.fitted, prepared.held_out, band, found.bandwidth)
+
+
+def refuse(structure: Structure, data: Data) -> str:
+    """Return why joints cannot be asked, after "because"; empty if they can."""
+    robot = structure.robot
+    if robot.closed or robot.couplings:
+        return "the robot has loops or coupled joints"
+    if robot.base is not None:
+        return "the base of the robot floats"
+    if data.recordings.commanded:
+        return "the torque was computed from commands"
+    if robot.torque.has_side("link", "both"):
+        return "the torque was measured behind the gears"
+    if data.recordings.long:
+        return "the logs are too long: give some minutes of them"
+    if "rigid_body" not in structure.model.names:
+        return "the model has no bodies"
+    return ""

@@ -1,0 +1,335 @@
+"""Are joints that bend named with their stiffness, and rigid arms left alone?
+
+    python studies/elastic_joints.py [--stream 0] [--draws 30] [--workers 2] [--quick]
+
+MuJoCo moves arms of three or four joints. In an elastic arm one to three joints have a spring and a
+damper between motor and link. Positions and torque are those of the motors alone, at 200 Hz: two
+logs of 10 s are fitted, and one is unseen. Controllers follow sines up to a top frequency of 1 to
+6 Hz. Positions have 18 bits; torque has white noise of .2 to 1 %. The resonance of a link with its
+motor locked lies between 5 Hz, or 1.5 × the top frequency, and 25 Hz.
+
+Nulls are rigid arms, and rigid arms whose torque is low-passed or late by 2 to 5 ms, in one joint
+or in all. There are as many of these as elastic arms, and twice as many without either.
+
+The oracle knows the deflections: its z is the torque that they add, beside all columns of the rigid
+model, over the noise of the torque. A joint is *asked* if its z is at least 8 and its resonance at
+most 5 × the top frequency. An interval holds if it has the spring's stiffness.
+
+Stream 0 is for development; others are looked at once.
+"""
+
+from __future__ import annotations
+
+import time
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import mujoco
+import numpy as np
+import pandas as pd
+from drawn_robots import draw_arm
+from paper_study.result import StudyCheck
+from scipy.signal import lfilter
+from shared import study_parser, write_answer
+
+from identifiability import Log, Robot, diagnose
+from identifiability.effects import default_effects
+from identifiability.foundation.engines import Processes, Serial
+from identifiability.foundation.names import Array
+from identifiability.logs.signals import differentiate
+from identifiability.regression.reduction import DEFAULT_EFFECTS
+from identifiability.regression.regression import Model
+from identifiability.robot import complete_motion
+
+STEP, EVERY = 5e-4, 10
+RATE = 1.0 / (STEP * EVERY)
+SECONDS, SETTLE, LOGS = 10.0, 1.0, 3
+KINDS = ("elastic", "late", "rigid")
+#: z and share of the resonance from which a joint is asked; z from which its resonance is exact.
+ASKED, TOP, EXACT = 8.0, 5.0, 20.0
+
+
+@dataclass(frozen=True)
+class Run:
+    """A simulated log: motors' positions and torque, and deflections of the links."""
+
+    t: Array
+    q: Array
+    tau: Array
+    bent: Array
+
+
+def bend(source: Path, out: Path, springs: dict[int, tuple[float, float]]) -> None:
+    """Write an arm in which some links stand behind springs (stiffness, damping)."""
+    tree = ET.parse(source)
+    for k, (stiffness, damping) in springs.items():
+        motor = tree.find(f".//body[@name='link{k}']")
+        assert motor is not None
+        parts = list(motor)
+        joint = motor.find("joint")
+        link = ET.Element("body", name=f"link{k}")
+        motor.set("name", f"motor{k}")
+        numbers = {"stiffness": repr(stiffness), "damping": repr(damping)}
+        ET.SubElement(link, "joint", name=f"flex{k}", type="hinge", axis="0 0 1", **numbers)
+        for part in parts:
+            motor.remove(part)
+            if part is not joint:
+                link.append(part)
+        ET.SubElement(motor, "inertial", pos="0 0 0", mass="1e-6", diaginertia="1e-9 1e-9 1e-9")
+        motor.append(joint)
+        motor.append(link)
+    tree.write(out)
+
+
+def draw_motion(rng: np.random.Generator, n: int, top: float, t: Array) -> Array:
+    """Return wanted positions (N, n): sines up to a top frequency, within limits of arms."""
+    wanted = np.zeros((len(t), n))
+    for joint in range(n):
+        frequency = np.append(np.exp(rng.uniform(np.log(0.1), np.log(top), 11)), top)
+        phase = rng.uniform(0, 2 * np.pi, 12)
+        waves = np.sin(2 * np.pi * frequency * t[:, None] + phase) / (2 * np.pi * frequency)
+        x = waves.sum(1)
+        speed = np.gradient(x, t)
+        acceleration = np.gradient(speed, t)
+        limits = zip((0.9, 1.8, 40.0), (x, speed, acceleration), strict=True)
+        share = min(limit / np.abs(values).max() for limit, values in limits)
+        wanted[:, joint] = share * x + rng.uniform(-0.3, 0.3)
+    return wanted
+
+
+def simulate(path: Path, wanted: Array) -> tuple[Array, Array, Array]:
+    """Return positions and torque of the motors, and angles of the springs, (N, n) each."""
+    model = mujoco.MjModel.from_xml_path(str(path))
+    model.opt.timestep = STEP
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    model.dof_solref[:] = [2 * STEP, 1]
+    model.dof_solimp[:] = [0.999, 0.9999, 1e-3, 0.5, 2]
+    model.jnt_limited[:] = 0
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    data = mujoco.MjData(model)
+    n = wanted.shape[1]
+    place = np.array([model.joint(f"j{k}").qposadr[0] for k in range(n)])
+    dof = np.array([model.joint(f"j{k}").dofadr[0] for k in range(n)])
+    named = {model.joint(k).name: k for k in range(model.njnt)}
+    springs = {k: model.jnt_qposadr[named[f"flex{k}"]] for k in range(n) if f"flex{k}" in named}
+    data.qpos[place] = wanted[0]
+    mujoco.mj_forward(model, data)
+    mass = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, mass)
+    size = np.diag(mass)[dof]
+    rate = 2 * np.pi * 8
+    speed = np.gradient(wanted, STEP, axis=0)
+    settle = round(SETTLE / STEP)
+    rows = []
+    for k, (position, velocity) in enumerate(zip(wanted, speed, strict=True)):
+        error = position - data.qpos[place]
+        torque = size * (rate**2 * error + 1.4 * rate * (velocity - data.qvel[dof]))
+        if k >= settle and (k - settle) % EVERY == 0:
+            angles = [data.qpos[springs[j]] if j in springs else 0.0 for j in range(n)]
+            rows.append([*data.qpos[place], *torque, *angles])
+        data.ctrl[:] = torque
+        mujoco.mj_step(model, data)
+    q, tau, bent = np.split(np.array(rows), 3, axis=1)
+    if not np.isfinite(q).all() or np.abs(q).max() > 20:
+        raise FloatingPointError
+    return q, tau, bent
+
+
+def link_inertia(path: Path, rng: np.random.Generator) -> Array:
+    """Return the mean inertia of the links that each joint moves, without rotors, (n,)."""
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    found = []
+    for _ in range(8):
+        data.qpos[:] = rng.uniform(-0.5, 0.5, model.nq)
+        mujoco.mj_forward(model, data)
+        mass = np.zeros((model.nv, model.nv))
+        mujoco.mj_fullM(model, data, mass)
+        found.append(np.diag(mass) - model.dof_armature)
+    return np.mean(found, axis=0)
+
+
+def make_late(tau: Array, rng: np.random.Generator, joints: Sequence[int]) -> Array:
+    """Return torque that some joints' sensors low-pass, or give late."""
+    lag = rng.uniform(0.002, 0.005)
+    delayed = rng.random() < 0.5
+    out = tau.copy()
+    t = np.arange(len(tau)) / RATE
+    for k in joints:
+        kept = np.exp(-1 / (RATE * lag))
+        slow, _ = lfilter([1 - kept], [1, -kept], tau[:, k], zi=[kept * tau[0, k]])
+        out[:, k] = np.interp(t - lag, t, tau[:, k]) if delayed else slow
+    return out
+
+
+def measure_z(robot: Robot, run: Run, level: Array, joints: Sequence[int]) -> Array:
+    """Return the oracle's z of the joints that bend, from one log (E,)."""
+    step = 1.0 / RATE
+    model = Model.of(*default_effects(robot, DEFAULT_EFFECTS))
+    bodies = Model((model.effects[model.names.index("rigid_body")],))
+    values = np.array([robot.nominal.get(p.name, 0.0) for p in bodies.parameters(robot)])
+
+    def along(of: Model, q: Array) -> Array:
+        speed = differentiate(q, step)
+        motion = complete_motion(robot, run.t, q, speed, differentiate(speed, step))
+        return of.regressor(robot, motion)
+
+    rows = along(model, run.q) / level[:, None]
+    columns = rows.reshape(-1, rows.shape[2])
+    columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
+    basis, size, _ = np.linalg.svd(columns, full_matrices=False)
+    basis = basis[:, size > 1e-8 * size[0]]
+    rigid = along(bodies, run.q) @ values
+    found = []
+    for k in joints:
+        alone = np.where(np.arange(run.q.shape[1]) == k, run.bent, 0.0)
+        added = ((along(bodies, run.q + alone) @ values - rigid) / level).ravel()
+        found.append(float(np.linalg.norm(added - basis @ (basis.T @ added))))
+    return np.array(found)
+
+
+def draw(stream: int, number: int, kind: str, folder: Path) -> dict[str, Any]:
+    """Return an arm, its logs as they were measured, and what is true of it."""
+    rng = np.random.default_rng([stream, number, KINDS.index(kind)])
+    n = int(rng.choice([3, 4]))
+    robot = draw_arm(rng, folder, "R" * n)
+    source = next(folder.glob("arm*.xml"))
+    inertia = link_inertia(source, rng)
+    top = float(np.exp(rng.uniform(np.log(1), np.log(6))))
+    resonance, springs = dict[int, float](), dict[int, tuple[float, float]]()
+    if kind == "elastic":
+        for k in rng.choice(n, int(rng.integers(1, 4)), replace=False).tolist():
+            resonance[k] = float(np.exp(rng.uniform(np.log(max(5.0, 1.5 * top)), np.log(25))))
+            stiffness = (2 * np.pi * resonance[k]) ** 2 * float(inertia[k])
+            ratio = rng.uniform(0.02, 0.08)
+            springs[k] = stiffness, float(2 * ratio * np.sqrt(stiffness * inertia[k]))
+    path = folder / "bent.xml"
+    bend(source, path, springs)
+    t = np.arange(round((SECONDS + SETTLE) / STEP)) * STEP
+    level = float(np.exp(rng.uniform(np.log(0.002), np.log(0.01))))
+    late = range(n) if rng.random() < 0.5 else [int(rng.integers(n))]
+    runs = []
+    for _ in range(LOGS):
+        q, tau, bent = simulate(path, draw_motion(rng, n, top, t))
+        measured = make_late(tau, rng, late) if kind == "late" else tau
+        noise = level * np.sqrt((tau**2).mean(0))
+        measured = measured + noise * rng.standard_normal(tau.shape)
+        runs.append((Run(np.arange(len(q)) / RATE, q, measured, bent), noise))
+    return {"robot": robot, "runs": runs, "springs": springs, "resonance": resonance, "top": top}
+
+
+def write_log(robot: Robot, run: Run) -> Log:
+    """Return a log with positions of 18 bits a turn."""
+    step = 2 * np.pi / 2**18
+    columns = {"t": run.t}
+    for k, joint in enumerate(robot.joints):
+        columns[f"{joint}.q"] = step * np.rint(run.q[:, k] / step)
+        columns[f"{joint}.tau"] = run.tau[:, k]
+    return Log.from_frame(pd.DataFrame(columns))
+
+
+def examine(case: tuple[int, int, str]) -> list[dict[str, Any]]:
+    """Return a row for every joint of an arm, or for the arm if none bends."""
+    stream, number, kind = case
+    with TemporaryDirectory() as folder:
+        try:
+            drawn = draw(stream, number, kind, Path(folder))
+        except FloatingPointError:
+            return []
+        robot, runs = drawn["robot"], drawn["runs"]
+        logs = [write_log(robot, run) for run, _ in runs]
+        began = time.process_time()
+        result = diagnose(robot, logs[:-1], logs[-1], quick=True, bending=True)
+        seconds = time.process_time() - began
+        bending = result.bending
+        assert bending is not None
+        found = {x.joint: x for x in bending.joints}
+        names = [robot.joints[k] for k in drawn["springs"]]
+        about = {"kind": kind, "number": number, "top": drawn["top"], "seconds": seconds}
+        about["false"] = len([joint for joint in found if joint not in names])
+        if not names:
+            return [about]
+        z = np.sqrt(sum(measure_z(robot, run, s, [*drawn["springs"]]) ** 2 for run, s in runs[:-1]))
+        rows = []
+        for (k, (stiffness, _)), size in zip(drawn["springs"].items(), z.tolist(), strict=True):
+            joint = robot.joints[k]
+            asked = size >= ASKED and drawn["top"] >= drawn["resonance"][k] / TOP
+            row = about | {"joint": joint, "z": size, "asked": asked, "named": joint in found}
+            row |= {"resonance": drawn["resonance"][k], "stiffness": stiffness}
+            about["false"] = 0  # counted once
+            if joint in found:
+                one = found[joint]
+                row |= {"ratio": one.stiffness / stiffness, "half": one.stiffness_half / stiffness}
+                row["holds"] = abs(one.stiffness - stiffness) <= one.stiffness_half
+                at = robot.joints.index(joint)
+                held = bending.held_before, bending.held_after
+                if held[0] is not None and held[1] is not None:
+                    row["unseen"] = float(held[1][at] / held[0][at])
+            rows.append(row)
+        return rows
+
+
+def check(rows: pd.DataFrame) -> list[StudyCheck]:
+    """Return the checks of the exam."""
+    bent = rows[rows.kind == "elastic"]
+    nulls = rows[rows.kind != "elastic"]
+    asked = bent[bent.asked.astype(bool)]
+    found = bent[bent.named.astype(bool)]
+    share = float(asked.named.astype(bool).mean())
+    named = int((nulls.false > 0).sum())
+    allowed = max(1, round(len(nulls) / 45))
+    wrong = int(bent.false.sum())
+    exact = found[(found.z >= EXACT) & found.asked.astype(bool)]
+    # The resonance of a link grows with the root of the stiffness of its spring.
+    near = float((np.abs(np.sqrt(exact.ratio) - 1) <= 0.05).mean())
+    coverage = float(found.holds.astype(bool).mean())
+    unseen = float(found.unseen.median())
+    return [
+        StudyCheck("asked joints named", f"{share:.3f}", "0.85", "", share >= 0.85),
+        StudyCheck("nulls named", f"{named} of {len(nulls)}", f"{allowed}", "", named <= allowed),
+        StudyCheck("rigid joints of elastic arms named", f"{wrong}", "2", "", wrong <= 2),
+        StudyCheck(f"resonance within 5 % at z ≥ {EXACT:g}", f"{near:.3f}", "0.9", "", near >= 0.9),
+        StudyCheck(
+            "stiffness in its interval",
+            f"{coverage:.3f}",
+            "0.93",
+            "",
+            coverage >= 0.93,
+            "the equation is linear about the motion, and the rotor is the robot file's",
+            required=False,
+        ),
+        StudyCheck("unseen error, after over before", f"{unseen:.3f}", "1", "", unseen < 1),
+    ]
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Draw and examine arms, and print the table."""
+    parser = study_parser(
+        "elastic_joints", __doc__, "two elastic arms, two late and four rigid ones"
+    )
+    parser.add_argument("--stream", type=int, default=0, help="seeds; 0 while developing")
+    parser.add_argument("--draws", type=int, default=30, help="elastic arms")
+    parser.add_argument("--workers", type=int, default=2, help="processes")
+    asked = parser.parse_args(argv)
+    draws = 2 if asked.quick else asked.draws
+    counts = {"elastic": draws, "late": draws, "rigid": 2 * draws}
+    cases = [(asked.stream, k, kind) for kind, count in counts.items() for k in range(count)]
+    with Processes(asked.workers) if asked.workers > 1 else Serial() as engine:
+        rows = pd.DataFrame([row for found in engine.map(examine, cases) for row in found])
+    checks = check(rows)
+    frame = pd.DataFrame([asdict(x) for x in checks])
+    print(frame.to_string(index=False))
+    statement = f"{sum(x.passed for x in checks)} of {len(checks)} checks hold."
+    tables = {"Checks": frame, "Joints and arms": rows.round(4)}
+    write_answer(asked.out, "Joints that bend", statement, tables, __doc__)
+    failed = [x.name for x in checks if x.required and not x.passed]
+    if failed and not asked.quick:
+        raise SystemExit(f"Required checks failed: {'; '.join(failed)}.")
+
+
+if __name__ == "__main__":
+    main()
