@@ -29,7 +29,8 @@ from peers.tables import (
 )
 from shared import study_parser
 
-from identifiability.foundation.output import write_json
+from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.foundation.output import check_ending, check_writable, write_json
 from identifiability.report import Gallery, Picture, Prose, Section, frame_table, write_page
 
 #: The checkout.
@@ -173,7 +174,6 @@ def write(runs: Sequence[Measured], out: Path, seed: int) -> None:
         "runs": [{k: getattr(r, k) for k in keys} for r in runs],
         "agree": agree,
     }
-    out.parent.mkdir(parents=True, exist_ok=True)
     print(write_json(out, data))
     print(
         write_page(
@@ -190,6 +190,13 @@ def main(argv: Sequence[str] | None = None) -> list[Measured]:
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args(argv)
+    try:
+        given.out.parent.mkdir(parents=True, exist_ok=True)
+        check_ending(given.out, ".json")
+        for path in (given.out, given.out.with_suffix(".html")):
+            check_writable(path)
+    except (IdentifiabilityError, OSError) as error:
+        parser.error(str(error))
     sizes, repeats = (SAMPLES[:2], 1) if given.quick else (given.samples, given.repeats)
     runs = measure(sizes, repeats, given.seed)
     write(runs, given.out, given.seed)

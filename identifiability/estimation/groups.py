@@ -167,8 +167,8 @@ class Excerpt:
     def entries(self, candidates: Sequence[Candidate]) -> Entries:
         """Return the torque (N,) of candidates by joint and column, where it is not zero."""
         parts = [(c.part, c.columns) for c in candidates]
-        found = compute_entries(self.robot, parts, self.pieces)
-        return {at: x[self.seen] * self.data[:, at[0]] for at, x in found.items()}
+        found = compute_entries(self.robot, parts, self.pieces, self.seen)
+        return {at: x * self.data[:, at[0]] for at, x in found.items()}
 
 
 @frozen

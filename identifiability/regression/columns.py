@@ -180,7 +180,10 @@ def number(candidates: Sequence[Candidate]) -> list[Candidate]:
 
 
 def compute_entries(
-    robot: Robot, parts: Sequence[tuple[Part, Sequence[int]]], pieces: Sequence[Piece]
+    robot: Robot,
+    parts: Sequence[tuple[Part, Sequence[int]]],
+    pieces: Sequence[Piece],
+    seen: np.ndarray,
 ) -> Entries:
     """Return the nonzero torque of parts of effects along logs, after decimation.
 
@@ -191,13 +194,17 @@ def compute_entries(
         With the column that each of its parameters has.
     pieces : sequence of Piece
         Of the logs.
+    seen : (N,) int
+        Outputs of the pieces that are returned, in order. Pieces have many more.
     """
     layout = _lay_out(robot, parts)
-    rows = sum(len(piece.motion.t[piece.at]) for piece in pieces)
     entries: Entries = {}
-    start = 0
+    outputs = 0
     for piece in pieces:
-        stop = start + len(piece.motion.t[piece.at])
+        first = outputs
+        outputs += len(piece.motion.t[piece.at])
+        start, stop = np.searchsorted(seen, [first, outputs]).tolist()
+        chosen = seen[start:stop] - first
         for effect, width, columns in layout:
             # The samples of a column lie side by side: columns are written and read one by one.
             columns_of_joints = np.zeros((len(robot.actuated), width, len(piece.motion)))
@@ -209,14 +216,13 @@ def compute_entries(
             if not taken.size:
                 continue
             own = W[:, joints, [columns[i][0] for i in taken]]
-            outputs = piece.down(piece.silenced(own, joints))
-            weighed = piece.weighed(outputs, joints)
+            low_passed = piece.down(piece.silenced(own, joints))
+            weighed = piece.weighed(low_passed, joints)[chosen]
             for i, j, values in zip(taken.tolist(), joints.tolist(), weighed.T, strict=True):
                 at = j, columns[i][1]
                 if at not in entries:
-                    entries[at] = np.zeros(rows)
+                    entries[at] = np.zeros(len(seen))
                 entries[at][start:stop] = values
-        start = stop
     return entries
 
 

@@ -102,7 +102,7 @@ def _tell_windows(log: Log, windows: Sequence[tuple[int, int]]) -> Finding:
         log.name,
         count=len(windows),
         seconds=float(log.t[stop - 1] - log.t[start]),
-        hours=(log.clock.last - log.clock.first) / HOUR,
+        hours=(log.clock.last - log.clock.first) / 3600.0,
         where=", ".join(f"{log.t[a]:.0f}" for a, _ in windows),
     )
 
