@@ -411,7 +411,7 @@ def _convert_torque(
     changed = [f"{j}: {f:.6g}" for j, f in factors.items() if f != 1.0 or given[j].current]
     currents = any(c.current for c in given.values())
     what = "torques are currents times" if currents else "torques were multiplied by"
-    notes = [f"{what} the values of the sidecar ({listing(changed, 4)})"] if changed else []
+    notes = [f"{what} their gain, ratio and sign ({listing(changed, 4)})"] if changed else []
     links = [j for j in joints if torque.side_of(j) == "link"]
     if links:
         notes.append(phrase("reading", "link", joints=links))

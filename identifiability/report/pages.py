@@ -415,9 +415,11 @@ def inspection_heading(result: Inspection) -> tuple[str, str]:
 
 def inspection_moving(result: Inspection) -> Moving | None:
     """Return the robot along the first log that can be read, with the largest torque."""
-    if not result.records or not np.isfinite(result.records[0].q).all():
+    if not result.records:
         return None
     first = result.records[0]
+    if not (np.isfinite(first.q).all() and np.isfinite(first.tau).all()):
+        return None
     still = np.zeros_like(result.records[0].q)
     motion = complete_motion(result.robot, first.t, first.q, still, still)
     lines = {"measured": first.tau}

@@ -481,12 +481,23 @@ def _with_logs(found: Inspection, case: Case, run: Run) -> Inspection:
 def _with_currents(found: Inspection, case: Case, run: Run, refusal: LogError) -> Inspection:
     """Return the inspection of logs whose currents have no gain yet.
 
-    One unit of current counts as one unit of torque, so findings on the unit of torque are left
-    out. The refusal that other verbs would raise is the first finding.
+    One unit of current counts as one unit of torque in checks. Findings on the unit of torque are
+    left out, and so is torque of joints without a gain (NaN). The refusal that other verbs would
+    raise is the first finding.
     """
     torque = case.robot.torque
     gains = {joint: torque.at("gain", joint) or 1.0 for joint in Conventions.of(case.robot).joints}
     robot = replace(case.robot, torque=torque.model_copy(update={"gain": gains}))
     read = _with_logs(found, case.with_(robot=robot), run)
     kept = [hint for hint in read.hints if getattr(hint, "key", "") not in ("unit", "joint_unit")]
-    return replace(read, hints=(Finding("currents", refusal=str(refusal)), *kept))
+    unknown = np.array([torque.at("gain", joint) is None for joint in case.robot.joints])
+    records = tuple(_without_torque(record, unknown) for record in read.records)
+    hints = (Finding("currents", refusal=str(refusal)), *kept)
+    return replace(read, records=records, hints=hints)
+
+
+def _without_torque(record: Record, unknown: Array) -> Record:
+    """Return a record in which torque of some joints (a boolean each) is NaN."""
+    joints = record.joints.copy()
+    joints.loc[unknown, ["torque_low", "torque_high", "torque_noise"]] = np.nan
+    return replace(record, joints=joints, tau=np.where(unknown, np.nan, record.tau))

@@ -81,6 +81,7 @@ def test_currents_under_usual_names_need_gains_and_take_stated_units(bare, write
     seen = inspect("two-link", given)
     assert seen.warnings[0].startswith("log 1 has currents and no torques")
     assert seen.records[0].clock["samples"] == len(given)
+    assert np.isnan(seen.records[0].tau).all()
     assert "gain and ratio" in seen.next()[0][0]
     log = Log.from_frame(given, "log", known(sidecar=side))
     scaled = bare[["shoulder.tau", "elbow.tau"]] * [2e-3, 4e-3]

@@ -49,7 +49,7 @@ def test_torque_is_the_value_times_gain_ratio_and_sign(load):
     tau, notes = torques(table(), robot)
     given = table()[["a.tau", "b.tau"]].to_numpy()
     np.testing.assert_allclose(tau, given * [0.5 * 100, -50])
-    assert notes == ("torques were multiplied by the values of the sidecar (a: 50, b: -50)",)
+    assert notes == ("torques were multiplied by their gain, ratio and sign (a: 50, b: -50)",)
     np.testing.assert_allclose(torques(table(), load("[torque]\ngain = 0.001\n"))[0], 1e-3 * given)
     same, quiet = torques(table(), load())
     np.testing.assert_array_equal(same, given)
@@ -60,11 +60,11 @@ def test_currents_stand_for_torques_where_their_gain_is_known(load):
     robot = load("[torque]\ngain = {a = 11, b = 7}\n")
     tau, notes = torques(table("current"), robot)
     np.testing.assert_allclose(tau, table().filter(like="tau").to_numpy() * [11, 7])
-    assert notes == ("torques are currents times the values of the sidecar (a: 11, b: 7)",)
+    assert notes == ("torques are currents times their gain, ratio and sign (a: 11, b: 7)",)
     both = table().assign(**{"a.current": 1.0, "b.current": 1.0})
     np.testing.assert_allclose(torques(both, load())[0], table().filter(like="tau").to_numpy())
     with pytest.raises(
-        IdentifiabilityError, match=r"currents and no torques of b; .*gain = {b = …}"
+        IdentifiabilityError, match=r"currents and no torques of b\. .*gain = {b = …}"
     ):
         torques(table("current"), load("[torque]\ngain = {a = 11}\n"))
 
