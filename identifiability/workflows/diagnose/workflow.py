@@ -551,7 +551,10 @@ def name_effects(
         if outliers is not None:
             joints = problem.robot.joints
             where = where_outlying(joints, problem.samples, outliers)
-            hint = hint or f"{where} was left out. Check the robot and the log at that time."
+            hint = (
+                hint
+                or f"{where} These rows were left out. Check the robot and the log at that time."
+            )
             found = _name_between_changes(without_outliers(problem, outliers), effects, run)
     run.say("verifying", 0.9)
     found = take_loads(found, run.engine)
