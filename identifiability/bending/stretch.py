@@ -210,6 +210,8 @@ class Stretch:
         by_links = self._link_columns[:, :, columns] - added
         by_values[:, of_links] = np.moveaxis(by_links[:, joints], 1, 2)
         force = np.concatenate([*rows, by_values], axis=1)
+        if not np.isfinite(force).all():
+            return np.full_like(torque, np.inf), direct
         moved = _torque_of(parts, integrate(equation, force, stiffness, damping))
         direct[:, :, 2 * m :][:, :, of_links] = -added
         return torque, moved + direct
