@@ -36,8 +36,6 @@ STEPS, LAST, HALVINGS = 6, 12, 4
 LARGEST: tuple[Tolerance, ...] = (0.3, 1.0)
 #: Relative singular value below which columns are taken to be dependent.
 DEPENDENT: Tolerance = 1e-8
-#: Fall of the sum of squares below which a fit has ended.
-ENOUGH: Tolerance = 0.03
 
 
 #: No joint bends.
@@ -188,7 +186,7 @@ class Problem:
                 share /= 2.0
             else:
                 break
-            done = left @ left - other[0] @ other[0] < ENOUGH
+            done = left @ left - other[0] @ other[0] < 0.5
             (numbers, change, rivals), (left, jacobian) = moved, other
             if done:
                 break

@@ -23,10 +23,8 @@ from .deflection import Deflection, LinkEquation, integrate
 STATED = ("rigid_body", "actuator_inertia")
 #: Steps of the differences by position, velocity and acceleration: [rad or m, and per s, per s²].
 STEPS: tuple[Tolerance, ...] = (1e-4, 1e-3, 1e-2)
-#: Most samples of all logs together: the integration takes as long as they are many.
-MOST = 6_000
-#: Fewest samples of a stretch.
-FEWEST = 400
+#: Most samples of all logs together, as the integration takes time, and fewest of a stretch.
+MOST, FEWEST = 6_000, 400
 #: Torque of deflections, relative to the largest measured torque, from which links are unstable.
 UNSTABLE: Tolerance = 1e3
 

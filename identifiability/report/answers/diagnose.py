@@ -43,8 +43,6 @@ if TYPE_CHECKING:
     from identifiability.workflows.diagnose.forward import ForwardGap
     from identifiability.workflows.diagnose.result import Diagnosis, NamedEffect, Odds
 
-#: Highest resonance that a motion shows, as a multiple of its bandwidth.
-RESONANCES = 5.0
 #: Names that a sentence says of one effect; JSON has them all.
 LIKELIEST = 4
 
@@ -200,8 +198,7 @@ def _answer_bending(found: Bending) -> Answer:
     if found.lost:
         return Answer(question, sentence(about, "lost", why=found.lost), "", "grey")
     if not found.joints:
-        shown = RESONANCES * found.bandwidth
-        told = sentence(about, "told", band=found.band, shown=shown)
+        told = sentence(about, "told", band=found.band, bandwidth=found.bandwidth)
         return Answer(question, sentence(about, "none"), told, "green")
     each = [
         sentence(about, "one", joint=x.joint, resonance=x.resonance, half=x.resonance_half)

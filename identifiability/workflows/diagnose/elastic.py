@@ -17,8 +17,6 @@ from identifiability.workflows.case import Case, Data
 
 #: Cut-off of the motion over the band of the torque.
 WIDER: Tolerance = 2.5
-#: Fewest samples in a period of the highest frequency of the band.
-SAMPLES = 6
 
 
 def ask_bending(case: Case, data: Data, structure: Structure, run: Run) -> Bending:
@@ -46,7 +44,8 @@ def ask_bending(case: Case, data: Data, structure: Structure, run: Run) -> Bendi
     step = float(np.median(np.diff(logs[0].t)))
     lowest, highest = RULES.band
     wanted = float(np.clip(RULES.bandwidths * found.bandwidth, lowest, highest))
-    band = min(wanted, 1.0 / (SAMPLES * step))
+    # The cut-off stays below half of the sampling rate.
+    band = min(wanted, 0.5 / (WIDER * step))
     how = Preparation(cutoff=WIDER * band, outputs=band)
     prepared = case.prepared(structure.robot, data.recordings, how, run)
     return find_bending(structure, prepared.fitted, prepared.held_out, band, found.bandwidth)
