@@ -118,15 +118,16 @@ def comparison_heading(result: Comparison) -> tuple[str, str]:
 
 
 def comparison_moving(result: Comparison) -> Moving | None:
-    """Return the robot along the first log after, over the torque that changed most."""
+    """Return the robot along the later log that changed most, over the torque that did."""
     robot = result.robot
     motion = result.motion
     torque = result.torque
     t = torque.t
     left = torque.measured
     lines = {"measured": left} | ({"what changed": torque.explained} if result.changes else {})
-    log, _ = shorten_paths((result.after[0], result.before[0]))
-    shown, how = (torque.explained, "changed") if result.changes else (left, "same")
+    log, _ = shorten_paths((result.after[torque.log], result.before[0]))
+    # Noise alone marks no joint.
+    shown, how = (torque.explained, "changed") if result.changes else (None, "same")
     return move_with_torque(robot, motion, t, torque.whole, lines, log, shown, how)
 
 

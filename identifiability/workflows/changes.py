@@ -71,16 +71,19 @@ class DifferentTorque:
         All of the torque.
     measured, explained : (N, n) [N·m or N]
         The measured difference, and its part that the changes explain; NaN where torque is no data.
+    log : int
+        The log: of those after, the one that changed most.
     """
 
     t: Array
     whole: Array
     measured: Array
     explained: Array
+    log: int
 
     @staticmethod
-    def of(found: Differences, terms: Terms) -> DifferentTorque:
-        """Return the torque of the first log minus that of the model of all logs."""
+    def of(found: Differences, terms: Terms, later: int) -> DifferentTorque:
+        """Return the torque of one of the later logs minus that of the model of all logs."""
         seen, p, a = found.missing.seen, found.known.size, found.always.shape[1]
         value = found.solve(terms)[0]
         explained = np.where(seen.data, 0.0, np.nan)
@@ -91,8 +94,10 @@ class DifferentTorque:
             explained[:, j] += sizes[k] * x
         measured = np.where(seen.data, seen.y - seen.X @ value[:p], np.nan)
         explained = np.where(seen.data, explained, np.nan)
-        first = seen.log == 0
-        return DifferentTorque(seen.t[first], seen.raw[first], measured[first], explained[first])
+        size = [np.nansum(explained[seen.log == k] ** 2) for k in range(later)]
+        log = int(np.argmax(size))
+        own = seen.log == log
+        return DifferentTorque(seen.t[own], seen.raw[own], measured[own], explained[own], log)
 
 
 @frozen(kw_only=True)

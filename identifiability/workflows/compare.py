@@ -82,7 +82,7 @@ class Comparison(OfStructure, Result):
     preparation : Preparation
         Requested preparation of the logs.
     motion, torque : Motion and DifferentTorque
-        Of the first log after.
+        Of the log after that changed most.
     source : LadderSource
         Where its model came from.
     """
@@ -238,6 +238,7 @@ def compare(
         terms = found.model.search()
         changes = list_log_changes(found, terms, sides.names)
         hints = (*_check_reading(case, unchanged, found.known.base, run), *unchanged.hints)
+        torque = DifferentTorque.of(found, terms, len(unchanged.validation))
     later, earlier = sides.paths
     return Comparison(
         structure=unchanged.structure,
@@ -248,8 +249,8 @@ def compare(
         unchanged=list_unchanged(found, terms, changes),
         hints=hints,
         preparation=case.preparation or Preparation(),
-        motion=sides.samples[0].motion,
-        torque=DifferentTorque.of(found, terms),
+        motion=sides.samples[torque.log].motion,
+        torque=torque,
         source=source,
     )
 

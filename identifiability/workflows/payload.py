@@ -132,7 +132,7 @@ def estimate_load(found: Differences, names: Sequence[str]) -> LoadEstimate:
         unknown=unknown,
         lacks=tuple(describe_term(t) for t in terms if not found.whose(t).pattern),
         changes=list_log_changes(found, terms, names),
-        torque=DifferentTorque.of(found, terms),
+        torque=DifferentTorque.of(found, terms, 1),
     )
 
 

@@ -106,8 +106,10 @@ def test_the_same_motion_cancels_what_the_model_leaves_out():
 
 def test_of_three_logs_it_is_said_which_is_odd():
     same, odd = logs(PLANAR, 41)[1], replace(logs(PLANAR, 42, elbow=1.5)[0], name="odd")
-    for before, after in (([logs(PLANAR, 40)[0], odd], same), (logs(PLANAR, 40)[1], [odd, same])):
+    first = logs(PLANAR, 40)
+    for before, after, shown in (([first[0], odd], same, 0), (first[1], [same, odd], 1)):
         found = compare(PLANAR, before, after)
+        assert found.torque.log == shown  # the one that changed is drawn
         assert said(found) == {("friction", "elbow")}
         (change,) = found.changes
         assert change.log == "odd"
