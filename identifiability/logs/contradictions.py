@@ -89,7 +89,7 @@ def _check_angles(robot: Robot, windows: Sequence[Log]) -> None:
                 f"{windows[0].name}: {_span(joint, columns[odd[0]])}, and the joint's limits are "
                 f"{low:.4g} … {high:.4g} rad: it {why} state the scale of ticks or normalised "
                 f"units: [columns] {joint} = {{scale = …, offset = …}} in the sidecar "
-                "(rad = scale × value + offset)."
+                f"(rad = scale × value + offset).{_ticks_of_servos(columns[odd[0]])}"
             )
 
 
@@ -99,6 +99,18 @@ _DEGREES = (
     "header goes before both: correct that), or --set angles=rad if they are rad, or"
 )
 _TICKS = "spans more than twice the joint's limits;"
+
+
+def _ticks_of_servos(q: Array) -> str:
+    """Return the scale of common servos if positions (N,) are their ticks; else an empty text."""
+    ticks = 2**12  # in a turn of Feetech STS and Dynamixel X servos, by their manuals
+    if np.any(q != np.rint(q)) or q.min() < 0 or q.max() >= ticks:
+        return ""
+    scale = TURN / ticks
+    return (
+        f" For servos with {ticks} ticks a turn and zero in the middle, "
+        f"write scale = {scale:.6g}, offset = {-0.5 * TURN:.6g}."
+    )
 
 
 def _beyond(q: Array, low: float, high: float) -> bool:

@@ -18,6 +18,7 @@ from identifiability.foundation.output import check_ending, csv_text, write_byte
 
 from .conventions import Conventions
 from .form import PLAIN, Form, find_encoding, find_form
+from .formats.list_cells import spread_lists
 from .formats.parquet import check_parquet
 from .formats.reader import (
     MISSING,
@@ -126,7 +127,7 @@ def read_pieces(path: Path, known: Conventions | None = None) -> Iterator[Whole]
             check_suffix(path)
             digest = hash_files(path)
             for frame, form in _read_parquet(path) if is_parquet(path) else _read_csv(path):
-                yield frame, form, digest
+                yield spread_lists(path, frame), form, digest
         if _stamp(place) != before:
             raise LogError(
                 f"{path} changed while it was read; wait until it is complete, then start again."

@@ -110,12 +110,13 @@ base_yaw = {scale = 0.017453292519943295}
     ("scale", "said"),
     [
         (57.29578, "it looks like degrees: say --set angles=deg"),
-        (651.9, "more than twice the joint's limits"),
+        (4096 / (2 * np.pi), "scale = 0.00153398, offset = -3.14159"),
     ],
 )
 def test_units_that_nobody_stated_are_refused_with_what_to_write(scale, said, arm, frame):
     motion = frame.drop(columns="t")
-    table = (motion * scale + (0 if scale < 60 else 2048)).assign(t=frame["t"])
+    table = motion * scale if scale < 60 else (motion * scale + 2048).round()
+    table = table.assign(t=frame["t"])
     with pytest.raises(IdentifiabilityError, match=said) as error:
         predict(arm, arm, table, forward=True)
     assert "= {scale = …, offset = …} in the sidecar" in str(error.value)
@@ -146,6 +147,23 @@ def test_names_tell_channels_and_a_dataset_without_names_has_the_robots_order(ar
     pq.write_table(table.set_column(at, "observation.state", pa.array(state)), path)
     log = read(arm, folder)
     np.testing.assert_allclose(log.dq, 2 * log.q)
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+@pytest.mark.parametrize("as_text", [True, False])
+def test_cells_that_hold_lists_are_one_column_a_joint(ending, as_text, arm, frame, tmp_path):
+    table = pd.DataFrame({"timestamp": frame["t"]})
+    for feature, kind in (("observation.state", "q"), ("action", "cmd")):
+        lists = frame[[f"{j}.{kind}" for j in arm.joints]].to_numpy().tolist()
+        table[feature] = list(map(str, lists)) if as_text else lists
+    path = tmp_path / f"run.{ending}"
+    (table.to_csv if ending == "csv" else table.to_parquet)(path, index=False)
+    log, plain = read(arm, path), read(arm, frame)
+    np.testing.assert_array_equal(log.q, plain.q)
+    np.testing.assert_array_equal(log.q_ref, plain.q_ref)
+    table.loc[7, "action"] = "[0.1, 0.2]"
+    table.astype({"action": str}).to_csv(tmp_path / "short.csv", index=False)
+    assert "lists in column 'action' do not all hold" in refused(arm, tmp_path / "short.csv")
 
 
 # ROS 2.
