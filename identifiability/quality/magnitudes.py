@@ -36,12 +36,15 @@ def find_magnitudes(logs: MeasuredLogs) -> list[Finding]:
 
 def may_be_magnitudes(logs: MeasuredLogs) -> Array:
     """Return whether the torque column of each joint is never negative, but nearly zero, (n,)."""
-    measured = [log.shown.tau for log in logs.recordings if not of_commands(log)]
-    if not measured:
+    recordings = [log for log in logs.recordings if not of_commands(log)]
+    if not recordings:
         return np.zeros(len(logs.joints), bool)
-    least = np.min([tau.min(0) for tau in measured], axis=0)
-    most = np.max([tau.max(0) for tau in measured], axis=0)
-    return np.asarray((least >= 0) & (least < RULES.small * most))
+    least = np.min([log.shown.tau.min(0) for log in recordings], axis=0)
+    most = np.max([log.shown.tau.max(0) for log in recordings], axis=0)
+    found = (least >= 0) & (least < RULES.small * most)
+    # Logs have no columns of a base that floats.
+    by_joint = dict(zip(recordings[0].joints, found.tolist(), strict=True))
+    return np.array([by_joint.get(joint, False) for joint in logs.joints])
 
 
 def is_magnitude(columns: Array, torque: Array, predicted: Array) -> bool:

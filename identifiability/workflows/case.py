@@ -639,7 +639,8 @@ class Case:
         named = data.missing.shares[: len(data.missing.named)]
         sure = [s for s in named if s.term.odds >= RULES.log_odds]
         units = [ask_for_unit(s) for s in sure if is_another_unit(s)]
-        data = replace(data, hints=(*data.hints, *units))
+        if units:  # the same data are the key of later stages
+            data = replace(data, hints=(*data.hints, *units))
         sure = [s for s in sure if not is_another_unit(s)]
         terms = [s.term for s in sure if s.term.group.family in COMPLETED]
         if not terms:

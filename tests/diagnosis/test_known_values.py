@@ -75,7 +75,7 @@ def test_a_payload_beyond_the_errors_is_named_with_its_mass(logs_of):
     (e,) = d.effects
     (mass,) = [r for p in e.placements for r in p.rows if r[0].endswith("payload_m")]
     assert abs(mass[1] - 4.0) < 3 * mass[2] < 1.5
-    assert f"in link_6, {mass[1]:.3g} ± " in d.statement
+    assert f"in link_6, {mass[1]:.2g} kg ± " in d.statement
 
 
 def test_a_result_tells_its_values_and_their_covariance(logs_of, tmp_path):
