@@ -120,8 +120,8 @@ def draw_case(stream: int, seed: int, change: str, folder: Path) -> Case:
     if change == CONSTANTS:
         robot = _misstated(robot, rng)
     place = body if kind == "load" else robot.joints[joint]
-    size = much * values[f"{place}.Fc"] if kind == "friction" else much
-    return Case(robot, logs[:BEFORE], logs[BEFORE:], kind, place, float(size))
+    planted = much * values[f"{place}.Fc"] if kind == "friction" else much
+    return Case(robot, logs[:BEFORE], logs[BEFORE:], kind, place, planted)
 
 
 def _misstated(robot: Robot, rng: np.random.Generator) -> Robot:
