@@ -1,34 +1,38 @@
 """Does `compare` name changes between logs, and leave an unchanged robot alone?
 
-    python studies/logs_compared.py [--stream 0] [--seeds 60] [--only NAME] [--real]
+    python studies/logs_compared.py [--stream 0] [--only NAME] [--real]
 
 Arms of three to seven joints that are drawn, and closed chains, each with two logs before and one
 after, of other motions: 20 s at 100 Hz, torque by MuJoCo. Friction is 15–25 % of it and differs by
 3 % between any two logs. Noise is 3 % with a memory of ten samples. `right` counts cases in which
 only the planted change is named. In `or` it is one of "A or B", and in `more` there are other
-changes, too; further columns count masses within their 95 % intervals, by `compare` and by
-`payload`. `missed` counts loads that payload weighs at 15 σ and more and compare calls unchanged.
-`--real` compares logs of real arms without a known change.
+changes, too. Further columns count sizes within their 95 % intervals: of the named change by
+`compare`, and of the mass by `payload`. `missed` counts loads that payload weighs at 15 σ and more
+and compare calls unchanged. Where constants are off, all torque columns have one wrong factor,
+5–15 % off, each body of the robot file errs by 5 %, and only `payload` is judged. Checks require
+that coverage does not differ from .93 … .97 by more than chance. `--real` compares logs of real
+arms without a known change.
 """
 
 from __future__ import annotations
 
 import tempfile
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from drawn_robots import draw_arm
+from paper_study.result import StudyCheck
 from real_logs import cut, find_cases
 from shared import study_parser, write_answer
 
 from identifiability import Log, Robot, analyze, compare, payload
-from identifiability.foundation.names import Array
-from identifiability.foundation.rounding import REACH
+from identifiability.foundation.names import INERTIAL_KINDS, Array
+from identifiability.foundation.rounding import REACH, exact_share
 from identifiability.robot.robot import tool_bodies
 from identifiability.simulation import PrescribedMotion, random_trajectory
 from identifiability.simulation.forces import joint_torque
@@ -46,19 +50,30 @@ CHANGES = {
     ".6 kg": ("load", 0.6, 40),
     "gain + 3 %": ("gain", 0.03, 40),
     "Coulomb friction + 15 %": ("friction", 0.15, 40),
+    "1 kg, constants off": ("load", 1.0, 40),
 }
+#: The change of which only `payload` is judged, how far its torque constants are off, and how far
+#: bodies of its robot file.
+CONSTANTS = "1 kg, constants off"
+OFF, FILE = (0.05, 0.15), 0.05
+#: Required coverage, and the largest median half-width of a mass where constants are off.
+COVERAGE = 0.93, 0.97
+WIDTH = 0.06
 
 
 @dataclass(frozen=True)
 class Case:
-    """A robot, its logs before and after, and what changed."""
+    """A robot, its logs before and after, and what changed.
+
+    `size` is that of the first number of the change [kg, 1 or N·m].
+    """
 
     robot: Robot
     before: list[Log]
     after: list[Log]
     kind: str | None
     place: str
-    mass: float
+    size: float
 
 
 def draw_case(stream: int, seed: int, change: str, folder: Path) -> Case:
@@ -72,7 +87,9 @@ def draw_case(stream: int, seed: int, change: str, folder: Path) -> Case:
     joint = int(rng.integers(len(robot.joints)))
     body = tool_bodies(robot)[0]
     own = MujocoRobot(robot)
-    loaded = own
+    loaded, scale = own, 1.0
+    if change == CONSTANTS:
+        scale += float(rng.choice([-1.0, 1.0]) * rng.uniform(*OFF))
     if kind == "load":
         centre, size = rng.uniform(-0.05, 0.05, 3), rng.uniform(0.03, 0.1, 3) ** 2
         moments = much * np.array([size[1] + size[2], size[0] + size[2], size[0] + size[1]])
@@ -98,12 +115,28 @@ def draw_case(stream: int, seed: int, change: str, folder: Path) -> Case:
             torque[:, joint] += level * np.sign(move.dq[:, joint])
         if changed and kind == "gain":
             torque[:, joint] *= 1.0 + much
-        logs.append(_log(robot, move, torque + noise * ar1(torque.shape, MEMORY, draw), k))
+        torque = scale * (torque + noise * ar1(torque.shape, MEMORY, draw))
+        logs.append(_log(robot, move, torque, k))
+    if change == CONSTANTS:
+        robot = _misstated(robot, rng)
     place = body if kind == "load" else robot.joints[joint]
-    return Case(robot, logs[:BEFORE], logs[BEFORE:], kind, place, much)
+    planted = much * values[f"{place}.Fc"] if kind == "friction" else much
+    return Case(robot, logs[:BEFORE], logs[BEFORE:], kind, place, planted)
 
 
-def _friction(robot: Robot, torque: Array, speed: Array, rng: np.random.Generator) -> dict:
+def _misstated(robot: Robot, rng: np.random.Generator) -> Robot:
+    """Return a robot whose file states each body too heavy or too light."""
+    factors: dict[str, float] = defaultdict(lambda: float(np.exp(FILE * rng.standard_normal())))
+    nominal = {}
+    for name, value in robot.nominal.items():
+        body, _, kind = name.rpartition(".")
+        nominal[name] = value * factors[body] if kind in INERTIAL_KINDS else value
+    return replace(robot, nominal=nominal)
+
+
+def _friction(
+    robot: Robot, torque: Array, speed: Array, rng: np.random.Generator
+) -> dict[str, float]:
     """Return friction of drives of the size of geared robots."""
     out: dict[str, float] = {}
     for j, joint in enumerate(robot.joints):
@@ -131,8 +164,8 @@ def _log(robot: Robot, move: PrescribedMotion, torque: Array, number: int) -> Lo
     return Log.from_frame(pd.DataFrame(columns), f"log {number + 1}")
 
 
-def judge(case: Case, *, weigh: bool) -> dict[str, Any]:
-    """Return the outcome of a case, and for a load the error of its mass in σ."""
+def judge(case: Case) -> dict[str, Any]:
+    """Return the outcome of a case, and the error of the named size in σ."""
     found = compare(case.robot, case.before, case.after)
     named = [(c.kind, c.place) for c in found.changes]
     right = [] if case.kind is None else [(case.kind, case.place)]
@@ -147,35 +180,83 @@ def judge(case: Case, *, weigh: bool) -> dict[str, Any]:
     elif others:
         told = "or"
     out: dict[str, Any] = {"said": told, "answer": found.answer}
-    loads = [c for c in found.changes if c.kind == "load" and c.place == case.place]
-    if case.kind == "load" and loads:
-        out["compare"] = (loads[0].sizes[0] - case.mass) / loads[0].sd[0]
-    if weigh:
-        fit = analyze(case.robot, case.before, replicates=0)
-        mass = payload(case.robot, fit, case.after, body=case.place).mass
-        sd = mass.half / REACH
-        out |= {"payload": (mass.value - case.mass) / sd, "sigmas": mass.value / sd}
+    planted = [c for c in found.changes if (c.kind, c.place) == (case.kind, case.place)]
+    if planted:
+        out["compare"] = float(planted[0].sizes[0] - case.size) / planted[0].sd[0]
     return out
 
 
-def run(stream: int, change: str, count: int, folder: Path) -> dict[str, Any]:
-    """Return the rate at which changes are named."""
+def weigh(case: Case) -> dict[str, Any]:
+    """Return the error of the mass that `payload` states, its width, and the σ of the load."""
+    fit = analyze(case.robot, case.before, replicates=0)
+    mass = payload(case.robot, fit, case.after, body=case.place).mass
+    sd = mass.half / REACH
+    return {
+        "payload": (mass.value - case.size) / sd,
+        "width": mass.half / case.size,
+        "sigmas": mass.value / sd,
+    }
+
+
+def run(stream: int, change: str, count: int, folder: Path) -> list[dict[str, Any]]:
+    """Return one row a case."""
     rows = []
     for seed in range(count):
         case = draw_case(stream, seed, change, folder)
-        row = judge(case, weigh=case.kind == "load")
+        row: dict[str, Any] = {"change": change, "said": ""}
+        if change != CONSTANTS:
+            row |= judge(case)
+        if case.kind == "load":
+            row |= weigh(case)
         rows.append(row)
         if row["said"] != "right":
             print(f"  {change}, {seed}, {case.robot.name}, {case.place}: {row}", flush=True)
-    said = Counter(row["said"] for row in rows)
-    out: dict[str, Any] = {"change": change, "cases": count, **said}
+    return rows
+
+
+def summarize(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the rate at which changes of one kind are named, and how many sizes hold."""
+    said = Counter(row["said"] for row in rows if row["said"])
+    out: dict[str, Any] = {"change": rows[0]["change"], "cases": len(rows), **said}
     for who in ("compare", "payload"):
-        z = [abs(row[who]) for row in rows if who in row]
-        out[f"mass inside, {who}"] = f"{sum(x < REACH for x in z)} of {len(z)}" if z else ""
-    sure = [row for row in rows if row.get("sigmas", 0.0) > 15]
+        held, total = count_held(rows, who)
+        out[f"size inside, {who}"] = f"{held} of {total}" if total else ""
+    widths = [row["width"] for row in rows if "width" in row]
+    out["median half-width, payload"] = f"{np.median(widths):.3f}" if widths else ""
+    sure = [row for row in rows if row["said"] and row.get("sigmas", 0.0) > 15]
     out["missed"] = f"{sum(row['said'] == 'silent' for row in sure)} of {len(sure)}"
     print(out, flush=True)
     return out
+
+
+def count_held(rows: list[dict[str, Any]], who: str) -> tuple[int, int]:
+    """Return how many sizes lie in their 95 % intervals, and how many are stated."""
+    errors = [abs(row[who]) for row in rows if who in row]
+    return sum(x < REACH for x in errors), len(errors)
+
+
+def check_coverage(name: str, rows: list[dict[str, Any]], who: str) -> StudyCheck:
+    """Return whether coverage of some sizes differs from the required one by chance at most."""
+    held, total = count_held(rows, who)
+    share = exact_share(held, total)
+    passed = share.low <= COVERAGE[1] and share.high >= COVERAGE[0]
+    text = f"{held} of {total} ({share.low:.3f} … {share.high:.3f})"
+    limits = f"{COVERAGE[0]} … {COVERAGE[1]}"
+    return StudyCheck(f"coverage of {name}", text, limits, "chance", passed)
+
+
+def find_checks(rows: list[dict[str, Any]]) -> list[StudyCheck]:
+    """Return the required checks of the sizes that are stated."""
+    checks = []
+    if any("compare" in row for row in rows):
+        checks.append(check_coverage("sizes by compare", rows, "compare"))
+    off = [row for row in rows if row["change"] == CONSTANTS]
+    if off:
+        checks.append(check_coverage("masses where constants are off", off, "payload"))
+        width = float(np.median([row["width"] for row in off]))
+        name = "median half-width of these masses"
+        checks.append(StudyCheck(name, f"{width:.3f}", f"{WIDTH}", "", width <= WIDTH))
+    return checks
 
 
 def real_pairs(
@@ -201,21 +282,32 @@ def main(argv: Sequence[str] | None = None) -> pd.DataFrame:
     parser.add_argument("--data", type=Path, help="folder of the data sets")
     asked = parser.parse_args(argv)
     rows: list[dict[str, Any]] = []
+    cases: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         if asked.real:
             for case, robot, before, after in real_pairs(asked.data, folder):
-                found = compare(robot, before, after)
-                odds = [c.odds for c in found.changes]
-                rows.append({"case": case, "said": found.answer, "log odds": odds})
+                compared = compare(robot, before, after)
+                odds = [c.odds for c in compared.changes]
+                rows.append({"case": case, "said": compared.answer, "log odds": odds})
                 print(rows[-1], flush=True)
         else:
             for change, (_, _, count) in CHANGES.items():
                 if asked.only in change:
-                    rows.append(run(asked.stream, change, 2 if asked.quick else count, folder))
+                    found = run(asked.stream, change, 2 if asked.quick else count, folder)
+                    cases += found
+                    rows.append(summarize(found))
     frame = pd.DataFrame(rows)
+    checks = find_checks(cases)
     statement = f"What is said of {len(rows)} kinds of logs that were compared."
-    write_answer(asked.out, "Logs compared", statement, {"Cases": frame}, __doc__)
+    tables = {"Cases": frame}
+    if checks:
+        tables["Required checks"] = pd.DataFrame([asdict(check) for check in checks])
+        print(tables["Required checks"].to_string(index=False))
+    write_answer(asked.out, "Logs compared", statement, tables, __doc__)
+    failed = [check.name for check in checks if not check.passed]
+    if failed and not asked.quick:
+        raise SystemExit(f"Required checks failed: {'; '.join(failed)}.")
     return frame
 
 

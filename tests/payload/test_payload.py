@@ -90,11 +90,15 @@ def test_what_a_motion_does_not_tell_is_said(fit, make_logs, planted):
     assert np.isfinite([q.value for q in found.quantities]).all()
 
 
-def test_a_robot_that_changed_is_said(fit, make_logs, planted, moves):
+def test_an_effect_that_the_model_lacks_is_no_change_of_the_robot(fit, make_logs, planted, moves):
     odd = np.zeros_like(moves(ARM).torque)
     odd[:, 2] = 12.0 * np.sin(7.0 * moves(ARM).move.q[:, 2])
-    found = payload(ARM, fit(ARM), make_logs(ARM, planted, seed=10, extra=odd)[1])
-    assert "unction of position in joint_3 in addition to the load" in found.statement
+    log = make_logs(ARM, planted, seed=10, extra=odd)[1]
+    alone = payload(ARM, fit(ARM), log)
+    paired = payload(ARM, fit(ARM), log, [make_logs(ARM, seed=50, extra=odd)[1]])
+    for found in (alone, paired):
+        assert "unction of position in joint_3 in addition to the load" in found.statement
+    assert ["--without" in found.statement for found in (alone, paired)] == [True, False]
     assert not payload(ARM, fit(ARM), make_logs(ARM, planted, seed=11)[1]).caveats
 
 

@@ -53,7 +53,12 @@ class LoadPresenter(AnsweringPresenter):
     def caveats(self) -> tuple[str, ...]:
         """Return the reasons to doubt the answer, and the remedy."""
         lacks = self.result.estimate.lacks
-        return (sentence("payload.how", "changed", lacks=lacks),) if lacks else ()
+        if not lacks:
+            return ()
+        cause = sentence("payload.how", "lacks", lacks=lacks)
+        if self.result.without:
+            return (cause,)
+        return cause, sentence("payload.how", "unpaired")
 
     def tables(self) -> tuple[Table, ...]:
         """Return one row a quantity, or a joint whose gain a known load tells."""
