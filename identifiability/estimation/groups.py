@@ -28,7 +28,7 @@ from identifiability.foundation.linalg import (
     triangular_factor,
 )
 from identifiability.foundation.names import BASE, INERTIAL_KINDS, Array
-from identifiability.foundation.rounding import state_probability
+from identifiability.foundation.rounding import join, state_probability
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs import signals
@@ -49,7 +49,7 @@ from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 
 from .estimator import Estimate
-from .mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms, whitened_information
+from .mixed_model import EVERYWHERE, Group, MixedModel, Term, Terms, whitened_information, without
 from .noise import ARNoise, JointNoise, JointRuns, Runs, rich_noise, split_runs
 from .rules import RULES
 
@@ -489,7 +489,11 @@ TOLD = 2
 
 def place_of(term: Term) -> str:
     """Return where a group is, in words."""
-    return "all joints" if term.group.place == EVERYWHERE else term.group.place
+    if term.group.place != EVERYWHERE:
+        return term.group.place
+    if EVERYWHERE in term.places:
+        return "all joints"
+    return join(term.places, most=len(term.places)) if term.places else "some joints"
 
 
 def describe_term(term: Term) -> str:
@@ -667,7 +671,31 @@ def find_missing(
         terms = early.confirm(terms, blocks.take(np.array([-1])))
         # These rows are among the fitted ones already.
         terms = tuple(replace(t, unseen=0.0) for t in terms)
-    return _conclude(missing, model, terms)
+    placed = tuple(_find_places(missing, model, terms, k) for k in range(len(terms)))
+    return _conclude(missing, model, placed)
+
+
+def _find_places(missing: Missing, model: MixedModel, terms: Terms, k: int) -> Term:
+    """Return a term with its places, where only some of its places show it.
+
+    One joint with much of an effect can carry a family everywhere. So each place needs log odds
+    that name it, given all other places and terms.
+    """
+    term = terms[k]
+    name = term.group.family
+    if term.group.place != EVERYWHERE:
+        return term
+    places = [place for family, place in missing.sets if family == name and place != EVERYWHERE]
+    each = []
+    for place in places:
+        possible = [c.columns for some in missing.sets[name, place] for c in some]
+        columns = np.intersect1d(term.columns, np.concatenate(possible) + missing.fixed)
+        group = replace(term.group, place=place, members=(columns,), price=0.0)
+        each.append(replace(term, group=group, member=0))
+    others = without(terms, k)
+    apart = model.update_terms((*others, *each))[len(others) :]
+    sure = tuple(t.group.place for t in apart if t.odds >= RULES.name + RULES.keep)
+    return term if len(sure) == len(places) else replace(term, places=sure)
 
 
 def _search(missing: Missing) -> tuple[MixedModel, Terms]:

@@ -140,6 +140,8 @@ class Term:
         Log odds of the group beside the others, averaged over members and sizes, less its price.
     unseen : float [nat]
         What it gains on rows that were held out. It warns and refutes, and is not used for choices.
+    places : tuple of str
+        Of a family everywhere: the places whose torque shows it; `EVERYWHERE` for all of them.
     """
 
     group: Group
@@ -147,6 +149,7 @@ class Term:
     variance: float
     odds: float
     unseen: float = 0.0
+    places: tuple[str, ...] = (EVERYWHERE,)
 
     @property
     def columns(self) -> np.ndarray:
