@@ -398,6 +398,16 @@ def count_offsets(structure: Structure) -> Structure:
     return Structure.of(robot, replace(counted, random=model.random))
 
 
+def list_asked_effects(structure: Structure) -> tuple[str, ...]:
+    """Return the effects of a model, without the torque offsets that `count_offsets` added."""
+    texts = structure.model.texts
+    rest = tuple(text for text in texts if text.partition("@")[0] != TorqueOffset.name)
+    if rest == texts:
+        return texts
+    counted = count_offsets(Structure.of(structure.robot, Model.of(*rest)))
+    return rest if {*counted.model.texts} == {*texts} else texts
+
+
 class OfStructure:
     """A result about one `structure`."""
 

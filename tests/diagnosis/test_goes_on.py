@@ -49,7 +49,6 @@ def test_a_spring_in_one_joint_does_not_hide_another_and_stays_where_it_is(logs_
     known = ("rigid_body", "viscous_friction", "coulomb_friction", "joint_stiffness@shoulder")
     few = {"effects": ("joint_stiffness", "free_spring"), "quick": True, "forward": False}
     d = diagnose("two-link", logs[:4], logs[4:], model=known, **few)
-    assert [(e.name, e.joints) for e in d.effects] == [("joint_stiffness", ("elbow",))]
     assert [(r.family, r.place) for r in d.refusals] == [("joint_stiffness", "shoulder")]
     assert d.model.texts == (*known, "joint_stiffness@elbow")
 
@@ -70,6 +69,7 @@ def test_a_mass_that_a_counterweight_carries_is_told_with_it_under_every_model(t
     tau += rng.normal(0, 0.5, tau.shape)
     log = pd.DataFrame(np.column_stack([t, q, tau]), columns=["t", "X.q", "Z.q", "X.tau", "Z.tau"])
     model = diagnose(path, log[:1500], log[1500:]).write_model(tmp_path / "model.toml")
+    assert "torque_offset" not in model.read_text()  # none was found
     found = analyze(path, log, ladder=model, replicates=0).to_frame(details=True).loc["ram.m"]
     assert "off(Z)" in found.label
     assert found.lower <= 19.5 - 185 / 9.81 <= found.upper

@@ -32,7 +32,7 @@ from identifiability.regression.columns import Refusal
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import LadderEntry, ModelEntry, full_model, ladder_text
 from identifiability.regression.regression import Model
-from identifiability.regression.structure import Structure
+from identifiability.regression.structure import Structure, list_asked_effects
 from identifiability.robot import Robot
 from identifiability.workflows.analyze.result import disagree
 from identifiability.workflows.changes import Change
@@ -369,7 +369,7 @@ class Diagnosis(Result, Predicts):
     @property
     def base(self) -> tuple[str, ...]:
         """Names of the effects of the model that was diagnosed."""
-        return self.structure.model.names
+        return Model.of(*list_asked_effects(self.structure)).names
 
     @property
     def model(self) -> Model:
@@ -428,8 +428,8 @@ class Diagnosis(Result, Predicts):
 
     def to_ladder(self) -> LadderEntry:
         """Return the model with the named effects as a ladder of one model."""
-        effects, random = list(self.model.texts), dict(self.model.random)
-        only = ModelEntry(name="the diagnosed model", effects=effects, random=random)
+        effects, random = list_asked_effects(self.completed), dict(self.model.random)
+        only = ModelEntry(name="the diagnosed model", effects=[*effects], random=random)
         return LadderEntry(models=[only])
 
     @property
@@ -469,7 +469,7 @@ class Diagnosis(Result, Predicts):
         found = {
             "schema": self.schema,
             "robot": self.completed.robot.identity,
-            "model": list(self.structure.model.texts),
+            "model": list(list_asked_effects(self.structure)),
             **pick(self, "fixed", "statement", "hints", "seed", "physical"),
             "before": pick(self, error_ra="error_before", error_ra_validation="held_before"),
             **self._missing(),
