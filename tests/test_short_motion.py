@@ -31,7 +31,10 @@ def test_no_identifiable_parameter_beside_good_predictions_is_explained(analysis
     assert found.chosen.error_ra_validation < 0.08
     count = len(found.chosen.submodel)
     assert f"None of the {count} parameters is identifiable by itself" in found.statement
-    assert "is identifiable by itself" not in analysis_of(150).statement
+    assert f" of {count} parameters. Log longer and more varied motion." in found.statement
+    longer = analysis_of(150).statement
+    assert "is identifiable by itself" not in longer
+    assert "largest part of the standard error" not in longer
 
 
 def test_the_error_over_own_means_is_stated_where_it_is_far_larger(analysis_of):

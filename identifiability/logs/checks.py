@@ -185,9 +185,15 @@ class Clock:
                 f"anything; at least {RULES.fewest} are needed and some hundreds are usual."
             )
         for row, t, then in self.back[:1].tolist():
+            remedy = "sort the rows and remove repeated ones"
+            if row >= RULES.fewest and then <= self.first:
+                remedy = (
+                    "time starts again, so save each recording as a file; of a LeRobot dataset "
+                    "give the folder"
+                )
             raise LogError(
                 f"{source}: time does not increase after data row {row + 1:.0f} (t = "
-                f"{t:g} s, then {then:g} s); sort the rows and remove repeated ones."
+                f"{t:g} s, then {then:g} s); {remedy}."
             )
         # No log is sampled faster than this.
         if self.usual < 1e-07:

@@ -48,13 +48,22 @@ class Code:
         negative = half - values if self.sign_bit else values - 2 * half
         return np.where(values >= half, negative, values)
 
+    def count_jumps(self, values: Array) -> tuple[int, int]:
+        """Return the number of jumps of values (N,), as they are and decoded."""
+        least = 0.5 * 2.0 ** (self.bits - 1)
+        plain = int((np.abs(np.diff(values)) > least).sum())
+        decoded = int((np.abs(np.diff(self.decode(values))) > least).sum())
+        return plain, decoded
+
     def removes_jumps(self, values: Array) -> bool:
         """Return whether decoding removes nearly all jumps of values (N,)."""
-        half = 2.0 ** (self.bits - 1)
-        before, after = (
-            int((np.abs(np.diff(x)) > 0.5 * half).sum()) for x in (values, self.decode(values))
-        )
-        return before > 0 and after <= (1 - RULES.nearly_all) * before
+        plain, decoded = self.count_jumps(values)
+        return plain > 0 and decoded <= (1 - RULES.nearly_all) * plain
+
+    def adds_jumps(self, values: Array) -> bool:
+        """Return whether decoding adds jumps to values (N,)."""
+        plain, decoded = self.count_jumps(values)
+        return decoded > plain
 
 
 def show_codes(values: Mapping[str, Array]) -> dict[str, Code]:
@@ -76,7 +85,8 @@ def find_codes(values: Mapping[str, Array], shown: Mapping[str, Code]) -> dict[s
     """Return the codes of columns, by name.
 
     A column that is always negative does not show its code. Another one of its kind does, or the
-    size of torque near the end of a register.
+    size of torque near the end of a register. A column to which decoding adds jumps has no code.
+    Neither has then the other one of position and commanded position of that joint.
 
     Parameters
     ----------
@@ -91,11 +101,24 @@ def find_codes(values: Mapping[str, Array], shown: Mapping[str, Code]) -> dict[s
     ):
         kinds["tau"] = Code(REGISTER, sign_bit=False)
     shared = {name: kinds.get(name.rpartition(".")[2]) for name in values}
+    unfit = {
+        _owner_of(name)
+        for name, code in shared.items()
+        if code is not None and code.adds_jumps(values[name])
+    }
     return {
         name: code
         for name, code in shared.items()
-        if code is not None and is_unsigned(values[name], code.bits)
+        if code is not None
+        and is_unsigned(values[name], code.bits)
+        and _owner_of(name) not in unfit
     }
+
+
+def _owner_of(column: str) -> str:
+    """Return the joint of positions or commands, which share their zero; else the column."""
+    joint, _, kind = column.rpartition(".")
+    return joint if kind in ("q", "q_ref") else column
 
 
 def describe_codes(codes: Mapping[str, Code]) -> Sequence[str]:

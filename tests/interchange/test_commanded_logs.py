@@ -166,6 +166,13 @@ def test_cells_that_hold_lists_are_one_column_a_joint(ending, as_text, arm, fram
     assert "lists in column 'action' do not all hold" in refused(arm, tmp_path / "short.csv")
 
 
+def test_a_table_of_several_episodes_is_refused_with_what_to_give(arm, frame):
+    said = refused(arm, pd.concat([frame, frame]))
+    assert "time starts again" in said
+    assert "of a LeRobot dataset give the folder" in said
+    assert "sort the rows" in refused(arm, frame[::-1])
+
+
 # ROS 2.
 
 

@@ -57,6 +57,18 @@ def test_a_column_that_is_always_negative_has_the_code_of_its_kind():
     np.testing.assert_array_equal(read.tau[:, 1], log["elbow.tau"])
 
 
+def test_a_joint_that_passes_zero_ticks_leaves_ticks_of_other_joints_as_they_are():
+    """Servos count 0 … 4095 in a turn: one joint passes 0, commands of the other the middle."""
+    log = counted(12)
+    log["elbow.q"] = 2050 + np.abs(log["elbow.q"])
+    for joint in ("shoulder", "elbow"):
+        log[f"{joint}.cmd"] = log[f"{joint}.q"] - 10
+    wrapped = {name: log[name] % 4096 for name in ("shoulder.q", "shoulder.cmd")}
+    read = Log.from_frame(log.assign(**wrapped))
+    np.testing.assert_array_equal(read.q, log[["shoulder.q", "elbow.q"]])
+    np.testing.assert_array_equal(read.q_ref, log[["shoulder.cmd", "elbow.cmd"]])
+
+
 def test_torque_that_is_always_negative_is_known_by_the_end_of_its_register():
     log = counted(16)
     log["elbow.tau"] = -500.0 - np.abs(log["elbow.tau"]) // 8

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
@@ -224,7 +225,7 @@ class AnalysisPresenter(LadderedPresenter):
         label = title if title == chosen.name else f"model {title}"
         part = "unjudged" if chosen.unjudged else "found"
         tone = "blue" if chosen.feasible else "amber"
-        text = f"{size} {state_physics(result)}"
+        text = f"{_state_cause(result)} {size} {state_physics(result)}".lstrip()
         found = found_cell(chosen).text
         return answer(about, part, text, tone, found=found, title=title, label=label, count=count)
 
@@ -281,6 +282,19 @@ def _state_open(result: Laddered[Any]) -> str:
     if chosen.count(Class.IDENTIFIABLE) or chosen.unjudged or not good:
         return ""
     return sentence("decision.left", "open", count=len(chosen.submodel))
+
+
+def _state_cause(result: Laddered[Any]) -> str:
+    """Return the usual largest source of standard errors where no parameter is identifiable."""
+    chosen = result.chosen
+    if chosen.count(Class.IDENTIFIABLE) or chosen.unjudged:
+        return ""
+    largest = Counter(max(v.terms, key=v.terms.__getitem__) for v in chosen.verdicts if v.terms)
+    if not largest:
+        return ""
+    cause, part = largest.most_common(1)[0]
+    share = sentence("analysis.causes", "part", part=part, count=len(chosen.submodel))
+    return sentence("analysis.causes", cause, share=share)
 
 
 def _state_file_error(result: Laddered[Any]) -> str:
