@@ -289,8 +289,11 @@ class TorqueRows:
         independent[measured] = free[measured] / autocorrelation_time(rows)
         return np.asarray(independent[np.argsort(reading.order)])
 
-    def size_beside_file(self, reading: Reading) -> float:
-        """Return the torque of the fitted bodies over that of the file's; negative if opposite."""
+    def sizes_beside_file(self, reading: Reading) -> Array:
+        """Return the torque of the fitted bodies over that of the file's, at each joint, (n,).
+
+        It is negative where the two are opposite, and one where the file's bodies have no torque.
+        """
         value, _ = self.solve(reading, adjusted=False)
         bodies = np.array([p.group == "rigid_body" for p in self.structure.parameters])
         of_bodies = self.structure.G[:, bodies].any(1)
@@ -298,14 +301,14 @@ class TorqueRows:
         # A payload is not in the file.
         of_payload = np.zeros(self.parts.shape[2] - len(stated))
         stated, of_bodies = (np.append(x, of_payload) for x in (stated, of_bodies))
-        product, square = 0.0, 0.0
+        sizes = np.ones(len(self.acts))
         for j, gram in enumerate(self.grams(self.weights(reading), adjusted=False)):
             at = self.acts[j]
-            size = reading.factor[j] ** 2 * self.variation[reading.order[j]]
-            own = (of_bodies * stated)[at] / size
-            product += own @ gram @ (of_bodies * value)[at]
-            square += own @ gram @ (of_bodies * stated)[at]
-        return float(product / square) if square > 0 else 1.0
+            by_file = gram @ (of_bodies * stated)[at]
+            square = by_file @ (of_bodies * stated)[at]
+            if square > 0:
+                sizes[j] = by_file @ (of_bodies * value)[at] / square
+        return sizes
 
     def _products_under(self, reading: Reading, adjusted: bool) -> list[JointProducts]:
         """Return the products of each joint under a reading."""

@@ -86,8 +86,8 @@ class FirstZero:
     gravity: Array
 
     @staticmethod
-    def near(robot: Robot, gravity: Array) -> FirstZero | None:
-        """Return the zero whose gravity is nearest to another one (3,); None if no zero acts.
+    def near(robot: Robot, gravity: Array, misfits: Misfits) -> FirstZero | None:
+        """Return the zero near another gravity (3,) that fits best; None if no zero acts.
 
         Only an arm that begins with one revolute joint has such a zero.
         """
@@ -102,7 +102,13 @@ class FirstZero:
         stated, found = (np.cross(axis, g) for g in (robot.gravity, gravity))
         if np.linalg.norm(stated) <= NEARLY * np.linalg.norm(robot.gravity):
             return None
-        angle = float(np.arctan2(axis @ np.cross(stated, found), stated @ found))
+        nearest = float(np.arctan2(axis @ np.cross(stated, found), stated @ found))
+
+        def misfit(angle: float) -> float:
+            return float(np.sum(misfits(turn(robot.gravity, angle * axis))))
+
+        around = (nearest - NARROW, nearest + NARROW)
+        angle = float(scipy.optimize.minimize_scalar(misfit, bounds=around, method="bounded").x)
         return FirstZero(name, angle, turn(robot.gravity, angle * axis))
 
     @property

@@ -18,9 +18,9 @@ class Rules(RuleTable):
     unseen_gain: Annotated[
         float, "nats that rows which did not choose a reading must gain, or may lose, by hand"
     ] = 3.0
-    file_vote: Annotated[float, "nats of the file's masses against a reading at most, by hand"] = (
-        5.0
-    )
+    file_vote: Annotated[
+        float, "nats of the file's masses for or against a reading at most, by hand"
+    ] = 5.0
     error_ratio: Annotated[
         float, "its error falls to this share of the literal reading's, by hand"
     ] = 0.85

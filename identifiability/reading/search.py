@@ -20,6 +20,7 @@ import numpy as np
 from identifiability.estimation.groups import Missing, with_reversals
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import ClosureError
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs.commands import of_commands
@@ -249,13 +250,18 @@ class ReadingSearch:
     def describe_direction(self, reading: Reading) -> Reading:
         """Return a reading whose description states the direction of gravity.
 
-        An encoder zero of the first joint may give the same torque. Then it states both.
+        An encoder zero of the first joint may explain it as well, with one number less. Then it
+        states both.
         """
         description = self.candidates.turned(reading.gravity).description
-        zero = FirstZero.near(self.robot, reading.gravity)
+
+        def misfits(gravity: Array) -> Array:
+            return self.rows.fit(replace(reading, gravity=gravity))
+
+        zero = FirstZero.near(self.robot, reading.gravity, misfits)
         if zero is not None:
             turned = replace(reading, gravity=zero.gravity, fitted_numbers=1)
-            if self.rows.fit(turned).sum() <= self.rows.fit(reading).sum() + EVEN:
+            if self.weigh(turned) >= self.weigh(reading):
                 return replace(
                     turned, description=f"{description}, or {zero.text}", remedy=CORRECT_ZERO
                 )
@@ -318,10 +324,17 @@ class ReadingSearch:
     # Step 3: the evidence.
 
     def judge(self, readings: Sequence[Reading]) -> list[Reading]:
-        """Return the readings that the evidence of adjusted rows prefers, the likeliest first."""
+        """Return the readings that the evidence of adjusted rows prefers, the likeliest first.
+
+        `verify` counts how many readings were tried.
+        """
         judged = [replace(reading, log_odds=self.weigh(reading)) for reading in readings]
-        needed = RULES.unseen_gain + np.log(max(self.tried, 1))
-        likely = [r for r in judged if r.log_odds >= needed and self.gain_of_payload(r) >= needed]
+        needed = RULES.unseen_gain
+        likely = [
+            r
+            for r in judged
+            if r.log_odds + self.vote(r) >= needed and self.gain_of_payload(r) >= needed
+        ]
         if not likely:
             return []
         # Of readings that explain nearly the same, the one with fewest numbers comes first.
@@ -348,15 +361,18 @@ class ReadingSearch:
         return float(rows.count(reading) @ less) - price * reading.fitted_numbers
 
     def vote(self, reading: Reading) -> float:
-        """Return the nats of the file's masses for a reading, at most zero."""
+        """Return the nats of the file's masses for a reading, against the literal one."""
         if not self.logs.weighs:
             return 0.0
-        size = self.rows_of(reading).size_beside_file(reading)
-        if size <= 0:
-            return -RULES.file_vote
+        less = float((self.surprises(self.literal) - self.surprises(reading)).sum())
+        return float(np.clip(less, -RULES.file_vote, RULES.file_vote))
+
+    def surprises(self, reading: Reading) -> Array:
+        """Return the nats of the file's masses against the torque of each joint, (n,)."""
+        sizes = self.rows_of(reading).sizes_beside_file(reading)
         # Files are wrong by a factor of three at times.
-        surprise = 0.5 * (np.log(size) / np.log(BETWEEN[-1])) ** 2
-        return -min(RULES.file_vote, float(surprise))
+        deviations = np.log(np.maximum(sizes, NEARLY)) / np.log(BETWEEN[-1])
+        return np.asarray(np.minimum(0.5 * deviations**2, RULES.file_vote))
 
     # Step 4: other rows.
 
@@ -379,8 +395,10 @@ class ReadingSearch:
         if reading.separate_offsets:
             # Offsets were fitted to all rows.
             unseen = unseen[0] - numbers, unseen[1] - numbers
-        against = max(self.vote(self.literal) - self.vote(reading), 0.0)
-        return Verification(sum(unseen), min(unseen), seen - 2.0 * numbers, self.tried, against)
+        predicted = seen - 2.0 * numbers
+        return Verification(
+            sum(unseen), min(unseen), predicted, self.tried, against=-self.vote(reading)
+        )
 
 
 def tune_numbers(rows: TorqueRows, reading: Reading) -> Reading:

@@ -32,7 +32,7 @@ class Verification:
     candidates : int
         Number of readings that were tried.
     against : float [nat]
-        Evidence of the file's masses for the literal reading, at least zero.
+        Evidence of the file's masses for the literal reading; negative if for this reading.
     """
 
     gain: float
@@ -44,7 +44,8 @@ class Verification:
     @property
     def needed(self) -> float:
         """The gain from which a reading is used [nat]; each candidate had its chance."""
-        return RULES.unseen_gain + float(np.log(max(self.candidates, 1))) + self.against
+        price = float(np.log(max(self.candidates, 1))) + self.against
+        return RULES.unseen_gain + max(price, 0.0)
 
     @property
     def can_confirm(self) -> bool:
