@@ -30,10 +30,11 @@ def test_no_identifiable_parameter_beside_good_predictions_is_explained(analysis
     assert not any(v.verdict.value == "identifiable" for v in found.chosen.verdicts)
     assert found.chosen.error_ra_validation < 0.08
     count = len(found.chosen.submodel)
-    assert f"None of the {count} parameters is identifiable by itself" in found.statement
-    assert f" of {count} parameters. Log longer and more varied motion." in found.statement
+    use = found.answers()[0].short
+    assert "Use the values together, and none by itself" in use
+    assert f" of {count} parameters. Log longer and more varied motion." in use
     longer = analysis_of(150).statement
-    assert "is identifiable by itself" not in longer
+    assert "none by itself" not in longer
     assert "largest part of the standard error" not in longer
 
 

@@ -80,12 +80,15 @@ class LadderedPresenter(PredictingPresenter):
         """Return the recommended model, its error, and its reliability."""
         result = self.result
         use = after_mass(self.answer_use(), result.mass_warning)
-        use = replace(use, short=f"{state_weight(result)} {use.short}".lstrip())
+        short = [state_weight(result), use.short, _state_open(result), _state_cause(result)]
+        use = replace(use, short=" ".join(filter(None, short)))
         more = [sentence("laddered.measured", kind=result.validation_kind)]
         if not result.nothing:
             more += [_state_own_means(result), _state_left_out(result)]
-            more += [_state_file_error(result), _state_open(result)]
+            more.append(_state_file_error(result))
         error = self.answer_error(" ".join(filter(None, more)), raw=result.left_out["raw"])
+        if result.moved is not None:
+            error = result.moved.lead(error)
         return use, error, answer_doubt(result)
 
     def commands(self) -> list[Command]:
@@ -225,7 +228,7 @@ class AnalysisPresenter(LadderedPresenter):
         label = title if title == chosen.name else f"model {title}"
         part = "unjudged" if chosen.unjudged else "found"
         tone = "blue" if chosen.feasible else "amber"
-        text = f"{_state_cause(result)} {size} {state_physics(result)}".lstrip()
+        text = f"{size} {state_physics(result)}"
         found = found_cell(chosen).text
         return answer(about, part, text, tone, found=found, title=title, label=label, count=count)
 
@@ -276,18 +279,19 @@ def _state_own_means(result: Laddered[Any]) -> str:
 
 
 def _state_open(result: Laddered[Any]) -> str:
-    """Return why a model without identifiable parameters predicts well."""
+    """Return why a model without identifiable parameters predicts, or moves, well."""
     chosen = result.chosen
-    good = grade_of(chosen.error_ra_validation) in ("very-good", "good")
-    if chosen.count(Class.IDENTIFIABLE) or chosen.unjudged or not good:
+    if chosen.count(Class.IDENTIFIABLE) or chosen.unjudged or result.nothing:
         return ""
-    return sentence("decision.left", "open", count=len(chosen.submodel))
+    good = grade_of(chosen.error_ra_validation) in ("very-good", "good")
+    moves = result.moved is not None and result.moved.follows
+    return sentence("decision.left", "open") if good or moves else ""
 
 
 def _state_cause(result: Laddered[Any]) -> str:
     """Return the usual largest source of standard errors where no parameter is identifiable."""
     chosen = result.chosen
-    if chosen.count(Class.IDENTIFIABLE) or chosen.unjudged:
+    if chosen.count(Class.IDENTIFIABLE) or chosen.unjudged or result.nothing:
         return ""
     largest = Counter(max(v.terms, key=v.terms.__getitem__) for v in chosen.verdicts if v.terms)
     if not largest:
