@@ -1,5 +1,6 @@
 """A short motion is predicted well by values that no log determines: both are explained."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -36,6 +37,20 @@ def test_no_identifiable_parameter_beside_good_predictions_is_explained(analysis
     longer = analysis_of(150).statement
     assert "none by itself" not in longer
     assert "largest part of the standard error" not in longer
+
+
+def test_combinations_are_stated_where_no_parameter_is_identifiable(analysis_of):
+    found = analysis_of(30)
+    stated = dict(zip(found.base.names, found.structure.nominal_base, strict=True))
+    (table,) = [t for t in found.tables() if t.caption.startswith("Combinations")]
+    for named, measured in [(cells[0].text, cells[1].text) for cells in table.rows]:
+        first, *rest = re.split(r" (?=[+−])", named)
+        truth = stated[first]
+        for weight, name in (term.replace("− ", "-").lstrip("+ ").split() for term in rest):
+            truth += float(weight) * stated[name]
+        value, half = (float(x) for x in re.match(r"(\S+).* ± (\S+)", measured).groups())
+        assert abs(value - truth) < 1.5 * half < 0.75 * abs(value)
+    assert not any(t.caption.startswith("Combinations") for t in analysis_of(150).tables())
 
 
 def test_the_error_over_own_means_is_stated_where_it_is_far_larger(analysis_of):
