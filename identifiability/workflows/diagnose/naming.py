@@ -913,6 +913,19 @@ def without_outliers(problem: Problem, outliers: Outliers) -> Problem:
     return replace(problem, samples=samples, excerpt=excerpt)
 
 
+def judge_all_rows(naming: Naming, problem: Problem) -> Naming:
+    """Return a naming that is fitted to all rows of a problem, as in `analyze`.
+
+    The rows that were searched remain those of curves and residuals. Rows of a change stay out.
+    """
+    searched = naming.problem
+    if searched.changes:
+        return naming
+    excerpt = searched.excerpt or searched.samples
+    every = replace(searched, samples=problem.samples, excerpt=excerpt)
+    return with_parts(replace(naming, problem=every), naming.parts)
+
+
 def leave_out(problem: Problem, change: Change) -> Problem | None:
     """Return a problem without the rows of a change; None if too few rows remain.
 

@@ -74,6 +74,7 @@ from .naming import (
     Gains,
     Naming,
     find_change_in_log,
+    judge_all_rows,
     leave_out,
     look,
     name_missing,
@@ -537,7 +538,8 @@ def name_effects(
 ) -> Diagnosis:
     """Name missing effects, add and verify them.
 
-    Rows of low weight, given the named effects, are not used to name effects.
+    Rows of low weight, given the named effects, are not used to name effects. They count in fits
+    and errors as in `analyze`.
 
     Parameters
     ----------
@@ -555,10 +557,10 @@ def name_effects(
             joints = problem.robot.joints
             where = where_outlying(joints, problem.samples, outliers)
             hint = (
-                hint
-                or f"{where} These rows were left out. Check the robot and the log at that time."
+                hint or f"{where} The search left these rows out. Check the robot and the log then."
             )
             found = _name_between_changes(without_outliers(problem, outliers), effects, run)
+            found = judge_all_rows(found, problem)
     run.say("verifying", 0.9)
     found = take_loads(found, run.engine)
     return replace(conclude(found, rng), hints=(hint,) if hint else ())
