@@ -274,6 +274,7 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
     found = predict(arm, result, frames[1], forward=True)
     np.testing.assert_allclose(found.totals, predict(arm, path, frames[1], forward=True).totals)
     assert found.totals[1] < 0.2 * found.totals[0]
+    assert f"positions err by {1e3 * result.moved.totals[1]:.3g} mrad" in result.answers()[1].short
     assert list(found.to_frame()["joint"]) == list(arm.joints)
     told = json.loads(found.to_json(tmp_path / "rollout.json").read_text())
     assert told["schema"] == "identifiability/rollout/1"

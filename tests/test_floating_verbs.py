@@ -70,6 +70,7 @@ def test_predictions_hold_and_what_changed_or_is_missing_is_named_on_a_moving_ba
     assert "riction of shoulder rose" in compare("cart-arm", other, rubs).statement
     model = [*DRIVE[:2], DRIVE[3], "coulomb_friction@yaw+elbow"]
     assert "Coulomb friction in shoulder" in diagnose("cart-arm", rubs, model=model).statement
+    assert not diagnose("free-body", log("free-body", "run1.csv"), quick=True).effects  # no joints
 
 
 @pytest.mark.parametrize(

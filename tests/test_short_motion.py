@@ -30,11 +30,22 @@ def test_no_identifiable_parameter_beside_good_predictions_is_explained(analysis
     assert not any(v.verdict.value == "identifiable" for v in found.chosen.verdicts)
     assert found.chosen.error_ra_validation < 0.08
     count = len(found.chosen.submodel)
-    assert f"None of the {count} parameters is identifiable by itself" in found.statement
-    assert f" of {count} parameters. Log longer and more varied motion." in found.statement
+    use = found.answers()[0].short
+    assert "Use the values together, and none by itself" in use
+    assert f" of {count} parameters. Log longer and more varied motion." in use
     longer = analysis_of(150).statement
-    assert "is identifiable by itself" not in longer
+    assert "none by itself" not in longer
     assert "largest part of the standard error" not in longer
+
+
+def test_combinations_are_stated_where_no_parameter_is_identifiable(analysis_of):
+    tables = [t for t in analysis_of(30).tables() if t.caption.startswith("Combinations")]
+    first, second = ((cells[0].text, cells[1].text) for cells in tables[0].rows)
+    assert first[0].startswith("joint_1.Fc + 0.0058")  # 31.99 N·m in truth
+    assert first[1] == "32 N·m ± 4"
+    assert second[0].startswith("joint_6.Fc + 0.082")  # 1.602 N·m
+    assert second[1] == "1.64 N·m ± 0.28"
+    assert not any(t.caption.startswith("Combinations") for t in analysis_of(150).tables())
 
 
 def test_the_error_over_own_means_is_stated_where_it_is_far_larger(analysis_of):

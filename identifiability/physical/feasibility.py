@@ -14,7 +14,7 @@ from identifiability.effects.vocabulary import file_values
 from identifiability.estimation.estimator import clip_signs
 from identifiability.estimation.evidence import LEVELS, Evidence, Folds, HeldOut, Score
 from identifiability.foundation.engines import one_thread
-from identifiability.foundation.linalg import ROUNDOFF, or_one
+from identifiability.foundation.linalg import NEARLY, ROUNDOFF, or_one
 from identifiability.foundation.names import GROUPED_KINDS, Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
@@ -89,6 +89,17 @@ class PhysicalResult:
     def margin(self) -> float:
         """Smallest scaled eigenvalue that all bodies can keep; negative when infeasible."""
         return float("nan") if self.certificate is None else self.certificate.margin
+
+    def within(self, submodel: Submodel) -> Submodel | None:
+        """Return the fitted model with the parameters fixed that it omits but bodies need.
+
+        The result is None if physical bodies cannot satisfy the ties of the model.
+        """
+        M = submodel.M
+        apart = self.base - M @ self.value
+        fixed = np.where(M.any(axis=1), submodel.fixed, apart)
+        reach = NEARLY * np.abs(self.base).max(initial=0.0)
+        return replace(submodel, fixed=fixed) if np.abs(apart - fixed).max() <= reach else None
 
     def parameters(self) -> dict[str, float]:
         """Return the standard parameters of the nearest physically consistent robot by name."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, Protocol, runtime_checkable
@@ -392,6 +393,14 @@ def build_comparison(entry: LadderEntry, structure: Structure) -> tuple[Submodel
     taken = {submodel.name for submodel in submodels}
     name = next(n for n in ("full model", "every base parameter", "") if n not in taken)
     return (full_model(structure.base, name, "every base parameter"), *submodels)
+
+
+def compare_models(entry: LadderEntry | None, structure: Structure) -> tuple[Submodel, ...]:
+    """Return the models of a ladder, or the full model where the ladder is of other parameters."""
+    with suppress(ModelError):
+        if entry is not None:
+            return build_comparison(entry, structure)
+    return (full_model(structure.base),)
 
 
 def _build_submodel(item: ModelEntry, start: Submodel, structure: Structure) -> Submodel:

@@ -926,6 +926,19 @@ class PositionPrediction(Result):
         squares = np.mean(errors[:, self.alike] ** 2, axis=1)
         return np.asarray(np.sqrt(squares))
 
+    @property
+    def from_commands(self) -> float:
+        """Distance of measured positions from commanded ones over these joints (rms) [rad or m]."""
+        apart = [log.q_ref - log.q for log in self.logs if log.q_ref is not None]
+        if not apart:
+            return float("nan")
+        return float(np.sqrt(np.mean(np.concatenate(apart)[:, self.alike] ** 2)))
+
+    @property
+    def follows(self) -> bool:
+        """Whether the fitted robot is nearer to the measured positions than the commands are."""
+        return bool(self.totals[1] < self.from_commands)
+
     def write(self, path: str | Path) -> Path:
         """Write positions sample by sample, measured and simulated, as CSV or Parquet.
 
@@ -964,6 +977,11 @@ class PositionPrediction(Result):
     @presented
     def warn(self, answer: Answer) -> Answer:
         """Return an answer that first warns if the named effects make the motion worse."""
+        raise NotImplementedError
+
+    @presented
+    def lead(self, answer: Answer) -> Answer:
+        """Return an answer that begins with what the fitted robot is good for, if it moves well."""
         raise NotImplementedError
 
     @property

@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from identifiability.effects.vocabulary import by_effect, file_kinds, values_in_file
+from identifiability.estimation.combinations import find_combinations
 from identifiability.estimation.prediction import loaded_joints
 from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.estimation.verdict import Class, Flag, Verdict, percent_of
@@ -24,7 +25,14 @@ from identifiability.foundation.findings import of_key
 from identifiability.foundation.names import Array
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import LEVEL, REACH, measured, percent_text, stated_text
+from identifiability.foundation.rounding import (
+    LEVEL,
+    REACH,
+    format_number,
+    measured,
+    percent_text,
+    stated_text,
+)
 from identifiability.workflows.analyze.result import compare_logs, stated_values
 from identifiability.workflows.case import COMPLETED
 from identifiability.workflows.provenance import given_paths
@@ -80,12 +88,16 @@ class LadderedPresenter(PredictingPresenter):
         """Return the recommended model, its error, and its reliability."""
         result = self.result
         use = after_mass(self.answer_use(), result.mass_warning)
-        use = replace(use, short=f"{state_weight(result)} {use.short}".lstrip())
+        short = [state_weight(result), use.short, _state_open(result), _state_determined(result)]
+        short.append(_state_cause(result))
+        use = replace(use, short=" ".join(filter(None, short)))
         more = [sentence("laddered.measured", kind=result.validation_kind)]
         if not result.nothing:
             more += [_state_own_means(result), _state_left_out(result)]
-            more += [_state_file_error(result), _state_open(result)]
+            more.append(_state_file_error(result))
         error = self.answer_error(" ".join(filter(None, more)), raw=result.left_out["raw"])
+        if result.moved is not None:
+            error = result.moved.lead(error)
         return use, error, answer_doubt(result)
 
     def commands(self) -> list[Command]:
@@ -225,7 +237,7 @@ class AnalysisPresenter(LadderedPresenter):
         label = title if title == chosen.name else f"model {title}"
         part = "unjudged" if chosen.unjudged else "found"
         tone = "blue" if chosen.feasible else "amber"
-        text = f"{_state_cause(result)} {size} {state_physics(result)}".lstrip()
+        text = f"{size} {state_physics(result)}"
         found = found_cell(chosen).text
         return answer(about, part, text, tone, found=found, title=title, label=label, count=count)
 
@@ -234,7 +246,10 @@ class AnalysisPresenter(LadderedPresenter):
         result = self.result
         models = make_table("models", map(model_row, result.models), result.selected)
         parameters = parameter_table(result.chosen)
-        return (models, *error_tables(result), parameters, file_table(result))
+        sums = _find_determined(result)
+        determined = [make_table("determined", sums)] if sums else []
+        errors = error_tables(result)
+        return (models, *errors, *determined, parameters, file_table(result))
 
     def file_frame(self) -> pd.DataFrame:
         """Return the numbers of the robot file that the logs contradict, then confirmed ones."""
@@ -276,18 +291,48 @@ def _state_own_means(result: Laddered[Any]) -> str:
 
 
 def _state_open(result: Laddered[Any]) -> str:
-    """Return why a model without identifiable parameters predicts well."""
+    """Return why a model without identifiable parameters predicts, or moves, well."""
     chosen = result.chosen
-    good = grade_of(chosen.error_ra_validation) in ("very-good", "good")
-    if chosen.count(Class.IDENTIFIABLE) or chosen.unjudged or not good:
+    if chosen.count(Class.IDENTIFIABLE) or chosen.unjudged or result.nothing:
         return ""
-    return sentence("decision.left", "open", count=len(chosen.submodel))
+    good = grade_of(chosen.error_ra_validation) in ("very-good", "good")
+    moves = result.moved is not None and result.moved.follows
+    return sentence("decision.left", "open") if good or moves else ""
+
+
+def _find_determined(result: Laddered[Any]) -> list[tuple[str, str]]:
+    """Return at most five determined combinations, with values, where few parameters are."""
+    chosen = result.chosen
+    if result.nothing or chosen.unjudged or chosen.count(Class.IDENTIFIABLE) > NAMED:
+        return []
+    sigma = np.sqrt(np.diag(result.fit.covariance)) + chosen.fit.terms["alternatives"]
+    far = np.array([v.verdict is not Class.IDENTIFIABLE for v in chosen.verdicts])
+    at = np.flatnonzero(far & np.isfinite(sigma))
+    values = np.array([chosen.verdicts[k].value for k in at])
+    doubt = np.diag(chosen.fit.terms["alternatives"][at] ** 2)
+    covariance = result.fit.covariance[np.ix_(at, at)] + doubt
+    found = find_combinations(values, covariance, result.fit.spread.unknown[at], NAMED)
+    rows = []
+    for one in found[:5]:
+        columns = [chosen.submodel.columns[at[k]] for k in one.members]
+        pairs = zip(one.weights[1:], columns[1:], strict=True)
+        rest = [f" {'−' if w < 0 else '+'} {format_number(abs(w), 3)} {name}" for w, name in pairs]
+        unit = chosen.submodel.units[at[one.members[0]]]
+        value = measured(one.value, REACH * one.sigma, unit)
+        rows.append(("".join([columns[0], *rest]), value))
+    return rows
+
+
+def _state_determined(result: Laddered[Any]) -> str:
+    """Return the surest combination that is determined where few parameters are."""
+    each = [" = ".join(row) for row in _find_determined(result)[:1]]
+    return sentence("decision.left", "determined", names=each) if each else ""
 
 
 def _state_cause(result: Laddered[Any]) -> str:
     """Return the usual largest source of standard errors where no parameter is identifiable."""
     chosen = result.chosen
-    if chosen.count(Class.IDENTIFIABLE) or chosen.unjudged:
+    if chosen.count(Class.IDENTIFIABLE) or chosen.unjudged or result.nothing:
         return ""
     largest = Counter(max(v.terms, key=v.terms.__getitem__) for v in chosen.verdicts if v.terms)
     if not largest:

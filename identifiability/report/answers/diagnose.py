@@ -61,7 +61,7 @@ class DiagnosisPresenter(PredictingPresenter):
         missing = after_mass(_answer_missing(result), result.mass_warning)
         question = sentence("diagnosis.residual", "question")
         error = self.answer_error(result.unexplained, question=question)
-        error = error if result.moved is None else result.moved.warn(error)
+        error = error if result.moved is None else result.moved.warn(result.moved.lead(error))
         answers = missing, _answer_gap(result), error
         bending = result.bending
         return answers if bending is None else (*answers, _answer_bending(bending))
@@ -344,6 +344,9 @@ def _answer_gap(d: Diagnosis) -> Answer:
     ends = [f"{100 * x:+.2g}".replace("-", "−") for x in d.interval]
     interval = sentence(about, "interval", ends=" … ".join(ends)) if any(d.interval) else "."
     text = sentence(about, "unseen", verified=d.verified_on)
+    reduction, every = d.used.reduction, len(d.completed.base)
+    if len(reduction) < every:
+        text += sentence(about, "reduced", name=reduction.name, kept=len(reduction), all=every)
     tone = "green" if d.interval[1] < 0 else "amber"
     holes: dict[str, Any] = {"before": d.held_before, "after": d.held_after}
     model = d.known.words.rstrip(",")

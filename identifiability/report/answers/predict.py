@@ -174,6 +174,16 @@ class PositionPredictionPresenter(AnsweringPresenter):
         part = "unseen" if result.unseen else "fitted"
         return sentence(about, part, logs=logs, runs=", ".join(each[::-1]))
 
+    def lead(self, usual: Answer) -> Answer:
+        """Return an answer that begins with the motion of the fitted robot, if it follows."""
+        result = self.result
+        if not result.follows:
+            return usual
+        logs, sizes = [log.name for log in result.logs], (result.totals[1], result.from_commands)
+        error, lag = (f"{1e3 * x:.3g} {result.unit}" for x in sizes)
+        short = sentence("rollout.errors", "moves", logs=logs, error=error, lag=lag)
+        return replace(usual, short=f"{short} {usual.short[0].lower()}{usual.short[1:]}")
+
     def warn(self, usual: Answer) -> Answer:
         """Return an answer behind the warning that the named effects make motion worse."""
         result = self.result

@@ -11,6 +11,7 @@ import numpy as np
 
 from identifiability.estimation.estimate import fit_whole
 from identifiability.estimation.estimator import Estimate, clip_signs
+from identifiability.estimation.evidence import near_best
 from identifiability.estimation.fit import Fit, find_left_out
 from identifiability.estimation.groups import MissingEffects
 from identifiability.estimation.prediction import Prediction
@@ -23,7 +24,7 @@ from identifiability.physical.cad_prior import combine_with_file
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.physical.fitted_model import FittedModel
 
-from .ladder import ACCOUNTS, FittedLadder
+from .ladder import ACCOUNTS, FittedLadder, LadderFit
 from .result import Laddered, ModelResult
 from .shared_errors import SharedErrors
 
@@ -71,12 +72,12 @@ def decide_model(
     )
     beside = structure.nominal_base - submodel.fixed
     stated = np.linalg.lstsq(submodel.M, beside, rcond=None)[0]
-    forbidden = _find_forbidden(model)
+    forbidden = find_forbidden(model)
     told = submodel.labels, submodel.units, torque, _aliases(estimate), forbidden, stated
     return fit, judge(fit, *told), tuple(compress(submodel.columns, forbidden))
 
 
-def _find_forbidden(model: FittedModel) -> np.ndarray:
+def find_forbidden(model: FittedModel) -> np.ndarray:
     """Return which parameters surely have a sign that physics forbids, (k,) bool."""
     signed = model.submodel.nonnegative & model.estimate.determined
     return np.asarray(signed & (clip_signs(model.information, model.estimate, signed) < 0))
@@ -195,3 +196,15 @@ def select_model(results: Sequence[ModelResult], near: np.ndarray) -> int:
         return *impossible, len(r.submodel), r.error_ra_validation
 
     return min(np.flatnonzero(near).tolist(), key=rank)
+
+
+def select_fit(fits: Sequence[LadderFit]) -> LadderFit:
+    """Return the model that `select_model` selects, before its parameters are judged."""
+    near = near_best([one.written for one in fits])
+
+    def rank(k: int) -> tuple[bool, bool, int]:
+        model, robot = fits[k].model, fits[k].robot
+        impossible = bool(find_forbidden(model).any())
+        return impossible or not robot.feasible, impossible, len(model.submodel)
+
+    return fits[min(np.flatnonzero(near).tolist(), key=rank)]

@@ -27,6 +27,7 @@ from identifiability.physical.feasibility import (
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel
+from identifiability.regression.structure import Structure
 from identifiability.workflows.case import WeightedRows
 
 from .shared_errors import SharedErrors, measure_shared_errors
@@ -90,19 +91,25 @@ class LadderFit:
 
 
 def fit_ladder(
-    rows: WeightedRows, submodels: Sequence[Submodel], cad_weight: float | None
+    structure: Structure,
+    submodels: Sequence[Submodel],
+    information: Information,
+    estimator: Estimator,
+    cad_weight: float | None = None,
 ) -> tuple[list[LadderFit], Folds, str]:
     """Fit models and their physical robots; return also the folds, and why they choose nothing.
 
     Parameters
     ----------
-    rows : WeightedRows
+    structure : Structure
     submodels : sequence of Submodel
+    information : Information
+        About all base parameters, with weighted rows.
+    estimator : Estimator
+        With the noise of these rows.
     cad_weight : float or None
         Of the prior around the robot file; by default predictions choose it (`choose_prior`).
     """
-    structure, information = rows.data.structure, rows.information
-    estimator = estimate_noise(rows.estimator, information)
     held_out, short = hold_folds(information, estimator)
     found: list[LadderFit] = []
     for submodel in submodels:  # a smaller one asks for no heavier prior than the unpruned
@@ -204,7 +211,9 @@ def compute_ladder(
     """Fit the models of a ladder and predict torque by them, going through the logs once."""
     data = rows.data
     run.say("fitting models", 0.6)
-    fits, folds, short = fit_ladder(rows, submodels, cad_weight)
+    estimator = estimate_noise(rows.estimator, rows.information)
+    weighted = rows.information, estimator
+    fits, folds, short = fit_ladder(data.structure, submodels, *weighted, cad_weight)
     values = np.concatenate([one.values for one in fits], axis=1)
     crossed = np.concatenate([one.turned for one in fits], axis=2)
     tasks = [Task(values[None]), *([] if data.validation else [Task(crossed, folds)])]

@@ -30,7 +30,6 @@ from identifiability.foundation import handed
 from identifiability.foundation.errors import IdentifiabilityError, near_match
 from identifiability.foundation.findings import phrase
 from identifiability.foundation.keyed import Row
-from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.options import OptionError, check_choice
 from identifiability.foundation.presenter import presented
@@ -101,17 +100,12 @@ class ModelResult:
 
         They are used unless the estimate is surely better on the folds and unseen motion does not
         refute this. It refutes this if the physical values are better by more than one standard
-        error: one motion does not show which values extrapolate. Parameters that the model omits
-        but physical bodies need are fixed. The result is None if physical bodies cannot satisfy
-        the ties of the model.
+        error: one motion does not show which values extrapolate.
         """
-        real, M = self.physical, self.submodel.M
+        real = self.physical
         if real is None or not (real.as_good or self.unseen.surely_better(1, 0)):
             return None
-        apart = real.base - M @ real.value
-        fixed = np.where(M.any(axis=1), self.submodel.fixed, apart)
-        reach = NEARLY * np.abs(real.base).max(initial=0.0)
-        return replace(self.submodel, fixed=fixed) if np.abs(apart - fixed).max() <= reach else None
+        return real.within(self.submodel)
 
     @property
     def physical_used(self) -> bool:

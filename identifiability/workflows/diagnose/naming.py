@@ -35,23 +35,24 @@ from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
 from identifiability.logs.rules import RULES as LOG_RULES
-from identifiability.physical.feasibility import PhysicalResult
 from identifiability.quality.hints import leave_out_rows
 from identifiability.regression.columns import Candidate, Refusal, list_candidates, number
 from identifiability.regression.information import Information, gather_information
+from identifiability.regression.reduction import compare_models
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure, known_rows
 from identifiability.robot import Robot
-from identifiability.workflows.analyze.ladder import hold_folds
+from identifiability.workflows.analyze.judge import select_fit
+from identifiability.workflows.analyze.ladder import fit_ladder, hold_folds
 from identifiability.workflows.changes import Change, rows_of
 
 from .problem import (
     KnownValues,
     Problem,
+    Recommended,
     ResidualRows,
     WeighedFit,
     know_nothing,
-    nearest_robot,
     weigh_fit,
 )
 
@@ -270,22 +271,21 @@ class Naming:
         return gain.density.value > LEVELS.nats and gain.error.value > 0
 
     @cached_property
-    def real(self) -> PhysicalResult | None:
-        """The physical robot nearest to the completed model, if the logs determine the values."""
-        if not len(self.problem.recommended):
-            return None
-        return nearest_robot(self.completed, *self.weighed[:2])
+    def best(self) -> Recommended:
+        """The model with all parts to predict with, and its values, as `analyze` selects it.
 
-    @property
-    def best(self) -> Array:
-        """Base parameters (b,) of the completed model to predict with.
-
-        They are those of the nearest physical robot if it predicts parts of the fitted logs as
-        well.
+        The models of the ladder are compared on parts of the fitted logs.
         """
-        if self.real is not None and self.real.as_good:
-            return self.real.base
-        return self.fit(range(len(self.parts)))
+        completed, problem = self.completed, self.problem
+        if problem.recommended is None:
+            return Recommended.of_base(completed, self.fit(range(len(self.parts))))
+        information, fit, *_ = self.weighed
+        models = compare_models(problem.ladder, completed)
+        fits, *_ = fit_ladder(completed, models, information, fit.estimator)
+        chosen = select_fit(fits)
+        submodel, robot = chosen.model.submodel, chosen.robot
+        real = robot.within(submodel) if robot.as_good else None
+        return Recommended.of(submodel, chosen.model.estimate.value, robot, real)
 
     def predict_fitted(self, fits: Sequence[Array]) -> Prediction:
         """Return torque along the fitted motion by base parameters (b,) of the completed model."""
@@ -911,6 +911,19 @@ def without_outliers(problem: Problem, outliers: Outliers) -> Problem:
     samples = leave_out_rows(problem.samples, outliers)
     excerpt = leave_out_rows(problem.excerpt, outliers, problem.samples)
     return replace(problem, samples=samples, excerpt=excerpt)
+
+
+def judge_all_rows(naming: Naming, problem: Problem) -> Naming:
+    """Return a naming that is fitted to all rows of a problem, as in `analyze`.
+
+    The rows that were searched remain those of curves and residuals. Rows of a change stay out.
+    """
+    searched = naming.problem
+    if searched.changes:
+        return naming
+    excerpt = searched.excerpt or searched.samples
+    every = replace(searched, samples=problem.samples, excerpt=excerpt)
+    return with_parts(replace(naming, problem=every), naming.parts)
 
 
 def leave_out(problem: Problem, change: Change) -> Problem | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -31,12 +31,50 @@ from identifiability.physical.feasibility import PhysicalResult
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.quality.hints import weigh_rows
 from identifiability.regression.information import Information, gather_information
-from identifiability.regression.reduction import full_model
+from identifiability.regression.reduction import LadderEntry, Submodel, full_model
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
 from identifiability.workflows.analyze.ladder import fit_with_robot, hold_folds
 from identifiability.workflows.predict import Fit, Predicts, find_fit, read_fit
+
+
+@frozen
+class Recommended:
+    """A model and its values to predict with.
+
+    Attributes
+    ----------
+    reduction : Submodel
+        With k parameters, as the ladder states it.
+    submodel : Submodel
+        The same, with the parameters fixed that it omits but physical bodies need.
+    values, base : (k,), (b,)
+        Of its parameters, and base parameters.
+    robot : PhysicalResult or None
+        The physical robot nearest to its fit, if it was computed.
+    """
+
+    reduction: Submodel
+    submodel: Submodel
+    values: Array
+    base: Array
+    robot: PhysicalResult | None = None
+
+    @staticmethod
+    def of(
+        submodel: Submodel, estimate: Array, robot: PhysicalResult, real: Submodel | None
+    ) -> Recommended:
+        """Return the values of the physical robot, or the estimate where its model is None."""
+        if real is None:
+            return Recommended(submodel, submodel, estimate, submodel.expand(estimate), robot)
+        return Recommended(submodel, real, robot.value, robot.base, robot)
+
+    @staticmethod
+    def of_base(structure: Structure, base: Array) -> Recommended:
+        """Return the model of all base parameters with given values."""
+        full = full_model(structure.base)
+        return Recommended(full, full, base, base)
 
 
 @frozen
@@ -67,8 +105,10 @@ class Problem(OfStructure):
         used.
     under : Structure or None
         The robot under the model that predicts without the missing effects, if that is another.
-    recommended : (b,)
-        Base parameters that `analyze` recommends for it; empty where values are known.
+    recommended : Recommended or None
+        The values that `analyze` recommends for it; None where values are known.
+    ladder : LadderEntry or None
+        The models that `analyze` compares; None where a model was given.
     columns : tuple of (Structure, Regression)
         Columns along the samples that were computed already.
     """
@@ -86,7 +126,8 @@ class Problem(OfStructure):
     excerpt: tuple[Dataset, ...] = ()
     unseen_excerpt: tuple[Dataset, ...] = ()
     under: Structure | None = None
-    recommended: Array = field(default_factory=lambda: np.empty(0))
+    recommended: Recommended | None = None
+    ladder: LadderEntry | None = None
     columns: tuple[tuple[Structure, Regression], ...] = ()
 
     def regression(

@@ -30,7 +30,7 @@ from identifiability.physical.cad_prior import real_robot_dict, share_weight, st
 from identifiability.physical.feasibility import PhysicalResult
 from identifiability.regression.columns import Refusal
 from identifiability.regression.information import Information
-from identifiability.regression.reduction import LadderEntry, ModelEntry, full_model, ladder_text
+from identifiability.regression.reduction import LadderEntry, ladder_text, model_entry
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, list_asked_effects
 from identifiability.robot import Robot
@@ -50,6 +50,7 @@ from .problem import (
     Discrepancy,
     KnownValues,
     Problem,
+    Recommended,
     WeighedFit,
     fit_structure,
     nearest_robot,
@@ -251,8 +252,8 @@ class Diagnosis(Result, Predicts):
     refusals : tuple of Refusal
     evidence : tuple of Odds
         Of all groups in the search, the likeliest first.
-    values : (b,)
-        Base parameters of that model.
+    used : Recommended
+        The model to predict with: the completed one, or its reduction by the ladder.
     completed : Structure
         The robot under the base model, with the named effects where folds of the fitted logs prefer
         it.
@@ -260,8 +261,6 @@ class Diagnosis(Result, Predicts):
         About its base parameters, with equal rows.
     weighed : WeighedFit or None
         Its fit to weighted rows, if the values have no prior.
-    nearest : PhysicalResult or None
-        The physical robot nearest to that fit, if it was computed.
     included : int
         Number of effects in the model; these are the first ones.
     moved : PositionPrediction or None
@@ -296,11 +295,10 @@ class Diagnosis(Result, Predicts):
     discrepancies: tuple[Discrepancy, ...]
     refusals: tuple[Refusal, ...]
     evidence: tuple[Odds, ...]
-    values: Array
+    used: Recommended
     completed: Structure
     information: Information
     weighed: WeighedFit | None = None
-    nearest: PhysicalResult | None = None
     included: int = 0
     forward: ForwardGap | None = None
     bending: Bending | None = None
@@ -345,6 +343,11 @@ class Diagnosis(Result, Predicts):
     def seed(self) -> int:
         """Of every random choice."""
         return self.problem.seed
+
+    @property
+    def values(self) -> Array:
+        """Base parameters of the model to predict with, (b,)."""
+        return self.used.base
 
     @property
     def verified_on(self) -> str:
@@ -428,9 +431,11 @@ class Diagnosis(Result, Predicts):
 
     def to_ladder(self) -> LadderEntry:
         """Return the model with the named effects as a ladder of one model."""
-        effects, random = list_asked_effects(self.completed), dict(self.model.random)
-        only = ModelEntry(name="the diagnosed model", effects=[*effects], random=random)
-        return LadderEntry(models=[only])
+        entry = model_entry(
+            replace(self.used.reduction, name="the diagnosed model"), self.completed
+        )
+        effects = [*list_asked_effects(self.completed)]
+        return LadderEntry(models=[entry.model_copy(update={"effects": effects})])
 
     @property
     @presented
@@ -601,19 +606,24 @@ def keep_completed(d: Diagnosis) -> Fit:
     Intervals are those of a refit without prior knowledge of the values.
     """
     structure = d.completed
-    submodel = full_model(structure.base, "the diagnosed model")
+    submodel = replace(d.used.submodel, name="the diagnosed model")
     information, known = d.refitted
     found = predict(structure.regression(d.samples), d.values[:, None])
-    fitted, unseen = ((x.joint_rms()[:, -1], x.joint_rms(raw=True)[:, -1]) for x in (found, d.gap))
-    spread = measure_spread(information, known, fitted, unseen)
+    errors = tuple((x.joint_rms()[:, -1], x.joint_rms(raw=True)[:, -1]) for x in (found, d.gap))
+    whole = spread = measure_spread(information, known, *errors)
+    if len(submodel) < len(structure.base):
+        part = submodel.reduce(information)
+        reduced = known.estimate.estimator.fit(part)
+        of_part = Known.of(part, reduced, np.random.default_rng(d.seed), 0)
+        spread = measure_spread(part, of_part, *errors)
     return Fit(
         structure=structure,
         submodel=submodel,
-        values=d.values,
+        values=d.used.values,
         spread=spread,
         preparation=with_cutoff(d.preparation, d.samples),
-        base_covariance=spread.covariance,
-        base_unknown=spread.unknown,
+        base_covariance=whole.covariance,
+        base_unknown=whole.unknown,
         reading=d.reading,
     )
 
@@ -662,8 +672,8 @@ def real_robot(d: Diagnosis, structure: Structure, weight: float | None = None) 
         if structure is not d.completed:
             fitted = fit_structure(structure, d.problem.regression(structure))
             return fit_physical(structure, fitted, weight)
-        if weight is None and d.weighed is not None and d.nearest is not None:
-            return _as_physical(structure, d.nearest)
+        if weight is None and d.weighed is not None and d.used.robot is not None:
+            return _as_physical(structure, d.used.robot)
         return fit_physical(structure, d.refit, weight)
     values = {name: d.robot.nominal.get(name, 0.0) for name in d.structure.columns}
     values = dict.fromkeys(structure.columns, 0.0) | values

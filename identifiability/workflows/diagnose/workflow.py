@@ -37,7 +37,6 @@ from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.logs.prepare.dataset import require_signal
 from identifiability.logs.prepare.excerpt import most_rows, thin_all
 from identifiability.physical.cad_prior import load_by_fit, resolve_prior, with_loads
-from identifiability.physical.feasibility import PhysicalResult
 from identifiability.quality.hints import where_outlying
 from identifiability.quality.recordings import Logs, Recordings
 from identifiability.regression.information import Information, gather_information
@@ -75,6 +74,7 @@ from .naming import (
     Gains,
     Naming,
     find_change_in_log,
+    judge_all_rows,
     leave_out,
     look,
     name_missing,
@@ -86,6 +86,7 @@ from .problem import (
     Given,
     KnownValues,
     Problem,
+    Recommended,
     WeighedFit,
     along_rollouts,
     change_of,
@@ -246,8 +247,10 @@ def _diagnose_logs(
     # Values that are kept are those of the file, and a wrong scale or sign is an effect.
     effects = () if data.misread and not request.keeps else request.effects
     found, servo = name_effects(problem, effects, run, rng), data.robot.servo
+    if recordings is not None or servo is None:
+        return found, data
     later = common_delay(found.effects, data.robot.motor_joints)
-    if recordings is not None or not later or servo is None:
+    if not later:
         return found, data
     from identifiability.servos import delay_commands  # noqa: PLC0415 - MuJoCo
 
@@ -496,14 +499,15 @@ def recommend(
     fitted = case.stages.once(compute_ladder, rows, models, None, run=run)
     rng = np.random.default_rng(problem.seed)
     chosen = conclude_analysis(fitted, rng, {"replicates": 0}, NO_MISSING_EFFECTS).chosen
-    real = chosen.physical if chosen.physical_used else None
-    base = chosen.submodel.expand(chosen.recommended) if real is None else real.base
+    assert chosen.physical is not None  # each model of a ladder has its nearest robot
+    best = Recommended.of(chosen.submodel, chosen.estimate.value, chosen.physical, chosen.real)
+    problem = replace(problem, ladder=entry)
     structure = compared.structure
-    same = _as_diagnosed(structure, problem.structure, base)
+    same = _as_diagnosed(structure, problem.structure, best.base)
     if same is not None:
-        return replace(problem, recommended=same)
+        return replace(problem, recommended=Recommended.of_base(problem.structure, same))
     columns = (*problem.columns, (structure, compared.regression))
-    return replace(problem, recommended=base, under=structure, columns=columns)
+    return replace(problem, recommended=best, under=structure, columns=columns)
 
 
 def _as_diagnosed(structure: Structure, diagnosed: Structure, base: Array) -> Array | None:
@@ -534,7 +538,8 @@ def name_effects(
 ) -> Diagnosis:
     """Name missing effects, add and verify them.
 
-    Rows of low weight, given the named effects, are not used to name effects.
+    Rows of low weight, given the named effects, are not used to name effects. They count in fits
+    and errors as in `analyze`.
 
     Parameters
     ----------
@@ -552,10 +557,10 @@ def name_effects(
             joints = problem.robot.joints
             where = where_outlying(joints, problem.samples, outliers)
             hint = (
-                hint
-                or f"{where} These rows were left out. Check the robot and the log at that time."
+                hint or f"{where} The search left these rows out. Check the robot and the log then."
             )
             found = _name_between_changes(without_outliers(problem, outliers), effects, run)
+            found = judge_all_rows(found, problem)
     run.say("verifying", 0.9)
     found = take_loads(found, run.engine)
     return replace(conclude(found, rng), hints=(hint,) if hint else ())
@@ -650,15 +655,14 @@ class Verified:
 
     Attributes
     ----------
-    included, values, nearest, gap, error_before, error_after, held_before, held_after
+    included, used, gap, error_before, error_after, held_before, held_after
         As of `Diagnosis`.
     completed, information, weighed
         The same; `weighed` wherever values were fitted.
     """
 
     included: int
-    values: Array
-    nearest: PhysicalResult | None
+    used: Recommended
     gap: Prediction
     error_before: float
     error_after: float
@@ -670,7 +674,7 @@ class Verified:
 
 
 def verify_effects(
-    naming: Naming, ends: Sequence[int], fits: Sequence[Array], plain: Array
+    naming: Naming, ends: Sequence[int], fits: Sequence[Array], plain: Recommended
 ) -> Verified:
     """Return the effects that predict better on folds and that unseen motion does not refute.
 
@@ -684,14 +688,14 @@ def verify_effects(
         End of the parts of each family, after a first 0.
     fits : sequence of (b,)
         Base parameters without any family, then with one more family each.
-    plain : (b,)
-        Base parameters of the plain model.
+    plain : Recommended
+        The plain model.
     """
     problem, families = naming.problem, len(ends) - 1
     for n in range(families, -1, -1):
         used = naming if n == families else with_parts(naming, naming.parts[: ends[n]])
-        values, real = (used.best, used.real) if n or problem.changes else (plain, None)
-        last = naming.of(used.completed) @ values
+        best = used.best if n or problem.changes else plain
+        last = naming.of(used.completed) @ best.base
         # The best values stand for the fit of all families.
         each = [*fits[: len(fits) - (0 < n == families)], last]
         gap = naming.predict_unseen(each)
@@ -701,8 +705,7 @@ def verify_effects(
     held = gap.relative_error().tolist()
     return Verified(
         included=n,
-        values=values,
-        nearest=real,
+        used=best,
         gap=gap,
         error_before=before,
         error_after=after,
@@ -714,10 +717,9 @@ def verify_effects(
     )
 
 
-def _plain_values(naming: Naming) -> Array:
-    """Return base parameters of the plain model, without any named effect."""
-    recommended = naming.problem.recommended
-    return recommended if len(recommended) else with_parts(naming, ()).fit(())
+def _recommend_plain(naming: Naming) -> Recommended:
+    """Return the plain model, without any named effect."""
+    return naming.problem.recommended or with_parts(naming, ()).best
 
 
 def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
@@ -733,8 +735,8 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     problem, parts = naming.problem, naming.parts
     counts = Counter(p.candidate.family.name for p in parts)  # families stand together
     ends = np.cumsum([0, *counts.values()]).tolist()
-    plain = _plain_values(naming)
-    fits = [naming.of(problem.plain) @ plain, *(naming.fit(range(n)) for n in ends[1:])]
+    plain = _recommend_plain(naming)
+    fits = [naming.of(problem.plain) @ plain.base, *(naming.fit(range(n)) for n in ends[1:])]
     residual = naming.predict_excerpt(fits[-1]).residual[:, :, 0]
     found = verify_effects(naming, ends, fits, plain)
     if 0 < found.included < len(counts):

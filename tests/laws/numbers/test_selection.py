@@ -10,6 +10,7 @@ from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.fit import column_noise, column_rms, merge_blocks
 from identifiability.estimation.groups import NO_MISSING_EFFECTS
 from identifiability.estimation.prediction import Prediction
+from identifiability.physical.feasibility import PhysicalResult
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import Submodel
 from identifiability.workflows.analyze.judge import assess_ladder, select_model
@@ -114,6 +115,7 @@ class Physics:
     as_good: bool = False
     value: np.ndarray | None = None
     base: np.ndarray | None = None
+    within = PhysicalResult.within
 
     @property
     def feasible(self):
