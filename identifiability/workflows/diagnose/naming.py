@@ -20,6 +20,7 @@ from scipy.special import logsumexp, softmax
 from identifiability.effects import Family, Placed, find_families
 from identifiability.effects import Part as EffectPart
 from identifiability.effects.friction import REVERSALS, RisingFriction
+from identifiability.effects.transmission import Hysteresis
 from identifiability.estimation.estimate import Outliers, with_known
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evidence import LEVELS, Evidence
@@ -374,14 +375,18 @@ def name_missing(looked: Naming) -> Naming:
     return with_parts(replace(looked, after=tuple(looked.whole.gains(kept))), parts)
 
 
+#: Families that a joint which sticks at reversals may imitate.
+LATE_FRICTION = (RisingFriction.name, Hysteresis.name)
+
+
 def _search(looked: Naming) -> tuple[Naming, Terms]:
     """Return the missing effects on fitted rows, and the naming with their noise and rows.
 
-    Friction that rises with speed may be friction that changes sign at an unrecorded time. It is
-    then searched between reversals only.
+    Friction that rises with speed, or with the way after a reversal, may be friction that changes
+    sign at an unrecorded time. It is then searched between reversals only.
     """
     kept = looked.whole.search()
-    if any(t.group.family == RisingFriction.name for t in kept):
+    if any(t.group.family in LATE_FRICTION for t in kept):
         looked = _with_missing(looked, looked.asked.between_reversals())
         kept = looked.whole.search()
     named = [t for t in kept if not _family(looked.asked, t).unnamed]
