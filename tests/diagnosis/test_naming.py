@@ -25,7 +25,6 @@ def seldom(*case):
         ("five-bar", "position_ripple@right_shoulder=0.02", ("right_shoulder",)),
         ("two-link", "load_dependent_friction@elbow=0.03", ("elbow",)),
         seldom("six-dof-arm", "gravity_tilt=0.02", ("base",)),
-        seldom("six-dof-arm", "torque_offset@joint_1=0.03", ("joint_1",)),
     ],
 )
 def test_a_hidden_effect_is_named_in_its_joints_and_the_gap_shrinks(
