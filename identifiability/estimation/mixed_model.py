@@ -399,6 +399,11 @@ class MixedModel:
                 terms = self.update_terms(without(terms, least))
         return terms
 
+    def total_odds(self, terms: Terms) -> float:
+        """Return the log odds of all terms together: of each, given those before it."""
+        each = (self.gains(terms[:k], [t.group]) for k, t in enumerate(terms))
+        return sum(t.odds for (t,) in each)
+
     def evidence(self, terms: Terms, unseen: Information) -> float:
         """Return the log predictive density of unseen rows, up to a constant.
 

@@ -20,6 +20,7 @@ from scipy.special import logsumexp, softmax
 from identifiability.effects import Family, Placed, find_families
 from identifiability.effects import Part as EffectPart
 from identifiability.effects.friction import REVERSALS, RisingFriction
+from identifiability.effects.transmission import Hysteresis
 from identifiability.estimation.estimate import Outliers, with_known
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.evidence import LEVELS, Evidence
@@ -374,21 +375,39 @@ def name_missing(looked: Naming) -> Naming:
     return with_parts(replace(looked, after=tuple(looked.whole.gains(kept))), parts)
 
 
+#: Families that a joint which sticks at reversals may imitate.
+LATE_FRICTION = (RisingFriction.name, Hysteresis.name)
+
+
 def _search(looked: Naming) -> tuple[Naming, Terms]:
     """Return the missing effects on fitted rows, and the naming with their noise and rows.
 
-    Friction that rises with speed may be friction that changes sign at an unrecorded time. It is
-    then searched between reversals only.
+    Friction that rises with speed, or with the way after a reversal, may be friction that changes
+    sign at an unrecorded time. It is then searched between reversals only.
     """
-    kept = looked.whole.search()
-    if any(t.group.family == RisingFriction.name for t in kept):
+    kept = _search_terms(looked.whole)
+    if any(t.group.family in LATE_FRICTION for t in kept):
         looked = _with_missing(looked, looked.asked.between_reversals())
-        kept = looked.whole.search()
+        kept = _search_terms(looked.whole)
     named = [t for t in kept if not _family(looked.asked, t).unnamed]
     if named:  # their torque is no noise
         looked = _with_missing(looked, looked.asked.beside(named))
-        kept = looked.whole.search()
+        kept = _search_terms(looked.whole)
     return looked, kept
+
+
+def _search_terms(model: MixedModel) -> Terms:
+    """Return the missing effects of a model; one search adds families everywhere, one does not.
+
+    A flexible family everywhere may replace different effects of several joints. The search would
+    not find its way back, so the evidence of both searches decides.
+    """
+    found = model.search()
+    if all(t.group.place != EVERYWHERE for t in found):
+        return found
+    places = tuple(g for g in model.groups if g.place != EVERYWHERE)
+    single = replace(model, groups=places).search()
+    return max(found, single, key=model.total_odds)
 
 
 def _with_missing(looked: Naming, missing: Missing) -> Naming:
