@@ -515,6 +515,8 @@ GRAVITY = r"gravity|compensat|tilted"
 QUADRUPED, HOBBY = Recorder(rate=200.0), Recorder(30.0, 30.0, bits=12)
 EPISODES = (20.0,) * 4
 BETWEEN_ROWS = Recorder(30.0, 25.0, bits=12)
+LATE_COMMANDS = Recorder(50.0, 25.0, bits=12, jitter=0.04)
+LOST_COMMANDS = Recorder(50.0, 25.0, bits=12, lost=0.04)
 CONDITIONS = {
     SOUND: Condition(0, ""),
     "masses 1 kg": Condition(1, MASSES, _masses(1.0, 0.01)),
@@ -595,6 +597,18 @@ CONDITIONS = {
     ),
     "hobby arm, kp = fit": Condition(
         10, "", case=Commanded("hobby-arm", HOBBY, EPISODES, 0.0, folder=True)
+    ),
+    "hobby arm, commands up to two rows late": Condition(
+        10, "", case=Commanded("hobby-arm", LATE_COMMANDS, EPISODES)
+    ),
+    "hobby arm, 4 % of the commands lost": Condition(
+        10, "", case=Commanded("hobby-arm", LOST_COMMANDS, EPISODES)
+    ),
+    "hobby arm, kp of a joint scaled by its drive": Condition(
+        10, r"\bkp\b|gain|scale of", case=Commanded("hobby-arm", HOBBY, EPISODES, 1.3, alone=True)
+    ),
+    "hobby arm, kp scaled by all drives": Condition(
+        10, r"\bkp\b|gain", case=Commanded("hobby-arm", HOBBY, EPISODES, 1.3)
     ),
     "kp stated 48 % too high": Condition(
         10, r"\bkp\b|gain", case=Commanded("two-link", QUADRUPED, (15.0,), 1.48)

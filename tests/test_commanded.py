@@ -17,6 +17,7 @@ from identifiability import (
     Robot,
     analyze,
     diagnose,
+    export,
     predict,
     prune,
 )
@@ -189,22 +190,51 @@ def test_stated_gains_that_make_all_bodies_heavier_alike_are_said(arm):
     assert replace(arm.servo, rolled=object()).doubt_scale(heavier, within) == []
 
 
-ODD = (("play", 0.03), ("gain", -0.25), ("limit", 30.0), ("", 0.0))
+ODD = (("play", 0.03), ("gain", -0.25), ("limit", 30.0), ("integral", 2.0), ("", 0.0))
 
 
 @pytest.mark.parametrize(("kind", "size"), ODD)
-def test_play_a_gain_and_a_limit_that_are_stated_wrongly_are_said_with_their_size(arm, kind, size):
+def test_odd_joints_and_gains_that_are_stated_wrongly_are_said_with_their_size(arm, kind, size):
     rng, how = np.random.default_rng(6), servos.Recorder(200.0, 50.0, 0.006, 14)
     moves, fault = servos.draw_commands(arm, 6.0, 50.0, 0.35, rng), servos.Fault(1, kind, size)
     own = arm.servo.having({"limit": np.array([0.0, size * (kind == "limit")])})
+    own = replace(own, ki=size * own.kp * (kind == "integral"))
     log = read(arm, servos.record(arm, TRUTH, moves, 6.0, how, rng, own, fault))
     odd, better, either = find_odd_joints(arm, found := fit_rollouts(arm, [log], file_shares(arm)))
     assert len(odd) == bool(kind)
     assert (better is found) == (kind in ("play", ""))
     assert not either or kind == "gain"
+    if kind == "integral":
+        np.testing.assert_allclose(better.numbers["ki"], own.ki, rtol=0.05)
+        assert "integral gain ki of shoulder, elbow" in odd[0]
+        return
     for said in odd:
         told = float(re.search(r"'elbow'.*? (?:about|is) ([\d.]+)", said)[1])
         assert told == pytest.approx(size + (kind == "gain"), rel=0.05 if size > 1 else 0.2)
+
+
+def test_drives_that_integrate_are_fitted_rolled_out_and_exported(arm, tmp_path):
+    rng, how = np.random.default_rng(5), servos.Recorder(100.0, delay=0.007, bits=14)
+    own = replace(arm.servo, ki=2.0 * arm.servo.kp)
+    moves = [servos.draw_commands(arm, 8.0, how.command_rate, 0.35, rng) for _ in range(2)]
+    logs = [servos.record(arm, TRUTH, x, 8.0, how, rng, own) for x in moves]
+    shutil.copy(arm.path, tmp_path / "arm.xml")
+    said = arm.path.with_suffix(".toml").read_text().replace("[servo]", '[servo]\nki = "fit"')
+    (tmp_path / "arm.toml").write_text(said)
+    robot = Robot.load(tmp_path / "arm.xml")
+    result = analyze(robot, logs[0], quick=True)
+    np.testing.assert_allclose(result.robot.servo.ki, own.ki, rtol=0.05)
+    frame = result.to_frame()
+    assert "identifiable" not in frame[frame.name.str.endswith(".off")].verdict.tolist()
+    rolled = predict(robot, result.to_json(tmp_path / "result.json"), logs[1], forward=True)
+    log = read(robot, logs[1])
+    delay, best = roll_delayed(CommandedRobot(arm, TRUTH, own), log)
+    assert rolled.totals[-1] < 1.1 * np.sqrt(np.mean((best - log.q)[150:] ** 2))
+    export(robot, tmp_path / "result.json", tmp_path / "fitted.xml")
+    again = Robot.load(tmp_path / "fitted.xml")
+    np.testing.assert_allclose(again.servo.ki, result.robot.servo.ki)
+    alone = servos.replay(tmp_path / "fitted.xml", log, delay)
+    assert np.sqrt(np.mean((alone - log.q)[300:] ** 2)) < 1e-3
 
 
 # Rollouts.

@@ -140,6 +140,8 @@ class RolloutProblem:
         table = x[: self.over.size].reshape(self.over.shape)
         numbers = dict(zip(KINDS, table * np.exp(self.over * table[-1]), strict=True))
         gains = self.machine.servo.kp * np.exp(table[-1])
+        # An integral replaces any constant torque.
+        numbers["off"] = np.where(numbers["ki"] > 0, 0.0, numbers["off"])
         return {**numbers, "kp": gains, "sizes": x[self.bodies]}, x[self.delays]
 
     def replace_numbers(self, x: Array, numbers: Mapping[str, Array], joints: np.ndarray) -> Array:
@@ -178,8 +180,9 @@ class RolloutProblem:
         """Return the robot of a vector, its joints' numbers, and delays."""
         numbers, delays = self.unpack(x)
         machine = self.machine
-        if numbers["play"].any():
-            loose = replace(machine.servo, play=numbers["play"])
+        new_integral = (numbers["ki"] > 0) & ~(machine.servo.integral > 0)
+        if numbers["play"].any() or new_integral.any():
+            loose = replace(machine.servo, play=numbers["play"], ki=numbers["ki"])
             machine = CommandedRobot(machine.robot, drop_follower_friction(machine.robot), loose)
         sizes = dict(zip(self.shares, np.exp(2 * numbers["sizes"]).tolist(), strict=True))
         return machine.resized(sizes), numbers, delays
@@ -326,6 +329,7 @@ def list_steps(machine: CommandedRobot, logs: Sequence[Log]) -> list[Array]:
         "off": torque,
         "play": PLAY / VARIED * ones,
         "limit": torque,
+        "ki": servo.kp,  # it acts within a second
         "kv": damping,
         "kp": ones,
     }

@@ -12,7 +12,7 @@ from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.logs import Log, signals
-from identifiability.logs.commands import acting, held_mean
+from identifiability.logs.commands import acting, held_mean, integral_torque
 from identifiability.logs.rules import RULES
 from identifiability.robot.servo import Servo
 
@@ -66,7 +66,7 @@ def servo_log(log: Log, servo: Servo, delay: float) -> Log:
         lost = lost | log.unmeasured
     return replace(
         log,
-        tau=tau,
+        tau=tau + integral_torque(log, servo, dt, delay),
         unmeasured=lost if lost.any() else None,
         motion_alone=False,
         servo_delay=float(delay),
