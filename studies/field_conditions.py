@@ -599,10 +599,10 @@ CONDITIONS = {
         10, "", case=Commanded("hobby-arm", HOBBY, EPISODES, 0.0, folder=True)
     ),
     "hobby arm, commands up to two rows late": Condition(
-        10, "", case=Commanded("hobby-arm", LATE_COMMANDS, EPISODES)
+        10, "later", case=Commanded("hobby-arm", LATE_COMMANDS, EPISODES)
     ),
     "hobby arm, 4 % of the commands lost": Condition(
-        10, "", case=Commanded("hobby-arm", LOST_COMMANDS, EPISODES)
+        10, "never arrived", case=Commanded("hobby-arm", LOST_COMMANDS, EPISODES)
     ),
     "hobby arm, kp of a joint scaled by its drive": Condition(
         10, r"\bkp\b|gain|scale of", case=Commanded("hobby-arm", HOBBY, EPISODES, 1.3, alone=True)

@@ -24,7 +24,6 @@ from identifiability import (
 from identifiability.foundation.documents import toml_text
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.names import INERTIAL_KINDS
-from identifiability.logs.commands import held_mean
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare.preparation import choose_cutoff, make_plan
 from identifiability.physical.cad_prior import combine_with_file, thick_inertia
@@ -146,16 +145,6 @@ def test_commands_without_gains_are_refused(frames):
         read(Robot.load("two-link"), frames[1])
 
 
-def test_means_of_a_staircase_are_its_integrals():
-    rng = np.random.default_rng(0)
-    t = np.cumsum(rng.uniform(0.5, 1.5, 40))
-    x = rng.standard_normal((40, 2))
-    at, width = rng.uniform(3, 30, 50), 0.8
-    fine = np.linspace(-0.5, 0.5, 20_001) * width
-    k = np.searchsorted(t, at[:, None] + fine, side="right") - 1
-    np.testing.assert_allclose(held_mean(t, x, at, width), x[k].mean(1), atol=1e-3)
-
-
 def test_torque_is_the_servos_law_and_saturated_torque_no_data():
     t = np.arange(200) * 0.01
     q = np.sin(3 * t)[:, None]
@@ -182,12 +171,17 @@ def test_reversals_are_data_where_a_rollout_turns_by_the_same_friction(arm, fram
     assert turning[0] == 0 < turning[1]
 
 
-def test_stated_gains_that_make_all_bodies_heavier_alike_are_said(arm):
-    within, heavier = [0.2] * 4, np.log([1.3, 1.5, 1.4, 1.5])
-    (said,) = arm.servo.doubt_scale(heavier, within)
-    assert said.key == "gains_scale"
-    assert arm.servo.doubt_scale(np.log([1.3, 0.8, 1.1, 0.9]), within) == []
-    assert replace(arm.servo, rolled=object()).doubt_scale(heavier, within) == []
+FAULTS = [("", 0.0, 1.0), ("irregular", 0.05, 1.0), ("gains_scale", 0.0, 1.4)]
+
+
+@pytest.mark.parametrize(("key", "lost", "factor"), FAULTS)
+def test_lost_commands_and_gains_that_are_all_too_high_are_said(arm, key, lost, factor):
+    rng, how = np.random.default_rng(6), servos.Recorder(100.0, 25.0, 0.006, 14, lost=lost)
+    moves = servos.draw_commands(arm, 8.0, how.command_rate, 0.35, rng)
+    frame = servos.record(arm, TRUTH, moves, 8.0, how, rng)
+    result = analyze(replace(arm, servo=arm.servo.divided(1 / factor)), frame, quick=True)
+    assert [k for k, *_ in FAULTS[1:] if of_key(result.hints, k)] == [key] * bool(key)
+    np.testing.assert_allclose(result.robot.servo.kp, arm.servo.kp, rtol=0.15)
 
 
 ODD = (("play", 0.03), ("gain", -0.25), ("limit", 30.0), ("integral", 2.0), ("", 0.0))

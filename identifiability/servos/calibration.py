@@ -86,7 +86,7 @@ def calibrate_torque(
     given = servo_log(replace(log, unmeasured=None), machine.servo, delay)
     if not np.isfinite(q).all():  # the rollout diverged
         return given
-    own = _recording_residual(structure, replace(given, unmeasured=None), values, how)
+    own = prepare_recording(structure, replace(given, unmeasured=None), values, how)
     left = np.zeros(q.shape)
     count = np.zeros(q.shape)
     moves = np.full(q.shape, False)
@@ -94,7 +94,7 @@ def calibrate_torque(
     for _ in range(PHASES):
         again = replace(given, q=record(q, log, rng), unmeasured=None)
         recorded = servo_log(again, machine.servo, delay)
-        one = _recording_residual(structure, recorded, values, how)
+        one = prepare_recording(structure, recorded, values, how)
         moves[one.rows] &= one.moves
         # Dry friction of a recording that turns a row earlier than the log is not that of the log.
         like = one.moves & (one.direction == own.direction)
@@ -129,7 +129,7 @@ class Recording(NamedTuple):
     direction: np.ndarray
 
 
-def _recording_residual(
+def prepare_recording(
     structure: Structure, log: Log, values: Mapping[str, float], how: Preparation
 ) -> Recording:
     """Return a recorded motion with its residual torque."""

@@ -27,7 +27,8 @@ from identifiability.robot import Robot
 from identifiability.robot.servo import Servo, state_delay
 from identifiability.simulation.rollout import CommandedRobot
 
-from .calibration import calibrate_torque
+from .arrivals import leave_out_irregular
+from .calibration import calibrate_torque, prepare_recording
 from .fit import divide_gains, fit_rollouts
 from .gains import file_shares, with_numbers
 from .odd_joints import find_odd_joints
@@ -181,12 +182,20 @@ def _calibrate(
 
     pairs = zip(at, found.delays.tolist(), strict=True)
     own = {k: calibrated(recordings.fitted[k], delay) for k, delay in pairs}
+    shares = dict[str, float]()
+    for k, log in own.items():
+        recording = prepare_recording(structure, log, found.parameters, how)
+        own[k], share = leave_out_irregular(structure.robot, log, servo, recording, how)
+        shares |= {log.name: share} if share else {}
+    irregular = []
+    if shares:
+        irregular.append(Finding("irregular", names=[*shares], share=100 * max(shares.values())))
     held_out = [judged(x) if of_commands(x) else x for x in recordings.held_out]
     later = [*_delay_doubts(own, servo, found), *_level_doubts(own, servo)]
     later += [
         {k: replace_servo(log, servo, rival) for k, log in own.items()} for rival in servos.rivals
     ]
-    hints = (_state_calibrated(servos, list(own.values())), *servos.findings)
+    hints = (_state_calibrated(servos, list(own.values())), *servos.findings, *irregular)
     return replace(
         recordings,
         fitted=tuple(own.get(k, log) for k, log in enumerate(recordings.fitted)),
