@@ -216,6 +216,8 @@ def test_drives_that_integrate_are_fitted_rolled_out_and_exported(arm, tmp_path)
     said = arm.path.with_suffix(".toml").read_text().replace("[servo]", '[servo]\nki = "fit"')
     (tmp_path / "arm.toml").write_text(said)
     robot = Robot.load(tmp_path / "arm.xml")
+    with pytest.raises(IdentifiabilityError, match="follow positions alone"):
+        analyze(robot, logs[0].assign(**{"shoulder.dq_cmd": 0.0, "elbow.dq_cmd": 0.0}))
     result = analyze(robot, logs[0], quick=True)
     np.testing.assert_allclose(result.robot.servo.ki, own.ki, rtol=0.05)
     frame = result.to_frame()
@@ -484,10 +486,6 @@ def test_a_joint_whose_command_stands_has_no_weight_and_blames_nobody(arm, unsta
     robot = arm if stated else unstated
     found = fit_rollouts(robot, [log], file_shares(robot), 0.02)
     assert found.missed[1] == 0.0
-    problem, end = found.search
-    weighted = end.J[: problem.rows()[-1] * 2].reshape(-1, 2, end.J.shape[1])
-    assert not weighted[:, 1].any()
-    assert not problem.varied[[problem.at(kind)[1] for kind in ("Ia", "Fc", "kp")]].any()
     if not stated:
         said = state_gains(unstated, [log.name], found, file_shares(unstated))
         assert "command of elbow stands or is not followed, so its gain is a guess" in said

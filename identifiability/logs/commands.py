@@ -99,6 +99,11 @@ def integral_torque(log: Log, servo: Servo, dt: float, delay: float) -> Array:
     return centred
 
 
+def are_positions_alone(log: Log) -> bool:
+    """Return whether the commands of a log are neither speeds nor torque."""
+    return log.dq_ref is None and log.tau_ff is None
+
+
 def has_commands(log: Log) -> bool:
     """Return whether a log holds commanded positions or velocities."""
     return log.q_ref is not None or log.dq_ref is not None

@@ -12,6 +12,7 @@ from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
+from identifiability.logs.commands import are_positions_alone
 from identifiability.robot import Robot
 
 from .descent import BEGUN, ENOUGH, SearchEnd, conclude, descend
@@ -105,7 +106,8 @@ def _list_trials(problem: RolloutProblem, found: Rollouts) -> Iterator[tuple[str
     """Yield kinds of numbers that are tried, with a first size, of all joints or of each (n,)."""
     yield "play", PLAY
     yield "kp", -0.2  # the logarithm of its factor
-    yield "ki", problem.scale[problem.at("ki")]
+    if all(map(are_positions_alone, problem.logs)):
+        yield "ki", problem.scale[problem.at("ki")]
     servo = problem.machine.servo.having(found.numbers)
     pairs = zip(problem.logs, found.delays[problem.source].tolist(), strict=True)
     torque = np.concatenate([servo_log(log, servo, delay).tau for log, delay in pairs])
