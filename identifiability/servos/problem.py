@@ -67,6 +67,8 @@ class RolloutProblem:
         shares: Mapping[str, float] | None = None,
     ) -> None:
         self.machine = machine
+        #: Robots by which joints integrate, because their models are built anew.
+        self.integrating = dict[tuple[bool, ...], CommandedRobot]()
         self.windows = windows
         self.shares = shares or {}
         self.trees = machine.trees
@@ -180,10 +182,16 @@ class RolloutProblem:
         """Return the robot of a vector, its joints' numbers, and delays."""
         numbers, delays = self.unpack(x)
         machine = self.machine
-        new_integral = (numbers["ki"] > 0) & ~(machine.servo.integral > 0)
-        if numbers["play"].any() or new_integral.any():
+        integrates = numbers["ki"] > 0
+        pattern = tuple(integrates.tolist())
+        has_play = bool(numbers["play"].any())
+        if pattern in self.integrating and not has_play:
+            machine = self.integrating[pattern]
+        elif has_play or (integrates & ~(machine.servo.integral > 0)).any():
             loose = replace(machine.servo, play=numbers["play"], ki=numbers["ki"])
             machine = CommandedRobot(machine.robot, drop_follower_friction(machine.robot), loose)
+            if not has_play:
+                self.integrating[pattern] = machine
         sizes = dict(zip(self.shares, np.exp(2 * numbers["sizes"]).tolist(), strict=True))
         return machine.resized(sizes), numbers, delays
 
