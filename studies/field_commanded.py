@@ -109,6 +109,8 @@ class Commanded:
         Whether logs are a LeRobot folder.
     alone : bool
         Whether the gain of only one joint is stated wrongly.
+    integral : float [1/s]
+        Integral gains of the machine over kp, which the file does not state.
     """
 
     robot: str
@@ -119,6 +121,7 @@ class Commanded:
     limit: float = 0.0
     folder: bool = False
     alone: bool = False
+    integral: float = 0.0
 
     def examine(self, path: Path, seeds: Sequence[int], pattern: str) -> dict[str, Any]:
         """Return the outcome of `analyze` for a draw, with its page."""
@@ -129,6 +132,7 @@ class Commanded:
         how = replace(how, delay=rng.uniform(0.004, 0.015), servo_rate=rng.choice([500.0, 1000.0]))
         own, joint = robot.servo, int(rng.integers(len(robot.joints)))
         assert own is not None
+        own = replace(own, ki=self.integral * own.kp)
         fault = servos.Fault(joint, "play", self.play) if self.play else servos.NONE
         robot = _write(robot, path, self.stated, joint if self.alone else None)
         seconds = (*self.seconds, 8.0)

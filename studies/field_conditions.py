@@ -87,10 +87,21 @@ SHAKES = (0.02, 0.1)
 JUDGED = Preparation(cutoff=20.0, outputs=10.0)
 #: Kinds of hands that are drawn.
 HANDS = hands.KINDS
+#: Drives that are not as their file states, and commands that arrive irregularly.
+DRIVES = (
+    "hobby arm, commands up to two rows late",
+    "hobby arm, 4 % of the commands lost",
+    "hobby arm, kp of a joint scaled by its drive",
+    "hobby arm, kp scaled by all drives",
+    "hobby arm, integral gains not stated",
+)
+#: Largest share of draws with a false remark, and longest median time [s], of drives.
+OF_DRIVES = {"false": 0.05, "CPU [s]": 15.0}
 #: Largest median, and largest at all, of the error over that of the best cut-off of many.
 MEDIAN = "error over the true structure's"
 REQUIRED = {
     "noisy positions": (1.05, 1.3),
+    **dict.fromkeys(DRIVES, (1.05, 1.3)),
     **{f"hand, {kind}": (1.05, 1.1) for kind in HANDS},
 }
 #: Least coverage of labels of hands, and least share of their friction that is identifiable.
@@ -515,6 +526,8 @@ GRAVITY = r"gravity|compensat|tilted"
 QUADRUPED, HOBBY = Recorder(rate=200.0), Recorder(30.0, 30.0, bits=12)
 EPISODES = (20.0,) * 4
 BETWEEN_ROWS = Recorder(30.0, 25.0, bits=12)
+LATE_COMMANDS = Recorder(50.0, 25.0, bits=12, jitter=0.04)
+LOST_COMMANDS = Recorder(50.0, 25.0, bits=12, lost=0.04)
 CONDITIONS = {
     SOUND: Condition(0, ""),
     "masses 1 kg": Condition(1, MASSES, _masses(1.0, 0.01)),
@@ -595,6 +608,21 @@ CONDITIONS = {
     ),
     "hobby arm, kp = fit": Condition(
         10, "", case=Commanded("hobby-arm", HOBBY, EPISODES, 0.0, folder=True)
+    ),
+    "hobby arm, commands up to two rows late": Condition(
+        10, "later", case=Commanded("hobby-arm", LATE_COMMANDS, EPISODES)
+    ),
+    "hobby arm, 4 % of the commands lost": Condition(
+        10, "never arrived", case=Commanded("hobby-arm", LOST_COMMANDS, EPISODES)
+    ),
+    "hobby arm, kp of a joint scaled by its drive": Condition(
+        10, r"\bkp\b|gain|scale of", case=Commanded("hobby-arm", HOBBY, EPISODES, 1.3, alone=True)
+    ),
+    "hobby arm, kp scaled by all drives": Condition(
+        10, r"\bkp\b|gain", case=Commanded("hobby-arm", HOBBY, EPISODES, 1.3)
+    ),
+    "hobby arm, integral gains not stated": Condition(
+        10, "integral gain", case=Commanded("hobby-arm", HOBBY, EPISODES, integral=1.0)
     ),
     "kp stated 48 % too high": Condition(
         10, r"\bkp\b|gain", case=Commanded("two-link", QUADRUPED, (15.0,), 1.48)
@@ -820,9 +848,17 @@ def find_checks(counts: pd.DataFrame) -> list[StudyCheck]:
                 ours = row[column]
                 asked = f"{name}: {column}"
                 checks.append(StudyCheck(asked, f"{ours:.2f}", f"{most:g}", "0", ours <= most))
-    for row in counts[counts.condition.str.startswith("hand")].to_dict("records"):
+    for row in counts[counts.condition.isin(DRIVES)].to_dict("records"):
+        for column, most in OF_DRIVES.items():
+            ours = row[column] / (row["draws"] if column == "false" else 1)
+            asked = f"{row['condition']}: {column}"
+            checks.append(StudyCheck(asked, f"{ours:.2f}", f"{most:g}", "0", ours <= most))
+    labelled = counts.condition.str.startswith("hand") | counts.condition.isin(DRIVES)
+    for row in counts[labelled].to_dict("records"):
         for column, least in OF_HANDS.items():
             ours, asked = row[column], f"{row['condition']}: {column}"
+            if ours == "–":  # nothing is identifiable, or it is no hand
+                continue
             checks.append(StudyCheck(asked, f"{ours:.2f}", f"{least:g}", "0", ours >= least))
     return checks
 

@@ -72,6 +72,10 @@ class Recorder:
     servo_rate : float [Hz]
     speeds : bool
         Whether the speeds of commands are commanded beside them, ``.dq_cmd``.
+    jitter : float [s]
+        Longest further time until a command arrives.
+    lost : float
+        Share of the commands that never arrive.
     """
 
     rate: float = 200.0
@@ -80,6 +84,17 @@ class Recorder:
     bits: int = 14
     servo_rate: float = 1000.0
     speeds: bool = False
+    jitter: float = 0.0
+    lost: float = 0.0
+
+    def arrivals(self, count: int, rng: np.random.Generator) -> Array:
+        """Return times at which each command, or a later one, has arrived, (count,) [s]."""
+        times = np.arange(count) / self.command_rate
+        if self.jitter:
+            times += rng.uniform(0, self.jitter, count)
+        if self.lost:
+            times[1:][rng.uniform(size=count - 1) < self.lost] = np.inf
+        return np.minimum.accumulate(times[::-1])[::-1]
 
 
 @dataclass(frozen=True)
@@ -153,7 +168,7 @@ def record(
     rng : Generator
         Of the phases of encoders and clock.
     servo : Servo, optional
-        By default the robot's.
+        By default the robot's. One that integrates has held the first position before.
     fault : Fault, optional
     """
     servo = servo or robot.servo
@@ -162,21 +177,25 @@ def record(
     servo = replace(servo, kp=servo.kp * (1 + fault.at("gain", n)))
     zero, late = fault.at("zero", n), how.delay + fault.at("late", n)
     machine = Machine(robot, truth, fault)
+    held = machine.data.qfrc_bias[machine.dofs] + machine.own["off"]
     every, step = round(1 / (how.servo_rate * STEP)), 2 * np.pi / 2**how.bits
     phase, following = rng.uniform(size=n), rng.uniform(0, 1 / how.rate)
     tau, rows = np.zeros(n), []
     speeds = np.gradient(commands, 1 / how.command_rate, axis=0) * how.speeds
+    sent = np.arange(len(commands)) / how.command_rate
+    arrived = how.arrivals(len(commands), rng)
     for k in range(round(duration / STEP)):
         t, q, v = k * STEP, machine.q, machine.v
         if k % every == 0:
-            target = _held(commands, t - late, how.command_rate) - zero
-            wanted = _held(speeds, t - late, how.command_rate)
-            raw = servo.kp * (target - q) + servo.kv * (wanted - v)
+            target = _held(commands, t - late, arrived) - zero
+            wanted = _held(speeds, t - late, arrived)
+            raw = servo.kp * (target - q) + servo.kv * (wanted - v) + held * (servo.integral > 0)
             tau = np.clip(raw, servo.low, servo.high)
+            held += servo.integral * (target - q) / how.servo_rate
         if t >= following - 1e-9:
             seen = (np.floor((q + zero) / step + phase) + 0.5 - phase) * step
             now, told = np.full(n, t), (commands, speeds)[: 1 + how.speeds]
-            rows.append((t, *seen, *(x for c in told for x in _held(c, now, how.command_rate))))
+            rows.append((t, *seen, *(x for c in told for x in _held(c, now, sent))))
             following += 1 / how.rate
         machine.advance(tau)
     kinds = ("q", "cmd", "dq_cmd")[: 2 + how.speeds]
@@ -298,9 +317,9 @@ def replay(path: Path, log: Log, delay: float) -> Array:
     return found
 
 
-def _held(commands: Array, t: Array, rate: float) -> Array:
-    """Return the commands that hold at the time of each joint, (n,)."""
-    row = np.clip(np.floor(t * rate + 1e-9).astype(int), 0, len(commands) - 1)
+def _held(commands: Array, t: Array, since: Array) -> Array:
+    """Return the commands that hold at the time of each joint, (n,), from times (M,) on."""
+    row = np.clip(np.searchsorted(since, t + 1e-9, side="right") - 1, 0, len(commands) - 1)
     return commands[row, np.arange(len(row))]
 
 

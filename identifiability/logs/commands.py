@@ -80,6 +80,30 @@ def acting(log: Log, servo: Servo, at: Array, width: float, delay: float) -> Arr
     return out
 
 
+def integral_torque(log: Log, servo: Servo, dt: float, delay: float) -> Array:
+    """Return the torque of integral gains along a log, (N, n), without its unknown mean.
+
+    Parameters
+    ----------
+    log : Log
+    servo : Servo
+    dt : float [s]
+        Sampling step.
+    delay : float [s]
+    """
+    if log.q_ref is None or not servo.integral.any():
+        return np.zeros(log.q.shape)
+    error = held_mean(log.commands_since, log.q_ref, log.t - delay, dt) - log.q
+    torque = servo.integral * np.cumsum(error, axis=0) * dt
+    centred: Array = torque - torque.mean(0)
+    return centred
+
+
+def are_positions_alone(log: Log) -> bool:
+    """Return whether the commands of a log are neither speeds nor torque."""
+    return log.dq_ref is None and log.tau_ff is None
+
+
 def has_commands(log: Log) -> bool:
     """Return whether a log holds commanded positions or velocities."""
     return log.q_ref is not None or log.dq_ref is not None

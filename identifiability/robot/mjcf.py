@@ -338,7 +338,8 @@ class Actuator:
     gear : float
     law : {"tau", "q_ref", "dq_ref", ""}
         Its command: a torque, a position or a speed; empty for any other.
-    gain : float
+    gain, integral : float
+        Of its command, and of the integral of the position error.
     bias : (3,)
     force, command : (2,)
         Limits of its force and its command; infinite without any.
@@ -353,6 +354,7 @@ class Actuator:
     gear: float
     law: str
     gain: float
+    integral: float
     bias: Array
     force: Array
     command: Array
@@ -388,6 +390,8 @@ def read_actuators(m: Any) -> list[Actuator]:
         target = m.actuator_trnid[a, 0]
         pulls = kind == _TRN.mjTRN_TENDON
         arms = {m.joint(target).name: 1.0} if kind in _ON_JOINT else {}
+        bias = m.actuator_biasprm[a, :3] * (m.actuator_biastype[a] == _AFFINE)
+        integral = float(m.actuator_gainprm[a, 0]) if _integrates(m, a) else 0.0
         found.append(
             Actuator(
                 name=m.actuator(a).name or f"number {a + 1}",
@@ -396,8 +400,9 @@ def read_actuators(m: Any) -> list[Actuator]:
                 slides=pulls and straight(m, target),
                 gear=float(m.actuator_gear[a, 0]),
                 law=_law(m, a),
-                gain=float(m.actuator_gainprm[a, 0]),
-                bias=m.actuator_biasprm[a, :3] * (m.actuator_biastype[a] == _AFFINE),
+                gain=-float(bias[1]) if integral else float(m.actuator_gainprm[a, 0]),
+                integral=integral,
+                bias=bias,
                 force=m.actuator_forcerange[a] if m.actuator_forcelimited[a] else ENDLESS_SPAN,
                 command=m.actuator_ctrlrange[control]
                 if m.actuator_ctrllimited[control]
@@ -408,8 +413,16 @@ def read_actuators(m: Any) -> list[Actuator]:
     return found
 
 
+def _integrates(m: Any, a: int) -> bool:
+    """Return whether an actuator is a position servo with integral action, of one command."""
+    kinds = (m.actuator_dyntype[a], m.actuator_gaintype[a], m.actuator_ctrlnum[a])
+    return kinds == (mujoco.mjtDyn.mjDYN_PID, mujoco.mjtGain.mjGAIN_PID, 1)
+
+
 def _law(m: Any, a: int) -> str:
     """Return the controlled quantity of an actuator: position, speed or torque; else empty."""
+    if _integrates(m, a):
+        return "q_ref"
     gain, (_, stiff, damp) = float(m.actuator_gainprm[a, 0]), m.actuator_biasprm[a, :3]
     bias = int(m.actuator_biastype[a])
     fixed = m.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
@@ -439,7 +452,7 @@ def find_offsets(actuators: Sequence[Actuator]) -> dict[str, float]:
 
 
 def find_servos(actuators: Sequence[Actuator]) -> dict[str, Array]:
-    """Return kp, kv, least and largest torque of the servos, (4,) by joint or tendon.
+    """Return kp, kv, ki, least and largest torque of the servos, (5,) by joint or tendon.
 
     Several servos at one joint add up, for example a position servo and a damper.
     """
@@ -448,8 +461,9 @@ def find_servos(actuators: Sequence[Actuator]) -> dict[str, Array]:
     for a in actuators:
         if a.owner and a.owner not in motors:
             ends = np.sort(a.force * a.factor) + a.offset
-            own = np.append(-(a.factor**2) * a.bias[1:], ends)
-            found[a.owner] = found.get(a.owner, np.zeros(4)) + own
+            gains = a.factor**2 * np.append(-a.bias[1:], a.integral)
+            own = np.concatenate([gains, ends])
+            found[a.owner] = found.get(a.owner, np.zeros(5)) + own
     return found
 
 

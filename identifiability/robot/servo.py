@@ -1,6 +1,6 @@
 """`Servo`: position servos of the actuated joints, which compute torque from commands.
 
-    τ = clip(kp (q_cmd(t − d) − q) + kv (dq_cmd − dq) + τ_ff, low, high)
+    τ = clip(kp e + ki ∫e dt + kv (dq_cmd − dq) + τ_ff, low, high),  e = q_cmd(t − d) − q
 
 An MJCF states them as ``<position>``, ``<velocity>`` or ``<general>`` with an affine bias. A
 sidecar states them in ``[servo]``, which overrides the MJCF.
@@ -59,6 +59,8 @@ class Servo:
         The rollouts that determined them.
     play : (n,) [rad or m]
         Play between the measured motors and their loads; empty for none.
+    ki : (n,) [N·m/(rad·s) or N/(m·s)]
+        Integral gains; NaN if they are to be fitted, and empty for none.
     doubt : (g, 2 n)
         Changes of kp (relative) and kv for each of g independent errors of one standard deviation.
     """
@@ -74,6 +76,7 @@ class Servo:
     found: str = ""
     rolled: Any = None
     play: Array = np.zeros(0)
+    ki: Array = np.zeros(0)
     doubt: Array = np.zeros((0, 0))
 
     @property
@@ -84,10 +87,15 @@ class Servo:
     @property
     def unknown(self) -> Array:
         """Return a mask of joints whose gains are to be fitted, (n,) bool."""
-        return np.isnan(self.kp) | np.isnan(self.kv)
+        return np.isnan(self.kp) | np.isnan(self.kv) | np.isnan(self.integral)
+
+    @property
+    def integral(self) -> Array:
+        """Integral gain of each joint, (n,): zero for none."""
+        return self.ki if self.ki.size else np.zeros(len(self.kp))
 
     def having(self, gains: Mapping[str, Array]) -> Servo:
-        """Return the servos with other ``kp`` and ``kv``, each (n,), if given.
+        """Return the servos with other ``kp``, ``kv`` and ``ki``, each (n,), if given.
 
         A ``limit`` above zero also limits the torque, unless its limits are already lower.
         """
@@ -95,16 +103,20 @@ class Servo:
         most = np.where(most > 0, most, np.inf)
         low = np.maximum(self.low, -most)
         high = np.minimum(self.high, most)
-        return replace(
-            self, kp=gains.get("kp", self.kp), kv=gains.get("kv", self.kv), low=low, high=high
-        )
+        own = {kind: gains.get(kind, getattr(self, kind)) for kind in ("kp", "kv", "ki")}
+        return replace(self, **own, low=low, high=high)
+
+    def divided(self, factor: float) -> Servo:
+        """Return the servos with all gains divided by a factor."""
+        return self.having({kind: getattr(self, kind) / factor for kind in ("kp", "kv", "ki")})
 
     def by_joint(self, joints: Sequence[str]) -> dict[str, dict[str, float]]:
-        """Return ``kp``, ``kv`` and, if it is equal in both directions, ``limit`` by joint."""
+        """Return gains and, if it is equal in both directions, ``limit`` by joint."""
         alike = np.where(self.high == -self.low, self.high, np.inf)
+        some = self.integral if self.integral.any() else np.full(len(joints), np.inf)
         return {
             k: {j: v for j, v in zip(joints, each.tolist(), strict=True) if np.isfinite(v)}
-            for k, each in {"kp": self.kp, "kv": self.kv, "limit": alike}.items()
+            for k, each in {"kp": self.kp, "kv": self.kv, "ki": some, "limit": alike}.items()
             if np.isfinite(each).any()
         }
 
@@ -192,7 +204,7 @@ def read_servo(
         The sidecar's ``[servo]``. Gains are fitted if it states ``"fit"``, and at joints for which
         neither it nor the file states any.
     stated : mapping
-        Values of the robot file by joint: kp, kv, least and largest torque, (4,).
+        Values of the robot file by joint: kp, kv, ki, least and largest torque, (5,).
     joints : tuple of str
         The actuated ones.
 
@@ -204,9 +216,9 @@ def read_servo(
     if entry is None and not all(j in stated for j in joints):
         return None
     entry = entry or ServoEntry()
-    none = (np.nan, np.nan, -np.inf, np.inf)
+    none = (np.nan, np.nan, 0.0, -np.inf, np.inf)
     found = np.array([stated.get(joint, none) for joint in joints], float)
-    for k, key in enumerate(("kp", "kv", "limit")):
+    for k, key in enumerate(("kp", "kv", "ki", "limit")):
         said = getattr(entry, key)
         table = said if isinstance(said, dict) else {} if said is None else {"*": said}
         for joint, x in by_name(path, f"servo.{key}", table, joints).items():
@@ -215,7 +227,7 @@ def read_servo(
             own[k:] = (-value, value) if key == "limit" else (value, *own[k + 1 :])
             if key == "kp" and np.isnan(own[1]) and x != FIT:
                 own[1] = 0.0  # none stated is none
-    kp, kv, low, high = found.T
+    kp, kv, ki, low, high = found.T
     idle = ~(np.isnan(kp) | np.isnan(kv) | (kp > 0) | (kv > 0))
     if idle.any():
         loose = joints[int(np.argmax(idle))]
@@ -223,11 +235,13 @@ def read_servo(
             f"The servo of '{loose}' in {path} has neither kp nor kv, so its command says nothing "
             "of torque; give its gains in the sidecar: [servo] kp = …, kv = …."
         )
-    told = bool(entry.kp or entry.kv or entry.limit or np.isnan(kp).any())
+    stated_here = entry.kp or entry.kv or entry.ki or entry.limit
+    told = bool(stated_here or np.isnan(kp).any())
     return Servo(
         *(kp, kv, low, high),
         delay=None if entry.delay == "auto" else float(entry.delay),
         source=SIDECAR if told else "the robot file",
         rate=entry.rate or Servo.rate,
         assumed=entry.rate is None,
+        ki=ki,
     )

@@ -315,12 +315,14 @@ class MeasuredTorque(Strict):
 class ServoEntry(Strict):
     """Position servos, for logs with commands and no torque.
 
-    τ = kp (q_cmd − q) + kv (dq_cmd − dq) + τ_ff. One number holds for all joints; a table gives one
-    for each joint. Gains are fitted to logs if they are `fit`, or not stated.
+    τ = kp (q_cmd − q) + ki ∫(q_cmd − q) dt + kv (dq_cmd − dq) + τ_ff. One number holds for all
+    joints; a table gives one for each joint. Gains are fitted to logs if they are `fit`; so are kp
+    and kv that are not stated.
     """
 
     kp: ByJoint[Fitted] = key("[N·m/rad or N/m]", None, 40)
     kv: ByJoint[Fitted] = key("[N·m·s/rad or N·s/m]", None, {"*_knee": 2, "*": 1})
+    ki: ByJoint[Fitted] = key("[N·m/(rad·s) or N/(m·s)]; none if not stated.", None, 80)
     limit: ByJoint[Length] = key("Torque at saturation [N·m or N]; else logs tell it.", None, 30)
     delay: Literal["auto"] | Delay = key("Of commands [s]; auto: logs tell it.", "auto")
     rate: Length | None = key("At which it measures and acts [Hz]; 1000 if nobody says it.", None)

@@ -183,18 +183,23 @@ def write_option(top: ET.Element, name: str, value: str) -> None:
         element.set(name, value)
 
 
-def affine_law(gain: float, bias: Array) -> dict[str, str]:
+def affine_law(gain: float, bias: Array, ki: float = 0.0) -> dict[str, str]:
     """Return the attributes of a ``<general>`` actuator with a gain and a bias (3,).
 
-    The bias is a constant force and factors of length and speed.
+    The bias is a constant force and factors of length and speed. A position servo with an integral
+    gain ki takes its other gain from the bias.
     """
-    return {
+    law = {
         "dyntype": "none",
         "gaintype": "fixed",
         "gainprm": f"{gain:.17g}",
         "biastype": "affine",
         "biasprm": numbers(bias),
     }
+    if ki:
+        pid = {"dyntype": "pid", "dynprm": "0", "gaintype": "pid", "input": "pos"}
+        law |= {**pid, "gainprm": f"{ki:.17g}"}
+    return law
 
 
 def write_servos(
@@ -218,7 +223,8 @@ def write_servos(
     for k, joint in enumerate(joints):
         kp = float(servo.kp[k])
         off = offsets.get(joint, 0.0)
-        law = affine_law(kp or float(servo.kv[k]), np.array([-off, -kp, -servo.damping[k]]))
+        bias = np.array([-off, -kp, -servo.damping[k]])
+        law = affine_law(kp or float(servo.kv[k]), bias, float(servo.integral[k]))
         kind = "tendon" if joint in tendons else "joint"
         own = {"name": names[joint], kind: joint, "gear": "1"}
         new = ET.SubElement(place, "general", own | law)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -85,15 +86,21 @@ def calibrate_torque(
     given = servo_log(replace(log, unmeasured=None), machine.servo, delay)
     if not np.isfinite(q).all():  # the rollout diverged
         return given
+    own = prepare_recording(structure, replace(given, unmeasured=None), values, how)
     left = np.zeros(q.shape)
     count = np.zeros(q.shape)
+    moves = np.full(q.shape, False)
+    moves[own.rows] = True
     for _ in range(PHASES):
         again = replace(given, q=record(q, log, rng), unmeasured=None)
         recorded = servo_log(again, machine.servo, delay)
-        rows, residual, counts = _recording_residual(structure, recorded, values, how)
-        left[rows] += residual
-        count[rows] += counts
-    lost = count < PHASES
+        one = prepare_recording(structure, recorded, values, how)
+        moves[one.rows] &= one.moves
+        # Dry friction of a recording that turns a row earlier than the log is not that of the log.
+        like = one.moves & (one.direction == own.direction)
+        left[one.rows] += np.where(like, one.residual, 0.0)
+        count[one.rows] += like
+    lost = ~moves | (count == 0)
     lost[: forgotten(log)] = True
     if given.unmeasured is not None:
         lost |= given.unmeasured
@@ -101,15 +108,41 @@ def calibrate_torque(
     return replace(given, tau=tau, unmeasured=lost if lost.any() else None, rollout=q)
 
 
-def _recording_residual(
+class Recording(NamedTuple):
+    """A recorded motion as it is prepared.
+
+    Attributes
+    ----------
+    rows : (N,) int
+        In its log.
+    residual : (N, n) [N·m or N]
+        Torque that the model does not explain.
+    moves : (N, n) bool
+        Where it is data.
+    direction : (N, n) int
+        Sign of the dry friction.
+    """
+
+    rows: np.ndarray
+    residual: Array
+    moves: np.ndarray
+    direction: np.ndarray
+
+
+def prepare_recording(
     structure: Structure, log: Log, values: Mapping[str, float], how: Preparation
-) -> tuple[np.ndarray, Array, np.ndarray]:
-    """Return rows of a recorded rollout, the residual torque, and where it is data."""
+) -> Recording:
+    """Return a recorded motion with its residual torque."""
     robot = structure.robot
     known = {**robot.nominal, **values}
     phi = np.array([known.get(name, 0.0) for name in structure.columns])
     samples = prepare_log(robot, log, how)
-    predicted = structure.model.regressor(robot, samples.motion) @ phi
+    W = structure.model.regressor(robot, samples.motion)
     moves = samples.weight > 0
-    residual = np.where(moves, samples.tau - predicted, 0.0)
-    return samples.motion.kept, residual, moves
+    residual = np.where(moves, samples.tau - W @ phi, 0.0)
+    direction = np.zeros(moves.shape, int)
+    columns = [*structure.columns]
+    for j, joint in enumerate(robot.joints):
+        if f"{joint}.Fc" in columns:
+            direction[:, j] = np.rint(W[:, j, columns.index(f"{joint}.Fc")])
+    return Recording(samples.motion.kept, residual, moves, direction)

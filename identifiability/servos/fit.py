@@ -11,11 +11,13 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from identifiability.effects.vocabulary import drop_follower_friction
 from identifiability.estimation.rules import RULES
 from identifiability.foundation.runs import First, Progress, quiet
 from identifiability.logs import Log
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
+from identifiability.simulation.rollout import CommandedRobot
 
 from .descent import BEGUN, SearchEnd, conclude, descend
 from .first_answer import FirstAnswer
@@ -84,6 +86,22 @@ def fit_rollouts(
     return conclude(problem, end)
 
 
+def divide_gains(found: Rollouts, factor: float) -> Rollouts:
+    """Return the rollouts that follow the logs with gains of the servos divided by a factor.
+
+    Without limits of the torque all numbers are divided, and the motion is the same.
+    """
+    problem, end = found.search
+    machine = problem.machine
+    plain = drop_follower_friction(machine.robot)
+    problem.machine = CommandedRobot(machine.robot, plain, machine.servo.divided(factor))
+    x = end.x.copy()
+    for kind in ("Ia", "Fv", "Fc", "off", "limit", "ki", "kv"):
+        x[problem.at(kind)] /= factor
+    x[problem.bodies] -= 0.5 * np.log(factor)
+    return conclude(problem, descend(problem, x))
+
+
 def answer_first(
     robot: Robot, logs: Sequence[Log], problem: RolloutProblem, end: SearchEnd
 ) -> FirstAnswer:
@@ -108,7 +126,7 @@ def list_free(asked: Servo, start: Servo, windows: Sequence[Window], delay: floa
     """Return at which joints each kind of number is varied, (kinds, n) bool.
 
     Gains that are stated are not, nor numbers of joints whose command stands in all windows.
-    Play and limits are varied only where errors ask for them.
+    Play, limits and integral gains are varied only where errors, or the user, ask for them.
 
     Parameters
     ----------
@@ -121,6 +139,7 @@ def list_free(asked: Servo, start: Servo, windows: Sequence[Window], delay: floa
     free = dict.fromkeys(KINDS, np.ones(len(asked.kp), bool))
     free["play"] = free["limit"] = np.zeros(len(asked.kp), bool)
     free["kp"] = np.isnan(asked.kp)
+    free["ki"] = np.isnan(asked.integral)
     # Commanded speeds, or a limit, tell kv from friction: only a servo's torque is limited.
     has_speeds = all(log.dq_ref is not None for log in logs)
     known = start.having({"kp": asked.kp})

@@ -27,8 +27,9 @@ from identifiability.robot import Robot
 from identifiability.robot.servo import Servo, state_delay
 from identifiability.simulation.rollout import CommandedRobot
 
-from .calibration import calibrate_torque
-from .fit import fit_rollouts
+from .arrivals import leave_out_irregular
+from .calibration import calibrate_torque, prepare_recording
+from .fit import divide_gains, fit_rollouts
 from .gains import file_shares, with_numbers
 from .odd_joints import find_odd_joints
 from .rollouts import Rollouts, are_contradicted
@@ -140,7 +141,12 @@ def identify_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> Ident
     larger = 2.0 * found.numbers["sizes"]
     scale = servo.doubt_scale(larger, [*file_shares(robot).values()])
     if scale:
-        rivals = [servo.having({"kp": servo.kp / np.exp(np.mean(larger))})]
+        # Motion determines ratios alone, and masses of the file are better known than drives.
+        factor = float(np.exp(np.mean(larger)))
+        rivals = [servo]
+        found = divide_gains(found, factor)
+        servo = with_numbers(servo.divided(factor), found)
+        robot = replace(robot, servo=servo)
     findings = (*odd, *scale)
     return IdentifiedServos(robot, found, (*rivals, *servo.doubted), findings, " ".join(text))
 
@@ -176,11 +182,20 @@ def _calibrate(
 
     pairs = zip(at, found.delays.tolist(), strict=True)
     own = {k: calibrated(recordings.fitted[k], delay) for k, delay in pairs}
+    shares = dict[str, float]()
+    for k, log in own.items():
+        recording = prepare_recording(structure, log, found.parameters, how)
+        own[k], share = leave_out_irregular(structure.robot, log, servo, recording, how)
+        shares |= {log.name: share} if share else {}
+    irregular = []
+    if shares:
+        irregular.append(Finding("irregular", names=[*shares], share=100 * max(shares.values())))
     held_out = [judged(x) if of_commands(x) else x for x in recordings.held_out]
-    later = _delay_doubts(own, servo, found)
-    for rival in servos.rivals:
-        later.append({k: replace_servo(log, servo, rival) for k, log in own.items()})
-    hints = (_state_calibrated(servos, list(own.values())), *servos.findings)
+    later = [*_delay_doubts(own, servo, found), *_level_doubts(own, servo)]
+    later += [
+        {k: replace_servo(log, servo, rival) for k, log in own.items()} for rival in servos.rivals
+    ]
+    hints = (_state_calibrated(servos, list(own.values())), *servos.findings, *irregular)
     return replace(
         recordings,
         fitted=tuple(own.get(k, log) for k, log in enumerate(recordings.fitted)),
@@ -216,6 +231,16 @@ def _delay_doubts(own: dict[int, Log], servo: Servo, found: Rollouts) -> list[di
     errors = np.maximum(found.delay_errors, -found.delays)
     pairs = zip(own.items(), errors.tolist(), strict=True)
     return [{k: replace_servo(log, servo, servo, sd)} for (k, log), sd in pairs if sd]
+
+
+def _level_doubts(own: dict[int, Log], servo: Servo) -> list[dict[int, Log]]:
+    """Return the logs with more torque in each joint that integrates: its mean is unknown."""
+    doubts = []
+    for joint in np.flatnonzero(servo.integral > 0):
+        level = np.zeros(len(servo.kp))
+        level[joint] = max(log.tau[:, joint].std() for log in own.values())
+        doubts.append({k: replace(log, tau=log.tau + level) for k, log in own.items()})
+    return doubts
 
 
 def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
@@ -266,6 +291,7 @@ def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
         source=servo.source,
         late=state_delay(found.delays, names),
         stated=servo.delay is not None,
+        integral=bool(servo.integral.any()),
         after=1e3 * float(np.sqrt(np.mean(found.errors**2))),
     )
     held = 1e3 * np.where(servo.kp > 0, found.numbers["Fc"], 0.0) / servo.gain

@@ -107,15 +107,19 @@ def state_gains(
     is_told = log_kp_sd <= UNTOLD
     new_kp = np.isnan(asked.kp) & moves & is_told
     new_kv = np.isnan(asked.kv) & (servo.kv > 0) & moves
+    new_ki = np.isnan(asked.integral) & moves
+    ki_sd = found.unsure[problem.at("ki")]
     gains = [
         _list_gains("kp", robot, servo.kp, log_kp_sd * servo.kp, new_kp),
         _list_gains("kv", robot, servo.kv, kv_sd, new_kv),
+        _list_gains("ki", robot, servo.integral, ki_sd, new_ki),
     ]
     surest = min(shares, key=lambda body: shares[body])
     within = percent(shares[surest])
     listed = "; ".join(filter(None, gains))
     text = [phrase("gains.found", "says", names=list(names), gains=listed or "none by itself")]
-    text.append(phrase("gains.found", "bodies", body=surest, within=within))
+    if np.isnan(asked.kp).any():
+        text.append(phrase("gains.found", "bodies", body=surest, within=within))
     ratios = np.flatnonzero(np.isnan(asked.kp) & moves & ~is_told)
     if len(ratios):
         text.append(phrase("gains.found", "ratios", joints=[robot.joints[k] for k in ratios]))

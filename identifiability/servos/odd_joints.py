@@ -1,4 +1,4 @@
-"""Joints whose rollouts err because of play, a wrong gain or an unstated limit."""
+"""Joints whose rollouts err because of play, a wrong gain, an unstated integral or limit."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
+from identifiability.logs.commands import are_positions_alone
 from identifiability.robot import Robot
 
 from .descent import BEGUN, ENOUGH, SearchEnd, conclude, descend
@@ -44,19 +46,19 @@ class Screening:
 
 
 class Explanation(NamedTuple):
-    """A number whose fit explains the errors of a tree.
+    """Numbers of one kind whose fit explains the errors of a tree.
 
     Attributes
     ----------
     share : float
         Remaining share of the squared errors.
-    number : int
+    numbers : (k,) int
         In the vector.
     end : SearchEnd
     """
 
     share: float
-    number: int
+    numbers: np.ndarray
     end: SearchEnd
 
 
@@ -64,8 +66,9 @@ def find_odd_joints(robot: Robot, found: Rollouts) -> tuple[list[Finding], Rollo
     """Return findings on play, gains and limits, better rollouts, and whether two explain as well.
 
     Only that part of a number's effect counts that no fitted number explains. The three likeliest
-    numbers of each tree are fitted, one at a time. They are reported if they explain more than half
-    of the squared errors. The best one is used unless it is play, which no robot file can hold.
+    numbers of each tree are fitted, one at a time; integral gains of all its joints are one. They
+    are reported if they explain more than half of the squared errors. The best one is used unless
+    it is play, which no robot file can hold.
 
     Parameters
     ----------
@@ -86,23 +89,25 @@ def find_odd_joints(robot: Robot, found: Rollouts) -> tuple[list[Finding], Rollo
         if not best:
             continue
         explained.append(best)
-        if _kind(problem, best[0].number) != "play":
-            problem.varied[best[0].number] = True
+        if _kind(problem, best[0].numbers) != "play":
+            problem.varied[best[0].numbers] = True
             end = best[0].end
     better = found if end is found.search[1] else conclude(problem, end)
     findings = [_state_odd(robot, better, best) for best in explained]
     return findings, better, any(len(best) > 1 for best in explained)
 
 
-def _kind(problem: RolloutProblem, number: int) -> str:
-    """Return the kind of a number of the vector."""
-    return KINDS[number // len(problem.trees)]
+def _kind(problem: RolloutProblem, numbers: np.ndarray) -> str:
+    """Return the kind of numbers of the vector."""
+    return KINDS[numbers[0] // len(problem.trees)]
 
 
 def _list_trials(problem: RolloutProblem, found: Rollouts) -> Iterator[tuple[str, float | Array]]:
     """Yield kinds of numbers that are tried, with a first size, of all joints or of each (n,)."""
     yield "play", PLAY
     yield "kp", -0.2  # the logarithm of its factor
+    if all(map(are_positions_alone, problem.logs)):
+        yield "ki", problem.scale[problem.at("ki")]
     servo = problem.machine.servo.having(found.numbers)
     pairs = zip(problem.logs, found.delays[problem.source].tolist(), strict=True)
     torque = np.concatenate([servo_log(log, servo, delay).tau for log, delay in pairs])
@@ -125,10 +130,10 @@ def _screen(problem: RolloutProblem, end: SearchEnd, found: Rollouts) -> Screeni
         moved = problem.linearise(x, at, by)[:, at]
         columns = _without(basis, weights[:, None] * moved)
         slope = columns.T @ residual / (np.linalg.norm(columns, axis=0) + 1e-300)
-        # Play and limits are not negative.
+        # Play, limits and integral gains are not negative.
         possible = ((slope < 0) | (kind == "kp")) & ~problem.varied[at]
         likely = slope**2 * possible
-        if kind == "limit":
+        if kind in ("limit", "ki"):
             start[at] = np.where(likely > gain[at], size, start[at])
         gain[at] = np.maximum(likely, gain[at])
     return Screening(gain, start)
@@ -149,43 +154,51 @@ def _explain_tree(
     joints = problem.trees == tree
     gain = screening.gain
     of_tree = np.tile(joints, len(KINDS))
-    likeliest = np.argsort(-gain[: problem.bodies.start] * of_tree)[:3]
+    single = np.argsort(-gain[: problem.bodies.start] * of_tree)[:3]
+    integral = problem.at("ki")[joints & (gain[problem.at("ki")] > 0)]
+    likeliest = [*np.reshape(single, (-1, 1)), *([integral] if len(integral) > 1 else [])]
+    likeliest.sort(key=lambda numbers: -gain[numbers].sum())
     weighted = problem.weights(end.q) * problem.residual(end.q, end.x)
     rows = weighted[: problem.rows()[-1] * len(joints)].reshape(-1, len(joints))
     least = max(BEGUN, PROMISED * np.sum(rows[:, joints] ** 2))
     tried = list[Explanation]()
-    for number in likeliest[gain[likeliest] > least].tolist():
+    for numbers in likeliest:
+        if gain[numbers].sum() <= least:
+            break
         # A far less likely number is tried only where the best one explains too little.
-        if tried and tried[0].share < 0.5 and gain[number] < 0.5 * gain[likeliest[0]]:
+        unlikely = gain[numbers].sum() < 0.5 * gain[likeliest[0]].sum()
+        if tried and tried[0].share < 0.5 and unlikely:
             break
         start = end.x.copy()
-        start[number] = screening.start[number]
-        fitted = _fit_number(problem, start, number, BEGUN)
+        start[numbers] = screening.start[numbers]
+        fitted = _fit_numbers(problem, start, numbers, BEGUN)
         square = np.sum(problem.errors(fitted.q)[joints] ** 2)
         share = float(square / np.sum(errors[joints] ** 2))
-        tried = sorted([*tried, Explanation(share, number, fitted)], key=lambda x: x.share)
+        tried = sorted([*tried, Explanation(share, numbers, fitted)], key=lambda x: x.share)
     # Less than half is left, and about as little as the best explanation leaves.
     kept = [x for x in tried if x.share < min(0.5, 1.1 * tried[0].share)]
-    return [x._replace(end=_fit_number(problem, x.end.x, x.number, ENOUGH)) for x in kept]
+    return [x._replace(end=_fit_numbers(problem, x.end.x, x.numbers, ENOUGH)) for x in kept]
 
 
-def _fit_number(problem: RolloutProblem, x: Array, number: int, enough: float) -> SearchEnd:
-    """Return where a search from a vector ends that also varies a number."""
-    problem.varied[number] = True
+def _fit_numbers(
+    problem: RolloutProblem, x: Array, numbers: np.ndarray, enough: float
+) -> SearchEnd:
+    """Return where a search from a vector ends that also varies some numbers."""
+    problem.varied[numbers] = True
     fitted = descend(problem, x, enough)
-    problem.varied[number] = False
+    problem.varied[numbers] = False
     return fitted
 
 
 def _state_odd(robot: Robot, found: Rollouts, best: Sequence[Explanation]) -> Finding:
     """Return a finding on the errors of a tree: explanations, best first, and the consequence."""
     problem = found.search[0]
-    (share, number, _) = best[0]
+    (share, numbers, _) = best[0]
     what = [_describe(robot, problem, explanation) for explanation in best]
-    kind = _kind(problem, number)
-    j = number % len(robot.joints)
-    value = found.numbers[kind][j]
-    sd = found.unsure[number]
+    kind = _kind(problem, numbers)
+    at = numbers % len(robot.joints)
+    value = found.numbers[kind][at]
+    sd = found.unsure[numbers]
     if kind == "kp":
         half = 1.96 * sd * value
     elif kind == "limit":
@@ -193,23 +206,29 @@ def _state_odd(robot: Robot, found: Rollouts, best: Sequence[Explanation]) -> Fi
         half = 1.96 * sd + 0.05 * value
     else:
         half = 1.96 * sd
-    numbers = {"key": kind, "joint": robot.joints[j], "value": value, "half": half}
-    then = phrase("odd_joint", "off" if kind == "play" else "used", **numbers)
+    joints = [robot.joints[j] for j in at]
+    rows = list(zip(joints, value.tolist(), half.tolist(), strict=True))
+    fitted = [f"{joint} {x:.4g} ± {by:.2g}" for joint, x, by in rows]
+    stated = ", ".join(f"{joint} = {x:.4g}" for joint, x, _ in rows)
+    said = {"key": kind, "fitted": listing(fitted, 12), "stated": stated}
+    then = phrase("odd_joint", "off" if kind == "play" else "used", **said)
     return Finding("odd_joint", what=" or ".join(what), share=100 * (1 - share), then=then)
 
 
 def _describe(robot: Robot, problem: RolloutProblem, explanation: Explanation) -> str:
     """Return a number that explains errors in words."""
-    number = explanation.number
-    value = explanation.end.x[explanation.number]
+    number = int(explanation.numbers[0])
+    value = explanation.end.x[number]
     j = number % len(robot.joints)
     servo = problem.machine.servo
+    kind = _kind(problem, explanation.numbers)
     return phrase(
         "odd_joint",
-        _kind(problem, number),
+        kind,
+        joints=[robot.joints[k] for k in explanation.numbers % len(robot.joints)],
         joint=robot.joints[j],
         kp=servo.kp[j],
-        factor=np.exp(value),
+        factor=np.exp(value) if kind == "kp" else 1.0,
         size=value,
         unit=robot.torque_units[j],
     )

@@ -67,6 +67,8 @@ class RolloutProblem:
         shares: Mapping[str, float] | None = None,
     ) -> None:
         self.machine = machine
+        #: Robots by which joints integrate, because their models are built anew.
+        self.integrating = dict[tuple[bool, ...], CommandedRobot]()
         self.windows = windows
         self.shares = shares or {}
         self.trees = machine.trees
@@ -140,6 +142,8 @@ class RolloutProblem:
         table = x[: self.over.size].reshape(self.over.shape)
         numbers = dict(zip(KINDS, table * np.exp(self.over * table[-1]), strict=True))
         gains = self.machine.servo.kp * np.exp(table[-1])
+        # An integral replaces any constant torque.
+        numbers["off"] = np.where(numbers["ki"] > 0, 0.0, numbers["off"])
         return {**numbers, "kp": gains, "sizes": x[self.bodies]}, x[self.delays]
 
     def replace_numbers(self, x: Array, numbers: Mapping[str, Array], joints: np.ndarray) -> Array:
@@ -178,9 +182,16 @@ class RolloutProblem:
         """Return the robot of a vector, its joints' numbers, and delays."""
         numbers, delays = self.unpack(x)
         machine = self.machine
-        if numbers["play"].any():
-            loose = replace(machine.servo, play=numbers["play"])
+        integrates = numbers["ki"] > 0
+        pattern = tuple(integrates.tolist())
+        has_play = bool(numbers["play"].any())
+        if pattern in self.integrating and not has_play:
+            machine = self.integrating[pattern]
+        elif has_play or (integrates & ~(machine.servo.integral > 0)).any():
+            loose = replace(machine.servo, play=numbers["play"], ki=numbers["ki"])
             machine = CommandedRobot(machine.robot, drop_follower_friction(machine.robot), loose)
+            if not has_play:
+                self.integrating[pattern] = machine
         sizes = dict(zip(self.shares, np.exp(2 * numbers["sizes"]).tolist(), strict=True))
         return machine.resized(sizes), numbers, delays
 
@@ -326,6 +337,7 @@ def list_steps(machine: CommandedRobot, logs: Sequence[Log]) -> list[Array]:
         "off": torque,
         "play": PLAY / VARIED * ones,
         "limit": torque,
+        "ki": servo.kp,  # it acts within a second
         "kv": damping,
         "kp": ones,
     }

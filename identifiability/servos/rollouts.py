@@ -11,9 +11,9 @@ from identifiability.estimation.rules import RULES
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 
-#: Kinds of numbers of each joint: rotor, viscous and dry friction, offset; play of the gear and
-#: limit of the torque, where errors ask for them; gains, where they are unknown.
-KINDS = ("Ia", "Fv", "Fc", "off", "play", "limit", "kv", "kp")
+#: Kinds of numbers of each joint: rotor, viscous and dry friction, offset; play of the gear, limit
+#: of the torque and integral gain, where errors ask for them; gains, where they are unknown.
+KINDS = ("Ia", "Fv", "Fc", "off", "play", "limit", "ki", "kv", "kp")
 
 
 @frozen
@@ -24,8 +24,9 @@ class Rollouts:
     ----------
     numbers : mapping of str to (n,)
         Rotor inertia ``Ia``, viscous ``Fv`` and dry friction ``Fc``, offset ``off``, and gains
-        ``kv`` and ``kp``. Where commands have no speeds an unknown kv is 0, and viscous friction
-        holds it. Half the logarithm of each body's size relative to the file, ``sizes`` (nb,).
+        ``ki``, ``kv`` and ``kp``. Where commands have no speeds an unknown kv is 0, and viscous
+        friction holds it. Half the logarithm of each body's size relative to the file, ``sizes``
+        (nb,). The offset is 0 where ki is not.
     parameters : mapping of str to float
         Standard parameters by name of joints and bodies.
     delays : (L,) [s]

@@ -73,7 +73,8 @@ def find_standing(machine: CommandedRobot, logs: Sequence[Log]) -> list[Standing
         direction = np.array([rest.direction for rest in rests])
         at = np.reshape([rest.q for rest in rests], (len(rests), len(gain)))
         command = np.array([rest.command for rest in rests])
-        sag = machine.gravity(at)[:, joint] / gain[joint]
+        holds = machine.servo.integral[joint] > 0
+        sag = 0.0 if holds else machine.gravity(at)[:, joint] / gain[joint]
         per_joint.append(Standing(command - at[:, joint] - sag, direction))
     return per_joint
 

@@ -36,7 +36,8 @@ def start_rollouts(
     servo = robot.servo
     assert servo is not None
     kp = np.where(np.isnan(servo.kp), 1.0, servo.kp)
-    guess = replace(servo, kp=kp, kv=np.nan_to_num(servo.kv))
+    ki = np.where(np.isnan(servo.integral), kp, servo.integral)
+    guess = replace(servo, kp=kp, kv=np.nan_to_num(servo.kv), ki=ki)
     plain = drop_follower_friction(robot)
     machine = CommandedRobot(robot, plain, guess)
     delay = servo.delay or 0.0
@@ -56,7 +57,8 @@ def start_rollouts(
     chosen = {
         kind: np.array([one[kind] for one in tried])[best, range(len(best))] for kind in numbers
     }
-    return CommandedRobot(robot, plain, replace(guess, kp=chosen["kp"])), chosen
+    chosen["ki"] = np.where(np.isnan(servo.integral), chosen["kp"], ki)
+    return CommandedRobot(robot, plain, replace(guess, kp=chosen["kp"], ki=chosen["ki"])), chosen
 
 
 def restart_joints(problem: RolloutProblem, x: Array, joints: np.ndarray) -> Array:

@@ -12,7 +12,7 @@ from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.logs import Log, signals
-from identifiability.logs.commands import acting, held_mean
+from identifiability.logs.commands import acting, are_positions_alone, held_mean, integral_torque
 from identifiability.logs.rules import RULES
 from identifiability.robot.servo import Servo
 
@@ -53,6 +53,8 @@ def servo_log(log: Log, servo: Servo, delay: float) -> Log:
     delay : float [s]
         From the time of a row until its command acts.
     """
+    if servo.integral.any() and not are_positions_alone(log):
+        raise LogError(Finding("servos.integral", log.name))
     dt = signals.sampling_step(log.t)
     dq = signals.differentiate(log.q, dt) if log.dq is None else log.dq
     target = acting(log, servo, log.t, dt, delay)
@@ -66,7 +68,7 @@ def servo_log(log: Log, servo: Servo, delay: float) -> Log:
         lost = lost | log.unmeasured
     return replace(
         log,
-        tau=tau,
+        tau=tau + integral_torque(log, servo, dt, delay),
         unmeasured=lost if lost.any() else None,
         motion_alone=False,
         servo_delay=float(delay),

@@ -49,6 +49,15 @@ _MOTOR = {
 }
 
 
+#: A position servo that also integrates its error.
+_INTEGRATES = {
+    "gaintype": mujoco.mjtGain.mjGAIN_PID,
+    "dyntype": mujoco.mjtDyn.mjDYN_PID,
+    "dynprm": [0] * 10,
+    "ctrlspec": 1,  # positions alone
+}
+
+
 def mixed_axes(robot: Robot) -> dict[str, dict[str, float]]:
     """Return motors and stated axes that mix joints, each with the coefficient of every joint."""
     return {a.name: dict(a.weights) for a in robot.axes if a.mixed}
@@ -161,6 +170,8 @@ def _add_servo(spec: Any, joint: str, servo: Servo, k: int, kind: Any) -> None:
             neginf=-LARGEST,
         ),
     }
+    if servo.integral[k] > 0:
+        options |= _INTEGRATES
     spec.add_actuator(
         name=joint,
         target=joint,

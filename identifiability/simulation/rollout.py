@@ -260,6 +260,7 @@ class CommandedRobot:
             "Fv": self.places.read(self.model, "damping"),
             "Fc": self.places.read(self.model, "frictionloss"),
             "off": self.offset.copy(),
+            "ki": self.servo.integral,
             "kv": self.servo.kv,
             "kp": self.servo.kp,
         }
@@ -332,6 +333,7 @@ class CommandedRobot:
         v += (begin - 0.5 * h) * a0
         start = np.zeros(mujoco.mj_stateSize(model, _STATE))
         start[1 : 1 + model.nq], start[1 + model.nq :][: len(v)] = q, v
+        start[1 + model.nq + model.nv :][: model.na] = self._integrals(model, log, servo)
         states, _ = rollout.rollout(
             model,
             data,
@@ -346,6 +348,22 @@ class CommandedRobot:
         out = _sample(path, (log.t - log.t[0] - begin) / h + 1)
         limit = DIVERGED * (np.abs(log.q).max() + 1.0)
         out[np.cumsum(~(np.abs(out).max(1) < limit)) > 0] = np.nan
+        return out
+
+    def _integrals(self, model: Any, log: Log, servo: Servo) -> Array:
+        """Return integrals of position errors at the start of a log, (na,).
+
+        Servos have held the start against gravity for as long as the log lasts.
+        """
+        own = servo.integral > 0
+        if not own.any():
+            return np.zeros(0)
+        constant = model.actuator_biasprm[self.actuators, 0]
+        load = (self.gravity(log.q[:1])[0] - constant)[own]
+        ki = servo.integral[own]
+        held = -np.expm1(-ki / servo.kp[own] * (log.t[-1] - log.t[0]))
+        out = np.zeros(model.na)
+        out[model.actuator_actadr[self.actuators[own]]] = held * load / ki
         return out
 
     def _acceleration(self, model: Any, data: Any, q: Array, v: Array, control: Array) -> Array:
@@ -381,7 +399,9 @@ class CommandedRobot:
         offset = numbers["off"]
         position = self.actuators[servo.kp > 0]
         if "kp" in numbers:
-            model.actuator_gainprm[position, 0] = servo.kp[servo.kp > 0]
+            integral = self.servo.integral > 0
+            gains = np.where(integral, servo.integral, servo.kp)
+            model.actuator_gainprm[position, 0] = gains[servo.kp > 0]
             model.actuator_biasprm[position, 1] = -servo.kp[servo.kp > 0]
         model.actuator_biasprm[self.actuators, 0] = -offset
         model.actuator_biasprm[self.actuators, 2] = -servo.damping

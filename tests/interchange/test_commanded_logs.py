@@ -150,12 +150,25 @@ def test_names_tell_channels_and_a_dataset_without_names_has_the_robots_order(ar
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
-@pytest.mark.parametrize("as_text", [True, False])
-def test_cells_that_hold_lists_are_one_column_a_joint(ending, as_text, arm, frame, tmp_path):
+@pytest.mark.parametrize(
+    "shown",
+    [
+        (),
+        ("[", ", ", "]"),
+        ("(", ", ", ")"),
+        ("array([", ", ", "], dtype=float32)"),
+        ("tensor([", ", ", "], device='cuda:0')"),
+        ("[np.float32(", "), np.float32(", ")]"),
+    ],
+)
+def test_cells_that_hold_lists_are_one_column_a_joint(ending, shown, arm, frame, tmp_path):
     table = pd.DataFrame({"timestamp": frame["t"]})
     for feature, kind in (("observation.state", "q"), ("action", "cmd")):
         lists = frame[[f"{j}.{kind}" for j in arm.joints]].to_numpy().tolist()
-        table[feature] = list(map(str, lists)) if as_text else lists
+        if shown:
+            start, between, end = shown
+            lists = [start + between.join(map(str, numbers)) + end for numbers in lists]
+        table[feature] = lists
     path = tmp_path / f"run.{ending}"
     (table.to_csv if ending == "csv" else table.to_parquet)(path, index=False)
     log, plain = read(arm, path), read(arm, frame)

@@ -1,11 +1,12 @@
 """Columns whose cells are lists, such as ``[0.1, 0.2]``: each element becomes a column.
 
 Tables of LeRobot episodes have such columns when they are saved as one file. Parquet keeps lists,
-and CSV keeps their text.
+and CSV keeps their text, as Python, NumPy or PyTorch prints them.
 """
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,14 @@ from .lerobot import FEATURES
 
 if TYPE_CHECKING:
     import pandas as pd
+
+#: The text of a list, a tuple, an array or a tensor; the group holds its elements.
+_BRACKETS = re.compile(
+    r"(?:(?:\w+\.)?(?:array|tensor)\()?\[([^\[\]]*)\](?:,[^\[\]]*)?\)?|\(([^()]*,[^()]*)\)"
+)
+
+#: A number as NumPy prints an element of a list.
+_NUMPY_NUMBER = re.compile(r"\w+\.float\d+\(([^()]*)\)")
 
 
 def spread_lists(path: Path, frame: pd.DataFrame) -> pd.DataFrame:
@@ -93,13 +102,14 @@ def _elements_of(cell: Any) -> Array | None:
     """Return the numbers of a cell; None if it is no list of numbers."""
     try:
         if isinstance(cell, str):
-            text = cell.strip()
-            if not (text.startswith("[") and text.endswith("]")):
+            brackets = _BRACKETS.fullmatch(_NUMPY_NUMBER.sub(r"\1", cell.strip()))
+            if brackets is None:
                 return None
-            return np.array(text[1:-1].replace(",", " ").split(), float)
+            elements = brackets[1] or brackets[2] or ""
+            return np.array(elements.replace(",", " ").split(), float)
         if isinstance(cell, (list, tuple, np.ndarray)):
-            elements = np.asarray(cell, float)
-            return elements if elements.ndim == 1 else None
+            array = np.asarray(cell, float)
+            return array if array.ndim == 1 else None
     except (TypeError, ValueError):  # a list of texts or of lists
         return None
     return None
