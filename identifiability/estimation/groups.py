@@ -231,7 +231,7 @@ class Missing:
             if c.family.flexible:
                 square[at] = square[at].max()
             elif c.family.name in BODIES and len(at) > 1:
-                typical = np.array([LOAD[kind.removeprefix("payload_")] for kind in c.kinds])
+                typical = np.array([LOAD[kind.rpartition("_")[2]] for kind in c.kinds])
                 square[at] = np.sum(square[at] * typical**2) / typical**2
         return np.where(square > 0, np.sqrt(square), 1.0)
 
