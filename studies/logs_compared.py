@@ -9,9 +9,10 @@ only the planted change is named. In `or` it is one of "A or B", and in `more` t
 changes, too. Further columns count sizes within their 95 % intervals: of the named change by
 `compare`, and of the mass by `payload`. `missed` counts loads that payload weighs at 15 σ and more
 and compare calls unchanged. Where constants are off, all torque columns have one wrong factor,
-5–15 % off, each body of the robot file errs by 5 %, and only `payload` is judged. Checks require
-that coverage does not differ from .93 … .97 by more than chance. `--real` compares logs of real
-arms without a known change.
+5–15 % off, each body of the robot file errs by 5 %, and only `payload` is judged. The smallest
+change of friction is the one that `compare` of unchanged logs says it would have named. Checks
+require that it is named in .95, and that coverage does not differ from .93 … .97, but by chance.
+`--real` compares logs of real arms without a known change.
 """
 
 from __future__ import annotations
@@ -51,11 +52,15 @@ CHANGES = {
     "gain + 3 %": ("gain", 0.03, 40),
     "Coulomb friction + 15 %": ("friction", 0.15, 40),
     "1 kg, constants off": ("load", 1.0, 40),
+    "Coulomb friction, smallest that is seen": ("friction", np.nan, 40),
 }
 #: The change of which only `payload` is judged, how far its torque constants are off, and how far
 #: bodies of its robot file.
 CONSTANTS = "1 kg, constants off"
 OFF, FILE = (0.05, 0.15), 0.05
+#: The change of the size that `compare` states for unchanged logs, and how often it must be named.
+LEAST = "Coulomb friction, smallest that is seen"
+SEEN = 0.95
 #: Required coverage, and the largest median half-width of a mass where constants are off.
 COVERAGE = 0.93, 0.97
 WIDTH = 0.06
@@ -76,9 +81,15 @@ class Case:
     size: float
 
 
-def draw_case(stream: int, seed: int, change: str, folder: Path) -> Case:
-    """Return a case; for one seed, robots, motions and noise are the same for every change."""
-    kind, much, _ = CHANGES[change]
+def draw_case(
+    stream: int, seed: int, change: str, folder: Path, share: float | None = None
+) -> Case:
+    """Return a case; for one seed, robots, motions and noise are the same for every change.
+
+    A share is the size of the change instead of the usual one.
+    """
+    kind, usual, _ = CHANGES[change]
+    much = usual if share is None else share
     rng = np.random.default_rng([stream, seed])
     if seed % 6 == 5:
         robot = Robot.load(CHAINS[rng.integers(len(CHAINS))])
@@ -122,6 +133,20 @@ def draw_case(stream: int, seed: int, change: str, folder: Path) -> Case:
     place = body if kind == "load" else robot.joints[joint]
     planted = much * values[f"{place}.Fc"] if kind == "friction" else much
     return Case(robot, logs[:BEFORE], logs[BEFORE:], kind, place, planted)
+
+
+def draw_least(stream: int, seed: int, folder: Path) -> Case | None:
+    """Return a case with the smallest change that `compare` states for unchanged logs.
+
+    None if it states no size.
+    """
+    case = draw_case(stream, seed, LEAST, folder, 0.0)
+    stated = compare(case.robot, case.before, case.after).unchanged
+    friction = ("coulomb_friction", case.place)
+    shares = [number.share for number in stated if (number.family, number.place) == friction]
+    if not shares or not np.isfinite(shares[0]):
+        return None
+    return draw_case(stream, seed, LEAST, folder, shares[0])
 
 
 def _misstated(robot: Robot, rng: np.random.Generator) -> Robot:
@@ -202,7 +227,12 @@ def run(stream: int, change: str, count: int, folder: Path) -> list[dict[str, An
     """Return one row a case."""
     rows = []
     for seed in range(count):
-        case = draw_case(stream, seed, change, folder)
+        if change == LEAST:
+            case = draw_least(stream, seed, folder)
+        else:
+            case = draw_case(stream, seed, change, folder)
+        if case is None:
+            continue
         row: dict[str, Any] = {"change": change, "said": ""}
         if change != CONSTANTS:
             row |= judge(case)
@@ -245,11 +275,22 @@ def check_coverage(name: str, rows: list[dict[str, Any]], who: str) -> StudyChec
     return StudyCheck(f"coverage of {name}", text, limits, "chance", passed)
 
 
+def check_least(rows: list[dict[str, Any]]) -> StudyCheck:
+    """Return whether changes of the smallest size that is seen are named as often as stated."""
+    named = sum("compare" in row for row in rows)
+    share = exact_share(named, len(rows))
+    text = f"{named} of {len(rows)} ({share.low:.3f} … {share.high:.3f})"
+    return StudyCheck(f"named: {LEAST}", text, f"{SEEN}", "chance", share.high >= SEEN)
+
+
 def find_checks(rows: list[dict[str, Any]]) -> list[StudyCheck]:
     """Return the required checks of the sizes that are stated."""
     checks = []
     if any("compare" in row for row in rows):
         checks.append(check_coverage("sizes by compare", rows, "compare"))
+    least = [row for row in rows if row["change"] == LEAST]
+    if least:
+        checks.append(check_least(least))
     off = [row for row in rows if row["change"] == CONSTANTS]
     if off:
         checks.append(check_coverage("masses where constants are off", off, "payload"))

@@ -37,6 +37,8 @@ CHANGES = np.geomspace(0.01, 1.0, 20)
 EXCERPT = (24_000, 12, 2_000)
 #: The pattern of friction that changes within every log, as joints warm up.
 WARM = "warm"
+#: The pattern of the weight of a load without its inertia.
+WEIGHS = "weight"
 #: Functions that the model may lack in all logs alike.
 LACKS = ("function_of_velocity", "function_of_load", "function_of_position")
 #: A direction whose torque may be so many times that of its joints is not identifiable.
@@ -89,7 +91,8 @@ class Differing(Candidate):
         Amount of the change in each log.
     pattern : str
         "0" for logs that are asked about together, further numbers for other sets of logs, `WARM`
-        for a change within every log, "drift" for a nuisance; empty where all logs have it.
+        for a change within every log, `WEIGHS` for the weight of a load, "drift" for a nuisance;
+        empty where all logs have it.
     """
 
     logs: tuple[float, ...] = ()
@@ -242,6 +245,7 @@ class Differences:
         names: tuple[str, ...] = (),
         *,
         warms: bool = False,
+        weights: Sequence[Candidate] = (),
     ) -> Differences:
         """Return the candidate differences between logs, and the candidates that all logs may lack.
 
@@ -255,6 +259,8 @@ class Differences:
         names : tuple of str, optional
         warms : bool
             Whether friction may also change within every log.
+        weights : sequence of Candidate
+            Weights of loads of the logs that are asked about. They are no hypotheses.
         """
         logs = np.eye(len(patterns[0]))
         may = [Differing.of(c, w, str(k)) for k, w in enumerate(patterns) for c in changes]
@@ -262,10 +268,11 @@ class Differences:
         drifts = [Differing.of(c, log, "drift") for c in rubs for log in logs]  # a nuisance
         may += [Differing.of(c, np.ones(len(logs)), WARM) for c in rubs if warms]
         always = [Differing.of(c, np.ones(len(logs))) for c in lacks]
-        every = number([*drifts, *may, *always])
+        weigh = [Differing.of(c, patterns[0], WEIGHS) for c in weights]
+        every = number([*drifts, *may, *weigh, *always])
         named = frozenset(c.group[0] for c in (*may, *always))
         missing = Missing(tuple(every), seen, families=named)
-        differing = [k for c in every[len(drifts) :][: len(may)] for k in c.columns]
+        differing = [k for c in every[len(drifts) : len(every) - len(always)] for k in c.columns]
         edges = np.unique(seen.log, return_index=True)[1]
         joints = range(seen.y.shape[1])
         noise = tuple(missing.noise_of(j, differing, functions=False) for j in joints)

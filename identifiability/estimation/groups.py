@@ -231,7 +231,7 @@ class Missing:
             if c.family.flexible:
                 square[at] = square[at].max()
             elif c.family.name in BODIES and len(at) > 1:
-                typical = np.array([LOAD[kind.removeprefix("payload_")] for kind in c.kinds])
+                typical = np.array([LOAD[kind.rpartition("_")[2]] for kind in c.kinds])
                 square[at] = np.sum(square[at] * typical**2) / typical**2
         return np.where(square > 0, np.sqrt(square), 1.0)
 
@@ -712,18 +712,34 @@ def _search(missing: Missing) -> tuple[MixedModel, Terms]:
     return (every, every.search()) if load else (model, terms)
 
 
+#: Families by which friction of a joint may be nonlinear without a name.
+NONLINEAR_FRICTION = (
+    "function_of_velocity",
+    "function_of_load",
+    "load_dependent_friction",
+    "quadratic_friction",
+)
+
+
+def _share_of(
+    model: MixedModel, used: np.ndarray, term: Term, weight: float, terms: Terms
+) -> Share:
+    """Return the contribution of one of some terms; columns are among those that are used."""
+    s = model.solve(terms)
+    unit = model.scale[term.columns]
+    at = np.isin(s.columns, term.columns)
+    columns = np.searchsorted(used, term.columns)
+    return Share(term, weight, columns, s.value[at] / unit, s.root[:, at] / unit)
+
+
 def _conclude(missing: Missing, model: MixedModel, terms: Terms) -> MissingEffects:
     groups = [(t, 1.0, terms) for t in terms]
-    groups += [(t, weight, (*terms, t)) for t, weight in model.alternatives(terms)]
+    groups += [
+        (t, weight, (*terms, t)) for t, weight in model.alternatives(terms, NONLINEAR_FRICTION)
+    ]
     used = np.unique(np.concatenate([np.empty(0, int), *(t.columns for t, *_ in groups)]))
-    shares = []
+    shares = [_share_of(model, used, *group) for group in groups]
     rows = missing.seen
-    for t, weight, beside in groups:
-        s = model.solve(beside)
-        unit = model.scale[t.columns]
-        at = np.isin(s.columns, t.columns)
-        own = np.searchsorted(used, t.columns)
-        shares.append(Share(t, weight, own, s.value[at] / unit, s.root[:, at] / unit))
     XX = []
     XB = []
     none = np.zeros(len(rows.y))

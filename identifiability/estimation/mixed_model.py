@@ -463,11 +463,39 @@ class MixedModel:
         among = [g for g in self.beside(rest) if g.key != own.key]
         return [t for t in self.gains(rest, among) if t.odds > own.odds - RULES.rival]
 
-    def alternatives(self, terms: Terms = ()) -> list[tuple[Term, float]]:
-        """Return groups of which one more may be present, each with its probability."""
-        found = [t for t in self.gains(terms) if t.odds > RULES.unlikely]
-        weights = softmax([0.0, *(t.odds for t in found)])[1:].tolist()
-        return list(zip(found, weights, strict=True))
+    def alternatives(
+        self, terms: Terms = (), unpriced: Collection[str] = ()
+    ) -> list[tuple[Term, float]]:
+        """Return groups of which one more may be present, each with its probability.
+
+        Parameters
+        ----------
+        terms : tuple of Term
+        unpriced : collection of str
+            Families of which each joint may have one more, without the price of a name: those
+            whose odds without it would name them.
+        """
+        gains = self.gains(terms)
+        found = [t for t in gains if t.odds > RULES.unlikely]
+        weights = dict(zip([t.key for t in found], one_of([t.odds for t in found]), strict=True))
+        free = [
+            t
+            for t in gains
+            if t.group.family in unpriced
+            and t.group.place != EVERYWHERE
+            and t.odds + t.group.price >= RULES.name
+        ]
+        for place in {t.group.place for t in free}:
+            here = [t for t in free if t.group.place == place]
+            each = one_of([t.odds + t.group.price for t in here])
+            for t, weight in zip(here, each, strict=True):
+                weights[t.key] = max(weight, weights.get(t.key, 0.0))
+        return [(t, weights[t.key]) for t in gains if t.key in weights]
+
+
+def one_of(odds: Sequence[float]) -> list[float]:
+    """Return the probability of each of some hypotheses by their log odds against none of them."""
+    return softmax([0.0, *odds])[1:].tolist()
 
 
 def without(terms: Terms, k: int) -> Terms:

@@ -15,10 +15,12 @@ from typing import Any, ClassVar, cast
 import numpy as np
 import scipy
 
-from identifiability.estimation.differences import UNTOLD, Differences, Known, pooled_values
+from identifiability.effects import FAMILIES
+from identifiability.effects.inertia import Payload
+from identifiability.estimation.differences import UNTOLD, WEIGHS, Differences, Known, pooled_values
 from identifiability.estimation.groups import describe_term
-from identifiability.estimation.mixed_model import Terms
-from identifiability.estimation.rules import Thresholds
+from identifiability.estimation.mixed_model import MixedModel, Terms
+from identifiability.estimation.rules import RULES, Thresholds
 from identifiability.estimation.verdict import percent_of
 from identifiability.foundation.engines import Engine, Serial, one_thread
 from identifiability.foundation.errors import LogError, listing
@@ -44,11 +46,12 @@ from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
 from identifiability.physical.project import project
 from identifiability.physical.pseudo_inertia import entry_scale, natural_scale, to_matrix
 from identifiability.quality.recordings import LogLike, Logs, list_logs
+from identifiability.regression.columns import Candidate
 from identifiability.regression.reduction import DEFAULT_EFFECTS, full_model
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, Robot, RobotLike
-from identifiability.robot.robot import Point, body_of, ten_parameters, tool_bodies
+from identifiability.robot.robot import Point, body_of, last_bodies, ten_parameters, tool_bodies
 from identifiability.workflows.changes import Change, DifferentTorque, list_log_changes
 
 from .case import MEASURED, Case, take_case
@@ -116,7 +119,7 @@ def widened(found: Differences, terms: Terms, at: slice) -> tuple[Array, Array]:
 
 def estimate_load(found: Differences, names: Sequence[str]) -> LoadEstimate:
     """Return the load that is in every hypothesis, of logs of some names."""
-    found, first = found.having(_load(found)[:, ORDER]), found.known.size
+    first = found.known.size
     terms = found.model.search()
     theta, spread = widened(found, terms, slice(first, first + 10))
     scale = found.scale @ found.always
@@ -140,6 +143,55 @@ def _load(found: Differences) -> Array:
     """Return which columns of candidates the ten parameters of a load are, (C, 10)."""
     own = [c.kinds == INERTIAL_KINDS and c.pattern == "0" for c, *_ in found.columns]
     return np.eye(len(own))[:, own]
+
+
+# The weight of the load. A controller subtracts the weight of a load that was entered at the
+# pendant, and keeps that of a load it does not know. So the weight of the load may be in the torque
+# where that of the robot is not, and the other way round.
+
+
+#: Log odds from which the unusual hypothesis on the weight is used.
+SURELY = RULES.name + RULES.keep
+
+
+def list_weights(robot: Robot, gravity: Array, body: str) -> tuple[Candidate, ...]:
+    """Return the weight of a load on a body under some gravity (3,); none of an inner body."""
+    if body not in last_bodies(robot) or not gravity.any() or robot.base is not None:
+        return ()
+    effect = Payload(gravity)
+    kinds = tuple(p.kind for p in effect.parameters(robot) if p.owner == body)
+    columns = tuple(range(len(kinds)))
+    return (Candidate(FAMILIES["payload"], body, np.nan, kinds, effect, columns),)
+
+
+def choose_weight(found: Differences, body: str) -> tuple[Differences, list[Finding]]:
+    """Return the likelier hypothesis on the weight of a load on a body, and a remark on it.
+
+    Usually the torque has the weight of the load if it has that of the robot.
+    """
+    load = _load(found)
+    usual = found.having(load[:, ORDER])
+    weighs = [c.pattern == WEIGHS for c, *_ in found.columns]
+    if not any(weighs):
+        return usual, []
+    # The weight acts through the first four parameters of a load.
+    weight = np.pad(np.eye(len(weighs))[:, weighs], ((0, 0), (0, 6)))
+    has_weight = bool(found.missing.seen.robot.gravity.any())
+    unusual = found.having((load - weight if has_weight else load + weight)[:, ORDER])
+    odds = _log_evidence(unusual.model, ()) - _log_evidence(usual.model, ())
+    if odds >= SURELY:  # other effects may explain it as well
+        models = unusual.model, usual.model
+        likely, other = (_log_evidence(model, model.search()) for model in models)
+        odds = likely - other
+    if odds < SURELY:
+        return usual, []
+    text = phrase("load_weight", "lacks" if has_weight else "has", body=body)
+    return unusual, [Finding("load_weight", text=text, log_odds=odds, body=body)]
+
+
+def _log_evidence(model: MixedModel, terms: Terms) -> float:
+    """Return the log evidence of a model with some terms, less their price."""
+    return model.solve(terms).log_likelihood - sum(t.group.price for t in terms)
 
 
 # `Quantity`: mass, centre and inertia of a physical body near the estimate, with intervals.
@@ -501,7 +553,9 @@ def payload(
         place = choose_body(structure, body)
         unloaded = case if isinstance(robot, Case) else [*empty, *case.validate]
         sides, hints = _gather_sides(fit, structure, logs, unloaded, run)
-        found = _find_load(sides, fit, structure, place, load)
+        found, remarks = choose_weight(
+            _find_load(sides, fit, structure, place, load, case.robot.gravity), place
+        )
         scale = UNSCALED
         if fit is not None and mass is None:
             scale = measure_torque_scale(fit, [sample.motion for sample in sides.samples])
@@ -511,7 +565,7 @@ def payload(
         body=place,
         model=fit.submodel.name if fit else full_model(structure.base).name,
         known=mass,
-        hints=tuple(dict.fromkeys(hints)),
+        hints=tuple(dict.fromkeys([*remarks, *hints])),
         origin=fit.origin if fit else "EMPTY.csv",
         **numbers,
     )
@@ -650,9 +704,17 @@ def _join_case(
 
 
 def _find_load(
-    sides: Sides, fit: Fit | None, structure: Structure, place: str, load: KnownLoad
+    sides: Sides,
+    fit: Fit | None,
+    structure: Structure,
+    place: str,
+    load: KnownLoad,
+    gravity: Array,
 ) -> Differences:
-    """Return the possible differences between logs with a load and the robot without it."""
+    """Return the possible differences between logs with a load and the robot without it.
+
+    Gravity (3,) [m/s²] is that of the robot file.
+    """
     count = sides.count
     if fit is None or (load.mass is not None and count < len(sides.samples)):
         # Logs without the load tell more than values by other gains.
@@ -661,7 +723,8 @@ def _find_load(
     else:
         known = Known.of(fit.base, fit.submodel.M, fit.covariance, fit.spread.unknown)
     patterns = list_patterns(len(sides.samples), count, count)
-    return find_differences(structure, sides.look(0), (place,), known, patterns)
+    weights = list_weights(structure.robot, gravity, place) if load.mass is None else ()
+    return find_differences(structure, sides.look(0), (place,), known, patterns, weights=weights)
 
 
 def _without_gains(robot: Robot) -> Structure:

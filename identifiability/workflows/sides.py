@@ -30,7 +30,7 @@ from identifiability.foundation.rounding import REACH, measured
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset
 from identifiability.logs.rules import RULES as LOG_RULES
-from identifiability.regression.columns import list_candidates
+from identifiability.regression.columns import Candidate, list_candidates
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import Structure
@@ -95,6 +95,7 @@ def find_differences(
     patterns: Sequence[Array],
     *,
     warms: bool = False,
+    weights: Sequence[Candidate] = (),
 ) -> Differences:
     """Return the possible differences between logs.
 
@@ -110,6 +111,8 @@ def find_differences(
         Which logs may have a change.
     warms : bool
         Whether friction may also change within every log.
+    weights : sequence of Candidate
+        Weights of loads without their inertia.
     """
     robot, motions = structure.robot, [piece.motion for piece in seen.pieces]
     lacks, _ = list_candidates(robot, find_families(LACKS), structure.present, motions, fixed=False)
@@ -127,6 +130,7 @@ def find_differences(
         patterns,
         names=structure.base.names,
         warms=warms,
+        weights=weights,
     )
 
 

@@ -8,7 +8,12 @@ import pytest
 from identifiability import Log, Robot, analyze, calibrate, export, simulate
 from identifiability.estimation.noise import LaggedProducts, whiten, whitening_filter
 from identifiability.report.results import answer_first
-from identifiability.simulation import Noise, random_trajectory
+from identifiability.simulation import (
+    Noise,
+    PrescribedMotion,
+    random_trajectory,
+    shipped_trajectory,
+)
 from identifiability.simulation.simulator import ar1
 from identifiability.workflows.predict import read_fit
 
@@ -78,6 +83,25 @@ def test_what_is_missing_reaches_the_card_the_labels_and_the_next_command(logs, 
     low, high = verdict.interval95
     assert low < truth < high or "model in doubt" in verdict.flags
     assert verdict.verdict != "identifiable" or low < truth < high
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_friction_that_nobody_named_makes_no_friction_label_sure(seed):
+    robot = Robot.load("two-link")
+    motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 1000)
+    frame = simulate(
+        robot, motion, noise=Noise(torque=0.0), rng=np.random.default_rng(0)
+    ).to_frame()
+    load = frame["elbow.tau"].abs() * np.sign(frame["elbow.dq"])
+    for k, joint in enumerate(robot.joints):
+        size = 0.03 * frame[f"{joint}.tau"].std()
+        noise = ar1((len(frame), 1), 0.5, np.random.default_rng([seed, k]))
+        frame[f"{joint}.tau"] += size * noise[:, 0]
+    frame["elbow.tau"] += 0.02 * load
+    found = analyze(robot, frame, "none", replicates=0)
+    assert found.missing.functions == ()
+    low, high = found["elbow.Fc"].interval
+    assert low < robot.nominal["elbow.Fc"] < high
 
 
 def test_a_sign_that_physics_forbids_is_in_doubt_however_certain(logs):

@@ -12,11 +12,12 @@ import pytest
 
 from identifiability import Noise, Robot, analyze
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
+from identifiability.simulation.mujoco_robot import MujocoRobot
 from identifiability.simulation.simulator import Campaign
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from planted_load import PlantedLoad, unit_loads
+from planted_load import PlantedLoad, load_torque, unit_loads
 
 BODY = {"six-dof-arm": "link_6", "two-link": "link2", "3-rps": "platform"}
 MOTIONS = {"six-dof-arm": ("a", "b"), "two-link": ("a", "b"), "3-rps": ("601", "595")}
@@ -49,6 +50,20 @@ def logs(name, load=None, seed=0, size=0.01, extra=None, scale=1.0):
 @pytest.fixture(scope="session")
 def make_logs():
     return logs
+
+
+@pytest.fixture(scope="session")
+def weigh(planted):
+    """Return the torque that holds the arm at rest, and that of the planted load."""
+
+    def torque(name):
+        own = campaign(name)
+        none = np.zeros_like(own.move.q)
+        still = replace(own.move, dq=none, ddq=none)
+        bare = MujocoRobot(own.robot).inverse_dynamics(still.q, none, none).tau
+        return bare, load_torque(own.robot, BODY[name], planted, still, bare)
+
+    return torque
 
 
 @pytest.fixture(scope="session")

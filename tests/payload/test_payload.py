@@ -8,6 +8,7 @@ import pytest
 from planted_load import PlantedLoad
 
 from identifiability import IdentifiabilityError, analyze, compare, payload
+from identifiability.foundation.findings import of_key
 from identifiability.foundation.rounding import REACH
 from identifiability.physical.pseudo_inertia import check_body
 from identifiability.regression.reduction import DEFAULT_EFFECTS, LadderEntry, ModelEntry
@@ -66,6 +67,30 @@ def test_intervals_hold_planted_loads(name, fit, make_logs):
             off.append(found.mass.value / load.mass - 1)
     assert np.mean(inside) >= 0.9
     assert abs(np.mean(off)) < 0.03
+
+
+@pytest.mark.parametrize("entered", [False, True])
+@pytest.mark.parametrize("compensated", [False, True])
+def test_a_load_is_weighed_whether_or_not_its_weight_was_subtracted(
+    fit, make_logs, planted, weigh, compensated, entered
+):
+    bare, weight = weigh(ARM)
+    taken = -bare if compensated else 0 * bare
+    kept = fit(ARM)
+    if compensated:
+        kept = analyze(ARM, make_logs(ARM, seed=1, extra=taken)[0], replicates=0)
+    found = payload(ARM, kept, make_logs(ARM, planted, seed=5, extra=taken - entered * weight)[1])
+    assert found.mass.low < planted.mass < found.mass.high
+    assert abs(found.mass.value - planted.mass) < 0.1
+    assert found.mass.half < (0.35 if compensated else 0.11)
+    assert bool(of_key(found.hints, "load_weight")) == (compensated != entered)
+    assert not found.caveats
+
+
+def test_a_load_that_the_controller_subtracts_altogether_is_asked_for(fit, make_logs):
+    found = payload("two-link", fit("two-link"), make_logs("two-link", seed=5)[1])
+    assert "Nothing surely hangs" in found.answer
+    assert "Enter a load of zero at the pendant" in found.statement
 
 
 def test_what_the_result_does_not_know_of_the_robot_is_not_known_of_the_load(

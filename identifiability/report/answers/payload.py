@@ -104,7 +104,9 @@ def _answer_load(result: Load) -> Answer:
     """Return the mass and the centre of the load."""
     question = sentence("payload.load", "question", body=result.body)
     if not result.mass.told:
-        return Answer(question, result.answer, "", "amber")
+        nothing = np.isfinite(result.mass.half)
+        text = sentence("payload.load", "entered") if nothing else ""
+        return Answer(question, result.answer, text, "amber")
     return Answer(question, result.answer, _state_readings(result), "blue")
 
 
