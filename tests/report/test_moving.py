@@ -28,14 +28,41 @@ def moving():
 def test_places_are_in_the_picture_and_few(moving):
     assert moving.frames == MOST_FRAMES
     first, second = moving.points
-    assert np.all((first >= 0) & (first <= np.array(moving.size)))
-    apart = np.nanmax(np.abs(first - second))
+    on_paper = first[..., :2]
+    assert np.all((on_paper >= 0) & (on_paper <= np.array(moving.size)))
+    apart = np.nanmax(np.abs(on_paper - second[..., :2]))
     assert 0.1 < apart < 10
     assert np.isnan(second[-1]).all()
     told = json.loads(moving.data)
     assert told["robots"][1][-1] is None
     assert told["told"] == [[f"row {k}" for k in np.searchsorted(np.arange(0, 40, 0.02), moving.t)]]
     assert len(moving.data) < 200_000
+
+
+def test_a_closed_chain_is_drawn_with_plates_cylinders_and_closed_loops():
+    robot, t = Robot.load("3-rps"), np.arange(0, 4, 0.1)
+    q = robot.actuated_positions(robot.home[None]) + 0.02 * np.sin(t)[:, None] * np.arange(3)
+    still = np.zeros_like(q)
+    poses = complete_motion(robot, t, q, still, still).q
+    drawn = move_skeletons(robot, t, {"run": ("grey", poses)}, lambda rows: [], "")
+    kinds = [shape.kind for shape in drawn.shapes]
+    assert kinds.count("cylinder") == kinds.count("rod") == 3
+    plates = {shape.kind: shape for shape in drawn.shapes if shape.points[0] == shape.points[-1]}
+    assert set(plates) == {"body", "base"}
+    rods = [shape.points[-1] for shape in drawn.shapes if shape.kind == "rod"]
+    (points,) = drawn.points
+    apart = points[:, plates["body"].points[:-1], None] - points[:, None, rods]
+    assert np.linalg.norm(apart, axis=-1).min(axis=1).max() < 0.1
+
+
+def test_a_floating_robot_stands_with_its_lowest_point_on_the_ground():
+    robot, t = Robot.load("quadruped", base="floating"), np.arange(0, 4, 0.1)
+    poses = np.repeat(robot.home[None], len(t), axis=0)
+    poses[:, -1] += 0.2 * np.sin(t)
+    drawn = move_skeletons(robot, t, {"run": ("grey", poses)}, lambda rows: [], "")
+    assert "base" not in {shape.kind for shape in drawn.shapes}
+    deepest = np.array([end[1] for line in drawn.ground for end in line]).max()
+    assert drawn.points[0][..., 1].max() < deepest
 
 
 def test_a_page_carries_the_script_only_where_robots_move(moving):
