@@ -401,7 +401,7 @@ def kind_of(block: object) -> str:
 
 
 Block: TypeAlias = (
-    Prose | Notes | Terms | Table | Picture | Gallery | Fold | Traces | Moving | Answers
+    "Prose | Notes | Terms | Table | Picture | Gallery | Fold | Traces | Moving | Answers | Section"
 )
 
 

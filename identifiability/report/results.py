@@ -72,6 +72,11 @@ class Page:
     kind: str = ""
 
     @property
+    def linked(self) -> tuple[Any, ...]:
+        """The sections that the contents name: of the summary, and below it."""
+        return (*(b for b in self.summary if isinstance(b, Section)), *self.sections)
+
+    @property
     def has_detail(self) -> bool:
         """Whether something is shown only to who asks for statistics in detail."""
         parts = [*_within(self.sections)]
@@ -196,26 +201,32 @@ def build_page(result: Result) -> Page:
         robot = getattr(getattr(result, "analysis", None) or result, "robot", title)
         title = robot if isinstance(robot, str) else robot.title or robot.name
         overline, subtitle = own
-    first = answer_first(result)
+    shown = answer_first(result)
+    # With few answers there is room for the next step next to the drawing.
+    apart = sum(not a.commands for a in shown.answers) > 2
+    first = replace(shown, answers=tuple(a for a in shown.answers if not (apart and a.commands)))
+    following = Answers(tuple(a for a in shown.answers if apart and a.commands))
     warnings = [note("decides", text=text) for text in result.warnings]
     hints = map(hint_note, result.remarks)
     notes = (*warnings, *_of_page(result, "notes", result.cautions() or hints))
     tables = [_table_section(f"table-{k + 1}", table) for k, table in enumerate(result.tables())]
     done = [_table_section("ledger", table) for table in result.ledger()]
+    sections = [*filter(None, _of_page(result, "sections", tables)), *done]
+    # The values that a reader came for are on the first screen, before the next step.
+    values = [part for part in sections[:1] if set(map(kind_of, part.blocks)) <= {"table", "fold"}]
     return Page(
         title=title,
         kind=result.schema,
         overline=overline,
         subtitle=subtitle,
-        statement="" if first.answers else result.statement,
+        statement="" if shown.answers else result.statement,
         summary=(
             first,
             *([Notes(notes)] if notes else []),
+            *values,
+            *([following] if following.answers else []),
         ),
-        sections=(
-            *filter(None, _of_page(result, "sections", tables)),
-            *done,
-        ),
+        sections=tuple(sections[len(values) :]),
     )
 
 
