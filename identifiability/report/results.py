@@ -202,10 +202,6 @@ def build_page(result: Result) -> Page:
         title = robot if isinstance(robot, str) else robot.title or robot.name
         overline, subtitle = own
     shown = answer_first(result)
-    # With few answers there is room for the next step next to the drawing.
-    apart = sum(not a.commands for a in shown.answers) > 2
-    first = replace(shown, answers=tuple(a for a in shown.answers if not (apart and a.commands)))
-    following = Answers(tuple(a for a in shown.answers if apart and a.commands))
     warnings = [note("decides", text=text) for text in result.warnings]
     hints = map(hint_note, result.remarks)
     notes = (*warnings, *_of_page(result, "notes", result.cautions() or hints))
@@ -214,6 +210,10 @@ def build_page(result: Result) -> Page:
     sections = [*filter(None, _of_page(result, "sections", tables)), *done]
     # The values that a reader came for are on the first screen, before the next step.
     values = [part for part in sections[:1] if set(map(kind_of, part.blocks)) <= {"table", "fold"}]
+    # Otherwise there is room for the next step next to the drawing.
+    apart = bool(values) and sum(not a.commands for a in shown.answers) > 2
+    first = replace(shown, answers=tuple(a for a in shown.answers if not (apart and a.commands)))
+    following = Answers(tuple(a for a in shown.answers if apart and a.commands))
     return Page(
         title=title,
         kind=result.schema,
