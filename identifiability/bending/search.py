@@ -7,7 +7,6 @@ from copy import copy
 from dataclasses import replace
 
 import numpy as np
-from scipy.signal import csd, lfilter
 
 from identifiability.foundation.linalg import or_one
 from identifiability.foundation.names import Array
@@ -100,6 +99,8 @@ class Problem:
 
     def whiten(self, blocks: Sequence[Array]) -> Array:
         """Return rows (N, n, …) of every stretch as rows of white noise, (R, …)."""
+        from scipy.signal import lfilter  # noqa: PLC0415 - a third of a second, for who asks
+
         out = []
         for joint, (taps, size) in enumerate(self.filters):
             for x in blocks:
@@ -393,6 +394,8 @@ def _resonates(fit: Fit, band: float) -> bool:
 
 def measure_response(problem: Problem, fit: Fit, at: int, band: float) -> Response:
     """Return the frequency response of a joint that bends, up to the band [Hz]."""
+    from scipy.signal import csd  # noqa: PLC0415 - a third of a second, for who asks
+
     joint = fit.springs.joints[at]
     rigid, measured, modelled = [], [], []
     for s in problem.stretches:
