@@ -70,7 +70,7 @@ def drawn_torque(out: Prediction) -> tuple[Array, Array]:
     return measured, predicted
 
 
-def analysis_moving(analysis: Laddered[Any]) -> Moving | None:
+def analysis_moving(analysis: Analysis) -> Moving | None:
     """Return the robot along unseen motion, with measured and predicted torque."""
     sample = (analysis.validation or analysis.samples)[0]
     out = analysis.held_out
@@ -379,11 +379,6 @@ def posterior_table(analysis: Analysis) -> Table | None:
 def pruning_heading(ladder: Ladder) -> tuple[str, str]:
     """Return the kind of the page and its subject."""
     return "Pruning report", f"{ladder.robot.path.name} · {fitted_logs(ladder.samples)}"
-
-
-def pruning_moving(ladder: Ladder) -> Moving | None:
-    """Return the robot along unseen motion, with measured and predicted torque."""
-    return analysis_moving(ladder)
 
 
 def pruning_below(ladder: Ladder) -> Picture:

@@ -532,7 +532,10 @@ def torque_traces(
 ) -> Traces:
     """Return measured torque, predicted torque and the residual (N, n) along a log, to zoom."""
     lines = {"measured": measured, "predicted": predicted, "residual": measured - predicted}
-    return traces(t, joints, units, lines, caption=sentence("analysis.traces", log=log))
+    caption = sentence("analysis.traces", log=log)
+    if np.isnan(lines["residual"]).any():
+        caption += sentence("moving", "gaps")
+    return traces(t, joints, units, lines, caption=caption)
 
 
 def count_joints(robot: Robot) -> str:

@@ -310,7 +310,7 @@ def notebook_piece(
     rest = 0 if frame is None else max(len(frame) - SHOWN, 0)
     own = [] if frame is None or frame.empty else [frame_table(frame[:SHOWN])]
     said = f"{rest} more rows: {more}" if rest and more else f"{rest} more rows" if rest else ""
-    return (
+    piece = (
         page_environment()
         .from_string(_PIECE)
         .render(
@@ -321,6 +321,8 @@ def notebook_piece(
             style=Markup(_style()),
         )
     )
+    # No script runs here, so the motion would be dead weight.
+    return re.sub(r' data-moving="[^"]*"', "", piece)
 
 
 @cache

@@ -277,22 +277,20 @@ def move_with_torque(
     how = how or ("loaded" if residual is None else "missed")
     word = "misses" if how == "missed" else "differs by"
     missed = [f"{name} {word} {100 * x:.0f} %" for x in share[:, joint]]
+    own = {what: y[:end, joint] for what, y in lines.items()}
+    caption = sentence("moving", how, log=log, joint=name)
+    if any(np.isnan(y).any() for y in own.values()):
+        caption += sentence("moving", "gaps")
     moving = move_skeletons(
         robot,
         t[:end],
         {"measured": ("grey", motion.q[rows])},
         lambda at: [] if residual is None else [[missed[k] for k in at]],
-        sentence(
-            "moving",
-            how,
-            log=log,
-            joint=name,
-        ),
+        caption,
         load,
     )
     if moving is None:
         return None
-    own = {what: y[:end, joint] for what, y in lines.items()}
     moving = replace(
         moving,
         torque=Trace.of(

@@ -222,11 +222,9 @@ class AnalysisPresenter(LadderedPresenter):
         size = sentence(about, "size", parameters=len(base.parameters), rank=base.rank)
         if result.nothing:
             return answer(about, "nothing", size)
-        title, count = model_title(chosen), len(chosen.submodel)
-        label = title if title == chosen.name else f"model {title}"
         part = "unjudged" if chosen.unjudged else "found"
         tone = "blue" if chosen.feasible else "amber"
-        use = sentence(about, "use", label=label)
+        use, count = sentence(about, "use", name=chosen.name), len(chosen.submodel)
         text = f"{_state_cause(result)} {use} {size} {state_physics(result)}".lstrip()
         return answer(about, part, text, tone, found=found_cell(chosen).text, count=count)
 
