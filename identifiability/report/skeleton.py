@@ -337,8 +337,20 @@ def _ground(points: Array, robot: Robot, place: Callable[[Array], Array]) -> tup
     starts = np.concatenate([np.stack([steps, -edge], 1), np.stack([-edge, steps], 1)]) + middle
     ends = np.concatenate([np.stack([steps, edge], 1), np.stack([edge, steps], 1)]) + middle
     plane = np.stack([east, north])
-    both = (place(x @ plane + height * up)[:, :2] for x in (starts, ends))
-    return tuple(np.stack([*both], 1))
+    first, last = (place(x @ plane + height * up)[:, :2] for x in (starts, ends))
+    return tuple(filter(len, map(_clip, first, last)))
+
+
+def _clip(first: Array, last: Array) -> Array:
+    """Return the part of a line from one place (2,) to another in the drawing, (2, 2) or (0, 2)."""
+    along = last - first
+    box = np.array([[0.0, 0.0], [WIDTH, HEIGHT]])
+    shares = (box - first) / np.where(along == 0, TINY, along)
+    enters = max(0.0, float(shares.min(0).max()))
+    leaves = min(1.0, float(shares.max(0).min()))
+    inside = [enters, leaves] if enters < leaves else []
+    part: Array = first + np.outer(inside, along)
+    return part
 
 
 def _look(points: Array, robot: Robot) -> tuple[Callable[[Array], Array], float]:

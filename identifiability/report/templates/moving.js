@@ -23,7 +23,7 @@ function drawMoving(figure) {
       group.style.display = p && !hidden ? "" : "none";
       if (!p) return;
       group.querySelector(".bodies").innerHTML = solid(p);
-      group.querySelectorAll(".joint").forEach((dot, a) => {
+      group.querySelectorAll("g.joint").forEach((dot, a) => {
         dot.setAttribute("transform", `translate(${p[3 * a]} ${p[3 * a + 1]})`);
         dot.querySelector(".missed").setAttribute("r", 24 * Math.sqrt(data.misses[k][a]));
       });
