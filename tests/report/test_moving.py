@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability import Robot
-from identifiability.report.blocks import Answers, Section
+from identifiability.report.blocks import Answers
 from identifiability.report.results import Page, render_page
 from identifiability.report.skeleton import MOST_FRAMES, move_skeletons, move_with_torque
 from identifiability.robot import complete_motion
@@ -65,12 +65,6 @@ def test_a_floating_robot_stands_with_its_lowest_point_on_the_ground():
     assert drawn.points[0][..., 1].max() < deepest
 
 
-def test_a_page_carries_the_script_only_where_robots_move(moving):
-    page = Page("a", sections=(Section("a", "b", blocks=(moving,)),))
-    assert "drawMoving" in render_page(page)
-    assert "drawMoving" not in render_page(Page("a"))
-
-
 @pytest.mark.parametrize("name", ["two-link", "3-rps"])
 def test_a_joint_is_marked_when_and_where_torque_is_missed(name):
     robot, t = Robot.load(name), np.arange(0, 4, 0.01)
@@ -91,4 +85,5 @@ def test_a_joint_is_marked_when_and_where_torque_is_missed(name):
     assert not others
     page = render_page(Page("a", summary=(Answers((), (drawn,)),)))
     assert "drawMoving" in page
+    assert "drawMoving" not in render_page(Page("a"))
     assert path in page
