@@ -135,8 +135,10 @@ def _tip(parts: _Parts, body: str, joint: int) -> list[int]:
 def _mount(parts: _Parts, k: int, width: float) -> int:
     """Add the shape of a joint, and return the point at which its parent carries it."""
     joint = parts.tree.joints[k]
-    if joint.kind == "free":
-        return k
+    base = parts.robot.base
+    links = dict(zip(parts.robot.bodies, parts.robot.links, strict=True))
+    if base is not None and k in parts.tree.chain(links[base.body].last):
+        return k  # no mechanism moves a floating base
     if joint.kind != "prismatic":
         # The frame's third axis is that of the joint; a ball looks the same from all sides.
         axis = parts.frames.axes[k][2] * (0.7 * width if joint.kind == "revolute" else TINY)

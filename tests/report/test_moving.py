@@ -60,7 +60,7 @@ def test_a_floating_robot_stands_with_its_lowest_point_on_the_ground():
     poses = np.repeat(robot.home[None], len(t), axis=0)
     poses[:, -1] += 0.2 * np.sin(t)
     drawn = move_skeletons(robot, t, {"run": ("grey", poses)}, lambda rows: [], "")
-    assert "base" not in {shape.kind for shape in drawn.shapes}
+    assert {shape.kind for shape in drawn.shapes} == {"body", "joint"}
     deepest = np.array([end[1] for line in drawn.ground for end in line]).max()
     assert drawn.points[0][..., 1].max() < deepest
 
