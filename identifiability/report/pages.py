@@ -158,7 +158,7 @@ def _sessions(result: Comparison) -> Picture | None:
 
 def diagnosis_heading(d: Diagnosis) -> tuple[str, str]:
     """Return the kind of the page and its subject."""
-    about = f"{d.robot.path.name} · model: {', '.join(map(title_of, d.base))}"
+    about = f"{d.robot.path.name} · model: {', '.join(d.base).replace('_', ' ')}"
     return "Effects that the model lacks", f"{about}{' · values fixed' if d.fixed else ''}"
 
 
