@@ -19,7 +19,7 @@ def test_simulate_then_analyze_writes_report_and_json(succeeds, few_draws, tmp_p
     words = ["--validate", test, "--report", report, "--json", result]
     with few_draws():
         out = succeeds("analyze", "3-rps", train, *words)
-    assert "Model 4" in out.output
+    assert "12 of 12 parameters are identifiable" in out.output
     assert str(report) in out.output
     assert json.loads(result.read_text())["selected"].startswith("Model")
     assert "<html" in report.read_text()

@@ -53,6 +53,17 @@ def test_a_robot_of_ones_own_gets_a_sidecar_and_a_template(tmp_path):
     assert "template.csv" in made.statement
 
 
+def test_a_sidecar_asks_for_gains_where_logs_hold_currents(tmp_path):
+    rename = {f"joint_{k}.tau": f"joint_{k}_current" for k in range(1, 7)}
+    log = pd.read_csv(shipped_folder() / "six-dof-arm/logs/run1.csv").rename(columns=rename)
+    log.to_csv(tmp_path / "currents.csv", index=False)
+    made = new_study(tmp_path / "mine", "six-dof-arm", [tmp_path / "currents.csv"])
+    assert "hold currents" in made.notes[0]
+    sidecar = (made.folder / "robot.toml").read_text(encoding="utf-8")
+    assert "# gain = {joint_1 = …, joint_2 = …" in sidecar
+    assert Robot.load(made.folder / "robot.urdf").joints == Robot.load("six-dof-arm").joints
+
+
 def test_logs_of_ones_own_are_named_where_they_are(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     shipped = shipped_folder() / "six-dof-arm"

@@ -153,6 +153,12 @@ class Table:
         columns = tuple(self.columns[k] for k in shown)
         return replace(self, columns=columns, rows=rows, marked=marked, filter_by=filter_by)
 
+    def without(self, title: str) -> Table:
+        """Return the table without the column of a title."""
+        shown = [k for k, column in enumerate(self.columns) if column.title != title]
+        rows = tuple(tuple(row[k] for k in shown) for row in self.rows)
+        return replace(self, columns=tuple(self.columns[k] for k in shown), rows=rows)
+
     def text(self, width: int = 80) -> str:
         """Return the table as text without detail columns; columns that do not fit are left out.
 

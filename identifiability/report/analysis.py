@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from .answers.common import note, sentence, words
 from .answers.tables import make_table
 
 if TYPE_CHECKING:
+    from identifiability.workflows.analyze.result import Laddered
     from identifiability.workflows.prune.result import Ladder
 
 from .blocks import (
@@ -47,7 +48,7 @@ from .blocks import (
     torque_traces,
 )
 from .skeleton import move_with_torque
-from .values_table import body_masses, joint_values
+from .values_table import joint_values
 
 
 def analysis_heading(analysis: Analysis) -> tuple[str, str]:
@@ -97,14 +98,12 @@ def analysis_sections(analysis: Analysis) -> list[Section | None]:
 # Parameters, and the models side by side.
 
 
-def section_values(analysis: Analysis) -> Section | None:
-    """Return friction and rotor of each joint, and masses a click away."""
-    values, masses = joint_values(analysis), body_masses(analysis)
-    if analysis.nothing or values is None:
+def section_values(result: Laddered[Any]) -> Section | None:
+    """Return mass, friction and rotor of each joint."""
+    values = joint_values(result)
+    if result.nothing or values is None:
         return None
-    fold = None if masses is None else Fold(masses.caption, (masses,))
-    blocks = [values, fold]
-    return section("analysis.values", *(block for block in blocks if block is not None))
+    return section("analysis.values", values)
 
 
 INERTIAL_KEY = (
@@ -400,6 +399,7 @@ def pruning_sections(ladder: Ladder) -> list[Section | None]:
     every = f"All {format_count(len(ladder.models), 'model')} of the path"
     path = Fold(every, (ladder.tables()[0],))
     return [
+        section_values(ladder),
         section_survivors(ladder),
         section("pruning.ladder", path, why=sentence("pruning.why")),
         None if ladder.nothing else section_correlated(ladder.fit),

@@ -119,6 +119,28 @@ class Traces:
 
 
 @frozen
+class Shape:
+    """A part of a robot that is drawn: a thick stroke between points, or a plate.
+
+    Attributes
+    ----------
+    points : tuple of int
+        A plate begins and ends at the same point.
+    kind : {"base", "body", "joint", "cylinder", "rod"}
+    width : float [px]
+    """
+
+    points: tuple[int, ...]
+    kind: str
+    width: float
+
+    @property
+    def ahead(self) -> float:
+        """Depth by which it is drawn nearer, so that bodies do not hide their joints [px]."""
+        return self.width if self.kind == "joint" else 0.0
+
+
+@frozen
 class Moving:
     """Robots along a recording, one over the other, to play and to drag through.
 
@@ -127,10 +149,13 @@ class Moving:
     names : tuple of (name, tone)
         Of the robots; the first is drawn broad, behind the others.
     t : (F,) [s]
-    points : tuple of (F, P, 2) [px]
-        Places of each robot's joints and ends of bodies; NaN where there is none.
-    lines : tuple of (int, int)
-        Points between which bodies are.
+    points : tuple of (F, P, 3) [px]
+        Places and depth of each robot's joints and ends of bodies; NaN where there is none.
+    shapes : tuple of Shape
+    tips : tuple of int
+        Points whose path is drawn.
+    ground : tuple of (2, 2) [px]
+        Lines of the ground.
     joints : int
         Number of points that are joints; they come first.
     told : tuple of F texts
@@ -146,7 +171,9 @@ class Moving:
     names: tuple[tuple[str, str], ...]
     t: Array
     points: tuple[Array, ...]
-    lines: tuple[tuple[int, int], ...]
+    shapes: tuple[Shape, ...]
+    tips: tuple[int, ...]
+    ground: tuple[Array, ...]
     joints: int
     told: tuple[tuple[str, ...], ...]
     size: tuple[int, int]
@@ -167,18 +194,33 @@ class Moving:
             for points in self.points
         ]
         misses = [] if self.misses is None else self.misses.round(2).tolist()
-        told = {"t": np.round(self.t, 3).tolist(), "lines": self.lines, "told": self.told}
-        return json.dumps({**told, "robots": robots, "misses": misses}, separators=(",", ":"))
+        shapes = [(x.points, x.kind, round(x.width, 1), round(x.ahead, 1)) for x in self.shapes]
+        told = {"t": np.round(self.t, 3).tolist(), "shapes": shapes, "told": self.told}
+        told |= {"robots": robots, "misses": misses, "tips": self.tips}
+        return json.dumps(told, separators=(",", ":"))
+
+    @property
+    def floor(self) -> str:
+        """The ground as a path."""
+        return "".join(_draw_path(line) for line in self.ground)
 
     def pose(self, robot: int) -> Markup:
-        """Return a robot at the first time, as the script moves it."""
-        points = np.nan_to_num(self.points[robot][0]).round(1).tolist()
-        lines = "".join("M{} {}L{} {}".format(*points[a], *points[b]) for a, b in self.lines)
-        size = 4 if robot == 0 else 3
-        missed = '<circle class="missed" r="0"/>' if self.misses is not None else ""
-        dot = f'<g class="joint" transform="translate({{}} {{}})">{missed}<circle r="{size}"/></g>'
-        dots = "".join(dot.format(*place) for place in points[: self.joints])
-        return Markup(f'<path d="{lines}"/>{dots}')
+        """Return a robot at the first time, as the script moves it: what is far comes first."""
+        points = np.nan_to_num(self.points[robot][0])
+        drawn = []
+        for shape in self.shapes:
+            places = points[[*shape.points]]
+            path = _draw_path(places[:, :2])
+            style = f'd="{path}" style="--wide: {shape.width:.1f}px"'
+            both = "".join(
+                f'<path class="{x}" {style}/>' for x in (f"edge {shape.kind}", shape.kind)
+            )
+            drawn.append((float(places[:, 2].mean()) - shape.ahead, both))
+        drawn.sort(key=lambda x: -x[0])
+        dot = '<g class="joint" transform="translate({} {})"><circle class="missed" r="0"/></g>'
+        marks = points[: self.joints, :2].round(1).tolist() if self.misses is not None else []
+        bodies = "".join(text for _, text in drawn)
+        return Markup(f'<g class="bodies">{bodies}</g>{"".join(dot.format(*x) for x in marks)}')
 
     @property
     def range(self) -> tuple[float, float]:
@@ -218,6 +260,12 @@ class Moving:
             )
             paths.append((name, tone, "".join(f"{'ML'[not b]}{p[0]} {p[1]}" for b, p in steps)))
         return paths
+
+
+def _draw_path(places: Array) -> str:
+    """Return places (k, 2) as a path."""
+    steps = ("{} {}".format(*place) for place in places.round(1).tolist())
+    return f"M{'L'.join(steps)}"
 
 
 #: Size of the drawing of torque [px], and the colours of its lines.
@@ -353,7 +401,7 @@ def kind_of(block: object) -> str:
 
 
 Block: TypeAlias = (
-    Prose | Notes | Terms | Table | Picture | Gallery | Fold | Traces | Moving | Answers
+    "Prose | Notes | Terms | Table | Picture | Gallery | Fold | Traces | Moving | Answers | Section"
 )
 
 
@@ -484,7 +532,10 @@ def torque_traces(
 ) -> Traces:
     """Return measured torque, predicted torque and the residual (N, n) along a log, to zoom."""
     lines = {"measured": measured, "predicted": predicted, "residual": measured - predicted}
-    return traces(t, joints, units, lines, caption=sentence("analysis.traces", log=log))
+    caption = sentence("analysis.traces", log=log)
+    if np.isnan(lines["residual"]).any():
+        caption += sentence("moving", "gaps")
+    return traces(t, joints, units, lines, caption=caption)
 
 
 def count_joints(robot: Robot) -> str:

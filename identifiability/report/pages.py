@@ -124,7 +124,7 @@ def comparison_moving(result: Comparison) -> Moving | None:
     torque = result.torque
     t = torque.t
     left = torque.measured
-    lines = {"measured": left} | ({"what changed": torque.explained} if result.changes else {})
+    lines = {"residual": left} | ({"what changed": torque.explained} if result.changes else {})
     log, _ = shorten_paths((result.after[torque.log], result.before[0]))
     # Noise alone marks no joint.
     shown, how = (torque.explained, "changed") if result.changes else (None, "same")
@@ -133,8 +133,12 @@ def comparison_moving(result: Comparison) -> Moving | None:
 
 def comparison_sections(result: Comparison) -> list[Section | None]:
     """Return the sections of the page."""
-    table = result.tables()[0]
-    return [section("comparison.changes", _sessions(result), table) if table.rows else None]
+    tables = [table for table in result.tables() if table.rows]
+    course = _sessions(result)
+    return [
+        section("comparison.changes", *tables) if tables else None,
+        section("comparison.course", course) if course else None,
+    ]
 
 
 def _sessions(result: Comparison) -> Picture | None:
@@ -154,7 +158,7 @@ def _sessions(result: Comparison) -> Picture | None:
 
 def diagnosis_heading(d: Diagnosis) -> tuple[str, str]:
     """Return the kind of the page and its subject."""
-    about = f"{d.robot.path.name} · model: {', '.join(d.base)}"
+    about = f"{d.robot.path.name} · model: {', '.join(d.base).replace('_', ' ')}"
     return "Effects that the model lacks", f"{about}{' · values fixed' if d.fixed else ''}"
 
 
@@ -435,7 +439,7 @@ def inspection_moving(result: Inspection) -> Moving | None:
 
 
 def inspection_sections(result: Inspection) -> list[Section]:
-    """Return the sections of the page: first the logs, then the robot on demand."""
+    """Return the sections of the page: joints, logs over time, then the robot on demand."""
     own = _robot(result)
     if not result.records:
         return own
@@ -443,12 +447,12 @@ def inspection_sections(result: Inspection) -> list[Section]:
     names = [record.name for record in result.records[1:]]
     clock, motion = result.tables()
     return [
+        section("inspection.motion", motion),
         section(
             "inspection.traces",
             *first,
             *(Fold(f"The same of {name}", g) for name, g in zip(names, others, strict=True)),
         ),
-        section("inspection.motion", motion),
         section("inspection.clock", clock, *map(_preparation, result.records)),
         section(
             "inspection.robot",
@@ -595,8 +599,8 @@ def prediction_sections(result: TorquePrediction) -> list[Section]:
         along = (result.t[rows], result.tau[rows], result.predicted[rows])
         blocks.append(torque_traces(*along, robot.joints, robot.torque_units, name))
     return [
-        section("prediction.torque", *blocks),
         section("prediction.joints", result.tables()[0]),
+        section("prediction.torque", *blocks),
     ]
 
 
@@ -615,7 +619,7 @@ def rollout_heading(result: PositionPrediction) -> tuple[str, str]:
 
 def rollout_sections(result: PositionPrediction) -> list[Section | None]:
     """Return the sections of the page."""
-    return [_positions(result), section("rollout.joints", result.tables()[0])]
+    return [section("rollout.joints", result.tables()[0]), _positions(result)]
 
 
 def rollout_moving(result: PositionPrediction) -> Moving | None:

@@ -72,6 +72,11 @@ class Page:
     kind: str = ""
 
     @property
+    def linked(self) -> tuple[Any, ...]:
+        """The sections that the contents name: of the summary, and below it."""
+        return (*(b for b in self.summary if isinstance(b, Section)), *self.sections)
+
+    @property
     def has_detail(self) -> bool:
         """Whether something is shown only to who asks for statistics in detail."""
         parts = [*_within(self.sections)]
@@ -196,26 +201,32 @@ def build_page(result: Result) -> Page:
         robot = getattr(getattr(result, "analysis", None) or result, "robot", title)
         title = robot if isinstance(robot, str) else robot.title or robot.name
         overline, subtitle = own
-    first = answer_first(result)
+    shown = answer_first(result)
     warnings = [note("decides", text=text) for text in result.warnings]
     hints = map(hint_note, result.remarks)
     notes = (*warnings, *_of_page(result, "notes", result.cautions() or hints))
     tables = [_table_section(f"table-{k + 1}", table) for k, table in enumerate(result.tables())]
     done = [_table_section("ledger", table) for table in result.ledger()]
+    sections = [*filter(None, _of_page(result, "sections", tables)), *done]
+    # The values that a reader came for are on the first screen, before the next step.
+    values = [part for part in sections[:1] if set(map(kind_of, part.blocks)) <= {"table", "fold"}]
+    # Otherwise there is room for the next step next to the drawing.
+    apart = bool(values) and sum(not a.commands for a in shown.answers) > 2
+    first = replace(shown, answers=tuple(a for a in shown.answers if not (apart and a.commands)))
+    following = Answers(tuple(a for a in shown.answers if apart and a.commands))
     return Page(
         title=title,
         kind=result.schema,
         overline=overline,
         subtitle=subtitle,
-        statement="" if first.answers else result.statement,
+        statement="" if shown.answers else result.statement,
         summary=(
             first,
             *([Notes(notes)] if notes else []),
+            *values,
+            *([following] if following.answers else []),
         ),
-        sections=(
-            *filter(None, _of_page(result, "sections", tables)),
-            *done,
-        ),
+        sections=tuple(sections[len(values) :]),
     )
 
 
@@ -299,7 +310,7 @@ def notebook_piece(
     rest = 0 if frame is None else max(len(frame) - SHOWN, 0)
     own = [] if frame is None or frame.empty else [frame_table(frame[:SHOWN])]
     said = f"{rest} more rows: {more}" if rest and more else f"{rest} more rows" if rest else ""
-    return (
+    piece = (
         page_environment()
         .from_string(_PIECE)
         .render(
@@ -310,6 +321,8 @@ def notebook_piece(
             style=Markup(_style()),
         )
     )
+    # No script runs here, so the motion would be dead weight.
+    return re.sub(r' data-moving="[^"]*"', "", piece)
 
 
 @cache

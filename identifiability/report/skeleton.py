@@ -1,20 +1,23 @@
-"""The robot as a skeleton, joints as dots and bodies as lines between them, moving."""
+"""The robot as bodies, joints, cylinders and ground, moving along a log."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
+from scipy.spatial import ConvexHull
 
+from identifiability.foundation.linalg import TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.quoting import for_svg
 from identifiability.robot import Motion, Robot
-from identifiability.robot.kinematics import Point, shortest_turn
+from identifiability.robot.kinematics import WORLD, Joint, Point, shortest_turn
 
 from .answers.common import sentence
-from .blocks import Moving, Trace
+from .blocks import Moving, Shape, Trace
 from .figures import POINTS
 
 #: Size of the drawing and the margin around it [px].
@@ -24,39 +27,135 @@ WIDTH, HEIGHT, MARGIN = 400, 280, 30
 TURN, LIFT = -0.95, 0.42
 
 
-def _trace(
-    robot: Robot, poses: Array, load: Point | None = None
-) -> tuple[Array, list[tuple[int, int]]]:
-    """Return points (F, P, 3) [m], joints first, and the pairs of points that bodies connect.
+class _Parts:
+    """Points of a robot at F poses, joints first, and the shapes between them."""
 
-    Where a body carries a load, its centre comes after the joints.
+    def __init__(self, robot: Robot, poses: Array) -> None:
+        self.robot = robot
+        self.tree = robot.tree
+        self.poses = poses
+        self.frames = self.tree.frames(poses, range(len(self.tree.joints)))
+        self.points: list[Array] = []
+        self.shapes: list[Shape] = []
+        self.tips: list[int] = []
+        for k in range(len(self.tree.joints)):
+            self.add(self.frames.origin[k])
 
-    Of F poses (F, nq). A body goes from its joint to the joints that it carries, and to the points
-    at which loops close. A body without any of these goes to its centre of mass, and as far again.
+    def add(self, place: Array) -> int:
+        """Add a point (3, F), or (3, 1) if it is fixed, and return its index."""
+        self.points.append(np.broadcast_to(place.T, (len(self.poses), 3)))
+        return len(self.points) - 1
+
+    def add_point(self, joint: int, position: Array) -> int:
+        """Add a point of the body behind a joint, given in the frame of the joint [m]."""
+        return self.add(self.tree.world_point(self.frames, Point(joint, position)))
+
+    def connect(self, points: Sequence[int], kind: str, width: float) -> None:
+        """Add a stroke between two points [m], or a plate between more."""
+        if len(points) > 1:
+            places = np.array([self.points[k][0] for k in points])
+            ordered = [points[k] for k in _outline(places)]
+            self.shapes.append(Shape(tuple(ordered), kind, width))
+
+    @cached_property
+    def width(self) -> float:
+        """Width of a body [m]."""
+        tree = self.tree
+        arms = [np.linalg.norm(j.translation) for j in tree.joints if j.parent != WORLD]
+        size = float(np.ptp([x[0] for x in self.points], axis=0).max())
+        lengths = [x for x in arms if x > 0.05 * size]
+        usual = float(np.median(lengths)) if lengths else size
+        # In proportion to the distances between joints, and to the whole robot.
+        return min(max(0.3 * usual, 0.02 * size), 0.07 * size)
+
+    def place_of(self, joint: Joint, along: float = 0.0) -> int:
+        """Add the place of a sliding joint on its parent, or a point along its axis [m]."""
+        return self.add_point(joint.parent, joint.translation + joint.rotation @ joint.axis * along)
+
+
+def _outline(places: Array) -> list[int]:
+    """Return the order of points (k, 3) along a line, or around the plate between them.
+
+    The first point of a plate comes again at its end.
     """
-    tree = robot.tree
-    known = robot.nominal
-    count = len(tree.joints)
-    frames = tree.frames(poses, range(count))
-    points = [frames.origin[k] for k in range(count)]
-    lines: list[tuple[int, int]] = []
+    centred = places - places.mean(0)
+    _, size, axes = np.linalg.svd(centred, full_matrices=False)
+    flat = centred @ axes[:2].T
+    if len(places) < 3 or size[1] <= 0.1 * size[0]:
+        return [int(k) for k in np.argsort(flat[:, 0], kind="stable")]
+    around = ConvexHull(flat).vertices.tolist()
+    return [*around, around[0]]
+
+
+def _trace(robot: Robot, poses: Array, load: Point | None = None) -> _Parts:
+    """Return the points and shapes of a robot at F poses (F, nq).
+
+    Where a body carries a load, its centre comes after the joints. A body goes from its joint to
+    the joints that it carries, and to the points at which loops close. A body without any of these
+    goes to its centre of mass, and as far again.
+    """
+    parts = _Parts(robot, poses)
+    joints = robot.tree.joints
     if load is not None:
-        lines.append((load.joint, len(points)))
-        points.append(tree.world_point(frames, load))
+        parts.add_point(load.joint, load.position)
+    width = parts.width
+    mounted = [_mount(parts, k, width) for k in range(len(joints))]
     closing = [p for loop in robot.loops for p in (loop.first, loop.second)]
     for body, link in zip(robot.bodies, robot.links, strict=True):
         k = link.last
-        hanging = [c for c, j in enumerate(tree.joints) if j.parent == k]
-        ends = [tree.world_point(frames, p) for p in closing if p.joint == k]
-        mass = known.get(f"{body}.m", 0.0)
-        if not (hanging or ends) and mass > 0:
-            first = np.array([known.get(f"{body}.{x}", 0.0) for x in ("mx", "my", "mz")])
-            ends = [tree.world_point(frames, Point(k, 1.6 * first / mass))]
-        lines += [(k, joint) for joint in hanging]
-        lines += [(k, len(points) + at) for at in range(len(ends))]
-        points += ends
-    # Coordinates of fixed points are (3, 1).
-    return np.stack([np.broadcast_to(x.T, (len(poses), 3)) for x in points], 1), lines
+        ends = [at for at, joint in zip(mounted, joints, strict=True) if joint.parent == k]
+        ends += [parts.add_point(k, p.position) for p in closing if p.joint == k]
+        if not ends:
+            ends = _tip(parts, body, k)
+        # Bodies become thinner along the chain.
+        taper = 0.92 ** len(robot.tree.chain(k))
+        parts.connect([k, *ends], "body", width * taper)
+    if robot.base is None:
+        roots = [at for at, joint in zip(mounted, joints, strict=True) if joint.parent == WORLD]
+        roots += [parts.add_point(WORLD, p.position) for p in closing if p.joint == WORLD]
+        parts.connect(roots, "base", 1.2 * width)
+        middle = np.mean([parts.points[k][0] for k in roots], axis=0)
+        up = _directions(robot)[2]
+        stand = [parts.add(x[:, None]) for x in (middle, middle - up * (middle @ up))]
+        parts.connect(stand, "base", 1.6 * width)
+    return parts
+
+
+def _tip(parts: _Parts, body: str, joint: int) -> list[int]:
+    """Return the end of a body that carries nothing: beyond its centre of mass, if it has one."""
+    known = parts.robot.nominal
+    mass = known.get(f"{body}.m", 0.0)
+    if mass <= 0:
+        return []
+    first = np.array([known.get(f"{body}.{x}", 0.0) for x in ("mx", "my", "mz")])
+    parts.tips.append(parts.add_point(joint, 1.6 * first / mass))
+    return [parts.tips[-1]]
+
+
+def _mount(parts: _Parts, k: int, width: float) -> int:
+    """Add the shape of a joint, and return the point at which its parent carries it."""
+    joint = parts.tree.joints[k]
+    base = parts.robot.base
+    links = dict(zip(parts.robot.bodies, parts.robot.links, strict=True))
+    if base is not None and k in parts.tree.chain(links[base.body].last):
+        return k  # no mechanism moves a floating base
+    if joint.kind != "prismatic":
+        # The frame's third axis is that of the joint; a ball looks the same from all sides.
+        axis = parts.frames.axes[k][2] * (0.7 * width if joint.kind == "revolute" else TINY)
+        ends = [parts.add(parts.frames.origin[k] + sign * axis) for sign in (1.0, -1.0)]
+        parts.shapes.append(Shape(tuple(ends), "joint", 0.9 * width))
+        return k
+    along = parts.poses[:, joint.iq]
+    low, high = float(along.min()), float(along.max())
+    start = parts.place_of(joint)
+    if low > 0.0:  # a cylinder, and its rod
+        parts.connect([start, parts.place_of(joint, low)], "cylinder", 1.1 * width)
+        parts.connect([start, k], "rod", 0.45 * width)
+    else:  # a carriage on its rail
+        rail = [parts.place_of(joint, low - width), parts.place_of(joint, high + width)]
+        parts.connect(rail, "rod", 0.45 * width)
+        parts.connect([start, k], "rod", 0.45 * width)
+    return start
 
 
 #: Poses that are drawn of a motion, at most, and how many a second.
@@ -90,24 +189,21 @@ def move_skeletons(
     """
     rows = _frames(t)
     traced = []
-    lines: list[tuple[int, int]] = []
     for _, poses in motions.values():
-        points, lines = _trace(robot, np.nan_to_num(poses[rows]), load)
-        traced.append(
-            np.where(
-                np.isnan(poses[rows]).any(1)[:, None, None],
-                np.nan,
-                points,
-            )
-        )
-    if not np.ptp(traced[0].reshape(-1, 3), axis=0).max() > 0:
+        parts = _trace(robot, np.nan_to_num(poses[rows]), load)
+        lost = np.isnan(poses[rows]).any(1)[:, None, None]
+        traced.append(np.where(lost, np.nan, np.stack(parts.points, 1)))
+    seen = traced[0].reshape(-1, 3)
+    if not np.nanmax(np.ptp(seen, axis=0)) > 0:
         return None
-    place = _look(traced[0].reshape(-1, 3), robot)
+    place, scale = _look(seen, robot)
     return Moving(
         names=tuple((name, tone) for name, (tone, _) in motions.items()),
         t=t[rows] - t[0],
-        points=tuple(place(x.reshape(-1, 3)).reshape(*x.shape[:2], 2) for x in traced),
-        lines=tuple(lines),
+        points=tuple(place(x.reshape(-1, 3)).reshape(x.shape) for x in traced),
+        shapes=tuple(replace(shape, width=scale * shape.width) for shape in parts.shapes),
+        tips=tuple(parts.tips),
+        ground=_ground(seen, robot, place),
         joints=len(robot.tree.joints) + (load is not None),
         told=tuple(map(tuple, told(rows))),
         size=(WIDTH, HEIGHT),
@@ -183,22 +279,20 @@ def move_with_torque(
     how = how or ("loaded" if residual is None else "missed")
     word = "misses" if how == "missed" else "differs by"
     missed = [f"{name} {word} {100 * x:.0f} %" for x in share[:, joint]]
+    own = {what: y[:end, joint] for what, y in lines.items()}
+    caption = sentence("moving", how, log=log, joint=name)
+    if any(np.isnan(y).any() for y in own.values()):
+        caption += sentence("moving", "gaps")
     moving = move_skeletons(
         robot,
         t[:end],
         {"measured": ("grey", motion.q[rows])},
         lambda at: [] if residual is None else [[missed[k] for k in at]],
-        sentence(
-            "moving",
-            how,
-            log=log,
-            joint=name,
-        ),
+        caption,
         load,
     )
     if moving is None:
         return None
-    own = {what: y[:end, joint] for what, y in lines.items()}
     moving = replace(
         moving,
         torque=Trace.of(
@@ -220,23 +314,64 @@ def move_with_torque(
     return replace(moving, misses=misses)
 
 
-def _look(points: Array, robot: Robot) -> Callable[[Array], Array]:
-    """Return the projection of points (N, 3) to the paper, (N, 2) [px], scaled to `points`."""
+def _directions(robot: Robot) -> Array:
+    """Return the directions east, north and up, against gravity, as rows (3, 3)."""
     up = np.array([0.0, 0.0, 1.0])
     gravity = robot.gravity
     vertical = -gravity / np.linalg.norm(gravity) if gravity.any() else up
-    east, north, _ = pin.exp3(shortest_turn(up, vertical)).T
+    rows: Array = pin.exp3(shortest_turn(up, vertical)).T
+    return rows
+
+
+def _ground(points: Array, robot: Robot, place: Callable[[Array], Array]) -> tuple[Array, ...]:
+    """Return the lines of a grid below the robot, each (2, 2) [px].
+
+    A fixed robot stands at the height of its base. A floating robot stands on its lowest point.
+    """
+    east, north, up = _directions(robot)
+    level = points @ np.stack([east, north], 1)
+    low, high = np.nanmin(level, axis=0), np.nanmax(level, axis=0)
+    middle = (low + high) / 2 if robot.base is not None else np.zeros(2)
+    height = float(np.nanmin(points @ up)) if robot.base is not None else 0.0
+    size = max(float(np.nanmax(np.ptp(points, axis=0))), TINY)
+    steps = np.linspace(-size, size, 13)
+    edge = np.full_like(steps, size)
+    starts = np.concatenate([np.stack([steps, -edge], 1), np.stack([-edge, steps], 1)]) + middle
+    ends = np.concatenate([np.stack([steps, edge], 1), np.stack([edge, steps], 1)]) + middle
+    plane = np.stack([east, north])
+    first, last = (place(x @ plane + height * up)[:, :2] for x in (starts, ends))
+    return tuple(filter(len, map(_clip, first, last)))
+
+
+def _clip(first: Array, last: Array) -> Array:
+    """Return the part of a line from one place (2,) to another in the drawing, (2, 2) or (0, 2)."""
+    along = last - first
+    box = np.array([[0.0, 0.0], [WIDTH, HEIGHT]])
+    shares = (box - first) / np.where(along == 0, TINY, along)
+    enters = max(0.0, float(shares.min(0).max()))
+    leaves = min(1.0, float(shares.max(0).min()))
+    inside = [enters, leaves] if enters < leaves else []
+    part: Array = first + np.outer(inside, along)
+    return part
+
+
+def _look(points: Array, robot: Robot) -> tuple[Callable[[Array], Array], float]:
+    """Return the projection of points (N, 3), scaled to `points`, and its scale [px/m].
+
+    The projection returns places on the paper and the depth behind it, (N, 3) [px].
+    """
+    east, north, vertical = _directions(robot)
     ahead = np.cos(TURN)
     aside = np.sin(TURN)
     right = ahead * east + aside * north
     level = ahead * north - aside * east
     away = np.cos(LIFT) * level - np.sin(LIFT) * vertical
-    paper = np.stack([right, -np.cross(right, away)], 1)
-    shown = points @ paper
-    low = shown.min(0)
-    high = shown.max(0)
+    paper = np.stack([right, -np.cross(right, away), away], 1)
+    shown = (points @ paper)[:, :2]
+    low = np.nanmin(shown, axis=0)
+    high = np.nanmax(shown, axis=0)
     least = 1e-9 + 0.02 * float(np.max(high - low))
     size = np.array([WIDTH, HEIGHT], float)
-    scale = np.min((size - 2 * MARGIN) / np.maximum(high - low, least))
-    shift = size / 2 - scale * (low + high) / 2
-    return lambda x: scale * (x @ paper) + shift
+    scale = float(np.min((size - 2 * MARGIN) / np.maximum(high - low, least)))
+    shift = np.append(size / 2 - scale * (low + high) / 2, 0.0)
+    return (lambda x: scale * (x @ paper) + shift), scale

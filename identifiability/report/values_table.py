@@ -1,8 +1,9 @@
-"""The values that users come for: friction and rotor of each joint, and masses, with verdicts."""
+"""The values that users come for: mass, friction and rotor of each joint, with verdicts."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -10,8 +11,7 @@ from identifiability.estimation.verdict import Verdict
 from identifiability.foundation.answers import Cell, Column, Table
 from identifiability.foundation.rounding import measured, stated_text
 from identifiability.physical.cad_prior import mass_rows
-from identifiability.workflows.analyze import Analysis
-from identifiability.workflows.analyze.result import stated_values
+from identifiability.workflows.analyze.result import Laddered, stated_values
 
 from .answers.common import sentence
 
@@ -22,56 +22,41 @@ JOINT_KINDS = ("Fc", "Fv", "Ia")
 PART = 1e-9
 
 
-def joint_values(analysis: Analysis) -> Table | None:
-    """Return a row for each joint: its frictions and its rotor, with verdicts.
+def joint_values(result: Laddered[Any]) -> Table | None:
+    """Return a row for each joint: mass of its body, frictions and rotor, with verdicts.
 
-    None if the model has no such parameter.
+    None if the model has none of these parameters.
     """
-    parameters = {p.name for p in analysis.structure.parameters}
-    joints = analysis.robot.joints
-    kinds = [k for k in JOINT_KINDS if any(f"{joint}.{k}" in parameters for joint in joints)]
+    robot = result.robot
+    parameters = {p.name for p in result.structure.parameters}
+    kinds = [k for k in JOINT_KINDS if any(f"{joint}.{k}" in parameters for joint in robot.joints)]
+    known = {} if result.nothing else result.real_robot["parameters"]
+    masses = {row["body"]: row for row in mass_rows(robot, known)}
     if not kinds:
         return None
-    chosen = analysis.chosen
-    file = dict(zip(chosen.submodel.columns, stated_values(analysis, chosen), strict=True))
-    verdicts = {v.name: v for v in analysis.chosen.verdicts}
-    titles = [sentence("values", kind) for kind in kinds]
+    chosen = result.chosen
+    file = dict(zip(chosen.submodel.columns, stated_values(result, chosen), strict=True))
+    verdicts = {v.name: v for v in chosen.verdicts}
+    titles = [sentence("values", kind) for kind in (*(["m"] if masses else []), *kinds)]
     columns = [Column(sentence("values", "joint")), *(Column(t, "badge") for t in titles)]
-    rows = [
-        (Cell(joint), *(_value_cell(analysis, f"{joint}.{kind}", verdicts, file) for kind in kinds))
-        for joint in joints
-    ]
+    moved = zip(robot.bodies, robot.links, strict=True)
+    bodies = {dof: body for body, link in moved for dof in robot.tree.joints[link.last].dofs}
+    rows = []
+    for joint in robot.joints:
+        cells = [_value_cell(result, f"{joint}.{kind}", verdicts, file) for kind in kinds]
+        if masses:
+            cells = [_mass_cell(masses.get(bodies.get(joint, "")), verdicts), *cells]
+        rows.append((Cell(joint), *cells))
     return Table.of(sentence("values", "caption"), columns, rows)
 
 
-def body_masses(analysis: Analysis) -> Table | None:
-    """Return a row for each body: its mass in use, whether it is determined, and the file's mass.
-
-    None if no physically consistent values were found.
-    """
-    verdicts = {v.name: v for v in analysis.chosen.verdicts}
-    rows = mass_rows(analysis.robot, analysis.real_robot["parameters"])
-    if not rows or analysis.nothing:
-        return None
-    columns = [
-        Column(sentence("values", "body")),
-        Column(sentence("values", "mass"), "badge"),
-        Column(sentence("values", "file_mass"), stated_text),
-    ]
-    cells = []
-    for row in rows:
-        judged = verdicts.get(f"{row['body']}.m")
-        cells.append((Cell(row["body"]), _mass_cell(row["mass"], judged), row["mass_file"]))
-    return Table.of(sentence("values", "masses"), columns, cells)
-
-
 def _value_cell(
-    analysis: Analysis, name: str, verdicts: dict[str, Verdict], file: dict[str, float | None]
+    result: Laddered[Any], name: str, verdicts: dict[str, Verdict], file: dict[str, float | None]
 ) -> Cell:
     """Return the value of a parameter with its error, its verdict, and the file's value."""
     verdict = verdicts.get(name)
     if verdict is None:
-        others = ", ".join(_combinations(analysis, name))
+        others = ", ".join(_combinations(result, name))
         part = "combined" if others else "absent"
         return Cell("–", np.nan, sentence("values", part, names=others))
     value = measured(verdict.value, verdict.sigma_label, verdict.unit)
@@ -82,21 +67,26 @@ def _value_cell(
     return Cell(value, verdict.value, note, verdict.look)
 
 
-def _combinations(analysis: Analysis, name: str) -> Iterator[str]:
+def _combinations(result: Laddered[Any], name: str) -> Iterator[str]:
     """Yield the base parameters of the model in which a parameter is contained."""
-    structure = analysis.structure
+    structure = result.structure
     known = [p.name for p in structure.parameters]
     if name not in known:
         return
     column = np.abs(structure.G[:, known.index(name)])
     for base, coefficient in zip(structure.base.names, column, strict=True):
-        if coefficient > PART and base in analysis.chosen.submodel.columns:
+        if coefficient > PART and base in result.chosen.submodel.columns:
             yield base
 
 
-def _mass_cell(mass: float, verdict: Verdict | None) -> Cell:
-    """Return the mass of a body, and whether it is determined by itself."""
+def _mass_cell(row: dict[str, Any] | None, verdicts: dict[str, Verdict]) -> Cell:
+    """Return the mass of a body, whether it is determined by itself, and the file's mass."""
+    if row is None:
+        return Cell("–", np.nan)
+    verdict = verdicts.get(f"{row['body']}.m")
+    said = sentence("values", "file", value=stated_text(row["mass_file"]))
     if verdict is None:
-        return Cell(stated_text(mass), mass, sentence("values", "alone"), "partly")
+        text = f"{stated_text(row['mass'])} kg"
+        return Cell(text, row["mass"], f"{sentence('values', 'alone')}; {said}", "partly")
     value = measured(verdict.value, verdict.sigma_label, verdict.unit)
-    return Cell(value, verdict.value, verdict.word, verdict.look)
+    return Cell(value, verdict.value, f"{verdict.word}; {said}", verdict.look)

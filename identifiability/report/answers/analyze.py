@@ -139,10 +139,11 @@ class LadderedPresenter(PredictingPresenter):
         contradicted = state_contradicted(result.base, result.full.submodel, *known)
         return (*super().warnings(), *contradicted)
 
-    def errors(self) -> tuple[float, Array]:
+    def errors(self) -> tuple[float, Array, Array]:
         """Return the errors of the values to use on unseen motion."""
         result = self.result
-        return result.chosen.error_ra_validation, result.held_out.joint_error()[:, 0]
+        each = result.held_out.by_joint()
+        return result.chosen.error_ra_validation, each["error"], each["rms"]
 
     def statement(self) -> str:
         """Return the answers in plain words, with warnings and remarks."""
@@ -233,13 +234,11 @@ class AnalysisPresenter(LadderedPresenter):
         size = sentence(about, "size", parameters=len(base.parameters), rank=base.rank)
         if result.nothing:
             return answer(about, "nothing", size)
-        title, count = model_title(chosen), len(chosen.submodel)
-        label = title if title == chosen.name else f"model {title}"
         part = "unjudged" if chosen.unjudged else "found"
         tone = "blue" if chosen.feasible else "amber"
-        text = f"{size} {state_physics(result)}"
-        found = found_cell(chosen).text
-        return answer(about, part, text, tone, found=found, title=title, label=label, count=count)
+        use, count = sentence(about, "use", name=chosen.name), len(chosen.submodel)
+        text = f"{use} {size} {state_physics(result)}"
+        return answer(about, part, text, tone, found=found_cell(chosen).text, count=count)
 
     def tables(self) -> tuple[Table, ...]:
         """Return the models, the errors by joint and by log, the parameters of the model to use."""

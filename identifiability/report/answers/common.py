@@ -20,7 +20,7 @@ from identifiability.foundation.answers import Answer, Note
 from identifiability.foundation.findings import Finding, Level, fill
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.presenter import Presenter
-from identifiability.foundation.rounding import error_text, stated_text
+from identifiability.foundation.rounding import error_text, format_number, stated_text
 from identifiability.foundation.rules import Tolerance
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import BaseParameters
@@ -143,7 +143,7 @@ class AnsweringPresenter(Presenter, ABC):
         return source_name(self.result.robot)
 
     def answers(self) -> tuple[Answer, ...]:
-        """Return the answers, none of them green above a warning, and what to do next."""
+        """Return the answers, none of them green above a worse one, and what to do next."""
         commands = tuple(self.commands())
         following = answer("next", "one" if len(commands) == 1 else "some")
         return (*reserve(self.asked(), self.result.warnings), replace(following, commands=commands))
@@ -153,25 +153,29 @@ class PredictingPresenter(AnsweringPresenter):
     """Presenter of a result whose model predicts torque."""
 
     @abstractmethod
-    def errors(self) -> tuple[float, Array]:
-        """Return ε_RA of all joints together on unseen motion, and of each joint, (n,)."""
+    def errors(self) -> tuple[float, Array, Array]:
+        """Return the errors on unseen motion: ε_RA of all joints, of each, and its rms, (n,)."""
 
     def warnings(self) -> tuple[str, ...]:
         """Return the findings on the logs, and on one joint that errs far more than others."""
-        error, each = self.errors()
+        error, each, _ = self.errors()
         return (*super().warnings(), *state_uneven(error, self.result.robot.joints, each))
 
     def answer_error(self, more: str, **known: Any) -> Answer:
         """Return the error of the predictions; arguments as of `answer_quality`."""
-        result, (error, each) = self.result, self.errors()
-        joints, warnings = result.robot.joints, result.warnings
-        return answer_quality(error, joints, each, more, warnings=warnings, **known)
+        result, (error, each, sizes) = self.result, self.errors()
+        robot = result.robot
+        pairs = zip(sizes.tolist(), robot.torque_units, strict=True)
+        rms = [f"{format_number(size, 2)} {unit}" for size, unit in pairs]
+        known["warnings"] = result.warnings
+        return answer_quality(error, robot.joints, each, rms, more, **known)
 
 
 def answer_quality(
     error: float,
     joints: Sequence[str],
     each: Array,
+    rms: Sequence[str],
     more: str,
     question: str = "",
     raw: float = math.nan,
@@ -186,6 +190,8 @@ def answer_quality(
     joints : sequence of str
     each : (n,)
         The same of each joint over its own scale; nan where its torque was not measured.
+    rms : sequence of str
+        The root mean square of each joint's error with its unit.
     more : str
         What it was measured on.
     question : str
@@ -198,21 +204,23 @@ def answer_quality(
     if not np.isfinite(error):
         return answer("quality", "none", question=question)
     errors, headline = state_errors(error, raw), grade_of(error)
+    joint, worst = worst_joint(joints, each)
+    uneven = bool(joint) and errs_unevenly(error, worst)
+    at_worst = {"joint": joint, "worst": worst, "rms": rms[[*joints].index(joint)] if joint else ""}
+    if joint and not uneven:
+        errors += sentence("quality", "worst", **at_worst)
     grade = worse_of(headline, "fair") if warnings else headline
     short = sentence("decision.grades", grade, errors=errors)
     if grade != headline:
         short = sentence("decision.lowered", "warned", word=word_of(grade), errors=errors)
-    joint, worst = worst_joint(joints, each)
-    at_worst = {"joint": joint, "worst": worst}
-    said = [sentence("quality", "worst", **at_worst)] if joint else []
-    if joint and errs_unevenly(error, worst):
-        grade, said = worse_of(grade, grade_of(worst), worse_of(headline, "good")), []
+    if uneven:
+        grade = worse_of(grade, grade_of(worst), worse_of(headline, "good"))
         word = word_of(grade)
         short = sentence("decision.lowered", "joint", errors=errors, word=word, **at_worst)
     tone = TONES[grade]
     if tone == "green" and grade != headline:
         tone = "amber"
-    text = " ".join([sentence("decision.uses", grade), *said, more]).rstrip()
+    text = f"{sentence('decision.uses', grade)} {more}".rstrip()
     return Answer(question or sentence("quality", "question"), short, text, tone)
 
 
@@ -305,8 +313,8 @@ def answer_trust(
 
 
 def reserve(answers: Sequence[Answer], warnings: Sequence[str]) -> tuple[Answer, ...]:
-    """Return answers with all green ones lowered if there is a warning."""
-    if not warnings:
+    """Return answers with all green ones lowered if there is a warning, or a worse answer."""
+    if not warnings and not {a.tone for a in answers} & {"amber", "vermilion"}:
         return tuple(answers)
     return tuple(replace(a, tone="amber") if a.tone == "green" else a for a in answers)
 

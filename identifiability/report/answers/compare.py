@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from identifiability.foundation.answers import Answer, Cell, Table, frame_table
+from identifiability.foundation.answers import Answer, Cell, Column, Table, frame_table
 from identifiability.foundation.errors import listing
 from identifiability.foundation.names import shorten_paths
 from identifiability.foundation.presenter import Presenter
@@ -43,7 +43,9 @@ class ComparisonPresenter(AnsweringPresenter):
         changes = self.result.changes
         if not changes:
             return sentence("comparison.how", "nothing")
-        text = listing([change.called for change in changes], between="; ")
+        text = listing(
+            [f"{change.called}{_state_evidence(change)}" for change in changes], between="; "
+        )
         return f"{text[0].upper()}{text[1:]}."
 
     def asked(self) -> tuple[Answer, ...]:
@@ -51,12 +53,12 @@ class ComparisonPresenter(AnsweringPresenter):
         result = self.result
         every, k = shorten_paths((*result.before, *result.after)), len(result.before)
         question = sentence("comparison.how", "question", before=every[:k], after=every[k:])
-        changed = Answer(question, result.answer, tone="vermilion" if result.changes else "green")
+        tone = "vermilion" if result.changes else "green"
+        changed = Answer(question, result.answer, _state_limits(result), tone)
         why = " ".join(sentence("comparison.how", name) for name in ("logs", "odds"))
         trust = answer("comparison.trust", "logs", why, "amber")
         cause = _answer_cause(result)
-        limits = (_answer_limits(result),) if result.unchanged else ()
-        return changed, *cause, *limits, trust
+        return changed, *cause, trust
 
     def commands(self) -> list[Command]:
         """Return lines for the terminal, the most useful first."""
@@ -79,15 +81,17 @@ class ComparisonPresenter(AnsweringPresenter):
         return [command("fit_now", f"{fit} --report report.html")]
 
     def tables(self) -> tuple[Table, ...]:
-        """Return one row for each load, friction, offset and gain, what changed first."""
+        """Return a row for each change, then for each joint or body what would have been seen."""
         changed = [_change_row(part) for c in self.result.changes for part in c.parts or (c,)]
-        unchanged = [_unchanged_row(number) for number in self.result.unchanged]
-        table = make_table("comparison", [*changed, *unchanged])
+        limits = _limit_table(self.result.unchanged)
+        if not changed:
+            return (limits,)
+        table = make_table("comparison", changed)
         filled = [any(row[k].text for row in table.rows) for k in range(len(table.columns))]
         shown = [k for k, is_filled in enumerate(filled) if is_filled]
         columns = tuple(table.columns[k] for k in shown)
         rows = tuple(tuple(row[k] for k in shown) for row in table.rows)
-        return (replace(table, columns=columns, rows=rows),)
+        return replace(table, columns=columns, rows=rows), limits
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a number: its change with interval, or the least that would be seen."""
@@ -230,7 +234,7 @@ def _title(change: Change | Unchanged) -> str:
 
 
 def _change_row(change: Change) -> tuple[object, ...]:
-    """Return the row of a change: place, quantity, size, torque, limit, odds, logs, rivals."""
+    """Return the row of a change: place, quantity, size, torque, probability, logs, rivals."""
     size, sd = change.relative
     by = signed(100 * size, 100 * REACH * sd, "%")
     if change.kind == "load":
@@ -240,42 +244,54 @@ def _change_row(change: Change) -> tuple[object, ...]:
     if felt.joint != change.place:
         torque = f"{torque} at {felt.joint}"
     rivals = "; ".join(state_alternatives(change))
-    return change.place, _title(change), by, torque, "", change.odds, change.when, rivals
+    probability = state_probability(change.odds).removeprefix("probability ")
+    return change.place, _title(change), by, torque, probability, change.when, rivals
 
 
-def _unchanged_row(number: Unchanged) -> tuple[object, ...]:
-    """Return the row of a number that did not change."""
-    limit = sentence("comparison.seen", "never")
-    if np.isfinite(number.least):
-        torque = f"{format_number(number.felt.rms, 2)} {number.felt.unit}"
-        limit = f"{_least(number)} ({torque})"
-    return number.place, _title(number), "no change", "", limit, Cell(""), "", ""
+def _limit_table(unchanged: Sequence[Unchanged]) -> Table:
+    """Return a row for each joint or body that did not change: the least change of each kind."""
+    titles = dict.fromkeys(map(_title, unchanged))
+    places = dict.fromkeys(number.place for number in unchanged)
+    limits = {(x.place, _title(x)): Cell(_least(x), x.relative) for x in unchanged}
+    rows = [
+        (place, *(limits.get((place, title), Cell("")) for title in titles)) for place in places
+    ]
+    return make_table("comparison_limits", rows, more=[Column(title) for title in titles])
 
 
 def _least(number: Unchanged) -> str:
-    """Return the least change that would be seen, of a load in kg, else in %."""
+    """Return the least change that would be seen, of a load in kg, else in % and as torque."""
+    if not np.isfinite(number.least):
+        return sentence("comparison.seen", "never")
     if number.kind == "load":
         return f"{format_number(number.least, 2)} kg"
-    return f"{format_number(100 * number.relative, 2)} %"
+    torque = f"{format_number(number.felt.rms, 2)} {number.felt.unit}"
+    return f"{format_number(100 * number.relative, 2)} % ({torque})"
 
 
-def _answer_limits(result: Comparison) -> Answer:
-    """Return from which size on each kind of change would be seen."""
+def _state_evidence(change: Change) -> str:
+    """Return the torque of a change at the joint that feels it most, and its probability."""
+    felt = change.felt
+    if not np.isfinite(felt.rms):
+        return ""
+    torque = measured(abs(felt.rms), REACH * felt.sd, felt.unit)
+    holes = {"torque": torque, "joint": felt.joint, "probability": state_probability(change.odds)}
+    return sentence("comparison.seen", "evidence", **holes)
+
+
+def _state_limits(result: Comparison) -> str:
+    """Return from which size on each kind of change would be seen; nothing without such kinds."""
     numbers = [x for x in result.unchanged if np.isfinite(x.least)]
-    titles = dict.fromkeys(_title(x) for x in numbers)
-    least, ranges = [], []
-    for title in titles:
+    ranges = []
+    for title in dict.fromkeys(map(_title, numbers)):
         some = sorted((x for x in numbers if _title(x) == title), key=lambda x: x.relative)
         first, last = some[0], some[-1]
-        least.append(sentence("comparison.seen", "from", what=title, least=_least(first)))
         holes = {"what": title, "place": first.place, "least": _least(first)}
         holes |= {"other": last.place, "most": _least(last)}
         ranges.append(sentence("comparison.seen", "range" if len(some) > 1 else "one", **holes))
-    short = listing(least) or sentence("comparison.seen", "never")
-    why = sentence("comparison.seen", "text", limits=listing(ranges, between="; "))
-    return answer(
-        "comparison.seen", "limits", why, "green", limits=f"{short[0].upper()}{short[1:]}"
-    )
+    if ranges:
+        return sentence("comparison.seen", "text", limits=listing(ranges, between="; "))
+    return sentence("comparison.seen", "none") if result.unchanged else ""
 
 
 def _answer_cause(result: Comparison) -> tuple[Answer, ...]:

@@ -66,10 +66,10 @@ class DiagnosisPresenter(PredictingPresenter):
         bending = result.bending
         return answers if bending is None else (*answers, _answer_bending(bending))
 
-    def errors(self) -> tuple[float, Array]:
+    def errors(self) -> tuple[float, Array, Array]:
         """Return the errors of the model with the named effects on unseen motion."""
-        result = self.result
-        return result.held_after, result.error_frame()["after"].to_numpy()
+        error, rms = self.result.error_frame()[["after", "rms_after"]].to_numpy().T
+        return self.result.held_after, error, rms
 
     def commands(self) -> list[Command]:
         """Return lines for the terminal, the most useful first."""

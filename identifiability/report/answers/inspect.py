@@ -65,6 +65,8 @@ class InspectionPresenter(AnsweringPresenter):
             return (joint_table(result),)
         frame = result.to_frame()
         motion = make_table("commanded" if "kp" in frame else "recorded", frame.itertuples())
+        if len(result.records) == 1:
+            motion = motion.without("log")
         return make_table("clock", map(_clock_row, result.records)), motion
 
     def to_frame(self) -> pd.DataFrame:
@@ -98,8 +100,17 @@ def _answer_content(result: Inspection) -> Answer:
     rates = dict.fromkeys(format_number(x, 3) for x in (clocks.rate.min(), clocks.rate.max()))
     cut = clocks.cutoff.dropna().min()
     text = "" if np.isnan(cut) else sentence(about, "cutoff", cutoff=cut)
+    joints: Any = pd.concat([r.joints for r in result.records], ignore_index=True)
+    if joints.room.notna().any():
+        least = joints.loc[joints.room.idxmin()]
+        text += sentence(about, "least", joint=least.joint, room=least.room)
+    torque = joints[["torque_low", "torque_high"]].abs().max(axis=1)
+    if torque.notna().any():
+        most = joints.loc[torque.idxmax()]
+        named = {"joint": most.joint, "unit": most.torque_unit}
+        text += sentence(about, "torque", torque=torque.max(), **named)
     holes: dict[str, Any] = {"samples": samples, "rates": " … ".join(rates)}
-    return answer(about, "motion", text, seconds=seconds, **holes)
+    return answer(about, "motion", text.rstrip(), seconds=seconds, **holes)
 
 
 def _answer_columns(result: Inspection) -> Answer:

@@ -38,10 +38,10 @@ class TorquePredictionPresenter(PredictingPresenter):
         error = self.answer_error(more, raw=result.error_ra_raw)
         return _answer_what(result), error, _answer_intervals(result)
 
-    def errors(self) -> tuple[float, Array]:
+    def errors(self) -> tuple[float, Array, Array]:
         """Return the errors along the logs that have torque."""
-        result = self.result
-        return result.error_ra, result.error_frame()["error"].to_numpy(float)
+        error, rms = self.result.error_frame()[["error", "rms"]].to_numpy(float).T
+        return self.result.error_ra, error, rms
 
     def commands(self) -> list[Command]:
         """Return lines for the terminal, the most useful first."""

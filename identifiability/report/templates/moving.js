@@ -5,27 +5,27 @@ function drawMoving(figure) {
   const buttons = [...figure.querySelectorAll("[data-robot]")], said = figure.querySelector("output");
   const robots = [...figure.querySelectorAll(".robots > g")];
   let started = null;
-  const outline = (p) => data.lines.map(([a, b]) =>
-    `M${p[2 * a]} ${p[2 * a + 1]}L${p[2 * b]} ${p[2 * b + 1]}`).join("");
-  // Where the first robot was along the motion, faint behind it: a still says how it moved.
-  const trail = () => {
-    const known = data.robots[0].filter(Boolean), every = Math.max(1, Math.round(known.length / 9));
-    const path = document.createElementNS("http://www.w3.org/2000/svg", "path");
-    path.setAttribute("class", "trail");
-    path.setAttribute("d", known.filter((p, k) => k % every === 0).map(outline).join(""));
-    figure.querySelector(".robots").prepend(path);
-  };
+  const place = (p, k) => `${p[3 * k]} ${p[3 * k + 1]}`;
+  // Bodies, the far ones first, so that near ones hide them.
+  const solid = (p) => data.shapes.map(([points, kind, width, ahead]) => {
+    const style = `d="M${points.map((k) => place(p, k)).join("L")}" style="--wide: ${width}px"`;
+    const depth = points.reduce((sum, k) => sum + p[3 * k + 2], 0) / points.length;
+    return [depth - ahead, `<path class="edge ${kind}" ${style}/><path class="${kind}" ${style}/>`];
+  }).sort((a, b) => b[0] - a[0]).map(([, text]) => text).join("");
+  // The path of the ends of the first robot: a still shows how it moved.
+  const known = data.robots[0].filter(Boolean);
+  figure.querySelector(".trail").setAttribute("d", data.tips.map((k) =>
+    `M${known.map((p) => place(p, k)).join("L")}`).join(""));
   const draw = () => {
     const k = Number(time.value);
     robots.forEach((group, r) => {
       const p = data.robots[r][k], hidden = buttons[r]?.getAttribute("aria-pressed") === "false";
       group.style.display = p && !hidden ? "" : "none";
       if (!p) return;
-      group.querySelector("path").setAttribute("d", outline(p));
-      group.querySelectorAll(".joint").forEach((dot, a) => {
-        dot.setAttribute("transform", `translate(${p[2 * a]} ${p[2 * a + 1]})`);
-        const missed = dot.querySelector(".missed");
-        if (missed) missed.setAttribute("r", 24 * Math.sqrt(data.misses[k][a]));
+      group.querySelector(".bodies").innerHTML = solid(p);
+      group.querySelectorAll("g.joint").forEach((dot, a) => {
+        dot.setAttribute("transform", `translate(${p[3 * a]} ${p[3 * a + 1]})`);
+        dot.querySelector(".missed").setAttribute("r", 24 * Math.sqrt(data.misses[k][a]));
       });
     });
     const share = (data.t[k] - data.t[0]) / (data.t.at(-1) - data.t[0]);
@@ -53,7 +53,6 @@ function drawMoving(figure) {
     draw();
   });
   draw();
-  trail();
   // It plays once it is seen, unless the reader asked for stillness.
   if (matchMedia("(prefers-reduced-motion: reduce)").matches || !window.IntersectionObserver) return;
   const seen = new IntersectionObserver(([entry]) => {

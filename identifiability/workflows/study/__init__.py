@@ -11,13 +11,15 @@ from string import Template
 from tempfile import TemporaryDirectory
 from typing import Annotated
 
-from identifiability.foundation.errors import OutputError
-from identifiability.foundation.findings import Finding
+from identifiability.foundation.errors import LogError, OutputError
+from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.options import Expected, FilePath, checked
 from identifiability.foundation.output import check_writable, csv_text, write_together
 from identifiability.foundation.presenter import presented
 from identifiability.foundation.quoting import for_toml, toml_key
 from identifiability.foundation.values import frozen
+from identifiability.logs import Log
+from identifiability.logs.conventions import Conventions
 from identifiability.logs.formats.reader import check_there
 from identifiability.robot import Robot
 from identifiability.robot.locate import find_sidecar, locate_robot, shipped_robots
@@ -53,7 +55,7 @@ class Study:
     has_logs : bool
         Whether these are there.
     notes : tuple of str
-        Facts that a table of the robot lacks.
+        Facts that a table of the robot, or the sidecar, lacks.
     """
 
     folder: Path
@@ -134,6 +136,10 @@ def new_study(
             texts[sidecar.name] = _filled("sidecar.toml", _facts(known))
     whole = {name: path.read_bytes() for name, path in files.items()}
     whole |= {name: text.encode() for name, text in texts.items()}
+    currents = _hold_currents(known, logs)
+    if currents:
+        joints = ", ".join(f"{toml_key(joint)} = …" for joint in known.joints)
+        whole[sidecar.name] += _filled("currents.toml", {"JOINTS": joints}).encode()
     new = not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
     try:
@@ -149,7 +155,19 @@ def new_study(
         fitted=tuple(fitted),
         held_back=held_back,
         has_logs=has_logs,
+        notes=(phrase("study", "currents", file=sidecar.name),) if currents else (),
     )
+
+
+def _hold_currents(known: Robot, logs: Sequence[str | Path]) -> bool:
+    """Return whether a log holds currents that no number of the sidecar turns into torque."""
+    for log in logs:
+        try:
+            Log.read(log, Conventions.of(known))
+        except LogError as error:  # the verbs say what else a log lacks
+            if error.key == "columns.gain":
+                return True
+    return False
 
 
 def _facts_of_case(
