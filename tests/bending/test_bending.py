@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability import Log, Robot, diagnose
+from identifiability import Log, Robot, diagnose, export
 from identifiability.bending.deflection import LinkEquation, integrate
 from identifiability.bending.stretch import Springs, cut_stretches
 from identifiability.effects import default_effects
@@ -37,9 +37,16 @@ def arm(spring: bool) -> str:
 
 
 def run(spring: bool, seed: int) -> pd.DataFrame:
-    """Return positions and torque of the motors, under a controller that follows sines to 4 Hz."""
+    """Return positions and noisy torque of the motors of an arm."""
+    log = roll(mujoco.MjModel.from_xml_string(arm(spring)), seed)
+    noise = np.random.default_rng(seed).normal(0, 0.01, (len(log), 2))
+    log[["shoulder.tau", "elbow.tau"]] += noise
+    return log[[name for name in log if name != "tip"]]
+
+
+def roll(model: mujoco.MjModel, seed: int) -> pd.DataFrame:
+    """Return motion and torque of motors, and the link's angle, under control by sines to 4 Hz."""
     rng = np.random.default_rng(seed)
-    model = mujoco.MjModel.from_xml_string(arm(spring))
     model.opt.timestep = STEP
     data = mujoco.MjData(model)
     places = [model.joint(name).qposadr[0] for name in ("shoulder", "elbow")]
@@ -53,13 +60,12 @@ def run(spring: bool, seed: int) -> pd.DataFrame:
         error = wanted[k] - data.qpos[places]
         torque = np.array([800.0, 200.0]) * error - np.array([40.0, 8.0]) * data.qvel[places]
         if t[k] >= 1 and k % EVERY == 0:
-            rows.append([t[k], *data.qpos[places], *torque])
+            tip = data.qpos[places[1] :].sum()
+            rows.append([t[k], *data.qpos[places], *torque, tip])
         data.ctrl[:] = torque
         mujoco.mj_step(model, data)
-    names = ["t", "shoulder.q", "elbow.q", "shoulder.tau", "elbow.tau"]
-    log = pd.DataFrame(rows, columns=names)
-    log[names[3:]] += rng.normal(0, 0.01, (len(log), 2))
-    return log
+    names = ["t", "shoulder.q", "elbow.q", "shoulder.tau", "elbow.tau", "tip"]
+    return pd.DataFrame(rows, columns=names)
 
 
 @pytest.fixture
@@ -69,15 +75,25 @@ def robot(tmp_path) -> Path:
     return path
 
 
-def test_a_joint_that_bends_is_found_and_explains_unseen_torque(robot):
-    found = diagnose(robot, run(True, 1), run(True, 2), quick=True, bending=True)
+def test_a_joint_that_bends_is_found_and_exported_so_that_unseen_motion_is_its_own(robot, tmp_path):
+    true = roll(mujoco.MjModel.from_xml_string(arm(True)), 3)
+    errors = []
+    for bending in (False, True):
+        found = diagnose(robot, run(True, 1), run(True, 2), quick=True, bending=bending)
+        result = found.to_json(tmp_path / f"{bending}.json")
+        made = export(robot, result, tmp_path / f"{bending}.xml", force=True)
+        error = roll(mujoco.MjModel.from_xml_path(str(made.robot)), 3) - true
+        errors.append(np.sqrt((error**2).mean()))
+    rigid, elastic = errors
+    for name in ("elbow.tau", "elbow.q", "tip"):
+        assert elastic[name] < rigid[name] / 20
+    again = Robot.load(made.robot)
+    assert again.bodies == Robot.load(robot).bodies
     (joint,) = found.bending.joints
-    assert joint.joint == "elbow"
-    assert joint.stiffness == pytest.approx(STIFFNESS, rel=0.03)
-    before, after = found.bending.held_before[1], found.bending.held_after[1]
-    assert after < before / 2
+    assert again.springs["elbow"].stiffness == joint.stiffness
+    assert joint.stiffness == pytest.approx(STIFFNESS, rel=0.02)
     assert "elbow bends" in found.statement
-    assert found.to_dict()["bending"]["joints"][0]["joint"] == "elbow"
+    assert "URDF" in export(robot, result, tmp_path / "arm.urdf", force=True).statement
 
 
 def test_late_torque_of_a_rigid_arm_is_no_spring(robot):
