@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.interpolate import CubicSpline
 
 from identifiability import Log, Robot, diagnose, export
 from identifiability.bending.deflection import LinkEquation, integrate
@@ -14,6 +15,7 @@ from identifiability.effects import default_effects
 from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
+from identifiability.simulation import Campaign, PrescribedMotion
 
 STEP, EVERY, SECONDS = 5e-4, 10, 10.0
 STIFFNESS = 400.0
@@ -77,13 +79,15 @@ def robot(tmp_path) -> Path:
 
 def test_a_joint_that_bends_is_found_and_exported_so_that_unseen_motion_is_its_own(robot, tmp_path):
     true = roll(mujoco.MjModel.from_xml_string(arm(True)), 3)
-    errors = []
+    errors, unseen = [], []
     for bending in (False, True):
         found = diagnose(robot, run(True, 1), run(True, 2), quick=True, bending=bending)
         result = found.to_json(tmp_path / f"{bending}.json")
-        made = export(robot, result, tmp_path / f"{bending}.xml", force=True)
+        made = export(robot, result, tmp_path / f"{bending}.xml", validate=run(True, 4), force=True)
         error = roll(mujoco.MjModel.from_xml_path(str(made.robot)), 3) - true
         errors.append(np.sqrt((error**2).mean()))
+        unseen.append(made.unseen.written)
+    assert unseen[1] < unseen[0] / 4
     rigid, elastic = errors
     for name in ("elbow.tau", "elbow.q", "tip"):
         assert elastic[name] < rigid[name] / 20
@@ -94,6 +98,21 @@ def test_a_joint_that_bends_is_found_and_exported_so_that_unseen_motion_is_its_o
     assert joint.stiffness == pytest.approx(STIFFNESS, rel=0.02)
     assert "elbow bends" in found.statement
     assert "URDF" in export(robot, result, tmp_path / "arm.urdf", force=True).statement
+
+
+def test_simulated_links_bend_as_those_that_mujoco_moves_under_torque(tmp_path):
+    path = tmp_path / "bent.xml"
+    path.write_text(arm(True))
+    true = roll(mujoco.MjModel.from_xml_string(arm(True)), 3)
+    q = true[["shoulder.q", "elbow.q"]].to_numpy()
+    along = CubicSpline(true.t, q)
+    motion = PrescribedMotion(true.t.to_numpy(), q, along(true.t, 1), along(true.t, 2))
+    found = Campaign.of(Robot.load(path), [motion])
+    settled = slice(600, -10)
+    tip = found.deflection[settled, 1] + q[settled, 1]
+    assert tip == pytest.approx(true.tip[settled], abs=2e-4)
+    torque = true[["shoulder.tau", "elbow.tau"]][settled]
+    assert found.torque[settled] == pytest.approx(torque.to_numpy(), abs=0.2)
 
 
 def test_late_torque_of_a_rigid_arm_is_no_spring(robot):

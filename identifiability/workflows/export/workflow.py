@@ -13,6 +13,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from identifiability.bending.stretch import SETTLE
 from identifiability.effects import FAMILIES
 from identifiability.effects.base import apply_tilt
 from identifiability.effects.nominal import reference_values
@@ -41,7 +42,7 @@ from identifiability.foundation.presenter import presented
 from identifiability.foundation.quoting import for_patch, for_python
 from identifiability.foundation.runs import Run
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import Preparation
+from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.physical.cad_prior import state_mass
 from identifiability.physical.pseudo_inertia import check_body
 from identifiability.quality.recordings import Logs, list_logs
@@ -54,6 +55,8 @@ from identifiability.robot.locate import SMALLEST
 from identifiability.robot.servo import state_delay
 from identifiability.robot.table import write_converted
 from identifiability.robot.write import write_robot
+from identifiability.simulation import MujocoRobot, PrescribedMotion
+from identifiability.simulation.elastic import bend
 from identifiability.workflows.case import Case, Use
 from identifiability.workflows.predict import (
     BendingEntry,
@@ -653,9 +656,25 @@ def _predict_by_file(
     case = Case(robot, logs, preparation=how, reading=carried, use=use)
     structure = Structure.of(robot if carried is None else carried.turn(robot), model)
     samples = case.samples(structure.robot, Run(), "compared")
+    if robot.springs:
+        samples = tuple(_take_springs_off(robot, log) for log in samples)
     regression = Regression(structure.robot, model, samples)
     found = predict_torque(regression, structure.nominal[:, None])
     return found, tuple(s.name for s in samples)
+
+
+def _take_springs_off(robot: Robot, log: Dataset) -> Dataset:
+    """Return a log without the torque that the springs of a robot file add to rigid joints.
+
+    The first deflection is not measured: samples that depend on it have no weight.
+    """
+    motion = log.motion
+    move = PrescribedMotion(motion.t, motion.actuated_q, motion.actuated_v, motion.actuated_a)
+    bent, _ = bend(robot, move)
+    rigid = MujocoRobot(robot).inverse_dynamics(move.q, move.dq, move.ddq)
+    settled = motion.t - motion.t[0] >= SETTLE
+    weight = log.weight * settled[:, None]
+    return replace(log, tau=log.tau - bent + rigid.tau, weight=weight)
 
 
 def _reread(robot: Robot, path: Path, sidecar: Path | None, *, alone: bool) -> Robot:
