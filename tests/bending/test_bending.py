@@ -8,10 +8,10 @@ import pandas as pd
 import pytest
 from scipy.interpolate import CubicSpline
 
-from identifiability import Log, Robot, diagnose, export
-from identifiability.bending.deflection import LinkEquation, integrate
+from identifiability import Log, Robot, diagnose, export, inspect
 from identifiability.bending.stretch import Springs, cut_stretches
 from identifiability.effects import default_effects
+from identifiability.foundation.errors import ModelError
 from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
@@ -113,6 +113,10 @@ def test_simulated_links_bend_as_those_that_mujoco_moves_under_torque(tmp_path):
     assert tip == pytest.approx(true.tip[settled], abs=2e-4)
     torque = true[["shoulder.tau", "elbow.tau"]][settled]
     assert found.torque[settled] == pytest.approx(torque.to_numpy(), abs=0.2)
+    # Linear models are rigid, which is said.
+    assert "spring of the file bends elbow" in " ".join(inspect(path, run(True, 3)).hints)
+    with pytest.raises(ModelError, match="diagnose --bending"):
+        Model.of("rigid_body", "joint_compliance@elbow")
 
 
 def test_late_torque_of_a_rigid_arm_is_no_spring(robot):
@@ -134,18 +138,3 @@ def test_values_that_make_links_unstable_are_refused(robot):
         torque, slopes = stretch.sensitivities(springs, np.ones(2), -stretch.stated)
     assert np.isinf(torque).all()
     assert not slopes.any()
-
-
-def test_the_deflection_is_that_of_an_oscillator():
-    step, frequency, inertia, stiffness = 0.005, 3.0, 2.0, 900.0
-    t = np.arange(4000) * step
-    one = np.ones((len(t), 1, 1))
-    links = LinkEquation(step, 0 * one, 0 * one, inertia * one)
-    rate = 2 * np.pi * frequency
-    torque = np.sin(rate * t)[:, None, None]
-    damping = 8.0
-    found = integrate(links, torque, np.array([[stiffness]]), np.array([[damping]]))
-    response = 1 / (stiffness - inertia * rate**2 + 1j * damping * rate)
-    steady = (response * np.exp(1j * rate * t)).imag
-    late = t > 10
-    assert found.position[late, 0, 0] == pytest.approx(steady[late], abs=2e-3 * abs(response))
