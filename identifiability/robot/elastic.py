@@ -48,7 +48,7 @@ class Spring:
 def find_springs(m: Any, driven: Collection[str], tied: Collection[str]) -> dict[str, Spring]:
     """Return the springs of a compiled MJCF by the joint of their motor.
 
-    A spring is the first joint of a body. It has stiffness and no actuator, and it turns or slides
+    A spring is the only joint of a body. It has stiffness and no actuator, and it turns or slides
     as the last joint of the body around it, which has one.
 
     Parameters
@@ -60,7 +60,7 @@ def find_springs(m: Any, driven: Collection[str], tied: Collection[str]) -> dict
     found = {}
     for body in range(1, m.nbody):
         around = int(m.body_parentid[body])
-        if not (m.body_jntnum[body] and m.body_jntnum[around]):
+        if m.body_jntnum[body] != 1 or not m.body_jntnum[around]:
             continue
         joint = m.joint(int(m.body_jntadr[body]))
         motor = m.joint(int(m.body_jntadr[around] + m.body_jntnum[around] - 1))
@@ -92,7 +92,7 @@ def write_springs(top: ET.Element, path: Path, m: Any, springs: Mapping[str, Spr
     Raises
     ------
     RobotError
-        If a joint is no direct part of a body.
+        If a joint is not the last one of a body.
     """
     joints = {e.get("name"): e for world in top.iter("worldbody") for e in world.iter("joint")}
     new = {}
@@ -114,18 +114,17 @@ def _split(
     top: ET.Element, path: Path, name: str, numbers: Mapping[str, str], taken: set[str | None]
 ) -> None:
     """Move all of a body that is behind a joint into a new body on a spring."""
-    chain = next((chain for chain in _chains(top) if _has_joint(chain[-1], name)), None)
+    chain = next((chain for chain in _chains(top) if _last_joint(chain[-1]) == name), None)
     if chain is None:
         raise RobotError(
-            f"{path}: the joint '{name}' stands in a <frame>, so it cannot be split into motor and "
-            "link; move the frame's position into the body."
+            f"{path}: the joint '{name}' is not the last one of a body, or stands in a <frame>, so "
+            "it cannot be split into motor and link; give it a body of its own."
         )
     body = chain[-1]
     _exclude(top, chain)
     parts = list(body)
-    at = next(k for k, e in enumerate(parts) if e.tag == "joint" and e.get("name") == name)
-    joint = parts[at]
-    kept = [e for e in parts[: at + 1] if e.tag == "joint"]
+    kept = body.findall("joint")
+    joint = kept[-1]
     link = ET.Element("body", name=body.get("name", ""))
     if "gravcomp" in body.attrib:
         link.set("gravcomp", body.attrib.pop("gravcomp"))
@@ -166,10 +165,10 @@ def _parts(element: ET.Element) -> list[ET.Element]:
     return found
 
 
-def _has_joint(body: ET.Element, name: str = "") -> bool:
-    """Return whether a body has a joint, of this name if one is given."""
-    joints = [*body.findall("joint"), *body.findall("freejoint")]
-    return any(not name or joint.get("name") == name for joint in joints)
+def _last_joint(body: ET.Element) -> str | None:
+    """Return the name of the last joint of a body; None if it has no joint."""
+    names = [e.get("name", "") for e in body if e.tag in ("joint", "freejoint")]
+    return names[-1] if names else None
 
 
 def _exclude(top: ET.Element, chain: Sequence[ET.Element]) -> None:
@@ -178,7 +177,7 @@ def _exclude(top: ET.Element, chain: Sequence[ET.Element]) -> None:
     Bodies without joints are part of the body that carries them.
     """
     around = list(chain[:-1])
-    while around and not _has_joint(around[-1]):
+    while around and _last_joint(around[-1]) is None:
         around.pop()
     if not around:  # the ground
         return
@@ -196,7 +195,7 @@ def _fixed_to(body: ET.Element) -> list[ET.Element]:
     """Return a body, and the bodies that are fixed to it."""
     out = [body]
     for child in _parts(body):
-        out += [] if _has_joint(child) else _fixed_to(child)
+        out += _fixed_to(child) if _last_joint(child) is None else []
     return out
 
 

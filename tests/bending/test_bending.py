@@ -34,7 +34,8 @@ def arm(spring: bool) -> str:
         '<inertial pos="0.15 0 0" mass="4" diaginertia="0.02 0.06 0.06"/>'
         '<joint name="shoulder" axis="0 1 0" armature="0.1" damping="1"/>'
         f'<body name="{name}" pos="0.4 0 0">{motor}{inner}</body></body></worldbody><actuator>'
-        '<motor name="a" joint="shoulder"/><motor name="b" joint="elbow"/></actuator></mujoco>'
+        '<motor name="a" joint="shoulder"/><motor name="b" joint="elbow"/></actuator>'
+        f'<keyframe><key qpos="{"0 0 0" if spring else "0 0"}"/></keyframe></mujoco>'
     )
 
 
