@@ -11,6 +11,9 @@ motor locked lies between 5 Hz, or 1.5 × the top frequency, and 25 Hz.
 Nulls are rigid arms, and rigid arms whose torque is low-passed or late by 2 to 5 ms, in one joint
 or in all. There are as many of these as elastic arms, and twice as many without either.
 
+An arm in which joints were found is exported with their springs, and rigid. MuJoCo moves both files
+by the controller of the true arm along the held-out motion, and their torque is compared.
+
 The oracle knows the deflections: its z is the torque that they add, beside all columns of the rigid
 model, over the noise of the torque. A joint is *asked* if its z is at least 8 and its resonance at
 most 5 × the top frequency. An interval holds if it has the spring's stiffness.
@@ -23,7 +26,7 @@ from __future__ import annotations
 import time
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -36,7 +39,7 @@ from paper_study.result import StudyCheck
 from scipy.signal import lfilter
 from shared import study_parser, write_answer
 
-from identifiability import Log, Robot, diagnose
+from identifiability import Diagnosis, Log, Robot, diagnose, export
 from identifiability.effects import default_effects
 from identifiability.foundation.engines import Processes, Serial
 from identifiability.foundation.names import Array
@@ -115,7 +118,8 @@ def simulate(path: Path, wanted: Array) -> tuple[Array, Array, Array]:
     place = np.array([model.joint(f"j{k}").qposadr[0] for k in range(n)])
     dof = np.array([model.joint(f"j{k}").dofadr[0] for k in range(n)])
     named = {model.joint(k).name: k for k in range(model.njnt)}
-    springs = {k: model.jnt_qposadr[named[f"flex{k}"]] for k in range(n) if f"flex{k}" in named}
+    flexes = {k: {f"flex{k}", f"j{k}_flex"} & {*named} for k in range(n)}
+    springs = {k: model.jnt_qposadr[named[min(x)]] for k, x in flexes.items() if x}
     data.qpos[place] = wanted[0]
     mujoco.mj_forward(model, data)
     mass = np.zeros((model.nv, model.nv))
@@ -214,12 +218,29 @@ def draw(stream: int, number: int, kind: str, folder: Path) -> dict[str, Any]:
     late = range(n) if rng.random() < 0.5 else [int(rng.integers(n))]
     runs = []
     for _ in range(LOGS):
-        q, tau, bent = simulate(path, draw_motion(rng, n, top, t))
+        wanted = draw_motion(rng, n, top, t)
+        q, tau, bent = simulate(path, wanted)
         measured = make_late(tau, rng, late) if kind == "late" else tau
         noise = level * np.sqrt((tau**2).mean(0))
         measured = measured + noise * rng.standard_normal(tau.shape)
         runs.append((Run(np.arange(len(q)) / RATE, q, measured, bent), noise))
-    return {"robot": robot, "runs": runs, "springs": springs, "resonance": resonance, "top": top}
+    facts = {"springs": springs, "resonance": resonance, "top": top}
+    return {"robot": robot, "runs": runs, "wanted": wanted, "true": tau} | facts
+
+
+def roll_out(result: Diagnosis, wanted: Array, tau: Array, folder: Path) -> float:
+    """Return the torque error of the exported arm that bends over that of the rigid one.
+
+    Both follow the motion of the held-out log by the controller that moved the true arm.
+    """
+    errors = []
+    for bending in (None, result.bending):
+        known = replace(result, bending=bending)
+        path = known.to_json(folder / f"{len(errors)}.json")
+        made = export(result.robot, path, path.with_suffix(".xml"), force=True)
+        errors.append(simulate(made.robot, wanted)[1] - tau)
+    rigid, bent = (float(np.sqrt((x**2).mean())) for x in errors)
+    return bent / rigid
 
 
 def write_log(robot: Robot, run: Run) -> Log:
@@ -254,6 +275,9 @@ def examine(case: tuple[int, int, str]) -> list[dict[str, Any]]:
         if not names:
             return [about]
         z = np.sqrt(sum(measure_z(robot, run, s, [*drawn["springs"]]) ** 2 for run, s in runs[:-1]))
+        rolled = float("nan")
+        if bending.parameters:
+            rolled = roll_out(result, drawn["wanted"], drawn["true"], Path(folder))
         rows = []
         for (k, (stiffness, _)), size in zip(drawn["springs"].items(), z.tolist(), strict=True):
             joint = robot.joints[k]
@@ -264,6 +288,7 @@ def examine(case: tuple[int, int, str]) -> list[dict[str, Any]]:
             if joint in found:
                 one = found[joint]
                 row |= {"ratio": one.stiffness / stiffness, "half": one.stiffness_half / stiffness}
+                row["rolled"] = rolled
                 row["holds"] = abs(one.stiffness - stiffness) <= one.stiffness_half
                 at = robot.joints.index(joint)
                 held = bending.held_before, bending.held_after
@@ -288,6 +313,7 @@ def check(rows: pd.DataFrame) -> list[StudyCheck]:
     near = float((np.abs(np.sqrt(exact.ratio) - 1) <= 0.05).mean())
     coverage = float(found.holds.astype(bool).mean())
     unseen = float(found.unseen.median())
+    rolled = float(found.groupby("number").rolled.first().median())
     return [
         StudyCheck("asked joints named", f"{share:.3f}", "0.85", "", share >= 0.85),
         StudyCheck("nulls named", f"{named} of {len(nulls)}", f"{allowed}", "", named <= allowed),
@@ -303,6 +329,7 @@ def check(rows: pd.DataFrame) -> list[StudyCheck]:
             required=False,
         ),
         StudyCheck("unseen error, after over before", f"{unseen:.3f}", "1", "", unseen < 1),
+        StudyCheck("rollout, bent over rigid export", f"{rolled:.3f}", "0.5", "", rolled < 0.5),
     ]
 
 

@@ -57,7 +57,7 @@ class Deflection:
 def integrate(links: LinkEquation, torque: Array, stiffness: Array, damping: Array) -> Deflection:
     """Return the deflections of springs, by the rule of average acceleration [Newmark 1959].
 
-    It begins at the deflection that the first torque gives at rest. Each step is linear, so that
+    It begins at the deflection that the first torques give slowly. Each step is linear, so that
     stretches of steps are computed side by side: first from rest, then from the state in which the
     stretch before it ends.
 
@@ -84,8 +84,10 @@ def integrate(links: LinkEquation, torque: Array, stiffness: Array, damping: Arr
     sets = max(force.shape[1], len(K))
     first = np.broadcast_to(force[0], (sets, m))[..., None]
     position = np.linalg.solve(np.broadcast_to(P[0] + K, (sets, m, m)), first)[..., 0]
-    rest = np.zeros((sets, 2 * m))
-    states = steps.follow(np.concatenate([position, rest], axis=1))[::parts]
+    second = np.broadcast_to(force[1], (sets, m))[..., None]
+    moved = np.linalg.solve(np.broadcast_to(P[1] + K, (sets, m, m)), second)[..., 0]
+    begin = [position, (moved - position) / h, np.zeros((sets, m))]
+    states = steps.follow(np.concatenate(begin, axis=1))[::parts]
     return Deflection(*(states[..., k * m : (k + 1) * m] for k in range(3)))
 
 

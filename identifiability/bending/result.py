@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from collections.abc import Mapping
+from dataclasses import asdict, field
 from typing import Any
 
 from identifiability.foundation.names import Array
@@ -40,6 +41,8 @@ class ElasticJoint:
     resonance_half : float [Hz]
         Half width of its 95 % interval.
     damping_ratio : float
+    damping : float [N·m·s/rad or N·s/m]
+        Of the spring.
     inertia : float [kg·m² or kg]
         Mean inertia of the links that the joint moves.
     gain : float [nat]
@@ -54,6 +57,7 @@ class ElasticJoint:
     resonance: float
     resonance_half: float
     damping_ratio: float
+    damping: float
     inertia: float
     gain: float
     response: Response
@@ -86,6 +90,10 @@ class Bending:
         The same on held-out logs.
     lost : str
         Reason, after "because", why nothing was asked; empty if it was.
+    parameters : mapping
+        Standard parameters of the physically consistent robot with springs, for a simulator.
+    rigid : str
+        Reason why there is none; empty if there is, or if no joint bends.
     """
 
     joints: tuple[ElasticJoint, ...]
@@ -97,6 +105,8 @@ class Bending:
     held_before: Array | None = None
     held_after: Array | None = None
     lost: str = ""
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    rigid: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """Return it for JSON."""
@@ -110,4 +120,6 @@ class Bending:
             "rms": {name: x.tolist() for name, x in error.items()},
             "rms_unseen": {name: x.tolist() for name, x in unseen.items() if x is not None},
             "lost": self.lost,
+            "parameters": dict(self.parameters),
+            "rigid": self.rigid,
         }

@@ -18,15 +18,13 @@ from identifiability.regression.structure import Structure
 
 from .result import Bending, ElasticJoint, Response
 from .rules import RULES
-from .stretch import UNSTABLE, Springs, Stretch, cut_stretches
+from .stretch import SETTLE, UNSTABLE, Springs, Stretch, cut_stretches, rotor_names
 
 #: Resonances that are tried [Hz], and the damping ratio at which they are.
 FREQUENCIES = np.geomspace(4.0, 40.0, 20)
 RATIO: Tolerance = 0.05
 #: Multiples of the frequency that was screened at which a fit starts: far from it, it may not move.
 STARTS: tuple[Tolerance, ...] = (0.7, 1.0, 1.4)
-#: Length of the windows of a spectrum [s].
-WINDOW: Tolerance = 4.0
 #: Order of the noise of each joint, as an autoregression.
 ORDER = 3
 #: Steps of a fit, of a first one and of the last, and how often a step is halved.
@@ -260,8 +258,10 @@ def find_bending(
     held_out: Sequence[Dataset],
     band: float,
     bandwidth: float,
-) -> Bending:
-    """Return the joints of an open chain that bend.
+) -> tuple[Bending, tuple[Dataset, ...]]:
+    """Return the joints of an open chain that bend, and logs without the torque of their springs.
+
+    These logs also lack the torque of the rotors before springs, whose inertia `Bending` has.
 
     Joints are found one by one: the joint with the largest gain is added, all numbers are fitted
     again, and it stays if the gain exceeds the price of its numbers. Beside them stand delays,
@@ -282,7 +282,7 @@ def find_bending(
     n = len(robot.actuated)
     if not stretches:
         why = "no log has a stretch that is long enough"
-        return Bending((), (), band, bandwidth, np.zeros(n), np.zeros(n), lost=why)
+        return Bending((), (), band, bandwidth, np.zeros(n), np.zeros(n), lost=why), ()
     problem, asked = pose_problem(stretches)
     problem, fit = add_joints(problem, asked, band)
     price = _price(problem, len(asked))
@@ -298,7 +298,10 @@ def find_bending(
     joints = tuple(_describe(problem, fit, c, gains, responses[c]) for c in places)
     before, after = (_errors(problem.inertia, stretches, x) for x in (rigid, bent))
     unseen = cut_stretches(structure, held_out)
-    return Bending(
+    values = stretches[0].values(bent.change)
+    names = rotor_names(structure, bent.springs)
+    rotors = {n: float(values[structure.columns.index(n)]) for n in names}
+    found = Bending(
         joints=joints,
         asked=tuple(robot.joints[j] for j in asked),
         band=band,
@@ -307,7 +310,11 @@ def find_bending(
         error_after=after,
         held_before=_errors(problem.inertia, unseen, rigid) if unseen else None,
         held_after=_errors(problem.inertia, unseen, bent) if unseen else None,
+        parameters=rotors,
     )
+    if not joints:
+        return found, ()
+    return found, tuple(s.without(bent.springs, problem.inertia, values) for s in stretches)
 
 
 def pose_problem(stretches: Sequence[Stretch]) -> tuple[Problem, tuple[int, ...]]:
@@ -402,11 +409,12 @@ def measure_response(problem: Problem, fit: Fit, at: int, band: float) -> Respon
         values = s.values(fit.change)
         load = s.load(values)
         bent = s.bent_torque(fit.springs, problem.inertia, values)[:, :, 0]
-        rigid.append(load[:, joint])
-        measured.append((s.piece.tau - s.whole(fit.change) + load)[:, joint])
-        modelled.append((load + bent)[:, joint])
+        rigid.append(load[s.settled, joint])
+        measured.append((s.piece.tau - s.whole(fit.change) + load)[s.settled, joint])
+        modelled.append((load + bent)[s.settled, joint])
     rate = 1.0 / problem.stretches[0].step
-    length = min(round(WINDOW * rate), *map(len, rigid))
+    # Free motion decays within half a window.
+    length = min(round(2.0 * SETTLE * rate), *map(len, rigid))
     spectra = [
         sum(csd(x, y, rate, nperseg=length)[1] for x, y in zip(rigid, other, strict=True))
         for other in (rigid, measured, modelled)
@@ -435,6 +443,7 @@ def _describe(
         resonance=frequency,
         resonance_half=0.5 * REACH * sd * frequency,
         damping_ratio=float(fit.springs.ratio[0, at]),
+        damping=float(fit.springs.damping(problem.inertia)[0, at]),
         inertia=inertia,
         gain=gains[joint],
         response=response,

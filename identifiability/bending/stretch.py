@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -25,6 +26,8 @@ STATED = ("rigid_body", "actuator_inertia")
 STEPS: tuple[Tolerance, ...] = (1e-4, 1e-3, 1e-2)
 #: Most samples of all logs together, as the integration takes time, and fewest of a stretch.
 MOST, FEWEST = 6_000, 400
+#: Time after which a wrong first deflection has decayed, at most a quarter of a stretch [s].
+SETTLE: Tolerance = 2.0
 #: Torque of deflections, relative to the largest measured torque, from which links are unstable.
 UNSTABLE: Tolerance = 1e3
 
@@ -86,14 +89,20 @@ class Stretch:
     ----------
     structure : Structure
         Of an open chain.
+    log : Dataset
     piece : Piece
+        Of the log.
     """
 
-    def __init__(self, structure: Structure, piece: Piece) -> None:
+    def __init__(self, structure: Structure, log: Dataset, piece: Piece) -> None:
         self.structure = structure
+        self.log = log
         self.robot = structure.robot
         self.piece = piece
         self.step = sampling_step(piece.motion.t)
+        passed = piece.motion.t - piece.motion.t[0]
+        #: Samples at which deflections are those of the motion, (N,) bool.
+        self.settled = passed >= min(SETTLE, passed[-1] / 4.0)
         parameters = structure.parameters
         self.bodies = np.array([p.group == "rigid_body" for p in parameters])
         stated = np.array([p.group in STATED for p in parameters])
@@ -225,14 +234,32 @@ class Stretch:
         slow = differentiate(late, self.step)
         turned = self.derivatives(range(n), values)[0]
         alone = np.eye(n)
-        late, slow, scaled = (x[:, :, None] * alone for x in (late, slow, self.load(values)))
+        late, slow = late[:, :, None] * alone, slow[:, :, None] * alone
+        # A common scale of torque, bodies and springs changes nothing, so that it never converges.
+        scaled = self.load(values)[:, :, None] * (alone - 1.0 / n)
         return np.concatenate([late, slow, turned, scaled], axis=2)
+
+    def without(self, springs: Springs, inertia: Array, values: Array) -> Dataset:
+        """Return its samples, less the torque of springs and of the rotors before them."""
+        bent = self.bent_torque(springs, inertia, values)[:, :, 0]
+        rotors = [p.name in rotor_names(self.structure, springs) for p in self.structure.parameters]
+        columns = self.structure.model.regressor(self.robot, self.piece.motion)[:, :, rotors]
+        tau = self.piece.tau - bent - columns @ values[rotors]
+        return replace(
+            self.log,
+            motion=self.piece.motion,
+            tau=tau,
+            weight=self.piece.weight * self.settled[:, None],
+            instrument=None,
+            own=None,
+        )
 
     # What a fit compares.
 
     def kept_rows(self, x: Array) -> Array:
-        """Return x (N, n, …), low-passed and decimated as torque is, zero where that is no data."""
-        return self.piece.weighed(self.piece.down(self.piece.silenced(np.array(x))))
+        """Return settled x (N, n, …), filtered as torque is, zero where that is no data."""
+        rows = self.piece.weighed(self.piece.down(self.piece.silenced(np.array(x))))
+        return rows[self.settled[self.piece.at]]
 
 
 def _torque_of(parts: Array, found: Deflection) -> Array:
@@ -242,6 +269,13 @@ def _torque_of(parts: Array, found: Deflection) -> Array:
     return -sum(part @ state.swapaxes(1, 2) for part, state in pairs)
 
 
+def rotor_names(structure: Structure, springs: Springs) -> list[str]:
+    """Return the parameters of the rotors of joints that bend."""
+    bent = {structure.robot.joints[joint] for joint in springs.joints}
+    parameters = structure.parameters
+    return [p.name for p in parameters if p.group == "actuator_inertia" and p.owner in bent]
+
+
 def cut_stretches(structure: Structure, samples: Sequence[Dataset]) -> list[Stretch]:
     """Return stretches of logs without gaps: of each log as many samples."""
     most = MOST // max(1, len(samples))
@@ -249,6 +283,6 @@ def cut_stretches(structure: Structure, samples: Sequence[Dataset]) -> list[Stre
     for log in samples:
         for piece in log.pieces(most):
             if len(piece.motion.t) >= FEWEST:
-                out.append(Stretch(structure, piece))
+                out.append(Stretch(structure, log, piece))
                 break
     return out

@@ -474,6 +474,11 @@ def simulate(
             f"The robot's sidecar states {listing(missing, 6)}, which are not simulated: give such "
             "effects by --hide."
         )
+    if robot.springs:
+        echo(
+            f"{listing(robot.springs)}: the log has positions of the motors, and torque with bent "
+            "links. A log has no place for the links; Campaign.deflection has them in Python."
+        )
     echo(f"{len(log)} samples of {robot.name} along {log.name}: {out}")
 
 

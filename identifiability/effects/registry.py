@@ -71,6 +71,10 @@ def declare(
     return decorate
 
 
+#: What a joint has that bends: it moves its link, and adds no torque of its own.
+COMPLIANCE = "joint_compliance"
+
+
 def forget(name: str) -> None:
     """Take a registered effect away again."""
     FAMILIES.pop(name, None)
@@ -98,6 +102,11 @@ def find_family(name: str) -> Family:
     try:
         return FAMILIES[name]
     except KeyError:
+        if name == COMPLIANCE:
+            raise ModelError(
+                f"No linear model can hold '{name}', the springs between motors and links: measure "
+                "them by diagnose --bending, and write them into an MJCF by export."
+            ) from None
         raise ModelError(
             f"There is no effect '{name}'{near_match(name, FAMILIES)} "
             f"The effects are {listing(FAMILIES, 30)}."

@@ -185,6 +185,14 @@ def find_outside(logs: MeasuredLogs) -> list[Finding]:
     return [Finding("outside", robot.path.name, bodies=robot.outside)] if robot.outside else []
 
 
+@check("springs", Does.HINTS, always=True)
+def find_sprung_joints(logs: MeasuredLogs) -> list[Finding]:
+    """Return a finding on springs of the robot file between motors and links."""
+    robot = logs.robot
+    joints = [*robot.springs]
+    return [Finding("springs", robot.path.name, joints=joints)] if joints else []
+
+
 @check("beyond", Does.HINTS, always=True)
 def find_beyond(logs: MeasuredLogs) -> list[Finding]:
     """Return the joints that move beyond the limits that the file states, but for whole turns."""

@@ -21,6 +21,7 @@ from identifiability.foundation.names import GROUPED_KINDS, Array, NumberByName,
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 
+from .elastic import Spring
 from .floating import SIX, Base
 from .kinematics import WORLD, Point, Tree, shortest_turn
 from .locate import ROOTS, parse_xml, read_included
@@ -278,6 +279,8 @@ class Stated:
         Locked joint to position [rad or m]; none of them is in the tree.
     welded : mapping
         Body behind a locked joint to its ten parameters, in the frame of the joint that carries it.
+    springs : mapping
+        Springs between motor and link, by the joint of the motor. They stand still.
     combinations : mapping
         Tendons along several joints that have friction, a rotor or a spring, and stated axes: by
         name, then joint, the coefficient.
@@ -316,6 +319,7 @@ class Stated:
     speeds: Mapping[str, float] = {}
     locked: Mapping[str, float] = {}
     welded: Mapping[str, Array] = {}
+    springs: Mapping[str, Spring] = {}
     combinations: Mapping[str, NumberByName] = {}
     cables: tuple[Cable, ...] = ()
     outside: Strings = ()

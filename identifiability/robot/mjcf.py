@@ -25,8 +25,9 @@ from identifiability.foundation.errors import RobotError, listing, near_match
 from identifiability.foundation.names import Array, NumberByName, Strings
 from identifiability.foundation.values import frozen
 
-from .assembly import resolve_locks
+from .assembly import read_locks, resolve_locks
 from .description import FIELDS, Cable, Coupling, Loop, Stated
+from .elastic import Spring, find_springs
 from .floating import BASE_JOINTS, SIX, Base
 from .inertials import describe_faults, find_faults
 from .kinematics import WORLD, Joint, JointType, Point, Tree, read_tree, weld
@@ -676,8 +677,16 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
     home = _home(scene, m)
     joints = [m.joint(j) for j in _find_single(m)]
     drawn = {j.name: float(home[j.qposadr[0]]) for j in joints}
+    owners = {a.owner for a in read_actuators(m)}
+    springs = find_springs(m, owners - {*(extra.actuated or ())}, {c.joint for c in _couplings(m)})
+    still = {s.joint: float(m.qpos_spring[m.joint(s.joint).qposadr[0]]) for s in springs.values()}
+    extra = extra.model_copy(update={"locked": still | read_locks(extra.locked)})
     locked, couplings = resolve_locks(path, extra, drawn, _couplings(m))
-    model, welded = weld(_build_tree(m), locked)
+    elastic = _build_tree(m, springs)
+    model, welded = weld(elastic, locked)
+    # The joint carries the link, of which the body of its motor is split off.
+    bodies = ((s.motor, elastic.inertias[elastic.getJointId(j)]) for j, s in springs.items())
+    welded |= {body: np.array(inertia.toDynamicParameters()) for body, inertia in bodies}
     tree = read_tree(path, model)
     base = _set_gravity(model, m, floating)
     # Copies: more frames are added below, which moves those that the model holds.
@@ -707,6 +716,7 @@ def state_robot(path: Path, extra: Sidecar) -> Stated:
         spans={name: (float(low), float(high)) for name, (low, high) in limited},
         locked=locked,
         welded=welded,
+        springs=springs,
         combinations=combinations,
         cables=cables,
         gears=find_gears(actuators),
@@ -786,9 +796,15 @@ def _name_frames(model: Any, m: Any, frames: Mapping[str, Any]) -> dict[str, flo
     return {g.name: float(g.size[0]) for g in balls if g.name}
 
 
-def _build_tree(m: Any) -> Any:
-    """Return the Pinocchio model; of several joints of a body only the last has a body's frame."""
+def _build_tree(m: Any, springs: Mapping[str, Spring]) -> Any:
+    """Return the Pinocchio model; of several joints of a body only the last has a body's frame.
+
+    Motor and link of a spring are at one place. Their frames have each other's name, so that the
+    joint of the motor carries the link.
+    """
     model = pin.Model()
+    names = {s.link: s.motor for s in springs.values()}
+    names |= {s.motor: s.link for s in springs.values()}
     title = m.names.partition(b"\0")[0].decode()
     model.name = "" if title == "MuJoCo Model" else title  # which it calls one without a name
     places: list[tuple[int, Any]] = []  # of bodies: joint, and place in its frame
@@ -808,7 +824,7 @@ def _build_tree(m: Any) -> Any:
             at = pin.SE3.Identity()
         at = at * pin.SE3(np.eye(3), -anchor)
         places.append((joint, at))
-        model.addBodyFrame(body.name, joint, at, frame)
+        model.addBodyFrame(names.get(body.name, body.name), joint, at, frame)
         if joint:
             Q = _rotation(body.iquat)
             inertia = Q @ np.diag(body.inertia) @ Q.T

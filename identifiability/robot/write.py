@@ -27,6 +27,7 @@ from identifiability.foundation.quoting import for_xml, for_xml_comment, toml_co
 
 from .closure import rest_along
 from .description import FIELDS, Axis, Description
+from .elastic import write_springs
 from .floating import BASE_JOINTS
 from .kinematics import least_eigenvalue, shortest_turn
 from .locate import (
@@ -434,6 +435,8 @@ def edited_text(
     _write_joints(top, robot, joints)
     if robot.mjcf:
         _write_forces(top, robot, joints, offsets)
+        if robot.springs:
+            write_springs(top, robot.path, _compile(robot.path), robot.springs)
     else:
         turn_base(top, robot.gravity)
     old = content.decode("utf-8-sig", errors="replace")
@@ -652,12 +655,11 @@ def write_offsets(top: ET.Element, path: Path, offsets: NumberByName) -> None:
     offsets : mapping
         Offset by the joint or tendon that an actuator drives [N·m or N].
     """
-    from .mjcf import read_actuators, read_spec, refused  # noqa: PLC0415
+    from .mjcf import read_actuators  # noqa: PLC0415
 
     elements = [e for part in top.findall("actuator") for e in part]
     left = dict(offsets)
-    with refused(path):
-        actuators = read_actuators(read_spec(path).compile())
+    actuators = read_actuators(_compile(path))
     for e, a in zip(elements, actuators, strict=True):
         if a.owner not in offsets or not a.law or not a.factor:
             continue
@@ -671,6 +673,14 @@ def write_offsets(top: ET.Element, path: Path, offsets: NumberByName) -> None:
             for word, span in ends.items():
                 if np.isfinite(span).all():
                     e.attrib |= {f"{word}limited": "true", f"{word}range": numbers(span)}
+
+
+def _compile(path: Path) -> Any:
+    """Return an MJCF as MuJoCo compiles it."""
+    from .mjcf import read_spec, refused  # noqa: PLC0415
+
+    with refused(path):
+        return read_spec(path).compile()
 
 
 def share_out(robot: Description, bodies: Mapping[str, Array]) -> dict[str, Array]:

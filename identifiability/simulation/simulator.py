@@ -17,6 +17,7 @@ from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.robot import Robot, RobotLike
 
+from .elastic import bend
 from .forces import PAUSE, Law, both_directions, hidden_torque, joint_torque, parse_hidden
 from .motion import PrescribedMotion, Trajectory
 from .mujoco_robot import MujocoRobot, RigidTorque
@@ -147,7 +148,8 @@ def simulate(
     ----------
     robot : Robot, path or shipped name
         Its file states the inertias; friction, rotor inertia and springs come from its nominal
-        values. Other nominal effects (`left_out`) are not simulated.
+        values. Other nominal effects (`left_out`) are not simulated. Links behind springs bend:
+        the motion is that of the motors, and `Campaign.deflection` has that of the links.
     motion : PrescribedMotion or Trajectory
     noise : Noise or str, optional
         Levels such as ``motion=0.04,torque=0.05``, ``paper`` or, by default, ``none``.
@@ -224,6 +226,8 @@ class Campaign:
         Without hidden effects and noise.
     log : (N,) int
         Which motion a sample belongs to.
+    deflection : (N, n) [rad or m]
+        Of links behind springs of the robot file: a link is at the motor's position plus this.
     """
 
     robot: Robot
@@ -232,6 +236,7 @@ class Campaign:
     rigid: RigidTorque
     torque: Array
     log: np.ndarray
+    deflection: Array
 
     @staticmethod
     def of(
@@ -249,6 +254,11 @@ class Campaign:
         q, dq, ddq = (np.concatenate([getattr(m, k) for m in moves]) for k in ("q", "dq", "ddq"))
         whole = PrescribedMotion(np.concatenate(times), q, dq, ddq)
         rigid = MujocoRobot(robot).inverse_dynamics(whole.q, whole.dq, whole.ddq)
+        bent = np.zeros_like(whole.q)
+        if robot.springs:
+            found = [bend(robot, m) for m in moves]
+            torque, bent = (np.concatenate(x) for x in zip(*found, strict=True))
+            rigid = replace(rigid, tau=torque)
         values = {**robot.nominal, **both_directions(parameters or {})}
         return Campaign(
             robot=robot,
@@ -257,6 +267,7 @@ class Campaign:
             rigid=rigid,
             torque=rigid.tau + joint_torque(robot, whole, rigid, values),
             log=np.repeat(np.arange(len(moves)), [len(m.t) for m in moves]),
+            deflection=bent,
         )
 
     def hidden(self, hide: Sequence[str], laws: Mapping[str, Law] | None = None) -> Array:

@@ -638,6 +638,22 @@ class RolloutEntry(Entry):
         return float(np.median(self.delays))
 
 
+class ElasticEntry(Entry):
+    """A joint that bends."""
+
+    joint: str
+    stiffness: float
+    damping: float
+
+
+class BendingEntry(Entry):
+    """Joints that bend, and the physically consistent robot with their springs."""
+
+    joints: tuple[ElasticEntry, ...] = ()
+    parameters: dict[str, Value] = {}
+    rigid: str = ""
+
+
 class ResultEntry(Entry):
     """The part of a result that is read back."""
 
@@ -647,6 +663,7 @@ class ResultEntry(Entry):
     physical: RealEntry = RealEntry()
     missing_functions: tuple[dict[str, Any], ...] = ()
     rollout: RolloutEntry | None = None
+    bending: BendingEntry = BendingEntry()
 
     @property
     def missing(self) -> tuple[str, ...]:

@@ -6,14 +6,16 @@ import mujoco
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.interpolate import CubicSpline
 
-from identifiability import Log, Robot, diagnose
-from identifiability.bending.deflection import LinkEquation, integrate
+from identifiability import Log, Robot, diagnose, export, inspect
 from identifiability.bending.stretch import Springs, cut_stretches
 from identifiability.effects import default_effects
+from identifiability.foundation.errors import ModelError
 from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
+from identifiability.simulation import Campaign, PrescribedMotion
 
 STEP, EVERY, SECONDS = 5e-4, 10, 10.0
 STIFFNESS = 400.0
@@ -32,14 +34,22 @@ def arm(spring: bool) -> str:
         '<inertial pos="0.15 0 0" mass="4" diaginertia="0.02 0.06 0.06"/>'
         '<joint name="shoulder" axis="0 1 0" armature="0.1" damping="1"/>'
         f'<body name="{name}" pos="0.4 0 0">{motor}{inner}</body></body></worldbody><actuator>'
-        '<motor name="a" joint="shoulder"/><motor name="b" joint="elbow"/></actuator></mujoco>'
+        '<motor name="a" joint="shoulder"/><motor name="b" joint="elbow"/></actuator>'
+        f'<keyframe><key qpos="{"0 0 0" if spring else "0 0"}"/></keyframe></mujoco>'
     )
 
 
 def run(spring: bool, seed: int) -> pd.DataFrame:
-    """Return positions and torque of the motors, under a controller that follows sines to 4 Hz."""
+    """Return positions and noisy torque of the motors of an arm."""
+    log = roll(mujoco.MjModel.from_xml_string(arm(spring)), seed)
+    noise = np.random.default_rng(seed).normal(0, 0.01, (len(log), 2))
+    log[["shoulder.tau", "elbow.tau"]] += noise
+    return log[[name for name in log if name != "tip"]]
+
+
+def roll(model: mujoco.MjModel, seed: int) -> pd.DataFrame:
+    """Return motion and torque of motors, and the link's angle, under control by sines to 4 Hz."""
     rng = np.random.default_rng(seed)
-    model = mujoco.MjModel.from_xml_string(arm(spring))
     model.opt.timestep = STEP
     data = mujoco.MjData(model)
     places = [model.joint(name).qposadr[0] for name in ("shoulder", "elbow")]
@@ -53,13 +63,12 @@ def run(spring: bool, seed: int) -> pd.DataFrame:
         error = wanted[k] - data.qpos[places]
         torque = np.array([800.0, 200.0]) * error - np.array([40.0, 8.0]) * data.qvel[places]
         if t[k] >= 1 and k % EVERY == 0:
-            rows.append([t[k], *data.qpos[places], *torque])
+            tip = data.qpos[places[1] :].sum()
+            rows.append([t[k], *data.qpos[places], *torque, tip])
         data.ctrl[:] = torque
         mujoco.mj_step(model, data)
-    names = ["t", "shoulder.q", "elbow.q", "shoulder.tau", "elbow.tau"]
-    log = pd.DataFrame(rows, columns=names)
-    log[names[3:]] += rng.normal(0, 0.01, (len(log), 2))
-    return log
+    names = ["t", "shoulder.q", "elbow.q", "shoulder.tau", "elbow.tau", "tip"]
+    return pd.DataFrame(rows, columns=names)
 
 
 @pytest.fixture
@@ -69,15 +78,46 @@ def robot(tmp_path) -> Path:
     return path
 
 
-def test_a_joint_that_bends_is_found_and_explains_unseen_torque(robot):
-    found = diagnose(robot, run(True, 1), run(True, 2), quick=True, bending=True)
+def test_a_joint_that_bends_is_found_and_exported_so_that_unseen_motion_is_its_own(robot, tmp_path):
+    true = roll(mujoco.MjModel.from_xml_string(arm(True)), 3)
+    errors, unseen = [], []
+    for bending in (False, True):
+        found = diagnose(robot, run(True, 1), run(True, 2), quick=True, bending=bending)
+        result = found.to_json(tmp_path / f"{bending}.json")
+        made = export(robot, result, tmp_path / f"{bending}.xml", validate=run(True, 4), force=True)
+        error = roll(mujoco.MjModel.from_xml_path(str(made.robot)), 3) - true
+        errors.append(np.sqrt((error**2).mean()))
+        unseen.append(made.unseen.written)
+    assert unseen[1] < unseen[0] / 4
+    rigid, elastic = errors
+    for name in ("elbow.tau", "elbow.q", "tip"):
+        assert elastic[name] < rigid[name] / 20
+    again = Robot.load(made.robot)
+    assert again.bodies == Robot.load(robot).bodies
     (joint,) = found.bending.joints
-    assert joint.joint == "elbow"
-    assert joint.stiffness == pytest.approx(STIFFNESS, rel=0.03)
-    before, after = found.bending.held_before[1], found.bending.held_after[1]
-    assert after < before / 2
+    assert again.springs["elbow"].stiffness == joint.stiffness
+    assert joint.stiffness == pytest.approx(STIFFNESS, rel=0.02)
     assert "elbow bends" in found.statement
-    assert found.to_dict()["bending"]["joints"][0]["joint"] == "elbow"
+    assert "URDF" in export(robot, result, tmp_path / "arm.urdf", force=True).statement
+
+
+def test_simulated_links_bend_as_those_that_mujoco_moves_under_torque(tmp_path):
+    path = tmp_path / "bent.xml"
+    path.write_text(arm(True))
+    true = roll(mujoco.MjModel.from_xml_string(arm(True)), 3)
+    q = true[["shoulder.q", "elbow.q"]].to_numpy()
+    along = CubicSpline(true.t, q)
+    motion = PrescribedMotion(true.t.to_numpy(), q, along(true.t, 1), along(true.t, 2))
+    found = Campaign.of(Robot.load(path), [motion])
+    settled = slice(600, -10)
+    tip = found.deflection[settled, 1] + q[settled, 1]
+    assert tip == pytest.approx(true.tip[settled], abs=2e-4)
+    torque = true[["shoulder.tau", "elbow.tau"]][settled]
+    assert found.torque[settled] == pytest.approx(torque.to_numpy(), abs=0.2)
+    # Linear models are rigid, which is said.
+    assert "spring of the file bends elbow" in " ".join(inspect(path, run(True, 3)).hints)
+    with pytest.raises(ModelError, match="diagnose --bending"):
+        Model.of("rigid_body", "joint_compliance@elbow")
 
 
 def test_late_torque_of_a_rigid_arm_is_no_spring(robot):
@@ -99,18 +139,3 @@ def test_values_that_make_links_unstable_are_refused(robot):
         torque, slopes = stretch.sensitivities(springs, np.ones(2), -stretch.stated)
     assert np.isinf(torque).all()
     assert not slopes.any()
-
-
-def test_the_deflection_is_that_of_an_oscillator():
-    step, frequency, inertia, stiffness = 0.005, 3.0, 2.0, 900.0
-    t = np.arange(4000) * step
-    one = np.ones((len(t), 1, 1))
-    links = LinkEquation(step, 0 * one, 0 * one, inertia * one)
-    rate = 2 * np.pi * frequency
-    torque = np.sin(rate * t)[:, None, None]
-    damping = 8.0
-    found = integrate(links, torque, np.array([[stiffness]]), np.array([[damping]]))
-    response = 1 / (stiffness - inertia * rate**2 + 1j * damping * rate)
-    steady = (response * np.exp(1j * rate * t)).imag
-    late = t > 10
-    assert found.position[late, 0, 0] == pytest.approx(steady[late], abs=2e-3 * abs(response))

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from identifiability.bending import Bending, find_bending
 from identifiability.bending.rules import RULES
+from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.foundation.findings import phrase
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.runs import Run
-from identifiability.logs.prepare import Preparation
+from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.logs.prepare.preparation import choose_cutoff
+from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.workflows.case import Case, Data
+
+from .problem import fit_structure
+from .result import fit_physical
 
 #: Cut-off of the motion over the band of the torque.
 WIDER: Tolerance = 2.5
@@ -48,7 +55,39 @@ def ask_bending(case: Case, data: Data, structure: Structure, run: Run) -> Bendi
     band = min(wanted, 0.5 / (WIDER * step))
     how = Preparation(cutoff=WIDER * band, outputs=band)
     prepared = case.prepared(structure.robot, data.recordings, how, run)
-    return find_bending(structure, prepared.fitted, prepared.held_out, band, found.bandwidth)
+    bending, stiff = find_bending(
+        structure, prepared.fitted, prepared.held_out, band, found.bandwidth
+    )
+    return fit_elastic(bending, stiff, structure) if bending.joints else bending
+
+
+def fit_elastic(bending: Bending, stiff: Sequence[Dataset], structure: Structure) -> Bending:
+    """Return joints that bend, with the physically consistent robot that stands behind them.
+
+    Parameters
+    ----------
+    bending : Bending
+        Its `parameters` are the rotors of these joints.
+    stiff : sequence of Dataset
+        The logs without the torque of springs and of these rotors.
+    structure : Structure
+        The robot under the model with the named effects.
+    """
+    joints = [x.joint for x in bending.joints]
+    rotors = dict(bending.parameters)
+    if len(rotors) < len(joints) or min(rotors.values()) <= 0.0:
+        return replace(bending, parameters={}, rigid=phrase("exported", "rotorless", joints=joints))
+    others = [p for p in structure.parameters if p.group == "actuator_inertia"]
+    places = "+".join(p.owner for p in others if p.name not in rotors)
+    texts = [t for t in structure.model.texts if t.partition("@")[0] != "actuator_inertia"]
+    texts += [f"actuator_inertia@{places}"] if places else []
+    model = replace(structure.model, effects=Model.of(*texts).effects)
+    rest = Structure.of(structure.robot, model)
+    try:
+        found = fit_physical(rest, fit_structure(rest, rest.regression(stiff)))
+    except IdentifiabilityError as error:
+        return replace(bending, parameters={}, rigid=str(error))
+    return replace(bending, parameters={**found.values, **rotors})
 
 
 def refuse(structure: Structure, data: Data) -> str:

@@ -180,7 +180,7 @@ def diagnose(
             found = replace(found, forward=simulate_forward(found, of_motion))
         if bending:
             run.say("asking which joints bend", 0.97)
-            found = replace(found, bending=ask_bending(case, data, found.completed, run))
+            found = replace(found, bending=ask_bending(case, data, found.structure, run))
         # Columns are large and no longer needed.
         return replace(found, problem=replace(found.problem, columns=()))
 

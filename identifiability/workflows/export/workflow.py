@@ -13,6 +13,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from identifiability.bending.stretch import SETTLE
 from identifiability.effects import FAMILIES
 from identifiability.effects.base import apply_tilt
 from identifiability.effects.nominal import reference_values
@@ -41,7 +42,7 @@ from identifiability.foundation.presenter import presented
 from identifiability.foundation.quoting import for_patch, for_python
 from identifiability.foundation.runs import Run
 from identifiability.foundation.values import frozen
-from identifiability.logs.prepare import Preparation
+from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.physical.cad_prior import state_mass
 from identifiability.physical.pseudo_inertia import check_body
 from identifiability.quality.recordings import Logs, list_logs
@@ -49,12 +50,16 @@ from identifiability.reading import CarriedReading, ReadingEntry
 from identifiability.regression.regression import Model, Regression
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot, RobotLike
+from identifiability.robot.elastic import Spring
 from identifiability.robot.locate import SMALLEST
 from identifiability.robot.servo import state_delay
 from identifiability.robot.table import write_converted
 from identifiability.robot.write import write_robot
+from identifiability.simulation import MujocoRobot, PrescribedMotion
+from identifiability.simulation.elastic import bend
 from identifiability.workflows.case import Case, Use
 from identifiability.workflows.predict import (
+    BendingEntry,
     PositionPrediction,
     ResultEntry,
     check_reading,
@@ -218,7 +223,8 @@ def _write_native(
 def _convert(robot: Robot, path: Path) -> Robot:
     """Return the same robot in the other format, as a template file."""
     write_converted(robot, path)
-    converted = replace(Robot.load(path), rest=robot.rest, servo=robot.servo)
+    how: Any = {"rest": robot.rest, "servo": robot.servo, "springs": robot.springs}
+    converted = replace(Robot.load(path), **how)
     return converted.turned(robot.gravity)
 
 
@@ -350,7 +356,11 @@ def export(
         written = Written(write_isaaclab(robot, given, content, out))
         found = _describe(robot, content, given, written)
         return replace(found, notes=(*said, *found.notes))
-    rises = _state_rises(own, content, wanted, out.name)
+    bent = wanted == "mjcf" and bool(content.bending.parameters)
+    if bent:
+        robot, given = with_springs(robot, content.bending)
+    # Errors of the result are those of rigid joints.
+    rises = () if bent else _state_rises(own, content, wanted, out.name)
     if rises and not force:
         raise IdentifiabilityError(phrase("exported", "errs_more", rises=" ".join(rises)))
     write, unseen = _prepare_writing(robot, content, given), None
@@ -364,7 +374,27 @@ def export(
             raise IdentifiabilityError(" ".join([*of_key(said, "reading_contradicted"), errors]))
     found = _describe(robot, content, given, write(out), wanted, unseen)
     found = replace(found, notes=(*said, *rises, *found.notes))
+    if bent:
+        found = replace(found, error_ra=None, error_ra_file=None)
     return found if found.sidecar is None else _add_snippet(own, found)
+
+
+def with_springs(robot: Robot, found: BendingEntry) -> tuple[Robot, dict[str, float]]:
+    """Return a robot with the springs of joints that bend, and its parameters.
+
+    Raises
+    ------
+    IdentifiabilityError
+        If the robot has no such joint.
+    """
+    springs = dict(robot.springs)
+    for x in found.joints:
+        if x.joint not in robot.joints:
+            raise IdentifiabilityError(phrase("exported", "springless", joint=x.joint))
+        known = springs.get(x.joint, Spring(0.0, 0.0))
+        springs[x.joint] = replace(known, stiffness=x.stiffness, damping=x.damping)
+    robot = replace(robot, springs=springs)
+    return apply_tilt(robot, found.parameters)
 
 
 def _state_rises(robot: Robot, content: ResultEntry, kind: Kind, name: str) -> tuple[str, ...]:
@@ -516,9 +546,22 @@ def _notes(
     if kind is not None and robot.known_torque:
         known = "; ".join(k.text for k in robot.known_torque)
         notes.append(phrase("exported", "known", file=name, known=known))
+    notes += _note_springs(content.bending, kind, name)
     if kind not in (None, file_kinds(robot)[0]):
         notes.append(phrase("exported", "format", file=name))
     return (*notes, *state_missing(content.missing))
+
+
+def _note_springs(found: BendingEntry, kind: Kind | None, name: str) -> list[str]:
+    """Return the note on joints that bend, if there are any."""
+    if not found.joints or kind is None:
+        return []
+    joints = [x.joint for x in found.joints]
+    if kind == "urdf":
+        return [phrase("exported", "urdf_springs", file=name, joints=joints)]
+    if found.rigid:
+        return [phrase("exported", "stiff", file=name, joints=joints, why=found.rigid)]
+    return [phrase("exported", "springs", file=name, joints=joints)]
 
 
 # How much files err on logs that were not fitted, as this package reads them.
@@ -613,9 +656,25 @@ def _predict_by_file(
     case = Case(robot, logs, preparation=how, reading=carried, use=use)
     structure = Structure.of(robot if carried is None else carried.turn(robot), model)
     samples = case.samples(structure.robot, Run(), "compared")
+    if robot.springs:
+        samples = tuple(_take_springs_off(robot, log) for log in samples)
     regression = Regression(structure.robot, model, samples)
     found = predict_torque(regression, structure.nominal[:, None])
     return found, tuple(s.name for s in samples)
+
+
+def _take_springs_off(robot: Robot, log: Dataset) -> Dataset:
+    """Return a log without the torque that the springs of a robot file add to rigid joints.
+
+    The first deflection is not measured: samples that depend on it have no weight.
+    """
+    motion = log.motion
+    move = PrescribedMotion(motion.t, motion.actuated_q, motion.actuated_v, motion.actuated_a)
+    bent, _ = bend(robot, move)
+    rigid = MujocoRobot(robot).inverse_dynamics(move.q, move.dq, move.ddq)
+    settled = motion.t - motion.t[0] >= SETTLE
+    weight = log.weight * settled[:, None]
+    return replace(log, tau=log.tau - bent + rigid.tau, weight=weight)
 
 
 def _reread(robot: Robot, path: Path, sidecar: Path | None, *, alone: bool) -> Robot:
