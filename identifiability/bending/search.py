@@ -7,8 +7,6 @@ from copy import copy
 from dataclasses import replace
 
 import numpy as np
-from scipy.signal import lfilter
-from scipy.signal.windows import tukey
 
 from identifiability.foundation.linalg import or_one
 from identifiability.foundation.names import Array
@@ -27,9 +25,6 @@ FREQUENCIES = np.geomspace(4.0, 40.0, 20)
 RATIO: Tolerance = 0.05
 #: Multiples of the frequency that was screened at which a fit starts: far from it, it may not move.
 STARTS: tuple[Tolerance, ...] = (0.7, 1.0, 1.4)
-#: Share of a record that tapers before its spectrum, and lines of a spectrum that are smoothed.
-TAPER: Tolerance = 0.1
-NEIGHBOURS = 5
 #: Order of the noise of each joint, as an autoregression.
 ORDER = 3
 #: Steps of a fit, of a first one and of the last, and how often a step is halved.
@@ -105,6 +100,8 @@ class Problem:
 
         The last rows are zero: they are those of the prior of the rivals.
         """
+        from scipy.signal import lfilter  # noqa: PLC0415 - a third of a second, for who asks
+
         out = []
         for joint, (taps, size) in enumerate(self.filters):
             for x in blocks:
@@ -440,15 +437,15 @@ def measure_response(problem: Problem, fit: Fit, at: int, band: float) -> Respon
 def _cross_spectrum(inputs: Sequence[Array], outputs: Sequence[Array], length: int) -> Array:
     """Return the sum of the cross spectra of some records, smoothed over neighbours.
 
-    Each record is transformed as a whole. Windows would bias a resonance through which a motion
-    sweeps.
+    Each record is transformed as a whole, from zero to zero. Windows would bias a resonance
+    through which a motion sweeps.
     """
     total = np.zeros(length // 2 + 1, complex)
     for x, y in zip(inputs, outputs, strict=True):
-        taper = tukey(len(x), TAPER)
-        first, second = (np.fft.rfft(taper * (z - z.mean()), length) for z in (x, y))
+        levelled = (z - np.linspace(z[0], z[-1], len(z)) for z in (x, y))
+        first, second = (np.fft.rfft(z, length) for z in levelled)
         total += first.conj() * second
-    return np.convolve(total, np.hanning(NEIGHBOURS), mode="same")
+    return np.convolve(total, (0.25, 0.5, 0.25), mode="same")
 
 
 def _describe(

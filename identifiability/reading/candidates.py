@@ -300,9 +300,13 @@ class ReadingCandidates:
 def list_legs(robot: Robot) -> list[list[int]]:
     """Return the actuated joints of each branch that begins at the base, if branches are equal."""
     parents = [*robot.model.parents]
-    legs = defaultdict[int, list[int]](list)
+    legs = defaultdict[int | str, list[int]](list)
     for place, name in enumerate(robot.joints):
         joint = robot.model.getJointId(name)
+        if joint == len(parents):
+            # An actuator between two bodies has no joint: it is a leg of its own.
+            legs[name].append(place)
+            continue
         while parents[joint]:
             joint = parents[joint]
         legs[joint].append(place)

@@ -62,6 +62,13 @@ def test_friction_that_rose_is_named_with_its_size(name, joint, motion):
     assert change.share_sd < 0.05
 
 
+def test_a_gain_that_rose_is_named_with_its_size():
+    before, after = logs(PLANAR, 0)[0], logs(PLANAR, 30)[1]
+    (change,) = compare(PLANAR, before, replace(after, tau=after.tau * [1, 1.15])).changes
+    assert (change.kind, change.place) == ("gain", "elbow")
+    assert change.share == pytest.approx(0.15, abs=3 * change.share_sd)
+
+
 def test_a_second_log_with_twelve_times_the_noise_does_not_spoil_the_first():
     before, after = logs(PLANAR, 0)[0], logs(PLANAR, 30, elbow=1.5)[1]
     rng = np.random.default_rng(9)

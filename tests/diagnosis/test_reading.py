@@ -22,6 +22,7 @@ from identifiability.effects.nominal import gravity_torque
 from identifiability.logs.prepare.preparation import choose_cutoff
 from identifiability.quality import MeasuredLogs
 from identifiability.reading import choose_reading
+from identifiability.reading.candidates import list_legs
 from identifiability.regression.regression import LogPart
 from identifiability.regression.structure import Structure
 from identifiability.robot import complete_motion
@@ -274,6 +275,10 @@ def test_three_columns_in_a_cycle_are_found(arm):
     found = look(robot, replace(log, tau=log.tau[:, order]))
     assert found.order.tolist() == np.argsort(order).tolist()
     assert found.holds
+
+
+def test_an_actuator_between_two_bodies_is_a_leg_of_its_own():
+    assert list_legs(Robot.load("six-actuators")) == [[k] for k in range(6)]
 
 
 def test_legs_that_are_permuted_are_found():

@@ -17,6 +17,7 @@ from identifiability.foundation.rounding import format_measured, format_number
 def test_two_digits_of_sigma_up_to_354_and_one_from_355_to_949(sigma, value, shown):
     """[PDG 2024, sec. 5.3]; from 950 on it is 1000 with two digits."""
     assert format_measured(1.2346, sigma) == (value, shown)
+    assert format_measured(1.225, 0.354)[0] == "1.22"  # a half goes to the even digit
 
 
 @pytest.mark.parametrize(
