@@ -17,6 +17,7 @@ from identifiability.regression.structure import Structure
 
 STEP, EVERY, SECONDS = 5e-4, 10, 10.0
 STIFFNESS = 400.0
+NAMES = ["shoulder.q", "elbow.q", "shoulder.tau", "elbow.tau"]
 
 
 def arm(spring: bool) -> str:
@@ -56,9 +57,8 @@ def run(spring: bool, seed: int) -> pd.DataFrame:
             rows.append([t[k], *data.qpos[places], *torque])
         data.ctrl[:] = torque
         mujoco.mj_step(model, data)
-    names = ["t", "shoulder.q", "elbow.q", "shoulder.tau", "elbow.tau"]
-    log = pd.DataFrame(rows, columns=names)
-    log[names[3:]] += rng.normal(0, 0.01, (len(log), 2))
+    log = pd.DataFrame(rows, columns=["t", *NAMES])
+    log[NAMES[2:]] += rng.normal(0, 0.01, (len(log), 2))
     return log
 
 
@@ -72,8 +72,8 @@ def robot(tmp_path) -> Path:
 def test_a_joint_that_bends_is_found_and_explains_unseen_torque(robot):
     found = diagnose(robot, run(True, 1), run(True, 2), quick=True, bending=True)
     (joint,) = found.bending.joints
-    assert joint.joint == "elbow"
     assert joint.stiffness == pytest.approx(STIFFNESS, rel=0.03)
+    assert joint.joint == "elbow"
     before, after = found.bending.held_before[1], found.bending.held_after[1]
     assert after < before / 2
     assert "elbow bends" in found.statement
@@ -88,12 +88,16 @@ def test_late_torque_of_a_rigid_arm_is_no_spring(robot):
     assert "None that these logs can show" in found.statement
 
 
-def test_values_that_make_links_unstable_are_refused(robot):
+def test_the_fastest_motion_is_used_and_values_that_make_links_unstable_are_refused(robot):
     arm_robot = Robot.load(robot)
     bodies = Model.of(*default_effects(arm_robot, ("rigid_body", "actuator_inertia")))
     how = Preparation(cutoff=25.0, outputs=10.0)
-    log = prepare_log(arm_robot, Log.from_frame(run(False, 3)), how)
+    t = np.arange(8000) / 200
+    swing = np.sin(np.where(t < 20, t, 9 * t - 160))
+    frame = pd.DataFrame({"t": t} | dict.fromkeys(NAMES, swing))
+    log = prepare_log(arm_robot, Log.from_frame(frame), how)
     (stretch,) = cut_stretches(Structure.of(arm_robot, bodies), [log])
+    assert stretch.piece.motion.t[0] > 15
     springs = Springs((1,), np.array([[6.0]]), np.array([[0.05]]))
     with np.errstate(over="ignore", invalid="ignore"):
         torque, slopes = stretch.sensitivities(springs, np.ones(2), -stretch.stated)
