@@ -28,6 +28,10 @@ class Rules(RuleTable):
     model_error: Annotated[
         float, "standard deviation of a stiffness by errors of the equation, relative, calibrated"
     ] = 0.038
+    rivals: Annotated[
+        tuple[float, float, float, float],
+        "usual delay [s], squared lag [s²], encoder zero [rad or m], torque scale, by hand",
+    ] = (5e-3, 1e-4, 0.1, 0.1)
     band: Annotated[
         tuple[float, float], "narrowest and widest band of the torque [Hz], by hand"
     ] = (10.0, 30.0)

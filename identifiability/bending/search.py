@@ -18,7 +18,7 @@ from identifiability.regression.structure import Structure
 
 from .result import Bending, ElasticJoint, Response
 from .rules import RULES
-from .stretch import SETTLE, UNSTABLE, Springs, Stretch, cut_stretches, rotor_names
+from .stretch import UNSTABLE, Springs, Stretch, cut_stretches, rotor_names
 
 #: Resonances that are tried [Hz], and the damping ratio at which they are.
 FREQUENCIES = np.geomspace(4.0, 40.0, 20)
@@ -96,7 +96,10 @@ class Problem:
         return [_fit_autoregression([x[:, j] for x in left]) for j in range(self.n)]
 
     def whiten(self, blocks: Sequence[Array]) -> Array:
-        """Return rows (N, n, …) of every stretch as rows of white noise, (R, …)."""
+        """Return rows (N, n, …) of every stretch as rows of white noise, (R, …).
+
+        The last rows are zero: they are those of the prior of the rivals.
+        """
         from scipy.signal import lfilter  # noqa: PLC0415 - a third of a second, for who asks
 
         out = []
@@ -105,7 +108,8 @@ class Problem:
                 rows = x[:, joint]
                 white = lfilter(taps, [1.0], rows, axis=0) if rows.size else rows
                 out.append(white[ORDER:] / size)
-        return np.concatenate(out)
+        prior = np.zeros((self.beside[0].shape[2], *out[0].shape[1:]))
+        return np.concatenate([*out, prior])
 
     def bent(self, springs: Springs, change: Array) -> list[Array]:
         """Return what springs add to the torque, kept rows (N, n, S) of every stretch."""
@@ -142,7 +146,13 @@ class Problem:
         return float(gain[best]), float(FREQUENCIES[best])
 
     def _linear(self) -> Array:
-        return np.concatenate([self.whiten(self.columns), self.whiten(self.beside)], axis=1)
+        """Return the whitened columns of model and rivals, and the prior of the rivals."""
+        out = np.concatenate([self.whiten(self.columns), self.whiten(self.beside)], axis=1)
+        rivals = self.beside[0].shape[2]
+        sizes = np.repeat(RULES.rivals, self.n)[:rivals]
+        if rivals:
+            out[-rivals:, -rivals:] = np.diag(1.0 / sizes)
+        return out
 
     # The fit of given joints.
 
@@ -288,11 +298,10 @@ def find_bending(
     price = _price(problem, len(asked))
     fit = drop_weak(problem, fit, price)
     gains = {j: measure_gain(problem, fit, j) for j in fit.springs.joints}
-    if gains:
-        fit = problem.without_scales().fit(fit.springs, fit.change, LAST)
+    fit = tune(problem, fit, band)
     alone = problem.without_rivals()
     rigid = alone.fit(NONE, fit.change)
-    bent = alone.fit(fit.springs, fit.change, LAST) if gains else rigid
+    bent = alone.fit(fit.springs, fit.change, LAST) if fit.springs.joints else rigid
     places = range(len(fit.springs.joints))
     responses = [measure_response(problem, bent, c, band) for c in places]
     joints = tuple(_describe(problem, fit, c, gains, responses[c]) for c in places)
@@ -338,7 +347,8 @@ def add_joints(problem: Problem, asked: tuple[int, ...], band: float) -> tuple[P
             break
         tried = [fit.springs.with_joint(joint, x * frequency, RATIO) for x in STARTS]
         fits = [problem.fit(springs, fit.change) for springs in tried]
-        found = min((x for x in fits if _resonates(x, band)), key=_misfit, default=fit)
+        heard = (x for x in fits if not _silent(x.springs, band).any())
+        found = min(heard, key=_misfit, default=fit)
         if 0.5 * (fit.misfit - found.misfit) < price:
             refused.add(joint)
             continue
@@ -387,22 +397,33 @@ def drop_weak(problem: Problem, fit: Fit, price: float) -> Fit:
     return fit
 
 
+def tune(problem: Problem, fit: Fit, band: float) -> Fit:
+    """Return the last numbers of the joints that still resonate, without torque scales."""
+    without = problem.without_scales()
+    while fit.springs.joints:
+        fit = without.fit(fit.springs, fit.change, LAST)
+        silent = _silent(fit.springs, band)
+        if not silent.any():
+            break
+        joint = fit.springs.joints[int(np.argmax(silent))]
+        fit = replace(fit, springs=fit.springs.without(joint))
+    return fit
+
+
 def _price(problem: Problem, joints: int) -> float:
     """Return the gain that a joint must exceed [nat]: of two numbers, and of all that are tried."""
     rows = sum(y.size for y in problem.torque)
     return float(np.log(rows) + np.log(joints * len(FREQUENCIES)) + RULES.surplus)
 
 
-def _resonates(fit: Fit, band: float) -> bool:
-    """Return whether every joint has a resonance that the band can show."""
-    low = fit.springs.frequency.max() <= RULES.highest * band
-    return bool(low and fit.springs.ratio.max() <= RULES.damped)
+def _silent(springs: Springs, band: float) -> Array:
+    """Return which joints (m,) of one set have no resonance that the band can show."""
+    high = springs.frequency[0] > RULES.highest * band
+    return np.asarray(high | (springs.ratio[0] > RULES.damped))
 
 
 def measure_response(problem: Problem, fit: Fit, at: int, band: float) -> Response:
     """Return the frequency response of a joint that bends, up to the band [Hz]."""
-    from scipy.signal import csd  # noqa: PLC0415 - a third of a second, for who asks
-
     joint = fit.springs.joints[at]
     rigid, measured, modelled = [], [], []
     for s in problem.stretches:
@@ -412,17 +433,30 @@ def measure_response(problem: Problem, fit: Fit, at: int, band: float) -> Respon
         rigid.append(load[s.settled, joint])
         measured.append((s.piece.tau - s.whole(fit.change) + load)[s.settled, joint])
         modelled.append((load + bent)[s.settled, joint])
-    rate = 1.0 / problem.stretches[0].step
-    # Free motion decays within half a window.
-    length = min(round(2.0 * SETTLE * rate), *map(len, rigid))
-    spectra = [
-        sum(csd(x, y, rate, nperseg=length)[1] for x, y in zip(rigid, other, strict=True))
-        for other in (rigid, measured, modelled)
-    ]
-    frequency = np.fft.rfftfreq(length, 1.0 / rate)
+    length = max(map(len, rigid))
+    frequency = np.fft.rfftfreq(length, problem.stretches[0].step)
     shown = (frequency > 0) & (frequency <= band)
-    own, *others = (np.abs(np.asarray(x))[shown] for x in spectra)
+    own, *others = (
+        np.abs(_cross_spectrum(rigid, other, length))[shown]
+        for other in (rigid, measured, modelled)
+    )
     return Response(frequency[shown], *(x / own for x in others))
+
+
+def _cross_spectrum(inputs: Sequence[Array], outputs: Sequence[Array], length: int) -> Array:
+    """Return the sum of the cross spectra of some records, smoothed over neighbours.
+
+    Each record is transformed as a whole, and only a tenth of it fades. Short windows would bias a
+    resonance through which a motion sweeps.
+    """
+    from scipy.signal.windows import tukey  # noqa: PLC0415 - a third of a second, for who asks
+
+    total = np.zeros(length // 2 + 1, complex)
+    for x, y in zip(inputs, outputs, strict=True):
+        taper = tukey(len(x), 0.1)
+        first, second = (np.fft.rfft(taper * (z - z.mean()), length) for z in (x, y))
+        total += first.conj() * second
+    return np.convolve(total, (1 / 6, 2 / 3, 1 / 6), mode="same")
 
 
 def _describe(
@@ -433,16 +467,17 @@ def _describe(
     # A stiffness goes with the square of its frequency.
     sd = float(np.hypot(2.0 * np.sqrt(fit.covariance[at, at]), RULES.model_error))
     stiffness = float(fit.springs.stiffness(problem.inertia)[0, at])
-    # The first frequency was that of the first inertia.
+    # Frequency and damping ratio were those of the first inertia.
     inertia = float(mean_inertia(problem.stretches[0], fit.change)[joint])
-    frequency *= float(np.sqrt(problem.inertia[joint] / inertia))
+    other = float(np.sqrt(problem.inertia[joint] / inertia))
+    frequency *= other
     return ElasticJoint(
         joint=problem.stretches[0].robot.joints[joint],
         stiffness=stiffness,
         stiffness_half=REACH * sd * stiffness,
         resonance=frequency,
         resonance_half=0.5 * REACH * sd * frequency,
-        damping_ratio=float(fit.springs.ratio[0, at]),
+        damping_ratio=other * float(fit.springs.ratio[0, at]),
         damping=float(fit.springs.damping(problem.inertia)[0, at]),
         inertia=inertia,
         gain=gains[joint],

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
+from identifiability.foundation.linalg import or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
@@ -277,12 +278,24 @@ def rotor_names(structure: Structure, springs: Springs) -> list[str]:
 
 
 def cut_stretches(structure: Structure, samples: Sequence[Dataset]) -> list[Stretch]:
-    """Return stretches of logs without gaps: of each log as many samples."""
+    """Return a stretch without gaps of each log, where the motion is fastest.
+
+    Together they have at most `MOST` samples.
+    """
     most = MOST // max(1, len(samples))
     out = []
     for log in samples:
-        for piece in log.pieces(most):
-            if len(piece.motion.t) >= FEWEST:
-                out.append(Stretch(structure, log, piece))
-                break
+        length = len(log.motion.t)
+        parts = max(1, round(np.ceil(length / most)))
+        size = -(-length // parts)
+        usual = or_one(np.sqrt(np.mean(log.motion.actuated_a**2, axis=0)))
+        pieces = (piece for piece in log.pieces(size) if len(piece.motion.t) >= FEWEST)
+        fastest = max(pieces, key=partial(_haste, usual), default=None)
+        if fastest is not None:
+            out.append(Stretch(structure, log, fastest))
     return out
+
+
+def _haste(usual: Array, piece: Piece) -> float:
+    """Return the sum of squares of the accelerations of a piece, over their usual sizes (n,)."""
+    return float(np.sum((piece.motion.actuated_a / usual) ** 2))

@@ -204,7 +204,8 @@ def _answer_bending(found: Bending) -> Answer:
         sentence(about, "one", joint=x.joint, resonance=x.resonance, half=x.resonance_half)
         for x in found.joints
     ]
-    return Answer(question, f"{join(each, NAMED)}.", sentence(about, "how"), "vermilion")
+    how = sentence(about, "how", bandwidth=found.bandwidth)
+    return Answer(question, f"{join(each, NAMED)}.", how, "vermilion")
 
 
 def _list_bending(d: Diagnosis) -> Iterator[tuple[Any, ...]]:
