@@ -133,12 +133,15 @@ def state_probability(log_odds: float) -> str:
 
     Examples
     --------
-    >>> state_probability(1.2), state_probability(1500.0)
-    ('probability 77 %', 'probability over 99.99 %')
+    >>> state_probability(1.2), state_probability(6.0), state_probability(1500.0)
+    ('probability 77 %', 'probability over 99 %', 'probability over 99.99 %')
     """
     probability = float(expit(log_odds))
-    almost_sure = probability > 0.9999
-    return "probability over 99.99 %" if almost_sure else f"probability {percent(probability, 2)}"
+    if probability > 0.9999:
+        return "probability over 99.99 %"
+    if probability > 0.99:
+        return "probability over 99 %"
+    return f"probability {percent(probability, 2)}"
 
 
 #: Shares in percent to two digits, and errors to three, zeros kept.

@@ -400,14 +400,22 @@ def _search_terms(model: MixedModel) -> Terms:
     """Return the missing effects of a model; one search adds families everywhere, one does not.
 
     A flexible family everywhere may replace different effects of several joints. The search would
-    not find its way back, so the evidence of both searches decides.
+    not find its way back, so the evidence of both searches decides. Some joints of one family are
+    no other effects: those that keep its name are chosen later.
     """
     found = model.search()
     if all(t.group.place != EVERYWHERE for t in found):
         return found
     places = tuple(g for g in model.groups if g.place != EVERYWHERE)
     single = replace(model, groups=places).search()
+    if _families_of(single) <= _families_of(found):
+        return found
     return max(found, single, key=model.total_odds)
+
+
+def _families_of(terms: Terms) -> set[str]:
+    """Return the families of missing effects."""
+    return {t.group.family for t in terms}
 
 
 def _with_missing(looked: Naming, missing: Missing) -> Naming:
