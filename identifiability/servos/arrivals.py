@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from identifiability.foundation.names import Array
+from identifiability.foundation.rules import Tolerance
 from identifiability.logs import Log
 from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.robot import Robot
@@ -19,6 +20,15 @@ from identifiability.robot.servo import Servo
 
 from .calibration import Recording
 from .torque import servo_log
+
+#: Standard errors beyond which a command surely acts otherwise: each of thousands is asked.
+CLEAR: Tolerance = 6.0
+
+#: Slopes of commands that come late or never; a contact changes torque by less or more.
+SLOPES: tuple[Tolerance, Tolerance] = (0.25, 1.5)
+
+#: Least share of irregular commands whose rows are left out.
+LEAST_SHARE: Tolerance = 0.01
 
 
 def leave_out_irregular(
@@ -59,11 +69,11 @@ def leave_out_irregular(
     size = np.bincount(acting, np.sum(column**2, axis=1), len(starts))
     product = np.bincount(acting, np.sum(column * residual, axis=1), len(starts))
     slope = product / np.maximum(size, 1e-12)
-    clear = np.abs(product) > 6.0 * np.sqrt(size)
-    # A contact is far more, or less, than a command that is late by part of its interval.
-    is_irregular = clear & (np.abs(slope) > 0.25) & (np.abs(slope) < 1.5)
+    clear = np.abs(product) > CLEAR * np.sqrt(size)
+    lowest, highest = SLOPES
+    is_irregular = clear & (np.abs(slope) > lowest) & (np.abs(slope) < highest)
     share = float(is_irregular.sum() / max(np.sum(size > 0), 1))
-    if share < 0.01:
+    if share < LEAST_SHARE:
         return log, 0.0
     lost = np.zeros(log.q.shape, bool)
     lost[rows[is_irregular[acting]]] = True
