@@ -27,7 +27,7 @@ _BRACKETS = re.compile(
 )
 
 #: A number as NumPy prints an element of a list.
-_NUMPY_NUMBER = re.compile(r"\w+\.float\d+\(([^()]*)\)")
+_NUMPY_NUMBER = re.compile(r"\b\w{1,9}\.float\d+\(([^()]*)\)")
 
 
 def spread_lists(path: Path, frame: pd.DataFrame) -> pd.DataFrame:
@@ -102,7 +102,10 @@ def _elements_of(cell: Any) -> Array | None:
     """Return the numbers of a cell; None if it is no list of numbers."""
     try:
         if isinstance(cell, str):
-            brackets = _BRACKETS.fullmatch(_NUMPY_NUMBER.sub(r"\1", cell.strip()))
+            text = cell.strip()
+            if not text.endswith(("]", ")")):  # most texts, however long
+                return None
+            brackets = _BRACKETS.fullmatch(_NUMPY_NUMBER.sub(r"\1", text))
             if brackets is None:
                 return None
             elements = brackets[1] or brackets[2] or ""
