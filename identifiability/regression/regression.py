@@ -470,6 +470,12 @@ class Regression:
         vars(joined)["_kept"] = [*self._kept, *other._kept]
         return joined
 
+    def for_robot(self, robot: Robot) -> Regression:
+        """Return these columns, with their chunks, for effects along the loads of a robot."""
+        other = replace(self, robot=robot)
+        vars(other)["_kept"] = self._kept
+        return other
+
     @cached_property
     def _kept(self) -> list[list[Chunk] | None]:
         """Where chunks of each log are kept; None if they take too much memory."""

@@ -135,13 +135,13 @@ class Problem(OfStructure):
     ) -> Regression:
         """Return the columns of a structure along samples, by default the fitted ones.
 
-        Structures with the same groupings share them. Effects that depend on loads are computed for
-        the robot of the regression, so its loads are those of the structure.
+        Structures with the same groupings share them. Effects that are tried and depend on loads
+        are computed for the robot of the regression, so its loads are those of the structure.
         """
         samples = self.samples if samples is None else samples
         for known, regression in self.columns:
             if known.base is structure.base and regression.samples is samples:
-                return replace(regression, robot=structure.robot)
+                return regression.for_robot(structure.robot)
         return structure.regression(samples)
 
     @property
