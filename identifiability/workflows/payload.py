@@ -553,13 +553,14 @@ def payload(
         place = choose_body(structure, body)
         unloaded = case if isinstance(robot, Case) else [*empty, *case.validate]
         sides, hints = _gather_sides(fit, structure, logs, unloaded, run)
-        found, remarks = choose_weight(
-            _find_load(sides, fit, structure, place, load, case.robot.gravity), place
-        )
+        differences = _find_load(sides, fit, structure, place, load, case.robot.gravity)
+        found, remarks = choose_weight(differences, place)
         scale = UNSCALED
         if fit is not None and mass is None:
             scale = measure_torque_scale(fit, [sample.motion for sample in sides.samples])
-        numbers = _state_load(found, sides, structure, load, scale)
+        numbers = _state_load(found, sides, structure, scale)
+        if mass is not None:
+            numbers["gains"] = find_gains(differences, load.parameters(numbers["parameters"]))
     return Load(
         robot=case.robot,
         body=place,
@@ -572,9 +573,9 @@ def payload(
 
 
 def _state_load(
-    found: Differences, sides: Sides, structure: Structure, load: KnownLoad, scale: TorqueScale
+    found: Differences, sides: Sides, structure: Structure, scale: TorqueScale
 ) -> dict[str, Any]:
-    """Return logs, the estimate of a load, its quantities and gains, as a `Load` names them."""
+    """Return logs, the estimate of a load, and its quantities, as a `Load` names them."""
     loaded, unloaded = sides.paths
     estimate = estimate_load(found, sides.names)
     nearest = nearest_body(estimate)
@@ -589,7 +590,6 @@ def _state_load(
         "quantities": state_quantities(estimate, nearest / scale.factor, length, scale),
         "as_measured": state_quantities(estimate, nearest, length, UNSCALED),
         "scale": scale,
-        "gains": () if load.mass is None else find_gains(found, load.parameters(nearest)),
     }
 
 
