@@ -3,9 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from identifiability import Log, Noise, Robot, analyze, simulate
+from identifiability.logs.conventions import Conventions
+from identifiability.quality.recordings import read_logs
 from identifiability.simulation import PrescribedMotion, random_trajectory
 
 
@@ -54,3 +57,11 @@ def test_the_interval_holds_the_values_of_both(equal, mixed):
     assert low < before.value < high
     assert low < before.value + 0.3 < high
     assert after.sigma_robust > 5 * before.sigma_robust
+
+
+def test_logs_with_one_name_get_numbers():
+    """Else the rows of a change in one of them are left out of another."""
+    t = np.arange(100) / 100
+    frames = [pd.DataFrame({"t": t, "j.q": np.sin(t), "j.tau": size * t}) for size in (1.0, 2.0)]
+    logs = read_logs([Log.from_frame(frame) for frame in frames], Conventions())
+    assert [log.name for log in logs] == ["log 1", "log 2"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -86,8 +87,8 @@ def list_logs(logs: Logs) -> list[LogLike]:
 def read_logs(logs: Logs, known: Conventions, before: int = 0) -> list[Log]:
     """Return logs of any form; long files stay files.
 
-    Each episode of a dataset is a log. Logs without a name get a number. A log whose columns do not
-    show their codes is read again with the codes that other logs show.
+    Each episode of a dataset is a log. Logs without a name, or with that of another, get a number.
+    A log whose columns do not show their codes is read again with the codes that other logs show.
 
     Parameters
     ----------
@@ -104,6 +105,11 @@ def read_logs(logs: Logs, known: Conventions, before: int = 0) -> list[Log]:
     ]
     named = [(item, f"log {k + 1}") for k, item in enumerate(given, before)]
     out = [_read_one(item, name, known) for item, name in named]
+    count = Counter(log.name for log in out)
+    out = [
+        replace(log, name=name) if count[log.name] > 1 and not log.path else log
+        for log, (_, name) in zip(out, named, strict=True)
+    ]
     informed = replace(known, codes={**_shared_codes(out), **known.codes})
     for k, (item, name) in enumerate(named):
         resolved = {*known.codes, *out[k].codes}

@@ -604,7 +604,9 @@ def _name_between_changes(problem: Problem, effects: Effects | None, run: Run) -
     looked = look(problem, effects)
     run.say("naming effects", 0.3)
     change = None if problem.fixed else find_change_in_log(looked, effects)
-    without = None if change is None else leave_out(problem, change)
+    # What was left out already, and is found again, is no change in the middle of a log.
+    is_new = change is not None and change.when not in [c.when for c in problem.changes]
+    without = leave_out(problem, change) if change is not None and is_new else None
     return name_missing(looked) if without is None else _name_between_changes(without, effects, run)
 
 
