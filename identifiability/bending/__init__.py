@@ -2,7 +2,7 @@
 
 `Stretch` has the motion, the columns and the derivatives of the links' torque (`stretch`).
 `integrate` solves the equation of the links behind their springs (`deflection`). `find_bending`
-searches for the joints that bend beside all rivals, and tunes their numbers (`search`).
+searches for the joints that bend, and tunes their numbers; rivals are fitted with them (`search`).
 """
 
 from __future__ import annotations

@@ -112,7 +112,7 @@ class Steps:
     force: Array
 
     def of(self, at: np.ndarray) -> tuple[Array, Array]:
-        """Return transitions (B, S, 3m, 3m) to some states, and what force adds, (B, S, 3m)."""
+        """Return transitions (B, S, 3m, 3m) to some states, and the parts of force, (B, S, 3m)."""
         h, M = self.h, self.M[at][:, None]
         damped = self.D[at][:, None] + self.C
         inverse = np.linalg.inv(

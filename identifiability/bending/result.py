@@ -71,7 +71,7 @@ class ElasticJoint:
 
 @frozen
 class Bending:
-    """What logs say about joints that bend.
+    """Joints that bend, as logs show them.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""`find_bending`: the joints that bend, found one by one beside all that could imitate them."""
+"""`find_bending`: the joints that bend, found one by one, given all rival effects."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ NONE = Springs((), np.empty((1, 0)), np.empty((1, 0)))
 
 @frozen
 class Fit:
-    """Numbers of springs and of the model beside them.
+    """Numbers of springs, and of the model that is fitted with them.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Fit:
 
 
 class Problem:
-    """Torque of some logs under white noise, and what explains it.
+    """Torque of some logs under white noise, and the columns that explain it.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ class Problem:
         self.filters = self._fit_noise([np.zeros_like(y) for y in self.torque])
 
     def _fit_noise(self, bent: Sequence[Array]) -> list[tuple[Array, float]]:
-        """Return taps and size of the noise of each joint, from what the richest model leaves."""
+        """Return taps and size of the noise of each joint, by the richest model."""
         everything = [np.concatenate(x, 2) for x in zip(self.columns, self.beside, strict=True)]
         rows = np.concatenate([x.reshape(-1, x.shape[2]) for x in everything])
         torque = [y - x for y, x in zip(self.torque, bent, strict=True)]
@@ -112,7 +112,7 @@ class Problem:
         return np.concatenate([*out, prior])
 
     def bent(self, springs: Springs, change: Array) -> list[Array]:
-        """Return what springs add to the torque, kept rows (N, n, S) of every stretch."""
+        """Return the torque that springs add, kept rows (N, n, S) of every stretch."""
         return [
             s.kept_rows(s.bent_torque(springs, self.inertia, s.values(change)))
             for s in self.stretches
@@ -377,7 +377,7 @@ def first_values(stretch: Stretch, rigid: Array) -> Array:
 
 
 def measure_gain(problem: Problem, fit: Fit, joint: int) -> float:
-    """Return what one of several joints gains, beside the others [nat]."""
+    """Return the gain of one of several joints, given the others [nat]."""
     other = problem.fit(fit.springs.without(joint), fit.change)
     return 0.5 * (other.misfit - fit.misfit)
 
@@ -387,7 +387,7 @@ def _misfit(fit: Fit) -> float:
 
 
 def drop_weak(problem: Problem, fit: Fit, price: float) -> Fit:
-    """Return a fit without the joints that gain less than their price beside the others."""
+    """Return a fit without the joints that gain less than their price, given the others."""
     while fit.springs.joints:
         gains = {j: measure_gain(problem, fit, j) for j in fit.springs.joints}
         weakest = min(gains, key=lambda j: gains[j])
@@ -486,7 +486,7 @@ def _describe(
 
 
 def _errors(inertia: Array, stretches: Sequence[Stretch], fit: Fit) -> Array:
-    """Return the root mean square of what a fit leaves of each joint's torque, (n,)."""
+    """Return the root mean square of each joint's residual torque, (n,)."""
     left = []
     for s in stretches:
         model = s.whole(fit.change)
@@ -498,7 +498,7 @@ def _errors(inertia: Array, stretches: Sequence[Stretch], fit: Fit) -> Array:
 
 
 def _fit_autoregression(left: Sequence[Array]) -> tuple[Array, float]:
-    """Return the filter that makes residuals of one joint white, and the size of what is left."""
+    """Return the filter that makes residuals of one joint white, and their size then."""
     rows = []
     for x in left:
         late = [x[ORDER - k : len(x) - k] for k in range(ORDER + 1)]
@@ -517,6 +517,6 @@ def _orthonormal(columns: Array) -> Array:
 
 
 def _solve(columns: Array, target: Array) -> Array:
-    """Return the least-squares values of columns, whatever their units."""
+    """Return the least-squares values of columns, with columns of any unit."""
     length = or_one(np.linalg.norm(columns, axis=0))
     return np.asarray(np.linalg.lstsq(columns / length, target, rcond=DEPENDENT)[0] / length)

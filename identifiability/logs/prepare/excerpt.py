@@ -29,9 +29,6 @@ from .preparation import Preparation, make_plan
 MOST_SAMPLES, MOST_IN_ALL = 3000, 4000
 STRETCH = 300
 
-#: An hour [s].
-HOUR = 3_600
-
 #: Samples of each stretch of a long log from which its motion is measured.
 LOOKS = 64
 

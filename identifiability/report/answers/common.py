@@ -27,7 +27,7 @@ from identifiability.regression.structure import BaseParameters
 
 from .commands import source_name
 
-#: Parameters, logs or places that a sentence names.
+#: Parameters, logs, places or needs that a sentence or a first screen names.
 NAMED = 3
 
 #: Share from which on a difference is worth a sentence.

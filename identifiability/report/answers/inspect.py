@@ -16,14 +16,11 @@ from identifiability.foundation.rounding import NONE, format_number, percent
 from identifiability.workflows.inspect import required_columns
 
 from .commands import name_logs, robot_word
-from .common import AnsweringPresenter, Command, answer, command, hint_note, sentence
+from .common import NAMED, AnsweringPresenter, Command, answer, command, hint_note, sentence
 from .tables import make_table
 
 if TYPE_CHECKING:
     from identifiability.workflows.inspect import Inspection, JointFact, Record
-
-#: Things that the first screen explains.
-SHOWN = 3
 
 
 class InspectionPresenter(AnsweringPresenter):
@@ -130,7 +127,7 @@ def _answer_open(result: Inspection) -> Answer:
     about, needs = "inspection.open", result.needs
     if not needs:
         return answer(about, "nothing")
-    text = " ".join(need.text for need in needs[:SHOWN])
+    text = " ".join(need.text for need in needs[:NAMED])
     faults = of_key(need.text for need in needs)  # implausible statements of the file
     part = "faults" if faults else "some"
     return answer(about, part, text, count=needs)
