@@ -4,7 +4,7 @@ from functools import cache
 
 import pytest
 
-from identifiability import Case, analyze
+from identifiability import Case, analyze, diagnose
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.runs import Run
 from identifiability.logs.prepare.preparation import choose_cutoff
@@ -103,6 +103,13 @@ def test_positions_and_velocities_of_the_files_agree_until_the_filter_runs_out(k
     assert found["lag"] == pytest.approx(0.5, abs=0.05)  # backward differences
     assert found["mismatch"] < 0.02
     assert found["tail_mismatch"] > 0.5
+
+
+def test_a_change_that_takes_most_motion_is_not_left_out_of_the_values(kuka, folder, robot):
+    """The last quarter of the run was predicted ten times worse without 6.5 s of the rest."""
+    found = diagnose(robot, kuka.load_log(folder, robot, 1), forward=False)
+    assert found.problem.changes
+    assert found.held_after <= found.held_before
 
 
 @pytest.mark.everything

@@ -681,7 +681,7 @@ def verify_effects(
     """Return the effects that predict better on folds and that unseen motion does not refute.
 
     Folds of the fitted logs choose the effects, and unseen motion may refute them. The last effect
-    found is removed first.
+    found is removed first. Unseen motion may also refute values without the rows of a change.
 
     Parameters
     ----------
@@ -703,6 +703,10 @@ def verify_effects(
         gap = naming.predict_unseen(each)
         if not n or ((problem.fixed or used.predicts) and not gap.surely_better(0, -1)):
             break
+    if not n and problem.changes and gap.surely_better(0, -1):
+        # Without the rows of a change too little motion may be left: then all rows count.
+        best, last = plain, fits[0]
+        gap = naming.predict_unseen([*fits[:-1], last])
     before, after = naming.predict_fitted([fits[0], last]).relative_error().tolist()
     held = gap.relative_error().tolist()
     return Verified(
