@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Literal, NoReturn
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, legible
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.quoting import for_terminal, path_for_shell
+from identifiability.foundation.wording import at_terminal
 
 from .case import shorten_line
 
@@ -33,21 +34,25 @@ VERBOSE = ContextVar("VERBOSE", default=False)
 
 @contextmanager
 def sentences() -> Iterator[None]:
-    """Turn the library's errors into one line on standard error and exit code 2, 130 for Ctrl-C."""
-    try:
-        yield
-    except IdentifiabilityError as error:
-        _fail(str(error))
-    except BrokenPipeError:  # the reader of our output went away; typer knows what to do
-        raise
-    except OSError as error:
-        what = f"'{error.filename}' cannot be used" if error.filename else "The system refused"
-        _fail(legible(f"{what}: {error.strerror or error}."))
-    except MemoryError:
-        _fail(Finding("memory"))
-    except KeyboardInterrupt:
-        sys.stderr.write("Stopped; no file was left half-written.\n")
-        raise SystemExit(130) from None
+    """Turn the library's errors into one line on standard error and exit code 2, 130 for Ctrl-C.
+
+    Remedies name options of the command line.
+    """
+    with at_terminal():
+        try:
+            yield
+        except IdentifiabilityError as error:
+            _fail(str(error))
+        except BrokenPipeError:  # the reader of our output went away; typer knows what to do
+            raise
+        except OSError as error:
+            what = f"'{error.filename}' cannot be used" if error.filename else "The system refused"
+            _fail(legible(f"{what}: {error.strerror or error}."))
+        except MemoryError:
+            _fail(Finding("memory"))
+        except KeyboardInterrupt:
+            sys.stderr.write("Stopped; no file was left half-written.\n")
+            raise SystemExit(130) from None
 
 
 def _fail(sentence: str) -> NoReturn:
