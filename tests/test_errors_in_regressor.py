@@ -5,11 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import Noise, Preparation, Robot, analyze, diagnose
+from identifiability import Model, Noise, Preparation, Robot, analyze, diagnose, prepare_log
 from identifiability.estimation.motion import choose_motion, read_records
-from identifiability.logs.prepare import prepare_log
 from identifiability.logs.prepare.preparation import choose_cutoff
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.simulation.simulator import ar1
 

@@ -8,12 +8,10 @@ import pandas as pd
 import pytest
 from scipy.interpolate import CubicSpline
 
-from identifiability import Log, Robot, diagnose, export, inspect
+from identifiability import Log, Model, Preparation, Robot, diagnose, export, inspect, prepare_log
 from identifiability.bending.stretch import Springs, cut_stretches
 from identifiability.effects import default_effects
 from identifiability.foundation.errors import ModelError
-from identifiability.logs.prepare import Preparation, prepare_log
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.simulation import Campaign, PrescribedMotion
 

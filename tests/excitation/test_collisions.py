@@ -6,9 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from identifiability import Robot, excite
+from identifiability import Model, Robot, excite
 from identifiability.regression.reduction import USUAL_EFFECTS
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.workflows.excite import search as candidates
 from identifiability.workflows.excite.criteria import know_nothing, pose_question

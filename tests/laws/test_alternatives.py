@@ -5,15 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import Log, Robot, analyze, calibrate, export, simulate
+from identifiability import Log, Noise, Robot, analyze, calibrate, export, simulate
 from identifiability.estimation.noise import LaggedProducts, whiten, whitening_filter
 from identifiability.report.results import answer_first
-from identifiability.simulation import (
-    Noise,
-    PrescribedMotion,
-    random_trajectory,
-    shipped_trajectory,
-)
+from identifiability.simulation import PrescribedMotion, random_trajectory, shipped_trajectory
 from identifiability.simulation.simulator import ar1
 from identifiability.workflows.predict import read_fit
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.robot import Robot, complete_motion
+from identifiability import IdentifiabilityError, Robot
+from identifiability.robot import complete_motion
 from identifiability.robot.closure import newton
 from identifiability.simulation import random_trajectory, shipped_trajectory
 

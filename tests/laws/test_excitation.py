@@ -6,10 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from identifiability import Dataset, Model
 from identifiability.foundation.linalg import TINY
-from identifiability.logs.prepare import Dataset
 from identifiability.regression.reduction import USUAL_EFFECTS
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import complete_motion
 from identifiability.workflows.excite.criteria import (

@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.regression.regression import Model
-from identifiability.regression.structure import find_base_parameters
-from identifiability.robot import Robot, complete_motion
+from identifiability import IdentifiabilityError, Model, Robot, find_base_parameters
+from identifiability.robot import complete_motion
 from identifiability.robot.floating import BASE_JOINTS, base_acceleration
 
 RIGID = Model.of("rigid_body")

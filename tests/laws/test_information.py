@@ -3,11 +3,14 @@
 import numpy as np
 import pytest
 
-from identifiability.estimation.estimate import estimate
-from identifiability.logs.prepare import prepare_log
-from identifiability.regression.information import Information, gather_information
-from identifiability.regression.regression import Regression
-from identifiability.regression.structure import find_base_parameters
+from identifiability import (
+    Information,
+    Regression,
+    estimate,
+    find_base_parameters,
+    gather_information,
+    prepare_log,
+)
 
 
 @pytest.fixture

@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
-from identifiability.logs.prepare import prepare_log
-from identifiability.regression.information import Information, gather_information
-from identifiability.regression.regression import Regression
-from identifiability.regression.structure import find_base_parameters
+from identifiability import (
+    Information,
+    Regression,
+    find_base_parameters,
+    gather_information,
+    prepare_log,
+)
 
 WEIGHTS = np.array([1.0, 0.1, 4.0])
 M = np.array([[1, 0], [1, 0], [0, 1.0], [0, 0], [0, 1]])

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from identifiability.estimation.estimate import estimate
-from identifiability.regression.information import Information
-from identifiability.regression.structure import find_base_parameters, group_columns, random_motion
+from identifiability import Information, estimate, find_base_parameters
+from identifiability.regression.structure import group_columns, random_motion
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
-from identifiability import Log, Robot, simulate
+from identifiability import Log, Robot, prepare_log, simulate
 from identifiability.effects import find_families
 from identifiability.effects.friction import REVERSALS
 from identifiability.estimation.groups import Missing, find_missing, with_reversals
@@ -19,7 +19,6 @@ from identifiability.estimation.mixed_model import (
     whitened_information,
 )
 from identifiability.estimation.noise import JointNoise, JointRuns, split_runs, whiten
-from identifiability.logs.prepare import prepare_log
 from identifiability.regression.reduction import default_ladder, ladder_model
 from identifiability.regression.structure import Structure
 from identifiability.simulation import PrescribedMotion, shipped_trajectory

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from identifiability import Information
 from identifiability.estimation.estimate import with_known
 from identifiability.estimation.estimator import Estimator
-from identifiability.regression.information import Information
 from identifiability.regression.structure import known_rows
 
 K = 4

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from identifiability.regression.regression import Model
+from identifiability import Model
 from identifiability.regression.structure import random_motion
 from identifiability.simulation import MujocoRobot
 

@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 
 from identifiability import IdentifiabilityError, Robot
-from identifiability.regression.regression import Model as Effects
+from identifiability import Model as Effects
 from identifiability.robot import complete_motion
 
 MASS, CENTRE, INERTIA = 1.7, (0.03, -0.05, 0.11), (0.004, 0.006, 0.005)

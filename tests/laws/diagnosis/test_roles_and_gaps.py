@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.logs import Log
-from identifiability.logs.prepare import Dataset
+from identifiability import Dataset, IdentifiabilityError, Log
 from identifiability.logs.prepare.excerpt import thin
 from identifiability.logs.signals import Decimation
 from identifiability.quality.recordings import Recordings

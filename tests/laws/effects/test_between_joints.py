@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
+from identifiability import IdentifiabilityError, Model, Robot
 from identifiability.effects.measurement import nominal_torque
-from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.regression.regression import Model
-from identifiability.robot import Robot
 
 T = np.linspace(0, 2.5, 80)
 

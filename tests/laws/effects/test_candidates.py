@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identifiability import Dataset, Model
 from identifiability.effects import find_families
 from identifiability.effects.friction import REVERSALS
 from identifiability.estimation.groups import with_reversals
-from identifiability.logs.prepare import Dataset
 from identifiability.logs.signals import Decimation
 from identifiability.regression.columns import list_candidates
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.workflows.diagnose.problem import ResidualRows, know_file, know_nothing
 

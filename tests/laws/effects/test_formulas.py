@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.regression.regression import Model
+from identifiability import IdentifiabilityError, Model
 
 G = 9.81
 T = np.linspace(0, 2.5, 60)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from identifiability import Model
 from identifiability.effects import find_family
 from identifiability.effects.transmission import follow_with_play, gear_ratio, split_runs
 from identifiability.regression.columns import list_candidates
-from identifiability.regression.regression import Model
 
 T = np.linspace(0, 2.5, 400)
 

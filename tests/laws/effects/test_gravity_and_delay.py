@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identifiability import Model, Robot
 from identifiability.effects import find_families
 from identifiability.effects.base import horizontal_axes
 from identifiability.effects.measurement import nominal_torque
 from identifiability.effects.nominal import reference_values
-from identifiability.regression.regression import Model
-from identifiability.robot import Robot, complete_motion
+from identifiability.robot import complete_motion
 from identifiability.robot.servo import Servo
 
 T = np.linspace(0, 2.5, 60)

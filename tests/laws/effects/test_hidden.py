@@ -5,8 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability import Robot, simulate
-from identifiability.foundation.errors import IdentifiabilityError
+from identifiability import IdentifiabilityError, Noise, Robot, simulate
 from identifiability.simulation import shipped_trajectory
 from identifiability.simulation.forces import (
     HIDDEN,
@@ -19,7 +18,7 @@ from identifiability.simulation.forces import (
     stribeck,
 )
 from identifiability.simulation.mujoco_robot import RigidTorque
-from identifiability.simulation.simulator import Noise, ar1
+from identifiability.simulation.simulator import ar1
 
 T = np.linspace(0, 2.5, 400)
 HOME = np.array([0.3, -0.15])

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identifiability import Model
 from identifiability.effects import FAMILIES
 from identifiability.effects.functions import splines, straight_beyond
 from identifiability.regression.columns import list_candidates
-from identifiability.regression.regression import Model
 
 T = np.linspace(0, 2.5, 400)
 

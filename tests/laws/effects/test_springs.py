@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identifiability import IdentifiabilityError, Model
 from identifiability.effects import find_family
 from identifiability.effects.effect import measure_spans
-from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.regression.columns import list_candidates
-from identifiability.regression.regression import Model
 from identifiability.robot.closure import known_torque
 from identifiability.robot.sidecar import KnownTorque
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identifiability.estimation.estimate import estimate, find_estimator
+from identifiability import estimate
+from identifiability.estimation.estimate import find_estimator
 from identifiability.foundation.options import OptionError
 
 from .made import gather

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, nct, t
 
-from identifiability.estimation.estimate import estimate
+from identifiability import IdentifiabilityError, estimate
 from identifiability.estimation.evidence import Evidence, Folds, Gain, HeldOut, Score, near_best
 from identifiability.estimation.noise import Noise
-from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.workflows.prune.elimination import weigh_models
 
 from .made import ar1, gather, score_of

@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability.estimation.estimate import estimate
+from identifiability import Information, estimate
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.fit import bootstrap, scatter_scores, spread_of
 from identifiability.estimation.noise import Noise
-from identifiability.regression.information import Information
 from identifiability.workflows.prune.elimination import Refits
 
 TRUTH = np.array([1.0, -2.0, 0.5, 3.0])

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.foundation.errors import IdentifiabilityError
+from identifiability import IdentifiabilityError, Model, Robot
 from identifiability.foundation.names import Parameter
 from identifiability.regression.reduction import (
     LadderEntry,
@@ -15,9 +15,7 @@ from identifiability.regression.reduction import (
     full_model,
     ladder_model,
 )
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure, group_columns
-from identifiability.robot import Robot
 
 NOMINAL = {"arm.m": 2.0, "arm.mx": 0.3, "arm.Ixx": 0.5, "arm.Fv": 7.0, "arm.Fc+": 1.0}
 ROBOT = SimpleNamespace(nominal=NOMINAL)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import t
 
-from identifiability.estimation.estimate import estimate, estimate_noise, find_estimator
+from identifiability import estimate
+from identifiability.estimation.estimate import estimate_noise, find_estimator
 from identifiability.estimation.estimator import measure_memory, weigh
 from identifiability.foundation.rounding import ENDS
 from identifiability.logs.spectrum import autocorrelation_time

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import ttest_ind_from_stats
 
-from identifiability.estimation.estimate import estimate
+from identifiability import Information, Thresholds, estimate
 from identifiability.estimation.fit import ScoreScatter, _differ, compare_motions
-from identifiability.estimation.rules import Thresholds
-from identifiability.regression.information import Information
 
 from .made import ar1, fit_known, fit_of
 

@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability.estimation.estimate import estimate
+from identifiability import Thresholds, estimate
 from identifiability.estimation.fit import Fit, count_freedom, scatter_scores
 from identifiability.estimation.groups import LabelAlternatives
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
-from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import judge
 
 from .made import ar1, fit_known, fit_of, gather

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from identifiability import Thresholds
 from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.fit import LeftOut, ScoreScatter, body_scatter, find_left_out
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
-from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import judge
 from identifiability.foundation.names import GROUPED_KINDS
 from identifiability.foundation.rounding import REACH

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from identifiability import Information
 from identifiability.estimation.estimate import find_estimator, weigh_outliers
 from identifiability.foundation.rounding import REACH
 from identifiability.quality.hints import weigh_rows
-from identifiability.regression.information import Information
 
 from .made import ar1
 

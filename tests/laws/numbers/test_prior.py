@@ -6,9 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability import analyze
+from identifiability import Noise, Robot, analyze, prepare_log, simulate
 from identifiability.estimation.evidence import Score
-from identifiability.logs.prepare import prepare_log
 from identifiability.physical.cad_prior import CadPrior
 from identifiability.physical.feasibility import choose_prior
 from identifiability.physical.fitted_model import FittedModel, Fixed, LeastSquares, PhysicalSet
@@ -16,8 +15,7 @@ from identifiability.physical.project import Projection
 from identifiability.physical.pseudo_inertia import to_matrix
 from identifiability.regression.reduction import default_ladder, ladder_model
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot
-from identifiability.simulation import Noise, random_trajectory, simulate
+from identifiability.simulation import random_trajectory
 from identifiability.workflows.analyze.ladder import hold_folds
 
 BODY = np.array([0.2, 0.01, 0.0, 0.3, 0.02, 0.25, 0.3, 0.1, -0.2, 2.0])

@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability.estimation.estimate import estimate
+from identifiability import Information, estimate
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.evidence import HeldOut
-from identifiability.regression.information import Information
 from identifiability.workflows.prune.elimination import Remaining, whiten_regression
 from identifiability.workflows.prune.moves import Kind, Move
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identifiability.estimation.estimate import estimate
+from identifiability import estimate
 from identifiability.estimation.evidence import LEVELS, Score
 from identifiability.workflows.prune.elimination import (
     Plan,

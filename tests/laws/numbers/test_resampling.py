@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm, t
 
-from identifiability.estimation.estimate import estimate
+from identifiability import estimate
 from identifiability.estimation.fit import Fit, bootstrap, merge_blocks, scatter_scores, spread_of
 
 from .made import ar1, gather

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability.logs import Log
-from identifiability.logs.prepare import prepare_log
+from identifiability import Log, prepare_log
 from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.spectrum import noise_level, resolution
 

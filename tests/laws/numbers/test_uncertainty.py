@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from identifiability.estimation.estimate import estimate
+from identifiability import Thresholds, estimate
 from identifiability.estimation.fit import TERMS, Fit, ScoreScatter, spread_of
-from identifiability.estimation.rules import Thresholds
 from identifiability.logs.spectrum import autocorrelation, autocorrelation_time
 
 from .made import ar1, fit_known, fit_of, gather

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from identifiability import Thresholds, Verdict
 from identifiability.estimation.fit import ScoreScatter
-from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.verdict import Verdict, judge
+from identifiability.estimation.verdict import judge
 
 from .made import fit_known, fit_of
 

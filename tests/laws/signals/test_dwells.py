@@ -6,11 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability.logs import Log
-from identifiability.logs.prepare import Preparation, prepare_log
+from identifiability import Log, Model, Preparation, gather_information, prepare_log
 from identifiability.logs.prepare.preparation import choose_cutoff
-from identifiability.regression.information import gather_information
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 
 RATE = 500.0

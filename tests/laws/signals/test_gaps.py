@@ -7,17 +7,22 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from identifiability import (
+    IdentifiabilityError,
+    Log,
+    Model,
+    Preparation,
+    Regression,
+    find_base_parameters,
+    gather_information,
+    prepare_log,
+)
 from identifiability.foundation.engines import Serial
-from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.logs import Log
 from identifiability.logs import rows as log_rows
 from identifiability.logs.gaps import Gaps, fill
-from identifiability.logs.prepare import Preparation, dataset, prepare_log
+from identifiability.logs.prepare import dataset
 from identifiability.logs.signals import has_gap
 from identifiability.logs.spectrum import bandwidth_of_windows, noise_level
-from identifiability.regression.information import gather_information
-from identifiability.regression.regression import Model, Regression
-from identifiability.regression.structure import find_base_parameters
 from identifiability.workflows.diagnose.forward import _stretches
 
 #: Step [s], cut-off [Hz]: half of its period is 25.8 steps.

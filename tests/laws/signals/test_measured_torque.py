@@ -4,11 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.logs import Log
+from identifiability import IdentifiabilityError, Log, Model, Robot
 from identifiability.logs.conventions import Conventions
-from identifiability.regression.regression import Model
-from identifiability.robot import Robot
 
 #: Two hinges and nothing else.
 ARM = """

@@ -4,8 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.logs import Log
+from identifiability import IdentifiabilityError, Log
 from identifiability.logs.table_reader import unify_rates
 
 W = 2 * np.pi * np.array([0.8, 1.1])

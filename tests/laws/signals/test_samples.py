@@ -7,10 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.logs import Log
+from identifiability import Dataset, IdentifiabilityError, Log, Preparation, prepare_log
 from identifiability.logs.contradictions import check_units, contradictions
-from identifiability.logs.prepare import Dataset, Preparation, prepare_log
 from identifiability.logs.prepare.dataset import explain_silence, find_signal
 from identifiability.logs.signals import Decimation
 from identifiability.robot import complete_motion

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability.logs import Log, signals
+from identifiability import Log, Preparation, prepare_log
+from identifiability.logs import signals
 from identifiability.logs.gaps import StaleRule, find_stale, interpolate
-from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.logs.prepare.preparation import choose_cutoff
 from identifiability.logs.rules import RULES as LOG_RULES
 from identifiability.logs.spectrum import Spectrum, choose_band

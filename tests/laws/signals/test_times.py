@@ -4,8 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.logs import Log
+from identifiability import IdentifiabilityError, Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.signals import held_since
 
