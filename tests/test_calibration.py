@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy import stats
 
 from identifiability import Noise, analyze, calibrate
@@ -46,15 +47,15 @@ def test_a_repetition_is_asked_what_is_left_out_as_the_logs_are(analysis):
     method = result.estimate.estimator
     e = Experiment.of(analysis.structure, analysis.samples, result.submodel, method=method)
     found = e.judge(analysis.information, e.tau, e.W, np.random.default_rng(0))
-    np.testing.assert_array_equal(found.paper, result.estimate.paper_rule)
+    assert_array_equal(found.paper, result.estimate.paper_rule)
     assert found.judged
-    np.testing.assert_allclose(found.value, result.estimate.value, rtol=1e-6)
+    assert_allclose(found.value, result.estimate.value, rtol=1e-6)
     # No repetition seeks its nearest real robot, asks what may be missing, or has noisy motion.
     beyond = ("prior", "alternatives", "bias")
     alone = {k: x for k, x in result.fit.terms.items() if k not in beyond}
     omitted, alone = alone["omitted"], np.linalg.norm(list(alone.values()), axis=0)
     assert np.median(omitted / alone) > 0.3
-    np.testing.assert_allclose(found.robust, alone, rtol=0.15)
+    assert_allclose(found.robust, alone, rtol=0.15)
     short = replace(e, **{name: getattr(e, name)[:14] for name in ("W", "tau", "log", "moves")})
     found = short.judge(
         short.gather(short.tau, short.W), short.tau, short.W, np.random.default_rng(0)

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import (
     Case,
@@ -189,7 +190,7 @@ def test_a_prediction_of_a_case_is_of_all_its_logs(two_logs):
     result = analyze(case)
     found, alone = predict(case, result), predict(robot, result, logs)
     assert found.logs == alone.logs == ("a", "b")
-    np.testing.assert_allclose(found.predicted, alone.predicted)
+    assert_allclose(found.predicted, alone.predicted)
     forward = predict(case, result, forward=True)
     assert [log.name for log in forward.logs] == ["a", "b"]
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import Noise, Robot, analyze, diagnose
 from identifiability.effects import find_family
@@ -157,7 +158,7 @@ def test_the_papers_nonlinear_friction_is_named(rps, named):
     d = diagnose(rps, logs[:2], logs[2:])
     assert named(d) == [("stribeck_friction", ("slider1", "slider2", "slider3"))]
     level = d.to_frame().value.to_numpy()
-    np.testing.assert_allclose(level, 372.0, rtol=0.35)
+    assert_allclose(level, 372.0, rtol=0.35)
 
 
 def test_a_shape_that_lies_between_is_found_and_nothing_beside_it(diagnosis_of, named):

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import Model, Noise, Preparation, Robot, diagnose
 from identifiability.estimation.rules import RULES
@@ -59,7 +60,7 @@ def test_non_centrality_is_what_neither_model_nor_any_shape_of_the_rival_explain
         return A[:, 1] - A[:, columns] @ np.linalg.lstsq(A[:, columns], A[:, 1], rcond=None)[0]
 
     expected = [min(9 * np.sum(left([0, k]) ** 2) for k in (2, 3)), 4 * np.sum(left([0]) ** 2)]
-    np.testing.assert_allclose(aim.squares(G[None])[:, 0], expected)
+    assert_allclose(aim.squares(G[None])[:, 0], expected)
     one = Discrimination(1, asks[:1])
     assert one.figure(float(one.cost(G[None])[0])) == pytest.approx(np.sqrt(expected[0]))
     # What is told apart already weighs little beside what is not.
@@ -89,7 +90,7 @@ def test_what_a_motion_would_say_is_what_its_logs_say_whatever_its_rate():
     for rate in (1, 4):
         paths = [replace(m, samples=rate * m.samples) for m in motions]
         would = sum(np.diag(bench.along(d, path)) for path in paths)
-        np.testing.assert_allclose(would[:last], said, rtol=0.25)  # filters take ends of short logs
+        assert_allclose(would[:last], said, rtol=0.25)  # filters take ends of short logs
 
 
 def test_the_fewest_periods_that_are_likely_to_decide_are_asked_for():

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import (
     Model,
@@ -87,7 +88,7 @@ def test_a_torque_of_another_sign_or_unit_is_found(arm, joint, factor, says):
     found = look(robot, wrong)
     assert found.description.startswith(f"The torque of {log.joints[joint]} {says}")
     given = Structure.of(robot, MODEL)
-    np.testing.assert_allclose(found.read(wrong, given).tau, log.tau, rtol=0.3)
+    assert_allclose(found.read(wrong, given).tau, log.tau, rtol=0.3)
     assert found.structure(given) is given
     assert not found.keeps_columns
 
@@ -110,7 +111,7 @@ def test_positions_that_are_read_otherwise_are_found(arm, factor, text):
     found = look(robot, wrong)
     assert "joint_2" in found.description
     assert text in found.description
-    np.testing.assert_allclose(found.read(wrong, Structure.of(robot, MODEL)).q, log.q, atol=0.01)
+    assert_allclose(found.read(wrong, Structure.of(robot, MODEL)).q, log.q, atol=0.01)
 
 
 def test_offsets_that_differ_between_logs_are_found_and_taken_out(arm):

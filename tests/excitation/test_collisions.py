@@ -5,6 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 from identifiability import Model, Robot, excite
 from identifiability.regression.reduction import USUAL_EFFECTS
@@ -83,7 +84,7 @@ def test_shapes_touch_where_mujoco_says_so(curling, world):
     q = np.random.default_rng(0).uniform(-2.9, 2.9, (400, 3))
     gaps = watched.gaps(q)
     sure = np.abs(gaps) > 1e-3
-    np.testing.assert_array_equal((gaps < 0)[sure], [world(row) for row in q[sure]])
+    assert_array_equal((gaps < 0)[sure], [world(row) for row in q[sure]])
     assert 20 < (gaps < 0).sum() < 380
 
 

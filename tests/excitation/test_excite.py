@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import (
     IdentifiabilityError,
@@ -63,7 +64,7 @@ def test_the_arm_is_excited_much_better_than_by_random_motion(arm):
 def test_a_search_is_reproducible(two_link, find):
     first, second, other = (find(two_link, seed=s) for s in (1, 1, 2))
     assert len(first.names) == len(first.gain)
-    np.testing.assert_array_equal(first.trajectory.sin, second.trajectory.sin)
+    assert_array_equal(first.trajectory.sin, second.trajectory.sin)
     assert first.after.figure == second.after.figure
     assert not np.array_equal(first.trajectory.sin, other.trajectory.sin)
 
@@ -106,7 +107,7 @@ def test_what_to_measure_next_shrinks_sigma_more_than_measuring_again(measured, 
     every = find(robot, start_from=log, samples=400, evaluations=200)
     _, new = sigma_of(robot, [log, measure(every.trajectory, 1)], "link_6.mz")
     expected = every.before.identifiable, every.after.identifiable
-    np.testing.assert_allclose((old, new), expected, atol=3)
+    assert_allclose((old, new), expected, atol=3)
     # The noise of the simulated log grows with its torque, which the promise does not know.
     assert following < 0.8 * again
     assert following / again == pytest.approx(promised, rel=0.35)

@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import Noise, Robot, analyze, export, simulate
 from identifiability.robot.locate import shipped_robots
@@ -54,13 +55,13 @@ def test_an_actuator_needs_as_much_more_as_the_offset_is(name, tmp_path):
         more[own.name] = 0.1 + offsets.get(f"{place}.off", 0.0) / factor
     before = accelerations(plain, commands, np.random.default_rng(0))
     after = accelerations(held.robot, more, np.random.default_rng(0))
-    np.testing.assert_allclose(after, before, rtol=0, atol=AGREE * np.abs(before).max())
+    assert_allclose(after, before, rtol=0, atol=AGREE * np.abs(before).max())
     again = Robot.load(held.robot)
     for owner, value in offsets.items():
         assert again.nominal[owner] == pytest.approx(value, rel=1e-12)
     if robot.servo is not None:
         for word in ("kp", "kv", "low", "high"):
-            np.testing.assert_allclose(getattr(again.servo, word), getattr(robot.servo, word))
+            assert_allclose(getattr(again.servo, word), getattr(robot.servo, word))
 
 
 LEVELS = {"shoulder.Fc+": 3.0, "shoulder.Fc-": 1.0, "shoulder.off": 1.5, "elbow.off": -0.7}
@@ -91,7 +92,7 @@ def test_friction_that_differs_by_direction_is_a_mean_and_an_offset(tmp_path):
     assert (copy.nominal["shoulder.Fc"], copy.nominal["shoulder.off"]) == (2.0, 2.5)
     motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 50)
     given = simulate(robot, motion, parameters=LEVELS).tau
-    np.testing.assert_allclose(simulate(copy, motion).tau, given, atol=AGREE * np.abs(given).max())
+    assert_allclose(simulate(copy, motion).tau, given, atol=AGREE * np.abs(given).max())
 
 
 def test_an_mjcf_errs_alone_as_little_as_with_all_and_a_urdf_says_what_it_lacks(told, tmp_path):

@@ -13,6 +13,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import IdentifiabilityError, Robot, analyze, export
 from identifiability.physical.fitted_model import physical_set
@@ -69,35 +70,35 @@ def test_an_mjcf_gets_the_servos_of_the_sidecar_and_says_delay_and_step(made):
     assert "for its own step of 1 ms" in text
     model = mujoco.MjModel.from_xml_path(str(out))
     assert (model.nu, model.opt.timestep) == (2, 0.001)
-    np.testing.assert_allclose(model.actuator_gainprm[:, 0], [1200, 300])
+    assert_allclose(model.actuator_gainprm[:, 0], [1200, 300])
     damping = robot.servo.damping
-    np.testing.assert_allclose(model.actuator_biasprm[:, 1:3].T, [[-1200, -300], -damping])
+    assert_allclose(model.actuator_biasprm[:, 1:3].T, [[-1200, -300], -damping])
     values = json.loads(path.read_text())["physical"]["parameters"]
     offsets = np.array([values.get(f"{joint}.off", 0.0) for joint in robot.joints])
     assert offsets.all()
-    np.testing.assert_allclose(model.actuator_biasprm[:, 0], -offsets)
+    assert_allclose(model.actuator_biasprm[:, 0], -offsets)
     ends = np.array([[-900, 900]] * 2) - offsets[:, None]
-    np.testing.assert_allclose(model.actuator_forcerange, ends)
+    assert_allclose(model.actuator_forcerange, ends)
     for k, joint in enumerate(robot.joints):
         seen = 0.0005 * (values[f"{joint}.Fv"] + damping[k]) - robot.servo.lead[k]
         assert model.dof_armature[k] == pytest.approx(values[f"{joint}.Ia"] - seen)
         assert model.dof_damping[k] == pytest.approx(values[f"{joint}.Fv"])
         assert model.dof_frictionloss[k] == pytest.approx(values[f"{joint}.Fc"])
     again = Robot.load(out)
-    np.testing.assert_allclose([again.servo.kp, again.servo.kv], [robot.servo.kp, robot.servo.kv])
+    assert_allclose([again.servo.kp, again.servo.kv], [robot.servo.kp, robot.servo.kv])
     assert again.nominal["elbow.off"] == pytest.approx(values["elbow.off"])
 
 
 def test_servos_of_an_mjcf_go_with_its_urdf(tmp_path):
     robot = Robot.load("hobby-arm")
     saved = Robot.load(robot.save(tmp_path / "arm.xml"))
-    np.testing.assert_array_equal(saved.servo.kv, robot.servo.kv)
+    assert_array_equal(saved.servo.kv, robot.servo.kv)
     urdf = Robot.load(write_parameters(robot, robot.nominal, tmp_path / "arm.urdf").robot)
     for name in ("kp", "kv", "low", "high"):
-        np.testing.assert_allclose(getattr(urdf.servo, name), getattr(robot.servo, name))
+        assert_allclose(getattr(urdf.servo, name), getattr(robot.servo, name))
     back = write_parameters(urdf, urdf.nominal, tmp_path / "again.xml").robot
     model = mujoco.MjModel.from_xml_path(str(back))
-    np.testing.assert_allclose(model.actuator_gainprm[:, 0], robot.servo.kp)
+    assert_allclose(model.actuator_gainprm[:, 0], robot.servo.kp)
 
 
 def test_a_configuration_for_isaac_lab_holds_what_was_fitted(made):
@@ -126,7 +127,7 @@ def test_every_draw_is_possible_and_loads_back(made):
     drawn = draw_robots(robot, path, 200)
     assert drawn.values.shape == (200, len(drawn.structure.columns))
     assert physical_set(drawn.structure).contains(drawn.values).all()
-    np.testing.assert_array_equal(drawn.values, draw_robots(robot, path, 200).values)
+    assert_array_equal(drawn.values, draw_robots(robot, path, 200).values)
     table = drawn.write(path.with_name("draws.csv"))[0]
     assert len(table.read_text().splitlines()) == 201
     files = draw_robots(robot, path, 2, seed=1).write(path.with_name("drawn.xml"))
@@ -144,7 +145,7 @@ def test_what_logs_determine_hardly_varies_and_what_they_leave_open_does(made):
     for table, name in product((narrow, wide), ("elbow.Fv", "elbow.Fc", "shoulder.Fc")):
         low, high = stated[name]
         ends = table[name].quantile([0.025, 0.975]).to_numpy()
-        np.testing.assert_allclose(ends, [low, high], rtol=0, atol=0.2 * (high - low))
+        assert_allclose(ends, [low, high], rtol=0, atol=0.2 * (high - low))
     (late,), (sd,) = (getattr(result.recordings.rolled, x) for x in ("delays", "delay_errors"))
     assert wide["delay"].mean() == pytest.approx(late, abs=0.2 * sd)
     assert wide["delay"].std() == pytest.approx(sd, rel=0.3)

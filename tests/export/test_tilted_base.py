@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import Model, Noise, Robot, analyze, diagnose, export, simulate
 from identifiability.effects.base import horizontal_axes, tilt_text
@@ -38,8 +39,8 @@ def test_a_written_file_has_the_torque_of_the_model_by_both_roads(name, ending, 
     own = motion.actuated_q, motion.actuated_v, motion.actuated_a
     again = complete_motion(copy, motion.t, *own)
     scale = np.abs(tau).max()
-    np.testing.assert_allclose(rigid_torque(copy, again), tau, atol=1e-9 * scale)
-    np.testing.assert_allclose(MujocoRobot(copy).inverse_dynamics(*own).tau, tau, atol=1e-7 * scale)
+    assert_allclose(rigid_torque(copy, again), tau, atol=1e-9 * scale)
+    assert_allclose(MujocoRobot(copy).inverse_dynamics(*own).tau, tau, atol=1e-7 * scale)
     assert np.abs(tau - rigid_torque(robot, motion)).max() > 1e-3 * scale
 
 
@@ -50,7 +51,7 @@ def test_a_small_tilt_among_the_values_is_gravity_in_the_file(tmp_path):
     assert not written.beside
     g, (first, second) = robot.gravity, horizontal_axes(robot.gravity)
     expected = turn(g, 0.02 * first - 0.01 * second)
-    np.testing.assert_allclose(Robot.load(written.robot).gravity, expected, atol=1e-12)
+    assert_allclose(Robot.load(written.robot).gravity, expected, atol=1e-12)
     assert np.linalg.norm(expected) == pytest.approx(np.linalg.norm(g))
 
 
@@ -76,7 +77,7 @@ def test_gravity_of_an_mjcf_that_is_not_down_turns_the_base_of_its_urdf(tmp_path
     copy = Robot.load(write_parameters(robot, {}, tmp_path / "copy.urdf").robot)
     own = motion.actuated_q, motion.actuated_v, motion.actuated_a
     again = complete_motion(copy, motion.t, *own)
-    np.testing.assert_allclose(rigid_torque(copy, again), rigid_torque(robot, motion), atol=1e-9)
+    assert_allclose(rigid_torque(copy, again), rigid_torque(robot, motion), atol=1e-9)
 
 
 @pytest.fixture(scope="module")

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import Log, Noise, Robot, analyze, calibrate, export, simulate
 from identifiability.estimation.noise import LaggedProducts, whiten, whitening_filter
@@ -22,7 +23,7 @@ def test_lagged_products_whiten_as_rows_do_whatever_the_lengths_of_stretches(ord
     lagged = LaggedProducts.of(Z, runs)
     a = whitening_filter(pacf)
     found = np.tensordot(np.outer(a, a), lagged.products)
-    np.testing.assert_allclose(found, rows.T @ rows, rtol=1e-9, atol=1e-9)
+    assert_allclose(found, rows.T @ rows, rtol=1e-9, atol=1e-9)
     known = whiten(np.eye(60), runs, pacf)
     assert a**2 @ lagged.white == pytest.approx(np.sum(known**2))
 

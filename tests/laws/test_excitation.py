@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import Dataset, Model
 from identifiability.foundation.linalg import TINY
@@ -38,8 +39,8 @@ def test_information_is_what_is_left_of_a_column_beside_all_others():
 def test_columns_that_never_act_are_zero_with_length_one():
     length = np.array([1e6, 1e3, 0.5 * TINY * 1e6])
     unit, found = scaled((np.outer(length, length))[None])
-    np.testing.assert_allclose(found[0], [1e6, 1e3, 1.0])
-    np.testing.assert_allclose(unit[0], [[1, 1, 0], [1, 1, 0], [0, 0, 0]])
+    assert_allclose(found[0], [1e6, 1e3, 1.0])
+    assert_allclose(unit[0], [[1, 1, 0], [1, 1, 0], [0, 0, 0]])
 
 
 # --- limits -----------------------------------------------------------------------------------
@@ -53,12 +54,12 @@ def test_limits_that_nobody_states_are_assumed_about_home(two, five_bar):
         speed_limits=np.full(n, np.inf), acceleration_limits=np.array([np.inf, 7.0]),
     )  # fmt: skip
     limits = find_limits(free)
-    np.testing.assert_allclose(limits.low, [-0.7, -0.5])
-    np.testing.assert_allclose(limits.high, [1.3, 0.5])
-    np.testing.assert_allclose(limits.speed, [2, 2])
-    np.testing.assert_allclose(limits.acceleration, [10, 7])
-    np.testing.assert_allclose(limits.middle, [0.3, 0.0])
-    np.testing.assert_allclose(limits.half_range, [1.0, 0.5])
+    assert_allclose(limits.low, [-0.7, -0.5])
+    assert_allclose(limits.high, [1.3, 0.5])
+    assert_allclose(limits.speed, [2, 2])
+    assert_allclose(limits.acceleration, [10, 7])
+    assert_allclose(limits.middle, [0.3, 0.0])
+    assert_allclose(limits.half_range, [1.0, 0.5])
     assert limits.assumed == ("shoulder.q", "shoulder.v", "elbow.v", "shoulder.a")
     assert find_limits(five_bar).closure_bound == 300.0
 
@@ -70,8 +71,8 @@ def test_a_slide_without_limits_is_assumed_slower_and_shorter(two):
         tree=replace(two.tree, joints=tuple(replace(j, kind="prismatic") for j in two.tree.joints)),
     )  # fmt: skip
     limits = find_limits(slides)
-    np.testing.assert_allclose(limits.half_range, 0.1)
-    np.testing.assert_allclose([limits.speed, limits.acceleration], [[0.3, 0.3], [1.0, 1.0]])
+    assert_allclose(limits.half_range, 0.1)
+    assert_allclose([limits.speed, limits.acceleration], [[0.3, 0.3], [1.0, 1.0]])
 
 
 def test_a_series_has_the_velocity_amplitudes_of_its_candidate_where_there_is_room():
@@ -79,11 +80,11 @@ def test_a_series_has_the_velocity_amplitudes_of_its_candidate_where_there_is_ro
     series = Series(limits, 2.0, 2)
     x = np.array([[0.1, 0.0, 0.0, -0.2, 0.5]])  # sine 1, 2, cosine 1, 2 of velocity; centre
     _, amplitude = series.series(x)
-    np.testing.assert_allclose(amplitude[0, 0], np.array([0.1, 0, 0, -0.2]) * 4 / np.sqrt(2))
+    assert_allclose(amplitude[0, 0], np.array([0.1, 0, 0, -0.2]) * 4 / np.sqrt(2))
     q, v, _ = (part[0, :, 0] for part in series.motion(x, 400))
     t = 2.0 * np.arange(400) / 400
     expected = 4 / np.sqrt(2) * (0.1 * np.cos(np.pi * t) - 0.2 * np.sin(2 * np.pi * t))
-    np.testing.assert_allclose(v, expected, atol=1e-12)
+    assert_allclose(v, expected, atol=1e-12)
     middle, half = 0.5 * (q.max() + q.min()), 0.5 * np.ptp(q)
     assert middle == pytest.approx(1.0 + np.tanh(0.5) * (10.0 - half), rel=2e-3)
 
@@ -115,11 +116,11 @@ def test_logs_are_known_by_their_gram_matrix_in_units_of_each_joints_noise(two):
         [question.model.regressor(two, s.motion)[:, :, question.columns] for s in logs]
     )
     by_hand = np.einsum("nij,i,nik->jk", W, known.weights, W)
-    np.testing.assert_allclose(known.G, by_hand, rtol=1e-7, atol=1e-7 * np.abs(by_hand).max())
+    assert_allclose(known.G, by_hand, rtol=1e-7, atol=1e-7 * np.abs(by_hand).max())
     assert known.samples == 150.0
     assert known.logs == ("log 0", "log 1")
     assert known.weights[0] / known.weights[1] == pytest.approx(25, rel=0.3)
-    np.testing.assert_allclose(known.repeated, 1.5 * known.G)
+    assert_allclose(known.repeated, 1.5 * known.G)
     nothing = know_nothing(question, 50)
     assert not nothing.G.any()
     assert (nothing.weights.tolist(), nothing.samples) == ([1.0, 1.0], 50.0)
@@ -139,7 +140,7 @@ def test_a_candidate_counts_as_many_samples_as_a_log_on_top_of_what_is_known(two
         covariance = np.linalg.inv(G)
         k = question.names.index("elbow.Fv")
         expected.append(0.5 * np.log(covariance[k, k]))
-    np.testing.assert_allclose(objective(x), expected, rtol=1e-6)
+    assert_allclose(objective(x), expected, rtol=1e-6)
     cost, slope = objective.gradient(x[1])
     assert cost == pytest.approx(expected[1])
     h = 1e-4
@@ -147,7 +148,7 @@ def test_a_candidate_counts_as_many_samples_as_a_log_on_top_of_what_is_known(two
         (objective(x[[1]] + h * e)[0] - objective(x[[1]] - h * e)[0]) / (2 * h)
         for e in np.eye(x.shape[1])
     ]
-    np.testing.assert_allclose(slope, central, atol=2e-3)
+    assert_allclose(slope, central, atol=2e-3)
 
 
 def test_a_candidate_that_asks_too_much_of_a_drive_pays_for_it(five_bar):
@@ -206,7 +207,7 @@ def test_the_search_improves_its_best_starts_and_orders_what_it_found():
     assert costs[0] == pytest.approx(-0.5, abs=1e-3)
     assert found.found[0][1][0] == pytest.approx(-3.0, abs=1e-3)
     assert costs[0] <= found.costs.min()
-    np.testing.assert_allclose(found.costs, Bowl()(found.draws))
+    assert_allclose(found.costs, Bowl()(found.draws))
     assert len(found.draws) == DRAWS
     assert found.evaluations > DRAWS
     assert all(0 <= share <= 1 for _, share in told)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from identifiability import IdentifiabilityError, Model, Robot, find_base_parameters
@@ -101,7 +102,7 @@ def test_the_regressor_is_inverse_dynamics_of_mujoco(name, tmp_path):
         other[k] = data.qfrc_inverse
     other[:, :3] = turn.apply(other[:, :3])  # along the axes of the base
     size = np.abs(other).max()
-    np.testing.assert_allclose(found, other, atol=1e-12 * size)
+    assert_allclose(found, other, atol=1e-12 * size)
 
 
 def test_of_a_body_that_floats_ten_parameters_are_seen_and_of_trees_the_known_groupings(tmp_path):
@@ -158,7 +159,7 @@ def test_no_force_at_a_contact_enters_the_projected_rows_and_no_other_row_is_los
     assert (motion.silent | ~lost).all()
     model = Model.of("rigid_body")  # of which columns are projected as its torque is
     W = model.regressor(robot, replace(motion, free=None))
-    np.testing.assert_allclose(model.regressor(robot, motion), motion.freed(W), atol=1e-9)
+    assert_allclose(model.regressor(robot, motion), motion.freed(W), atol=1e-9)
 
 
 def test_rows_change_as_little_as_the_motion_does(tmp_path):

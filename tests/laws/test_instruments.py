@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import (
     Information,
@@ -50,13 +51,13 @@ def test_the_solution_with_instruments_equals_that_of_the_rows(rows, size):
     assert np.abs(direct - plain).max() > 0.3  # noisy columns pull least squares towards zero
     merged = information.merge(np.arange(0, 600 // size, 3))
     for found in (information, merged):
-        np.testing.assert_allclose(from_information(found, WEIGHTS), direct, rtol=1e-9)
+        assert_allclose(from_information(found, WEIGHTS), direct, rtol=1e-9)
     first = information.take(information.log == 0)
     expected = from_rows(V[:300], W[:300], tau[:300], WEIGHTS)
-    np.testing.assert_allclose(from_information(first, WEIGHTS), expected, rtol=1e-9)
+    assert_allclose(from_information(first, WEIGHTS), expected, rtol=1e-9)
     reduced = information.reduce(M, "xy", HELD)
     expected = from_rows(V @ M, W @ M, tau - W @ HELD, WEIGHTS)
-    np.testing.assert_allclose(from_information(reduced, WEIGHTS), expected, rtol=1e-9)
+    assert_allclose(from_information(reduced, WEIGHTS), expected, rtol=1e-9)
 
 
 @pytest.fixture
@@ -80,7 +81,7 @@ def test_chunks_with_instruments_are_the_whole_and_every_chunk_keeps_its_own(
     )
     direct = from_rows(V, W, tau, weights)
     for found in (whole, gather_information(regression), gather_information(regression, blocks=7)):
-        np.testing.assert_allclose(
+        assert_allclose(
             from_information(found, weights), direct, rtol=1e-6, atol=1e-8 * np.abs(direct).max()
         )
 

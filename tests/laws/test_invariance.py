@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import Information, estimate, find_base_parameters
 from identifiability.regression.structure import group_columns, random_motion
@@ -29,7 +30,7 @@ def test_the_groupings_do_not_depend_on_units(problem):
     assert scaled.kept.tolist() == plain.kept.tolist()
     # A parameter in another unit has another coefficient, by the ratio of the units.
     expected = plain.G * factor[None, :] / factor[plain.kept][:, None]
-    np.testing.assert_allclose(scaled.G, expected, atol=1e-9 * np.abs(expected).max())
+    assert_allclose(scaled.G, expected, atol=1e-9 * np.abs(expected).max())
 
 
 def test_the_rank_does_not_depend_on_the_order_of_columns_and_rows(problem):
@@ -43,7 +44,7 @@ def test_the_rank_does_not_depend_on_the_order_of_columns_and_rows(problem):
         assert found.rank == 37
         # Whatever represents the groups, together they explain every column.
         base, other = flat[rows][:, columns][:, found.kept], flat[rows][:, columns]
-        np.testing.assert_allclose(base @ found.G, other, atol=1e-8 * np.abs(other).max())
+        assert_allclose(base @ found.G, other, atol=1e-8 * np.abs(other).max())
 
 
 def test_fit_and_sigma_follow_units_and_orders(problem, rps, paper_model):
@@ -56,6 +57,6 @@ def test_fit_and_sigma_follow_units_and_orders(problem, rps, paper_model):
     columns, rows = rng.permutation(W.shape[2]), rng.permutation(len(W))
     factor = 10.0 ** rng.integers(-3, 4, W.shape[2])
     other = estimate(information_of((W * factor)[rows][:, :, columns], tau[rows]))
-    np.testing.assert_allclose(other.value * factor[columns], fit.value[columns], rtol=1e-7)
-    np.testing.assert_allclose(other.sigma * factor[columns], fit.sigma[columns], rtol=1e-7)
+    assert_allclose(other.value * factor[columns], fit.value[columns], rtol=1e-7)
+    assert_allclose(other.sigma * factor[columns], fit.sigma[columns], rtol=1e-7)
     assert other.paper_rule.tolist() == fit.paper_rule[columns].tolist()

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal, norm
 
 from identifiability import Log, Robot, prepare_log, simulate
@@ -107,8 +108,8 @@ def test_solving_is_generalised_least_squares_under_the_marginal_covariance(rows
     W = np.linalg.inv(whole)
     covariance = np.linalg.inv(X.T @ W @ X)
     s, bare = model.solve(terms), model.solve()
-    np.testing.assert_allclose(s.value[:FIXED], covariance @ X.T @ W @ y, rtol=1e-6)
-    np.testing.assert_allclose(s.covariance[:FIXED, :FIXED], covariance, rtol=1e-6)
+    assert_allclose(s.value[:FIXED], covariance @ X.T @ W @ y, rtol=1e-6)
+    assert_allclose(s.covariance[:FIXED, :FIXED], covariance, rtol=1e-6)
     gain = restricted(X, y, whole) - restricted(X, y, V)
     assert s.log_likelihood - bare.log_likelihood == pytest.approx(gain, rel=1e-6)
 
@@ -144,7 +145,7 @@ def test_products_add_up_over_blocks(rows):
     whole = products_of(*rows)
     every = np.arange(whole.size + 1)
     halves = sum(whole.take(np.array([k])).between(every[:, None], every) for k in (0, 1))
-    np.testing.assert_allclose(halves, whole.between(every[:, None], every))
+    assert_allclose(halves, whole.between(every[:, None], every))
 
 
 def test_evidence_is_the_density_of_unseen_rows_given_fitted_ones(rows):
@@ -304,4 +305,4 @@ def test_weights_of_rows_multiply_products():
     root = np.sqrt(weights)
     heavier = products_of(Z * root[:, None], y * root)
     found = whole.weigh(weights[:, None]).between(every[:, None], every)
-    np.testing.assert_allclose(found, heavier.between(every[:, None], every), atol=1e-12)
+    assert_allclose(found, heavier.between(every[:, None], every), atol=1e-12)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy import integrate, stats
 
 from identifiability.physical.fitted_model import PhysicalSet
@@ -21,12 +22,12 @@ def test_an_exponential_moves_by_half_of_its_sd():
     """Times the distance to a power ε it is a gamma law of mean 1 + ε."""
     rng = np.random.default_rng(0)
     x, other = rng.exponential(size=160_000), rng.standard_normal(160_000)
-    np.testing.assert_allclose(
+    assert_allclose(
         sway(np.column_stack([x, other])), [POSTERIOR_RULES.prior_power, 0.0], atol=0.015
     )
     # What goes with it moves with it, and half as far where half of its variance is its own.
     both = np.column_stack([x, x + other])
-    np.testing.assert_allclose(
+    assert_allclose(
         sway(both),
         [POSTERIOR_RULES.prior_power, POSTERIOR_RULES.prior_power / np.sqrt(2)],
         atol=0.015,

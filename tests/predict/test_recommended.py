@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 from identifiability import Analysis, Noise, Robot, analyze, simulate
 from identifiability.foundation.rounding import percent
@@ -36,12 +37,12 @@ def test_the_values_that_are_used_are_predicted_with_and_said(found, as_good, tm
     chosen = replace(found.chosen, physical=physical, unseen=free)
     result = replace(found, models=tuple(chosen if m is found.chosen else m for m in found.models))
     expected = chosen.physical.value if as_good else chosen.estimate.value
-    np.testing.assert_array_equal(result.fit.values, expected)
+    assert_array_equal(result.fit.values, expected)
     content = json.loads(result.to_json(tmp_path / "result.json").read_text())
     assert content["physical"]["used"] is as_good
     assert ("Predictions and exports use" in result.statement) == as_good
     read = Analysis.from_json(tmp_path / "result.json", result.robot)
-    np.testing.assert_array_equal(read.values, expected)
+    assert_array_equal(read.values, expected)
     low, high = chosen.verdicts[0].interval95
     assert low < chosen.verdicts[0].value < high  # labels stay those of the data
 

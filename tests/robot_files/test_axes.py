@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from made_robots import CABLE, CLOSURES, LOOP_CABLE, arm, parallelogram
+from numpy.testing import assert_allclose
 
 from identifiability import Log, Model, Robot
 from identifiability.effects import default_effects
@@ -39,9 +40,7 @@ def test_a_sidecar_says_the_same_axis_as_a_tendon_of_the_file(load_text, tmp_pat
     names = [p.name for p in model.parameters(ours)]
     own = [n.removeprefix("cable.") for n in names if n.startswith("cable")]
     assert own == ["Fv", "Fc", "K", "Ia"]
-    np.testing.assert_allclose(
-        model.regressor(ours, motion), model.regressor(theirs, motion), atol=1e-12
-    )
+    assert_allclose(model.regressor(ours, motion), model.regressor(theirs, motion), atol=1e-12)
 
 
 def test_an_axis_through_passive_joints_of_a_loop_is_what_mujoco_makes_of_it(agrees):
@@ -89,7 +88,7 @@ def test_every_effect_along_an_axis_is_that_of_its_coordinate(load_text):
         assert {p.owner for p in model.parameters(robot)} == {"cable"}, text
         W = model.regressor(robot, motion)
         wanted = np.stack([f[:, None] * row for f in expected], axis=2)
-        np.testing.assert_allclose(W, wanted, atol=1e-12, err_msg=text)
+        assert_allclose(W, wanted, atol=1e-12, err_msg=text)
     span = measure_spans(robot, [motion])["cable"]
     assert span.position_range == pytest.approx(np.ptp(s))
     assert span.rms_speed == pytest.approx(np.sqrt(np.mean(v**2)))
@@ -103,8 +102,8 @@ def test_passive_joints_can_have_what_is_placed_there(load_text):
     assert [p.name for p in model.parameters(robot)][:2] == ["knee.K", "knee.Fv"]
     W, k = model.regressor(robot, motion), robot.passive.index("knee")
     stretch = robot.dof_position(motion.q, "knee") - robot.dof_position(robot.home[None], "knee")
-    np.testing.assert_allclose(W[:, 0, 0], -motion.X[:, k, 0] * stretch)
-    np.testing.assert_allclose(W[:, 0, 1], motion.X[:, k, 0] ** 2 * motion.actuated_v[:, 0])
+    assert_allclose(W[:, 0, 0], -motion.X[:, k, 0] * stretch)
+    assert_allclose(W[:, 0, 1], motion.X[:, k, 0] ** 2 * motion.actuated_v[:, 0])
     assert np.isfinite(W).all()
 
 
@@ -147,8 +146,8 @@ def test_more_motors_than_joints_agree_in_the_least_squares_and_add_their_torque
     motors = Log("log", names, t, at, tau, dq @ R.T, ddq @ R.T, sha256="")
     joints = joint_log(robot, motors)
     motors.write(tmp_path / "motors.csv")
-    np.testing.assert_allclose(find_motion(robot, str(tmp_path / "motors.csv")).q, q, atol=1e-12)
-    np.testing.assert_allclose(joints.q, q, atol=1e-12)
-    np.testing.assert_allclose(joints.dq, dq, atol=1e-12)
-    np.testing.assert_allclose(joints.tau, tau @ R, atol=1e-12)
+    assert_allclose(find_motion(robot, str(tmp_path / "motors.csv")).q, q, atol=1e-12)
+    assert_allclose(joints.q, q, atol=1e-12)
+    assert_allclose(joints.dq, dq, atol=1e-12)
+    assert_allclose(joints.tau, tau @ R, atol=1e-12)
     assert [a.name for a in robot.axes] == ["shoulder", "elbow", "c2"]

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from made_robots import CLOSURES, arm, parallelogram
+from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError, Robot, analyze, export, simulate
 from identifiability.foundation.names import INERTIAL_KINDS
@@ -38,7 +39,7 @@ def inertias(robot):
 def same_inertias(robot, other, atol=1e-12):
     assert robot.bodies == other.bodies
     for body, theta in inertias(robot).items():
-        np.testing.assert_allclose(theta, inertias(other)[body], rtol=0, atol=atol)
+        assert_allclose(theta, inertias(other)[body], rtol=0, atol=atol)
 
 
 @pytest.mark.parametrize("held", ["f1=0.03", "f1"])
@@ -212,7 +213,7 @@ def test_a_robot_with_a_locked_gripper_moves_as_the_welded_one(load_text):
     same_inertias(locked, other)
     one = ForwardRobot(locked, {}).run(q, dq, tau, 0.01)
     assert np.abs(one - q[:, None]).max() > 0.05
-    np.testing.assert_allclose(one, two, rtol=0, atol=1e-7)
+    assert_allclose(one, two, rtol=0, atol=1e-7)
 
 
 def test_a_result_is_exported_under_the_locks_it_was_made_with(load_text, tmp_path):

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal, nct, t
 
 from identifiability import IdentifiabilityError, estimate
@@ -47,9 +48,9 @@ def test_densities_are_those_of_the_normal_distribution_of_a_fold():
         noise = np.diag(np.tile(WHITE.variance, own.sum()))
         law = multivariate_normal(A @ value, noise + A @ covariance @ A.T)
         constant = -0.5 * np.linalg.slogdet(2 * np.pi * noise)[1]
-        np.testing.assert_allclose(found.density[f], law.logpdf(e) - constant, rtol=1e-7)
+        assert_allclose(found.density[f], law.logpdf(e) - constant, rtol=1e-7)
         left = (tau[own] - W[own] @ value) ** 2
-        np.testing.assert_allclose(found.squares[f], left.sum(0), rtol=1e-8)
+        assert_allclose(found.squares[f], left.sum(0), rtol=1e-8)
 
 
 def test_folds_leave_out_the_memory_on_both_sides_and_do_not_cross_logs():
@@ -131,9 +132,9 @@ def test_nothing_depends_on_units_or_on_how_rows_are_cut_into_blocks_and_ordered
     plain = judged(W, tau, WHITE, 8)
     other = Noise(WHITE.variance * unit**2, WHITE.times)
     moved = judged(W * unit[:, None] * scale, tau * unit, other, 8)
-    np.testing.assert_allclose(moved, plain, rtol=1e-6)
-    np.testing.assert_allclose(judged(W, tau, WHITE, 4), plain, rtol=1e-6)
-    np.testing.assert_allclose(judged(W[order], tau[order], WHITE, 8), plain, rtol=1e-6)
+    assert_allclose(moved, plain, rtol=1e-6)
+    assert_allclose(judged(W, tau, WHITE, 4), plain, rtol=1e-6)
+    assert_allclose(judged(W[order], tau[order], WHITE, 8), plain, rtol=1e-6)
 
 
 def test_standard_errors_know_that_folds_share_data():
@@ -145,7 +146,7 @@ def test_standard_errors_know_that_folds_share_data():
         for r in (0.0, 1 / 7)
     )
     assert plain.value == wide.value
-    np.testing.assert_allclose(wide.se / plain.se, np.sqrt((1 / 8 + 1 / 7) / (1 / 8)))
+    assert_allclose(wide.se / plain.se, np.sqrt((1 / 8 + 1 / 7) / (1 / 8)))
 
 
 def test_one_fold_tells_nothing_and_what_errs_little_more_may_stand():
@@ -172,4 +173,4 @@ def test_models_within_two_nats_or_as_good_may_stand_for_the_best_and_equal_ones
     squares[1:] = 6.0 * np.random.default_rng(0).normal(1.004, 0.004, (3, 10))
     assert near(squares, 0.01) == [True, True, True, True]
     weights = weigh_models(-0.5 * light, np.random.default_rng(0))
-    np.testing.assert_allclose(weights, [0.5, 0.5, 0.0], atol=1e-3)
+    assert_allclose(weights, [0.5, 0.5, 0.0], atol=1e-3)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability.foundation.names import Parameter
 from identifiability.regression.structure import group_columns
@@ -24,9 +25,9 @@ def columns(*combinations):
 def test_a_group_is_the_kept_column_and_what_acts_like_it():
     W = columns([1, 0], [0, 1], [2, 0], [0, -3])
     base = group_columns(W, parameters("m", "mx", "Ixx", "my"))
-    np.testing.assert_array_equal(base.kept, [0, 1])
-    np.testing.assert_allclose(base.G, [[1, 0, 2, 0], [0, 1, 0, -3]], atol=1e-12)
-    np.testing.assert_allclose(W[:, base.kept] @ base.G, W, atol=1e-12)
+    assert_array_equal(base.kept, [0, 1])
+    assert_allclose(base.G, [[1, 0, 2, 0], [0, 1, 0, -3]], atol=1e-12)
+    assert_allclose(W[:, base.kept] @ base.G, W, atol=1e-12)
     assert base.labels == ("m(0) + 2·Ixx(2)", "mx(1) − 3·my(3)")
 
 
@@ -34,7 +35,7 @@ def test_the_users_preference_says_which_column_stands_for_a_group():
     W = columns([1, 0], [0, 1], [2, 0], [0, -3])
     base = group_columns(W, parameters("m", "mx", "Ixx", "my"), [3, 2, 1, 0])
     assert sorted(base.kept) == [2, 3]
-    np.testing.assert_allclose(W[:, base.kept] @ base.G, W, atol=1e-12)
+    assert_allclose(W[:, base.kept] @ base.G, W, atol=1e-12)
 
 
 def test_the_gap_is_the_last_singular_value_kept_and_the_first_dropped():
@@ -67,7 +68,7 @@ def test_the_gap_is_the_last_singular_value_kept_and_the_first_dropped():
 )
 def test_a_sum_of_what_cannot_be_negative_cannot_be_negative(second, kinds, forbidden):
     base = group_columns(columns([1.0], second), parameters(*kinds))
-    np.testing.assert_array_equal(base.nonnegative, [forbidden])
+    assert_array_equal(base.nonnegative, [forbidden])
 
 
 def test_what_never_acts_is_in_no_group():

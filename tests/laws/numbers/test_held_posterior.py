@@ -1,6 +1,7 @@
 """A posterior of what a model leaves free: that of all parameters, given what it holds."""
 
 import numpy as np
+from numpy.testing import assert_allclose
 
 from identifiability.physical.fitted_model import Fixed, LeastSquares, PhysicalSet
 from identifiability.posterior.target import Prior, Target
@@ -27,18 +28,18 @@ def test_what_is_held_conditions_the_normal_of_data_and_prior():
     expected = mean + gain @ (FIXED.value - FIXED.rows @ mean)
     left = covariance - gain @ FIXED.rows @ covariance
     centre, sd = t.diagonal.conditional(np.array([t.variance]))
-    np.testing.assert_allclose(t.to_phi(centre[0]), expected, rtol=1e-9)
+    assert_allclose(t.to_phi(centre[0]), expected, rtol=1e-9)
     assert t.data.variance == t.variance
     for root in (t.basis * sd[0], t.root):
-        np.testing.assert_allclose(root @ root.T, left, atol=1e-12)
+        assert_allclose(root @ root.T, left, atol=1e-12)
 
 
 def test_coordinates_and_parameters_of_the_plane_are_one_to_one():
     t = target()
     eta = np.random.default_rng(1).normal(size=(7, 3))
     phi = t.to_phi(eta)
-    np.testing.assert_allclose(phi @ FIXED.rows.T, np.broadcast_to(FIXED.value, (7, 2)), atol=1e-12)
-    np.testing.assert_allclose(t.to_eta(phi), eta, atol=1e-12)
+    assert_allclose(phi @ FIXED.rows.T, np.broadcast_to(FIXED.value, (7, 2)), atol=1e-12)
+    assert_allclose(t.to_eta(phi), eta, atol=1e-12)
 
 
 def test_directions_that_the_data_do_not_see_have_no_gain_and_take_no_residual():
@@ -50,4 +51,4 @@ def test_directions_that_the_data_do_not_see_have_no_gain_and_take_no_residual()
     found = Target(data, prior, region).diagonal
     assert np.count_nonzero(found.gain) == 2
     outside = z - R @ np.linalg.lstsq(R, z, rcond=None)[0]
-    np.testing.assert_allclose(found.rss_min, 7.0 + outside @ outside)
+    assert_allclose(found.rss_min, 7.0 + outside @ outside)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import Information, estimate
 from identifiability.estimation.estimator import Estimator
@@ -51,16 +52,16 @@ def test_strong_instruments_solve_their_own_equations(rows):
     V, W, tau = rows
     fit = KNOWN.fit(compress(*rows))
     Z, X, y = weighted(fit, V, W, tau)
-    np.testing.assert_allclose(fit.value, np.linalg.solve(Z.T @ X, Z.T @ y)[:, 0], rtol=1e-9)
+    assert_allclose(fit.value, np.linalg.solve(Z.T @ X, Z.T @ y)[:, 0], rtol=1e-9)
     assert not len(fit.bias)
     bread = np.linalg.inv(Z.T @ X)
     sigma2 = float(((y[:, 0] - X @ fit.value) ** 2).sum()) / fit.dof
-    np.testing.assert_allclose(fit.covariance, sigma2 * bread @ Z.T @ Z @ bread.T, rtol=1e-8)
+    assert_allclose(fit.covariance, sigma2 * bread @ Z.T @ Z @ bread.T, rtol=1e-8)
     # What instruments leave more than least squares is noise.
     squares = replace(KNOWN, instruments=False).fit(compress(*rows))
     more = fit.variance - squares.variance
     assert (more > 0.001 * squares.variance).all()
-    np.testing.assert_allclose(more, (fit.rss - squares.rss) / len(W), rtol=1e-6)
+    assert_allclose(more, (fit.rss - squares.rss) / len(W), rtol=1e-6)
 
 
 def test_without_instruments_it_is_least_squares(rows):
@@ -69,7 +70,7 @@ def test_without_instruments_it_is_least_squares(rows):
     fit = IV.fit(information)
     assert fit.bias is None
     assert fit.estimator.name == "wls"
-    np.testing.assert_array_equal(fit.value, estimate(information).value)
+    assert_array_equal(fit.value, estimate(information).value)
 
 
 def test_what_is_not_determined_has_no_variance(rows):
@@ -98,10 +99,8 @@ def test_refits_are_those_of_the_rows(idle, size):
     for row, values in zip(counts, found, strict=True):
         w = np.repeat(np.repeat(row, size), 2)[:, None]
         direct = np.linalg.solve(T.T @ (w * X), T.T @ (w * y))[:, 0]
-        np.testing.assert_allclose(values, direct, rtol=1e-7)
-    np.testing.assert_allclose(
-        fit.estimator.refit(information, fit, np.ones((1, B)))[0], fit.value, rtol=1e-9
-    )
+        assert_allclose(values, direct, rtol=1e-7)
+    assert_allclose(fit.estimator.refit(information, fit, np.ones((1, B)))[0], fit.value, rtol=1e-9)
 
 
 @pytest.mark.parametrize("idle", [False, True])
@@ -110,11 +109,9 @@ def test_the_loss_is_least_at_the_fit_and_measures_in_its_covariance(idle):
     fit = KNOWN.fit(information)
     F = fit.estimator.loss(information, fit)
     assert np.allclose(np.tril(F, -1), 0)
-    np.testing.assert_allclose(np.linalg.solve(F[:4, :4], F[:4, 4]), fit.value, rtol=1e-9)
+    assert_allclose(np.linalg.solve(F[:4, :4], F[:4, 4]), fit.value, rtol=1e-9)
     sigma2 = float(fit.weights @ fit.rss) / fit.dof
-    np.testing.assert_allclose(
-        sigma2 * np.linalg.inv(F[:4, :4].T @ F[:4, :4]), fit.covariance, rtol=1e-8
-    )
+    assert_allclose(sigma2 * np.linalg.inv(F[:4, :4].T @ F[:4, :4]), fit.covariance, rtol=1e-8)
     assert F[4, 4] ** 2 == pytest.approx(float(fit.weights @ fit.rss))
 
 
@@ -125,11 +122,11 @@ def test_moments_refit_without_some_blocks(rows):
     counts = np.ones((1, len(information.counts)))
     counts[0, ::5] = 0.0
     found = Refits.of(information, fit, R, counts)
-    np.testing.assert_allclose(found.grams[0], np.eye(4), atol=1e-9)
-    np.testing.assert_allclose(found.right[0] / R[4, 4], 0.0, atol=1e-9)
+    assert_allclose(found.grams[0], np.eye(4), atol=1e-9)
+    assert_allclose(found.right[0] / R[4, 4], 0.0, atol=1e-9)
     y = found.centre + np.linalg.solve(found.grams[1], found.right[1])
     direct = fit.estimator.refit(information, fit, counts)[0]
-    np.testing.assert_allclose(
+    assert_allclose(
         np.linalg.solve(R[:4, :4], y), direct, atol=0.02 * np.abs(direct - fit.value).max()
     )
 
@@ -186,7 +183,7 @@ def test_the_mean_of_many_estimates_is_the_truth_and_intervals_hold_it():
     share = np.mean(held)
     assert abs(share - 0.95) < 4 * np.sqrt(0.95 * 0.05 / trials)
     for one in np.mean(means, 0):  # by formula, by scores, by resampling
-        np.testing.assert_allclose(one, error, rtol=4 / np.sqrt(2 * trials))
+        assert_allclose(one, error, rtol=4 / np.sqrt(2 * trials))
 
 
 def test_a_fold_that_does_not_determine_all_says_what_it_does():

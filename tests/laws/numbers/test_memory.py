@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import t
 
 from identifiability import estimate
@@ -38,10 +39,10 @@ def test_times_are_those_of_the_noise_whatever_the_blocks(size, logs):
     W = slow_columns(rng, 24_000, 3)
     tau = W @ [1.0, 2.0, 3.0] + noise_of(rng, 24_000, 0.9, 0.0) * [3.0, 1.0]
     fit = estimate(gather(W, tau, size, logs))
-    np.testing.assert_allclose(fit.times, [SLOW, 1.0], rtol=0.25)
-    np.testing.assert_allclose(fit.variance, [9.0, 1.0], rtol=0.15)
-    np.testing.assert_allclose(fit.weights[1] / fit.weights[0], 9 * SLOW, rtol=0.3)
-    np.testing.assert_array_equal(estimate(gather(W, tau, size, logs), "ols").times, fit.times)
+    assert_allclose(fit.times, [SLOW, 1.0], rtol=0.25)
+    assert_allclose(fit.variance, [9.0, 1.0], rtol=0.15)
+    assert_allclose(fit.weights[1] / fit.weights[0], 9 * SLOW, rtol=0.3)
+    assert_array_equal(estimate(gather(W, tau, size, logs), "ols").times, fit.times)
 
 
 def test_what_the_columns_swallow_is_counted():
@@ -74,10 +75,10 @@ def test_what_rounding_left_remembers_nothing():
     rng = np.random.default_rng(3)
     W = slow_columns(rng, 400, 3)
     fit = estimate(gather(W, W @ [1.0, 2.0, 3.0]))
-    np.testing.assert_array_equal(fit.times, 1.0)
+    assert_array_equal(fit.times, 1.0)
     noise = measure_memory(gather(W, W @ [1.0, 2.0, 3.0]), fit)
     assert np.isfinite(noise.variance).all()
-    np.testing.assert_array_equal(noise.times, 1.0)
+    assert_array_equal(noise.times, 1.0)
 
 
 def test_times_that_do_not_differ_are_one_and_leave_the_weights_to_the_variances():
@@ -87,8 +88,8 @@ def test_times_that_do_not_differ_are_one_and_leave_the_weights_to_the_variances
     apart = W @ np.ones(4) + noise_of(rng, 1500, 0.8, 0.0, 0.0) * [1.0, 2.0, 3.0]
     one, own = estimate(gather(W, same, 6)), estimate(gather(W, apart, 6))
     assert one.times[0] == pytest.approx(9.0, rel=0.4)
-    np.testing.assert_allclose(one.times, one.times[0], rtol=1e-12)
-    np.testing.assert_allclose(one.weights * one.variance, one.weights[0] * one.variance[0])
+    assert_allclose(one.times, one.times[0], rtol=1e-12)
+    assert_allclose(one.weights * one.variance, one.weights[0] * one.variance[0])
     assert own.times[0] > 5 > 2 > own.times[1:].max()
 
 
@@ -102,9 +103,9 @@ def test_white_deviations_stay_those_of_independent_residuals():
     bread = np.linalg.inv(np.tensordot(fit.weights, G, 1))
     scale = fit.weights @ fit.rss / ((4000 / fit.times).sum() - 3)
     white = bread @ np.tensordot(scale * fit.weights / fit.times, G, 1) @ bread
-    np.testing.assert_allclose(fit.covariance, white, rtol=1e-8)
+    assert_allclose(fit.covariance, white, rtol=1e-8)
     meat = np.tensordot(fit.weights**2 * [1.0, 4.0], G, 1)
-    np.testing.assert_allclose(fit.sigma, np.sqrt(np.diag(bread @ meat @ bread)), rtol=0.1)
+    assert_allclose(fit.sigma, np.sqrt(np.diag(bread @ meat @ bread)), rtol=0.1)
 
 
 @pytest.mark.parametrize("rho", [(0.0, 0.0), (0.9, 0.9), (0.98, 0.0)])
@@ -146,9 +147,9 @@ def test_a_model_that_leaves_a_constant_out_has_the_memory_of_the_whole_one():
     settled = estimate_noise(find_estimator("wls"), whole).fit(small)
     assert own.times[2] > 20  # the model by itself takes it for slow noise,
     assert own.weights[2] < 0.1 * own.weights[0]  # and does not fit that actuator any more
-    np.testing.assert_allclose(settled.times, 1.0, atol=0.8)
-    np.testing.assert_allclose(settled.variance, [1.0, 1.0, 1.0 + 2.0**2], rtol=0.3)
-    np.testing.assert_allclose(settled.weights[2] / settled.weights[0], 1 / 5, rtol=0.4)
+    assert_allclose(settled.times, 1.0, atol=0.8)
+    assert_allclose(settled.variance, [1.0, 1.0, 1.0 + 2.0**2], rtol=0.3)
+    assert_allclose(settled.weights[2] / settled.weights[0], 1 / 5, rtol=0.4)
 
 
 def test_an_actuator_that_a_model_cannot_explain_does_not_decide_what_others_need():

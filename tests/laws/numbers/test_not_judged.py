@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import Thresholds, estimate
 from identifiability.estimation.fit import Fit, count_freedom, scatter_scores
@@ -75,7 +76,7 @@ def test_degrees_of_freedom_are_those_of_simulated_scatter():
         squares.append((turned**2).sum(0) / np.diag(fit.covariance) ** 1)
     squares = np.array(squares)
     expected = 2 * squares.mean(0) ** 2 / squares.var(0)
-    np.testing.assert_allclose(count_freedom(information, fit), expected, rtol=0.25)
+    assert_allclose(count_freedom(information, fit), expected, rtol=0.25)
 
 
 def test_there_is_no_cliff_as_a_log_gets_shorter():
@@ -96,7 +97,7 @@ def test_without_a_bootstrap_verdicts_are_those_of_scores():
     _, drawn = assess(150)
     assert [v.reason for v in verdicts] == [v.reason for v in judged(fit, drawn)]
     assert np.isnan([v.sigma_bootstrap for v in verdicts]).all()
-    np.testing.assert_allclose([v.sigma_bootstrap for v in judged(fit, drawn)], drawn.bootstrap)
+    assert_allclose([v.sigma_bootstrap for v in judged(fit, drawn)], drawn.bootstrap)
 
 
 def test_a_log_of_few_memories_is_not_judged_with_a_bootstrap_or_without():

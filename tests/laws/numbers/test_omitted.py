@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import Thresholds
 from identifiability.estimation.estimate import find_estimator
@@ -58,17 +59,15 @@ def left_out(motion, nominal, submodel, tau=None):
 def test_bodies_scatter_by_mass_and_the_rms_distance_of_their_mass():
     scatter = body_scatter(structure_of(FILE))
     mass, second = 4.0, (2.0 + 1.5 + 1.1) / 2
-    np.testing.assert_allclose(scatter[9], ESTIMATION_RULES.body_share * mass)
-    np.testing.assert_allclose(
-        scatter[6:9], ESTIMATION_RULES.body_share * np.sqrt(mass * second)
-    )  # m r
-    np.testing.assert_allclose(scatter[:6], ESTIMATION_RULES.body_share * second)
+    assert_allclose(scatter[9], ESTIMATION_RULES.body_share * mass)
+    assert_allclose(scatter[6:9], ESTIMATION_RULES.body_share * np.sqrt(mass * second))  # m r
+    assert_allclose(scatter[:6], ESTIMATION_RULES.body_share * second)
     assert not scatter[10:].any()
 
 
 def test_what_the_fit_would_find_on_the_files_robot_is_what_it_finds_there(motion):
     found, fit = left_out(motion, FILE, submodel_of([0, 5, 9, 10]))
-    np.testing.assert_allclose(found.projected, fit.value, rtol=1e-8)
+    assert_allclose(found.projected, fit.value, rtol=1e-8)
 
 
 def test_sigma_is_the_rms_distance_of_noise_free_fits_from_their_labels(motion):
@@ -79,7 +78,7 @@ def test_sigma_is_the_rms_distance_of_noise_free_fits_from_their_labels(motion):
     draws = FILE + body_scatter(structure_of(FILE)) * rng.standard_normal((4000, 12))
     fits = np.linalg.lstsq(flat[:, kept], flat @ draws.T, rcond=None)[0].T
     rms = np.sqrt(np.mean((fits - draws[:, kept]) ** 2, axis=0))
-    np.testing.assert_allclose(found.sigma, rms, rtol=0.06)  # 4 Monte-Carlo errors of an sd
+    assert_allclose(found.sigma, rms, rtol=0.06)  # 4 Monte-Carlo errors of an sd
 
 
 def test_nothing_left_out_nothing_added(motion):
@@ -92,7 +91,7 @@ def test_nothing_left_out_nothing_added(motion):
 def test_what_is_held_at_the_files_value_errs_by_its_scatter_alone(motion):
     fixed = np.where(np.isin(np.arange(12), [10, 11]), FILE, 0.0)
     found, _ = left_out(motion, FILE, submodel_of(range(10), fixed))
-    np.testing.assert_allclose(found.sigma, 0.0, atol=1e-9)  # friction does not scatter
+    assert_allclose(found.sigma, 0.0, atol=1e-9)  # friction does not scatter
 
 
 def test_a_file_without_inertias_says_that_nothing_is_known(motion):
@@ -134,8 +133,8 @@ def out(sigma, *, unknown=False, disputed=np.nan):
 def test_the_interval_of_the_label_and_the_verdict_know_what_is_left_out():
     sure = verdict_of(out(0.1))
     assert sure.verdict == "identifiable"
-    np.testing.assert_allclose(np.diff(sure.interval95), 2 * 1.96 * np.hypot(0.01, 0.1), rtol=1e-4)
-    np.testing.assert_allclose(np.diff(sure.data_interval95), 2 * 1.96 * 0.01, rtol=1e-4)
+    assert_allclose(np.diff(sure.interval95), 2 * 1.96 * np.hypot(0.01, 0.1), rtol=1e-4)
+    assert_allclose(np.diff(sure.data_interval95), 2 * 1.96 * 0.01, rtol=1e-4)
     assert "p + 0.5·q, known to ±1 %" in sure.reason
     assert (sure.terms["omitted"], sure.projected, sure.nominal) == (0.1, 1.05, 1.1)
     assert verdict_of(out(0.3)).verdict == "sign only"
@@ -179,8 +178,8 @@ def test_what_no_file_states_is_noticed_by_the_unpruned_model(motion, size):
     assert (reach >= (apart - own) * (1 - 1e-6)).all()
     told = np.isfinite(found.disputed)
     assert told.any()
-    np.testing.assert_allclose(reach[told], (apart - own)[told], rtol=1e-6)
-    np.testing.assert_allclose(found.disputed[told], label[told])
+    assert_allclose(reach[told], (apart - own)[told], rtol=1e-6)
+    assert_allclose(found.disputed[told], label[told])
 
 
 def test_a_label_that_the_unpruned_model_leaves_open_is_not_disputed(motion):
@@ -194,14 +193,14 @@ def test_logs_that_tell_all_leave_the_distance_from_the_label_itself(motion):
     kept, rng = [0, 5, 9, 10], np.random.default_rng(3)
     theta = FILE + body_scatter(structure_of(FILE)) * rng.standard_normal(12)
     found, fit = known_by_logs(motion, submodel_of(kept), theta, quiet(motion))
-    np.testing.assert_allclose(found.sigma, np.abs(fit.value - theta[kept]), rtol=1e-4)
+    assert_allclose(found.sigma, np.abs(fit.value - theta[kept]), rtol=1e-4)
 
 
 def test_logs_that_tell_nothing_leave_what_the_file_knows(motion):
     kept, noise = [0, 5, 9, 10, 11], quiet(motion, size=1e7)
     found, _ = known_by_logs(motion, submodel_of(kept), FILE, noise)
     alone, _ = left_out(motion, FILE, submodel_of(kept))
-    np.testing.assert_allclose(found.sigma, alone.sigma, rtol=1e-3)
+    assert_allclose(found.sigma, alone.sigma, rtol=1e-3)
 
 
 def test_sigma_is_the_rms_distance_whatever_the_noise_and_follows_the_robot():

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import Noise, Robot, analyze, prepare_log, simulate
 from identifiability.estimation.evidence import Score
@@ -53,8 +54,8 @@ def test_newton_keeps_what_is_held_and_stops_friction_at_zero(monkeypatch):
     pushed = LeastSquares(np.eye(22)[20:], np.array([-3.0, 2.0]), 1.0, 1.0)
     stopped = Projection(REGION, prior=CadPrior(FILE, 1.0)).solve(pushed)
     assert 0 <= stopped.phi[20] < 1e-7
-    np.testing.assert_allclose(stopped.phi[20:], [0.0, 2.0], atol=1e-4)
-    np.testing.assert_allclose(stopped.phi[:20], FILE[:20], rtol=1e-4, atol=1e-5)
+    assert_allclose(stopped.phi[20:], [0.0, 2.0], atol=1e-4)
+    assert_allclose(stopped.phi[:20], FILE[:20], rtol=1e-4, atol=1e-5)
 
 
 def test_a_path_of_priors_passes_each_ones_optimum():
@@ -189,4 +190,4 @@ def test_a_hundred_kinds_of_friction_do_not_keep_newton_from_its_end(monkeypatch
     data = LeastSquares(R, aim, 1e-2, 1.0)
     found = Projection(region, prior=CadPrior(np.r_[FILE[:20], np.zeros(many)], 1.0)).solve(data)
     assert found.accurate
-    np.testing.assert_allclose(found.phi[20:], np.maximum(aim[20:], 0.0), atol=1e-4)
+    assert_allclose(found.phi[20:], np.maximum(aim[20:], 0.0), atol=1e-4)

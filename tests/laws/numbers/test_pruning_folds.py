@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import Information, estimate
 from identifiability.estimation.estimator import Estimator
@@ -68,8 +69,8 @@ def test_densities_are_the_judges(rows, moves):
     M = matrix_of(fit.partition)
     own = estimate(information.reduce(M, [f"c{j}" for j in range(M.shape[1])]), "ols")
     expected = score_of(fixed, replace(own, weights=WEIGHTS), M)
-    np.testing.assert_allclose(fit.score.density, expected.density, rtol=1e-6)
-    np.testing.assert_allclose(fit.score.squares, expected.squares, rtol=1e-6)
+    assert_allclose(fit.score.density, expected.density, rtol=1e-6)
+    assert_allclose(fit.score.squares, expected.squares, rtol=1e-6)
 
 
 def test_fits_by_instruments_are_the_estimators_own():
@@ -82,10 +83,10 @@ def test_fits_by_instruments_are_the_estimators_own():
     information = Information.of_rows(names, W, tau, log, 4, V)
     full = estimator.fit(information)
     folds = whiten_regression(information, full)
-    np.testing.assert_allclose(after(folds).values[0], full.value, rtol=1e-6)
+    assert_allclose(after(folds).values[0], full.value, rtol=1e-6)
     assert np.linalg.eigvalsh(folds.refits.grams[0]).min() > 0
     dropped = after(folds, Move(Kind.DROP, ("p0",)))
-    np.testing.assert_allclose(dropped.values[0][0], 0.0, atol=1e-9)
+    assert_allclose(dropped.values[0][0], 0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("move", [DROP, TIE, Move(Kind.DROP, ("p0", "p2"))])
@@ -95,11 +96,11 @@ def test_a_constraint_costs_what_refitting_with_it_costs(rows, move):
     fit = after(folds, move)
     M = matrix_of(fit.partition)
     x = M @ solve(W @ M, tau)
-    np.testing.assert_allclose(fit.values[0], x, atol=1e-7)
+    assert_allclose(fit.values[0], x, atol=1e-7)
     start = Remaining.of(folds)
     left, found = start.after(move)
     rise = sums(W, tau, x) - sums(W, tau, solve(W, tau))
-    np.testing.assert_allclose(left.values, x, atol=1e-7)
+    assert_allclose(left.values, x, atol=1e-7)
     assert found == pytest.approx(rise, rel=1e-6)
     assert start.cost(move) == pytest.approx(rise / (3 - len(fit.partition)), rel=1e-6)
 
@@ -110,8 +111,8 @@ def test_what_holds_already_costs_nothing_and_changes_nothing(rows):
     chain = Move(Kind.TIE, tie=(("p0", "p1", "p2"),))
     folds = folds_of(rows)
     start = Remaining.of(folds)
-    np.testing.assert_allclose(start.cost(ring), start.cost(chain), rtol=1e-9)
-    np.testing.assert_allclose(after(folds, ring).values, after(folds, chain).values, rtol=1e-9)
+    assert_allclose(start.cost(ring), start.cost(chain), rtol=1e-9)
+    assert_allclose(after(folds, ring).values, after(folds, chain).values, rtol=1e-9)
 
 
 @pytest.mark.parametrize(("seed", "drawn"), [(0, 40), (1, 40), (2, 24)])
@@ -140,6 +141,6 @@ def test_fits_along_a_whole_path_are_those_from_the_rows(seed, drawn):
             ):  # its rows do not determine it
                 continue
             x = M @ np.linalg.lstsq(A, tau[mine, 0], rcond=None)[0]
-            np.testing.assert_allclose(fit.values[f + 1], x, atol=1e-8 * np.abs(x).max())
+            assert_allclose(fit.values[f + 1], x, atol=1e-8 * np.abs(x).max())
             compared += 1
     assert compared > 200

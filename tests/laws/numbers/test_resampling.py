@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import norm, t
 
 from identifiability import estimate
@@ -25,14 +26,14 @@ def test_blocks_are_joined_to_equal_ones_of_the_length_that_is_wanted():
                            (48, [48] * 4), (64, [64] * 3), (96, [96] * 2), (192, [192]),
                            (1e9, [192])):  # fmt: skip
         merged = merge_blocks(information, length)
-        np.testing.assert_array_equal(merged.counts, counts)
+        assert_array_equal(merged.counts, counts)
 
 
 def test_blocks_of_several_logs_are_joined_within_each():
     information = gather(*rows(), size=8, logs=(64, 128))
     merged = merge_blocks(information, 40)
-    np.testing.assert_array_equal(merged.log, [0, 1, 1, 1])
-    np.testing.assert_array_equal(merged.counts, [64, 48, 40, 40])
+    assert_array_equal(merged.log, [0, 1, 1, 1])
+    assert_array_equal(merged.counts, [64, 48, 40, 40])
     assert merge_blocks(information, 1e9).log.tolist() == [0, 1]
 
 
@@ -48,7 +49,7 @@ def test_refits_are_weighted_least_squares_on_the_drawn_rows():
         expected = np.linalg.lstsq(
             (W * repeat[..., None]).reshape(-1, 3), (tau * repeat).ravel(), rcond=None
         )[0]
-        np.testing.assert_allclose(value, expected, rtol=1e-8)
+        assert_allclose(value, expected, rtol=1e-8)
 
 
 def test_columns_that_the_fit_dropped_stay_zero_in_every_replicate():
@@ -57,7 +58,7 @@ def test_columns_that_the_fit_dropped_stay_zero_in_every_replicate():
     fit = estimate(information)
     assert fit.kept == (0, 2, 3)
     found = bootstrap(information, fit, np.random.default_rng(0), replicates=20)
-    np.testing.assert_array_equal(found[:, 1], 0.0)
+    assert_array_equal(found[:, 1], 0.0)
     assert (spread_of(found)[[0, 2, 3]] > 0).all()
 
 
@@ -76,9 +77,9 @@ def test_seven_blocks_say_nothing_and_eight_do():
 def test_deviations_are_those_of_the_replicates():
     values = np.random.default_rng(0).normal(size=(4001, 2)) @ [[1.0, 0.6], [0.0, 0.8]]
     found = spread_of(values)
-    np.testing.assert_allclose(found, np.std(values, axis=0, ddof=1), rtol=0.03)
+    assert_allclose(found, np.std(values, axis=0, ddof=1), rtol=0.03)
     one_wild = np.vstack([values, [[1e6, -1e6]]])
-    np.testing.assert_allclose(spread_of(one_wild), found, rtol=1e-2)
+    assert_allclose(spread_of(one_wild), found, rtol=1e-2)
 
 
 def single(residual, size, column=1.0):
@@ -106,7 +107,7 @@ def test_the_scatter_of_scores_is_that_of_sums_over_stretches(rho):
     for column in (1.0, np.tile([1.0, -1.0], 480)):
         found = scatter_scores(*single(residual, 8, column), time=8.0)
         assert found.stretches == 24
-        np.testing.assert_allclose(found.sd, [by_hand(column * residual, 40)], rtol=1e-6)
+        assert_allclose(found.sd, [by_hand(column * residual, 40)], rtol=1e-6)
 
 
 def test_a_stretch_is_five_memories_long_while_twelve_are_left():
@@ -123,7 +124,7 @@ def test_intervals_of_few_stretches_are_students():
     found = scatter_scores(*single(residual, 8), 16.0)
     factor = t.ppf(0.975, 11) / norm.ppf(0.975)
     assert factor == pytest.approx(1.123, abs=1e-3)
-    np.testing.assert_allclose(found.widened, found.sd * factor)
+    assert_allclose(found.widened, found.sd * factor)
 
 
 def test_scores_weigh_actuators_as_the_fit_does():
@@ -133,11 +134,11 @@ def test_scores_weigh_actuators_as_the_fit_does():
     one = gather(W[:, :1], tau[:, :1], size=8)
     many, few = (scatter_scores(i, estimate(i), 1.0) for i in (both, one))
     # The white variance that both are compared with is known to √(2/960) = 4.6 %.
-    np.testing.assert_allclose(many.sd, few.sd, rtol=0.05)
+    assert_allclose(many.sd, few.sd, rtol=0.05)
 
 
 def test_scores_of_what_is_not_determined_are_infinitely_uncertain():
     W, tau = rows()
     information = gather(np.concatenate([W, W[:, :, :1]], axis=2), tau, size=8)
     found = scatter_scores(information, estimate(information), 1.0)
-    np.testing.assert_array_equal(np.isfinite(found.sd), [False, True, True, False])
+    assert_array_equal(np.isfinite(found.sd), [False, True, True, False])

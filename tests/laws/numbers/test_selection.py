@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.fit import column_noise, column_rms, merge_blocks
@@ -200,8 +201,8 @@ def test_verdicts_say_what_a_column_cannot_be_told_from(ladder):
 def test_a_columns_size_is_its_root_mean_square_over_all_rows(ladder):
     W, _, every, *_ = ladder
     expected = np.sqrt((W**2).mean((0, 1)))
-    np.testing.assert_allclose(column_rms(every), expected, rtol=1e-5)
-    np.testing.assert_allclose(column_rms(merge_blocks(every, 1e9)), expected, rtol=1e-5)
+    assert_allclose(column_rms(every), expected, rtol=1e-5)
+    assert_allclose(column_rms(merge_blocks(every, 1e9)), expected, rtol=1e-5)
 
 
 def test_a_columns_effect_is_told_at_the_joint_that_feels_it_most(ladder):
@@ -209,5 +210,5 @@ def test_a_columns_effect_is_told_at_the_joint_that_feels_it_most(ladder):
     residual = tau - W @ fits[0].value
     each = np.sqrt((W**2).sum(0) / (residual**2).sum(0)[:, None])
     found = column_noise(every, fits[0])
-    np.testing.assert_allclose(found, each.max(0), rtol=1e-5)
+    assert_allclose(found, each.max(0), rtol=1e-5)
     assert (found > 1.5 * each.min(0)).all()

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import norm
 
 from identifiability import Thresholds, estimate
@@ -27,10 +28,10 @@ def roads(white, resampled, scores, freedom=1e6):
 
 
 def test_the_robust_deviation_is_that_of_scores_whatever_resampling_says():
-    np.testing.assert_allclose(roads([9, 1], [3, 2], [2, 3]).robust, [2, 3], rtol=1e-5)
-    np.testing.assert_allclose(roads([1, 1], None, [1, 3]).robust, [1, 3], rtol=1e-5)
-    np.testing.assert_array_equal(roads([1, 1], [1, 3], None).robust, np.inf)
-    np.testing.assert_allclose(roads([1, np.inf], [3, 0], [1, 2]).robust, [1, np.inf], rtol=1e-5)
+    assert_allclose(roads([9, 1], [3, 2], [2, 3]).robust, [2, 3], rtol=1e-5)
+    assert_allclose(roads([1, 1], None, [1, 3]).robust, [1, 3], rtol=1e-5)
+    assert_array_equal(roads([1, 1], [1, 3], None).robust, np.inf)
+    assert_allclose(roads([1, np.inf], [3, 0], [1, 2]).robust, [1, np.inf], rtol=1e-5)
 
 
 def test_a_log_of_few_memories_holds_the_truth_as_often_as_promised():
@@ -59,15 +60,15 @@ def test_a_log_of_few_memories_holds_the_truth_as_often_as_promised():
 def test_the_autocorrelation_time_is_that_of_the_noise(rho):
     """(1 + ρ) / (1 - ρ); the estimate of 40,000 samples is within a fifth."""
     noise = ar1(np.random.default_rng(3), rho, 40_000, 2)
-    np.testing.assert_allclose(autocorrelation_time(noise), (1 + rho) / (1 - rho), rtol=0.2)
+    assert_allclose(autocorrelation_time(noise), (1 + rho) / (1 - rho), rtol=0.2)
     acf = autocorrelation(noise)
-    np.testing.assert_allclose(acf[0], 1.0)
-    np.testing.assert_allclose(acf[1:4].mean(1), rho ** np.arange(1, 4), atol=0.03)
+    assert_allclose(acf[0], 1.0)
+    assert_allclose(acf[1:4].mean(1), rho ** np.arange(1, 4), atol=0.03)
 
 
 def test_noise_that_turns_back_does_not_count_as_less_than_white():
     turns = np.where(np.arange(100) % 2, 1.0, -1.0)[:, None]
-    np.testing.assert_array_equal(autocorrelation_time(turns), [1.0])
+    assert_array_equal(autocorrelation_time(turns), [1.0])
 
 
 def test_the_interval_of_a_label_is_the_sum_of_its_terms():
@@ -75,6 +76,6 @@ def test_the_interval_of_a_label_is_the_sum_of_its_terms():
     found = fit_known(fit_of([1.0, 2.0], own), ScoreScatter(own, 1, np.full(2, 1e9)), shared=shared)
     terms = found.terms
     assert set(terms) == set(TERMS)
-    np.testing.assert_allclose(terms["delay"], [0.5, 0.0])
-    np.testing.assert_allclose(found.robust, [np.hypot(0.3, 0.5), 0.4], rtol=1e-4)
-    np.testing.assert_allclose(found.sigma, found.robust)
+    assert_allclose(terms["delay"], [0.5, 0.0])
+    assert_allclose(found.robust, [np.hypot(0.3, 0.5), 0.4], rtol=1e-4)
+    assert_allclose(found.sigma, found.robust)

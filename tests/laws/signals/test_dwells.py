@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import Log, Model, Preparation, gather_information, prepare_log
 from identifiability.logs.prepare.preparation import choose_cutoff
@@ -65,7 +66,7 @@ def test_beside_a_joint_that_stands_all_reversals_are_no_data(two, error):
     assert found[np.convolve(stands, np.ones(mixed), "same") > 0.5].mean() > 0.98
     assert not found[~beside].any()
     near = beside_turns(s.motion, round(np.ceil(0.5 * RATE / s.cutoff)))[:, 1]
-    np.testing.assert_array_equal(other, near)
+    assert_array_equal(other, near)
     assert 0 < near.mean() < 0.2
 
 
@@ -132,8 +133,8 @@ def test_a_log_that_is_cut_in_two_has_the_same_data(two):
     first, second = (prepare_log(two, part, ways[1]) for part in parts)
     away = int(RATE)  # the filters of the parts end at the cut
     assert 0.01 < (one.weight == 0)[len(q) + away :].mean() < 0.5
-    np.testing.assert_array_equal(second.weight[away:], one.weight[len(q) + away :])
-    np.testing.assert_array_equal(first.weight[:-away, 1], one.weight[: len(q) - away, 1])
+    assert_array_equal(second.weight[away:], one.weight[len(q) + away :])
+    assert_array_equal(first.weight[:-away, 1], one.weight[: len(q) - away, 1])
 
 
 @pytest.mark.parametrize("decimated", [False, True])
@@ -150,7 +151,7 @@ def test_torque_of_a_dwelling_joint_is_in_no_row_and_that_of_others_is(two, deci
         s = replace(s, tau=tau) if decimated else replace(s, tau=tau, decimation=None)
         found.append(gather_information(structure.regression([s])))
     plain, spoilt = found
-    np.testing.assert_allclose(spoilt.factor(), plain.factor(), rtol=1e-9, atol=1e-9)
+    assert_allclose(spoilt.factor(), plain.factor(), rtol=1e-9, atol=1e-9)
     moving, every = plain.data.sum(0)
     assert plain.samples >= every > moving > 0  # the other joint reverses, no more
     assert every > 0.95 * plain.samples

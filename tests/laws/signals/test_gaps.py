@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import (
     IdentifiabilityError,
@@ -66,7 +67,7 @@ def test_bridged_gaps_change_the_motion_by_what_a_cubic_misses(two):
         for name in ("actuated_q", "actuated_v", "actuated_a"):
             found, wanted = getattr(s.motion, name), getattr(whole.motion, name)[same]
             atol = error * np.abs(wanted).max()
-            np.testing.assert_allclose(found[inner], wanted[inner], rtol=0, atol=atol)
+            assert_allclose(found[inner], wanted[inner], rtol=0, atol=atol)
 
 
 @pytest.mark.parametrize(("lost", "split"), [(24, False), (25, True), (300, True)])
@@ -87,9 +88,7 @@ def test_stretches_are_what_they_are_by_themselves(two):
         own = s.motion[(s.motion.kept >= a) & (s.motion.kept < b)]
         first = 1 if a else 0  # that of a later stretch is left out, which tells the others
         for name in ("actuated_q", "actuated_v", "actuated_a"):
-            np.testing.assert_allclose(
-                getattr(own, name), getattr(alone, name)[first:], rtol=0, atol=1e-8
-            )
+            assert_allclose(getattr(own, name), getattr(alone, name)[first:], rtol=0, atol=1e-8)
     assert np.flatnonzero(np.diff(s.motion.kept) > 1).tolist() == [1499, 3098]
 
 
@@ -163,7 +162,7 @@ def test_repeated_values_are_not_interpolated_from_beyond_a_gap(two):
     true = prepared(two, rows, cutoff=40.0, decimate=1)
     inside = slice(1300, 1500)
     assert any("repeat the sample before" in note for note in found.notes)
-    np.testing.assert_allclose(
+    assert_allclose(
         found.motion.actuated_q[inside], true.motion.actuated_q[inside], rtol=0, atol=1e-6
     )
 
@@ -184,9 +183,9 @@ def test_a_long_file_with_gaps_is_read_as_a_short_one(two, tmp_path, monkeypatch
     other = gather_information(Regression(two, model, (parts,), kept))
     assert (parts.outputs, parts.starts, parts.hints) == (whole.outputs, whole.starts, whole.hints)
     assert (parts.notes, parts.lost) == (whole.notes, whole.lost)
-    np.testing.assert_array_equal(one.counts, other.counts)
+    assert_array_equal(one.counts, other.counts)
     R, S = one.factor(), other.factor()
-    np.testing.assert_allclose(S.T @ S, R.T @ R, rtol=0, atol=1e-8 * np.abs(R.T @ R).max())
+    assert_allclose(S.T @ S, R.T @ R, rtol=0, atol=1e-8 * np.abs(R.T @ R).max())
 
 
 def test_gaps_of_a_part_of_a_file_are_counted_from_its_first_row(tmp_path, read_long):
@@ -197,7 +196,7 @@ def test_gaps_of_a_part_of_a_file_are_counted_from_its_first_row(tmp_path, read_
     t = Log.read(path).t
     found = Gaps.of("p", part.clock, [part.rows(0, len(part)).t])
     assert found.rows.tolist() == [999 - 910, 1994 - 910]
-    np.testing.assert_allclose(found.t, t[[999, 1994]])
+    assert_allclose(found.t, t[[999, 1994]])
     assert found.lost.tolist() == [5, 50] == Gaps.of("p", whole.clock, [t]).lost.tolist()
 
 
@@ -205,7 +204,7 @@ def test_a_cubic_is_filled_exactly():
     at = np.array([0, 1, 2, 5, 6, 9, 10, 11])
     x = np.column_stack([at**3 - 2.0 * at, 1.0 * at**2])
     every = np.arange(12)
-    np.testing.assert_allclose(
+    assert_allclose(
         fill(x, at), np.column_stack([every**3 - 2.0 * every, every**2]), rtol=0, atol=1e-9
     )
     assert fill(x, np.arange(8)) is x

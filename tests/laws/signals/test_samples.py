@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import Dataset, IdentifiabilityError, Log, Preparation, prepare_log
 from identifiability.logs.contradictions import check_units, contradictions
@@ -51,7 +52,7 @@ def test_outputs_are_at_every_nth_row_whose_neighbours_are_all_there(two, factor
         if low <= r < high and all(k in there for k in range(r - reach, r + reach + 1))
     ]  # fmt: skip
     assert 0 < s.outputs == len(rows) < 100
-    np.testing.assert_allclose(s.output_times(), 0.01 * np.array(rows))
+    assert_allclose(s.output_times(), 0.01 * np.array(rows))
     assert sum(count for *_, count in s.runs) == len(rows)
     for start, stop, _ in s.runs:
         assert (np.diff(kept[start:stop]) == 1).all()
@@ -59,9 +60,9 @@ def test_outputs_are_at_every_nth_row_whose_neighbours_are_all_there(two, factor
         pieces = list(s.pieces(size))
         # A straight line keeps its values under a symmetric filter.
         down = np.concatenate([p.down(p.tau) for p in pieces])
-        np.testing.assert_allclose(down[:, 0], rows, atol=1e-9)
+        assert_allclose(down[:, 0], rows, atol=1e-9)
         at = np.concatenate([p.tau[p.at, 0] for p in pieces])
-        np.testing.assert_array_equal(at, rows)
+        assert_array_equal(at, rows)
 
 
 def test_what_is_no_data_is_so_of_columns_and_torque_alike(two):
@@ -73,7 +74,7 @@ def test_what_is_no_data_is_so_of_columns_and_torque_alike(two):
     for p in s.pieces(10**6):
         column = p.weighed(p.down(p.silenced(p.motion.actuated_a.copy())))
         assert 0 < p.moves[:, 0].sum() < len(p.moves)
-        np.testing.assert_allclose(column, p.torque, atol=2e-3 * np.abs(s.tau).max())
+        assert_allclose(column, p.torque, atol=2e-3 * np.abs(s.tau).max())
 
 
 def test_decimation_keeps_the_band_up_to_the_cut_off(two):

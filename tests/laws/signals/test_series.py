@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError, Log
 from identifiability.logs.series import find_series, resample, smooth_log, with_series
@@ -120,7 +121,7 @@ def test_resampled_noise_is_as_large_and_remembers_as_long(correlation):
     size = np.linspace(0.2, 2.0, 4000)[:, None]
     left = size * ar1((4000, 3), correlation, rng)
     again = resample(left, rng)
-    np.testing.assert_allclose(np.abs(again), np.abs(left))
+    assert_allclose(np.abs(again), np.abs(left))
     one_later = np.mean(again[1:] * again[:-1], axis=0) / np.mean(again**2, axis=0)
     assert np.abs(one_later - correlation).max() < 0.1
     assert np.abs(np.mean(again * left, axis=0) / np.mean(left**2, axis=0)).max() < 0.3

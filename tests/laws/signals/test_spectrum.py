@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import Log, Preparation, prepare_log
 from identifiability.logs import signals
@@ -135,7 +136,7 @@ def test_a_cubic_is_interpolated_exactly():
     k = np.arange(30.0)
     x = np.stack([k**3 - 5 * k, 2 - k**2], 1)
     stale = np.isin(k, [0, 7, 8, 15, 29])
-    np.testing.assert_allclose(interpolate(np.where(stale[:, None], 0, x), stale), x, atol=1e-8)
+    assert_allclose(interpolate(np.where(stale[:, None], 0, x), stale), x, atol=1e-8)
 
 
 def log_of(rate, hertz, name, seed=0, **channels):
