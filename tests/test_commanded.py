@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import (
@@ -58,7 +59,7 @@ def arm(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def frames(arm):
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     how = servos.Recorder(rate=200.0, delay=0.007, bits=14)
     seconds = (8.0, 4.0)
     moves = [servos.draw_commands(arm, s, how.command_rate, 0.5, rng) for s in seconds]
@@ -177,7 +178,7 @@ FAULTS = [("", 0.0, 1.0), ("irregular", 0.05, 1.0), ("gains_scale", 0.0, 1.4)]
 
 @pytest.mark.parametrize(("key", "lost", "factor"), FAULTS)
 def test_lost_commands_and_gains_that_are_all_too_high_are_said(arm, key, lost, factor):
-    rng, how = np.random.default_rng(6), servos.Recorder(100.0, 25.0, 0.006, 14, lost=lost)
+    rng, how = default_rng(6), servos.Recorder(100.0, 25.0, 0.006, 14, lost=lost)
     moves = servos.draw_commands(arm, 8.0, how.command_rate, 0.35, rng)
     frame = servos.record(arm, TRUTH, moves, 8.0, how, rng)
     result = analyze(replace(arm, servo=arm.servo.divided(1 / factor)), frame, quick=True)
@@ -190,7 +191,7 @@ ODD = (("play", 0.03), ("gain", -0.25), ("limit", 30.0), ("integral", 2.0), ("",
 
 @pytest.mark.parametrize(("kind", "size"), ODD)
 def test_odd_joints_and_gains_that_are_stated_wrongly_are_said_with_their_size(arm, kind, size):
-    rng, how = np.random.default_rng(6), servos.Recorder(200.0, 50.0, 0.006, 14)
+    rng, how = default_rng(6), servos.Recorder(200.0, 50.0, 0.006, 14)
     moves, fault = servos.draw_commands(arm, 6.0, 50.0, 0.35, rng), servos.Fault(1, kind, size)
     own = arm.servo.having({"limit": np.array([0.0, size * (kind == "limit")])})
     own = replace(own, ki=size * own.kp * (kind == "integral"))
@@ -209,7 +210,7 @@ def test_odd_joints_and_gains_that_are_stated_wrongly_are_said_with_their_size(a
 
 
 def test_drives_that_integrate_are_fitted_rolled_out_and_exported(arm, tmp_path):
-    rng, how = np.random.default_rng(5), servos.Recorder(100.0, delay=0.007, bits=14)
+    rng, how = default_rng(5), servos.Recorder(100.0, delay=0.007, bits=14)
     own = replace(arm.servo, ki=2.0 * arm.servo.kp)
     moves = [servos.draw_commands(arm, 8.0, how.command_rate, 0.35, rng) for _ in range(2)]
     logs = [servos.record(arm, TRUTH, x, 8.0, how, rng, own) for x in moves]
@@ -311,7 +312,7 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
 @pytest.fixture(scope="module")
 def heavy(arm):
     """Return a log of a robot a fifth lighter than its file, its delay, and true parameters."""
-    rng = np.random.default_rng(5)
+    rng = default_rng(5)
     bodies = {f"{b}.{k}": 0.8 * arm.nominal[f"{b}.{k}"] for b in arm.bodies for k in INERTIAL_KINDS}
     how = servos.Recorder(rate=100.0, delay=0.007, bits=14)
     moves = servos.draw_commands(arm, 6.0, how.command_rate, 0.5, rng)
@@ -367,7 +368,7 @@ def _bodies(structure, share, rng):
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.2])
 def test_intervals_with_the_file_hold_up_to_its_share_whatever_few_data_say(share):
-    structure, rng = _standard(Robot.load("six-dof-arm")), np.random.default_rng(1)
+    structure, rng = _standard(Robot.load("six-dof-arm")), default_rng(1)
     size = np.abs(structure.nominal[structure.inertial]).mean()
     inside, told = [], 0
     for _ in range(40):
@@ -409,7 +410,7 @@ def test_what_the_sidecar_states_of_a_body_or_a_parameter_counts_beside_the_log(
 
 @pytest.mark.parametrize("late", [pytest.param(0.0, marks=pytest.mark.everything), 0.004])
 def test_the_joint_that_is_late_is_named_and_not_those_that_its_delay_made_early(arm, late):
-    rng, how = np.random.default_rng(1), servos.Recorder(200.0, 50.0, 0.006, 12)
+    rng, how = default_rng(1), servos.Recorder(200.0, 50.0, 0.006, 12)
     moves = [servos.draw_commands(arm, 5.0, 50.0, 0.35, rng) for _ in range(2)]
     fault = servos.Fault(1, "late", late)
     fitted, unseen = (servos.record(arm, TRUTH, c, 5.0, how, rng, fault=fault) for c in moves)
@@ -423,7 +424,7 @@ def test_the_joint_that_is_late_is_named_and_not_those_that_its_delay_made_early
 
 
 def test_a_log_that_contradicts_the_files_bodies_says_so():
-    structure, rng = _standard(Robot.load("six-dof-arm")), np.random.default_rng(2)
+    structure, rng = _standard(Robot.load("six-dof-arm")), default_rng(2)
     phi = structure.nominal.copy()
     columns = structure.inertial[2]
     phi[columns] *= 6
@@ -481,7 +482,7 @@ def test_gains_that_nobody_states_are_found_and_one_known_body_fixes_their_scale
 
 @pytest.mark.parametrize("stated", [True, False])
 def test_a_joint_whose_command_stands_has_no_weight_and_blames_nobody(arm, unstated, stated):
-    rng, how = np.random.default_rng(8), servos.Recorder(rate=50.0, delay=0.02, bits=12)
+    rng, how = default_rng(8), servos.Recorder(rate=50.0, delay=0.02, bits=12)
     moves = servos.draw_commands(arm, 6.0, 50.0, 0.5, rng)
     moves[:, 1] = moves[0, 1]
     log = read(arm, servos.record(arm, TRUTH, moves, 6.0, how, rng))
@@ -535,7 +536,7 @@ def test_rests_tell_friction_from_an_offset(arm, frames, kind, effect):
     truth = {**TRUTH, "elbow.Fc": 0.3, "elbow.off": 0.3, f"elbow.{kind}": 6.0}
     steps = np.repeat([0.0, 0.2, 0.0, -0.2, 0.0, 0.2, 0.0, -0.2], 50)
     commands = arm.home + np.stack([0 * steps, steps], axis=1)
-    rng, how = np.random.default_rng(1), servos.Recorder(bits=14)
+    rng, how = default_rng(1), servos.Recorder(bits=14)
     log = read(arm, servos.record(arm, truth, commands, 7.9, how, rng))
     machine = CommandedRobot(arm, {})
     said = state_standing(machine, [log])
@@ -556,7 +557,7 @@ def test_a_gain_that_the_logs_do_not_tell_is_stated_as_ratios(arm, unstated, fra
 
 def test_one_bad_joint_does_not_refuse_a_log_and_the_others_keep_their_values(arm, frames):
     spoilt = frames[1].copy()
-    spoilt["elbow.cmd"] = np.random.default_rng(1).permutation(spoilt["elbow.cmd"])
+    spoilt["elbow.cmd"] = default_rng(1).permutation(spoilt["elbow.cmd"])
     result = analyze(arm, spoilt, quick=True)
     (said,) = of_key(result.hints, "commands")
     assert "elbow does not follow its command, so its torque is left out" in said
@@ -568,7 +569,7 @@ def test_one_bad_joint_does_not_refuse_a_log_and_the_others_keep_their_values(ar
 @pytest.mark.parametrize(
     ("spoil", "said"),
     [
-        (np.random.default_rng(1).permutation, r"Say which columns are commands.*shoulder\.cmd"),
+        (default_rng(1).permutation, r"Say which columns are commands.*shoulder\.cmd"),
         (np.degrees, "in degrees"),
         (np.radians, "in degrees"),
         (np.negative, "wrong sign"),
@@ -594,7 +595,7 @@ def test_limits_tell_kv_from_friction_of_a_file_without_rotors(arm, bare):
     servo = replace(arm.servo, low=np.array([-300.0, -60.0]), high=np.array([300.0, 60.0]))
     known = replace(Robot.load(bare), servo=servo)
     robot = replace(known, servo=servo.having({"kv": np.full(2, np.nan)}))
-    rng, how = np.random.default_rng(4), servos.Recorder(rate=100.0, delay=0.022, bits=14)
+    rng, how = default_rng(4), servos.Recorder(rate=100.0, delay=0.022, bits=14)
     moves = servos.draw_commands(arm, 6.0, how.command_rate, 0.5, rng)
     log = read(arm, servos.record(arm, TRUTH, moves, 6.0, how, rng, servo))
     found = fit_rollouts(robot, [log], file_shares(robot))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 from identifiability import Log, Model, Robot, prepare_log, simulate
@@ -55,11 +56,11 @@ def test_a_joint_without_masses_has_no_load_and_not_that_of_rounding():
     What the load moves in the next joint is still there.
     """
     robot = Robot.load("dvrk-psm")
-    along = random_motion(robot, np.random.default_rng(0), 30)
+    along = random_motion(robot, default_rng(0), 30)
     W, names = columns(robot, along, "load_dependent_friction")
     loaded = {name for k, name in enumerate(names) if W[:, :, k].any()}
     assert loaded == {f"{j}.Fl" for j in ("yaw", "pitch", "insertion")}
     # Nor where the loops of the arm round what the others carry into it.
-    moved = [random_trajectory(robot, np.random.default_rng(k)) for k in range(2)]
+    moved = [random_trajectory(robot, default_rng(k)) for k in range(2)]
     hidden = Campaign.of(robot, moved).hidden(["backlash@roll=1", "backlash@jaw2=1"])
     assert not hidden.any()

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import (
@@ -53,7 +54,7 @@ def test_the_arm_is_excited_much_better_than_by_random_motion(arm):
     base = find_base_parameters(arm.robot, Model.of(*FULL))
     random = []
     for k in range(9):
-        path = random_trajectory(arm.robot, np.random.default_rng(k))
+        path = random_trajectory(arm.robot, default_rng(k))
         W = regressor(arm.robot, path, FULL, base.kept, 150).reshape(-1, len(base))
         random.append(np.linalg.slogdet(W.T @ W * 750 / 150)[1])
     better = (arm.after.figure - np.array(random)) / (2 * len(base))
@@ -75,12 +76,12 @@ def measured():
     robot = Robot.load("six-dof-arm")
 
     def measure(trajectory, seed):
-        rng = np.random.default_rng(seed)
+        rng = default_rng(seed)
         return simulate(
             robot, PrescribedMotion.of(trajectory, 400), noise=Noise(torque=0.02), rng=rng
         )
 
-    motion = random_trajectory(robot, np.random.default_rng(1))
+    motion = random_trajectory(robot, default_rng(1))
     return robot, motion, measure
 
 

@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 from identifiability import Noise, Robot, analyze, export, simulate
@@ -32,7 +33,7 @@ def accelerations(path, commands, rng):
 @pytest.mark.parametrize("name", DRIVEN)
 def test_an_actuator_needs_as_much_more_as_the_offset_is(name, tmp_path):
     """A command that is too large by the offset moves the exported robot as it moved before."""
-    robot, rng = Robot.load(name), np.random.default_rng(4)
+    robot, rng = Robot.load(name), default_rng(4)
     # Beside a spring an offset is where that is relaxed (`test_springs`).
     places = [place for place in robot.offsets if not robot.nominal.get(f"{place}.K")]
     offsets = {f"{place}.off": rng.uniform(-0.2, 0.2) for place in places}
@@ -53,8 +54,8 @@ def test_an_actuator_needs_as_much_more_as_the_offset_is(name, tmp_path):
             factor *= model.wrap_prm[w]
         commands[own.name] = 0.1
         more[own.name] = 0.1 + offsets.get(f"{place}.off", 0.0) / factor
-    before = accelerations(plain, commands, np.random.default_rng(0))
-    after = accelerations(held.robot, more, np.random.default_rng(0))
+    before = accelerations(plain, commands, default_rng(0))
+    after = accelerations(held.robot, more, default_rng(0))
     assert_allclose(after, before, rtol=0, atol=AGREE * np.abs(before).max())
     again = Robot.load(held.robot)
     for owner, value in offsets.items():
@@ -74,7 +75,7 @@ def told(tmp_path_factory):
     logs = [
         simulate(
             robot, PrescribedMotion.of(shipped_trajectory(robot, motion), 200),
-            noise=Noise(torque=0.02), parameters=LEVELS, rng=np.random.default_rng(k),
+            noise=Noise(torque=0.02), parameters=LEVELS, rng=default_rng(k),
         )
         for k, motion in enumerate("ab")
     ]  # fmt: skip

@@ -13,6 +13,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import IdentifiabilityError, Robot, analyze, export
@@ -31,7 +32,7 @@ from ..made_servos import TRUTH, load_arm  # noqa: E402
 def made(tmp_path_factory):
     """A two-link arm with servos, a log of commands and the JSON of its analysis."""
     folder = tmp_path_factory.mktemp("arm")
-    robot, rng = load_arm(folder), np.random.default_rng(3)
+    robot, rng = load_arm(folder), default_rng(3)
     how = servos.Recorder(rate=200.0, delay=0.007, bits=14)
     frames = []
     for seconds in (6.0, 3.0):
@@ -181,7 +182,7 @@ def joint_share(fit, structure, count, rng, size=256):
     "count", [6, pytest.param(200, marks=pytest.mark.everything)], ids=["few", "many"]
 )
 def test_true_robots_lie_in_the_joint_set_of_the_draws(count, simulated):
-    rng = np.random.default_rng(5)
+    rng = default_rng(5)
     robot = Robot.load("two-link")
     result = analyze(robot, simulated("two-link", "a", samples=2000), quick=True)
     own = {"submodel": result.full.submodel, "values": result.full.estimate.value}

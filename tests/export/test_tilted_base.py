@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 from identifiability import Model, Noise, Robot, analyze, diagnose, export, simulate
@@ -30,7 +31,7 @@ def test_a_written_file_has_the_torque_of_the_model_by_both_roads(name, ending, 
     robot = Robot.load(name)
     gravity = leaning(robot, degrees)
     structure = Structure.of(robot, Model.of("rigid_body", tilt_text(gravity)))
-    motion = random_motion(robot, np.random.default_rng(1), 20)
+    motion = random_motion(robot, default_rng(1), 20)
     W = structure.model.regressor(structure.robot, motion)
     tau = W @ structure.nominal
     assert structure.robot.tilt.degrees == pytest.approx(degrees)
@@ -73,7 +74,7 @@ def test_gravity_of_an_mjcf_that_is_not_down_turns_the_base_of_its_urdf(tmp_path
     text = text.replace("<worldbody", '<option gravity="9.81 0 0"/><worldbody', 1)
     (tmp_path / "wall.xml").write_text(text)
     robot = Robot.load(tmp_path / "wall.xml")
-    motion = random_motion(robot, np.random.default_rng(0), 10)
+    motion = random_motion(robot, default_rng(0), 10)
     copy = Robot.load(write_parameters(robot, {}, tmp_path / "copy.urdf").robot)
     own = motion.actuated_q, motion.actuated_v, motion.actuated_a
     again = complete_motion(copy, motion.t, *own)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError, Robot
@@ -18,9 +19,7 @@ def closed(request):
 
 
 def motion_of(robot, t, seed=2):
-    return complete_motion(
-        robot, t, *random_trajectory(robot, np.random.default_rng(seed)).motion(t)
-    )
+    return complete_motion(robot, t, *random_trajectory(robot, default_rng(seed)).motion(t))
 
 
 def test_every_loop_closes_along_a_motion(closed):
@@ -40,9 +39,9 @@ def test_velocities_and_accelerations_are_time_derivatives(closed):
 
 def test_the_motion_does_not_depend_on_the_order_or_number_of_samples(closed):
     t = np.linspace(0, 7.5, 400)
-    q, dq, ddq = random_trajectory(closed, np.random.default_rng(2)).motion(t)
+    q, dq, ddq = random_trajectory(closed, default_rng(2)).motion(t)
     whole = complete_motion(closed, t, q, dq, ddq)
-    order = np.random.default_rng(0).permutation(len(t))
+    order = default_rng(0).permutation(len(t))
     shuffled = complete_motion(closed, t[order], q[order], dq[order], ddq[order])
     part = complete_motion(closed, t[100:130], q[100:130], dq[100:130], ddq[100:130])
     assert_allclose(shuffled.q, whole.q[order], atol=1e-10)

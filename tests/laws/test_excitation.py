@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 from identifiability import Dataset, Model
@@ -101,7 +102,7 @@ def samples(robot, n=200, seed=0):
     w = 2 * np.pi * np.array([0.8, 1.3])
     q = np.sin(np.outer(t, w))
     motion = complete_motion(robot, t, q, w * np.cos(np.outer(t, w)), -(w**2) * q)
-    tau = np.random.default_rng(seed).standard_normal((n, 2)) * [1.0, 5.0]
+    tau = default_rng(seed).standard_normal((n, 2)) * [1.0, 5.0]
     return Dataset(f"log {seed}", motion, tau, None, (), "")
 
 
@@ -130,7 +131,7 @@ def test_a_candidate_counts_as_many_samples_as_a_log_on_top_of_what_is_known(two
     question = pose_question(usual(two), ["elbow.Fv"], None)
     known = gather_known(question.along([samples(two)]))
     objective = Objective(question, known, Series(find_limits(two), 2.0, 2), 40)
-    x = objective.series.draw(3, np.random.default_rng(0))
+    x = objective.series.draw(3, default_rng(0))
     expected = []
     for one in x:
         q, v, a = (part[0] for part in objective.series.motion(one, 40))
@@ -198,7 +199,7 @@ class Bowl:
 def test_the_search_improves_its_best_starts_and_orders_what_it_found():
     told = []
     found = search(
-        Bowl(), np.random.default_rng(0), evaluations=1e5,
+        Bowl(), default_rng(0), evaluations=1e5,
         say=lambda cost, share: told.append((cost, share)),
     )  # fmt: skip
     costs = [cost for cost, _ in found.found]
@@ -218,13 +219,13 @@ def test_where_no_candidate_closes_there_is_nothing_to_improve():
         def __call__(self, x):
             return np.full(len(x), OPEN * 1.5)
 
-    found = search(Open(), np.random.default_rng(0), evaluations=99, say=print)
+    found = search(Open(), default_rng(0), evaluations=99, say=print)
     assert found.found == ()
     assert found.evaluations == DRAWS
 
 
 def test_a_search_looks_at_no_more_candidates_than_it_may():
-    found = search(Bowl(), np.random.default_rng(0), evaluations=12, say=lambda cost, share: None)
+    found = search(Bowl(), default_rng(0), evaluations=12, say=lambda cost, share: None)
     assert DRAWS <= found.evaluations <= DRAWS + 12
     assert found.found[0][0] <= found.costs.min()
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
@@ -92,7 +93,7 @@ def test_the_regressor_is_inverse_dynamics_of_mujoco(name, tmp_path):
     text = machine(ROBOTS[name])
     robot, m = load(tmp_path, text), bare(text)
     data = mujoco.MjData(m)
-    (q, v, a), ours, turn = states(m, np.random.default_rng(1))
+    (q, v, a), ours, turn = states(m, default_rng(1))
     W = RIGID.regressor(robot, complete_motion(robot, np.arange(25.0), *ours))
     found = W @ np.array([robot.nominal[p.name] for p in RIGID.parameters(robot)])
     other = np.empty_like(found)
@@ -134,7 +135,7 @@ def test_no_force_at_a_contact_enters_the_projected_rows_and_no_other_row_is_los
     text = machine(ROBOTS[name])
     robot, m = load(tmp_path, text, extra), bare(text)
     data = mujoco.MjData(m)
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     (q, v, _), ours, turn = states(m, rng)
     contacts = robot.base.contacts
     touch = np.hstack([turn.apply([0, 0, 1.0]), np.ones((25, len(contacts)))])
@@ -164,7 +165,7 @@ def test_no_force_at_a_contact_enters_the_projected_rows_and_no_other_row_is_los
 
 def test_rows_change_as_little_as_the_motion_does(tmp_path):
     robot = load(tmp_path, machine(HUMANOID), CONTACTS["a heel of six joints"][1])
-    rng, s = np.random.default_rng(3), np.linspace(0, 1, 400)[:, None]
+    rng, s = default_rng(3), np.linspace(0, 1, 400)[:, None]
     q = np.hstack([np.zeros((400, 6)), np.sin(2 * s + rng.uniform(0, 6, 18))])
     free = complete_motion(robot, s[:, 0], q, 0 * q, 0 * q).free
     assert np.abs(np.diff(free, axis=0)).max() < 0.05

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 from identifiability import Information, estimate, find_base_parameters
@@ -10,7 +11,7 @@ from identifiability.regression.structure import group_columns, random_motion
 
 @pytest.fixture
 def problem(rps, paper_model):
-    motion = random_motion(rps, np.random.default_rng(0), 200)
+    motion = random_motion(rps, default_rng(0), 200)
     W = paper_model.regressor(rps, motion)
     return W, paper_model.parameters(rps)
 
@@ -25,7 +26,7 @@ def test_the_groupings_do_not_depend_on_units(problem):
     W, parameters = problem
     flat = W.reshape(-1, W.shape[2])
     plain = group_columns(flat, parameters)
-    factor = 10.0 ** np.random.default_rng(1).integers(-4, 5, flat.shape[1])
+    factor = 10.0 ** default_rng(1).integers(-4, 5, flat.shape[1])
     scaled = group_columns(flat * factor, parameters)
     assert scaled.kept.tolist() == plain.kept.tolist()
     # A parameter in another unit has another coefficient, by the ratio of the units.
@@ -36,7 +37,7 @@ def test_the_groupings_do_not_depend_on_units(problem):
 def test_the_rank_does_not_depend_on_the_order_of_columns_and_rows(problem):
     W, parameters = problem
     flat = W.reshape(-1, W.shape[2])
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     for _ in range(5):
         columns = rng.permutation(flat.shape[1])
         rows = rng.permutation(len(flat))
@@ -51,7 +52,7 @@ def test_fit_and_sigma_follow_units_and_orders(problem, rps, paper_model):
     W, _ = problem
     base = find_base_parameters(rps, paper_model)
     W = W[:, :, base.kept]
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     tau = W @ rng.normal(size=W.shape[2]) + rng.normal(size=W.shape[:2])
     fit = estimate(information_of(W, tau))
     columns, rows = rng.permutation(W.shape[2]), rng.permutation(len(W))

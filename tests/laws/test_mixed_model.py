@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal, norm
 
@@ -40,7 +41,7 @@ NOISE = noise_of(PACF, SIGMA)
 
 
 def draw_rows(seed, rows=N):
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     Z = rng.standard_normal((rows, 2, FIXED + RANDOM))
     Z[:, 0, -1] = 0.0  # a column that acts in one joint alone
     return Z, rng.standard_normal((rows, 2))
@@ -198,7 +199,7 @@ def drawn(arm, seed, rho, effect=None, until=1.0):
     f = frame.copy()
     for k, joint in enumerate(robot.joints):
         sd = 0.03 * frame[f"{joint}.tau"].std()
-        f[f"{joint}.tau"] += sd * ar1((len(f), 1), rho, np.random.default_rng([seed, k]))[:, 0]
+        f[f"{joint}.tau"] += sd * ar1((len(f), 1), rho, default_rng([seed, k]))[:, 0]
     if effect is not None:
         joint, size, curve = effect
         x = curve(*(frame[f"{joint}.{k}"].to_numpy() for k in ("q", "dq", "tau")))
@@ -212,7 +213,7 @@ def missing_in(arm, seed, rho, effect=None, gone=0.0):
     """What may be missing in a drawn log, of which some rows are gone."""
     found = Missing.of(drawn(arm, seed, rho, effect), find_families(None), arm[2].present)
     if gone:
-        rng, data = np.random.default_rng(seed), found.seen.data.copy()
+        rng, data = default_rng(seed), found.seen.data.copy()
         length = int(gone * len(data) / 20)
         for a in rng.integers(len(data) - length, size=20):
             data[a : a + length] = False

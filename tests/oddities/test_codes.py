@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_array_equal
 
 from identifiability import Log
@@ -21,7 +22,7 @@ def sign_bit(counts, bits):
 
 def counted(bits, seed=0):
     """Return a log in counts: torque and positions that cross zero, with noise."""
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     t = np.arange(0.0, 4.0, 0.01)
     most = 2 ** (bits - 1) - 1
     values = {"t": t}
@@ -90,7 +91,7 @@ def test_numbers_that_are_no_codes_stay_as_they_are(bits):
 
 
 def test_noise_of_a_coarse_sensor_is_no_code():
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     log = counted(8)
     log["elbow.tau"] = rng.integers(0, 8, len(log))
     assert_array_equal(Log.from_frame(log).tau[:, 1], log["elbow.tau"])

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from made_robots import CABLE, CLOSURES, LOOP_CABLE, arm, parallelogram
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 from identifiability import Log, Model, Robot
@@ -35,7 +36,7 @@ def test_a_sidecar_says_the_same_axis_as_a_tendon_of_the_file(load_text, tmp_pat
     assert {k: v for k, v in ours.nominal.items() if v} == pytest.approx(
         {k: v for k, v in theirs.nominal.items() if v}
     )
-    motion = random_motion(ours, np.random.default_rng(0), 20)
+    motion = random_motion(ours, default_rng(0), 20)
     model = Model.of("viscous_friction", "coulomb_friction", "joint_stiffness", "actuator_inertia")
     names = [p.name for p in model.parameters(ours)]
     own = [n.removeprefix("cable.") for n in names if n.startswith("cable")]
@@ -72,7 +73,7 @@ def test_locked_joints_of_an_axis_stretch_its_spring_alone(agrees, tmp_path):
 
 def test_every_effect_along_an_axis_is_that_of_its_coordinate(load_text):
     robot = load_text(arm(), sidecar=SIDECAR)
-    motion = random_motion(robot, np.random.default_rng(1), 40)
+    motion = random_motion(robot, default_rng(1), 40)
     row = np.array([1.3, -0.5])
     s, v = motion.actuated_q @ row, motion.actuated_v @ row
     forces = {
@@ -97,7 +98,7 @@ def test_every_effect_along_an_axis_is_that_of_its_coordinate(load_text):
 def test_passive_joints_can_have_what_is_placed_there(load_text):
     text = parallelogram(CLOSURES["site on the root"]).replace("</mujoco>", LOOP_CABLE)
     robot = load_text(text)
-    motion = random_motion(robot, np.random.default_rng(0), 20)
+    motion = random_motion(robot, default_rng(0), 20)
     model = Model.of("joint_stiffness@knee", "viscous_friction@knee", "load_dependent_friction")
     assert [p.name for p in model.parameters(robot)][:2] == ["knee.K", "knee.Fv"]
     W, k = model.regressor(robot, motion), robot.passive.index("knee")
@@ -137,7 +138,7 @@ def test_more_motors_than_joints_agree_in_the_least_squares_and_add_their_torque
         '[transmission]\nmotors = ["shoulder", "c2", "c3"]\ncoupling = [[1, 0], [1, 1], [0, 2]]\n'
         "ratio = [2, -3, 1]\noffset = [0.1, -0.2]\n"
     ))  # fmt: skip
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     (q, dq, ddq), tau = rng.normal(size=(3, 50, 2)), rng.normal(size=(50, 3))
     R = np.array([[2, 0], [-3, -3], [0, 2.0]])
     left = np.linalg.svd(R)[0][:, 2]  # what no joint does

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from made_robots import CLOSURES, SLIDE, WRIST, arm, coupled, parallelogram
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError, inspect
@@ -24,7 +25,7 @@ terms = {w = [0, 0.2], shoulder = [0.05, 0, 0.1]}
 
 def test_a_sidecar_couples_a_joint_by_a_polynomial_in_each_of_others(agrees):
     robot = agrees(arm(inside=WRIST.format(w="")), sidecar=SIDECAR)
-    q = np.random.default_rng(0).normal(size=(20, 2))
+    q = default_rng(0).normal(size=(20, 2))
     motion = complete_motion(robot, np.arange(20.0), q, 0 * q, 0 * q)
     at = {name: robot.dof_position(motion.q, name) for name in robot.dofs}
     s, e = at["shoulder"], at["elbow"]
@@ -43,7 +44,7 @@ def test_couplings_go_on_where_one_of_their_joints_is_locked(lock, load_text, ag
     actuated = [j for j in ("shoulder", "elbow") if j != name]
     robot = agrees(text, sidecar=linear, lock=lock)
     assert list(robot.joints) == actuated
-    q = np.random.default_rng(0).normal(size=(20, 1))
+    q = default_rng(0).normal(size=(20, 1))
     motion = complete_motion(robot, np.arange(20.0), q, 0 * q, 0 * q)
     at = {name: robot.dof_position(motion.q, name) for name in robot.dofs} | dict(robot.locked)
     s, e = at["shoulder"], at["elbow"]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 from scipy.linalg import block_diag, toeplitz
 from scipy.signal import lfilter
@@ -57,7 +58,7 @@ def test_whitened_rows_have_unit_covariance():
 
 def test_the_restricted_likelihood_is_that_of_what_no_column_can_explain():
     """−2 log of the density of contrasts Kᵀy, σ profiled out, up to a constant [Harville 1977]."""
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     basis = np.linalg.qr(rng.standard_normal((70, 5)))[0]
     K = np.linalg.svd(basis, full_matrices=True)[0][:, 5:]
     y = np.cumsum(rng.standard_normal(70))
@@ -87,7 +88,7 @@ def test_the_restricted_likelihood_is_that_of_what_no_column_can_explain():
 
 @pytest.mark.parametrize("size", [0.0, 1e-12, 1.0, 1e9])
 def test_rounding_has_no_order(size):
-    rng, t = np.random.default_rng(4), np.linspace(0, 1, 300)
+    rng, t = default_rng(4), np.linspace(0, 1, 300)
     basis = np.linalg.qr(np.sin(np.outer(t, 2 * np.arange(1, 9)) + rng.uniform(0, 6, 8)))[0]
     y = size * basis @ rng.standard_normal(8)
     problem = RestrictedLikelihood(y, basis, [(0, 100), (105, 300)])
@@ -97,7 +98,7 @@ def test_rounding_has_no_order(size):
 
 
 def test_the_order_and_the_coefficients_of_a_long_series_are_found():
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     n = 6000
     x = lfilter([2.0], [1, -levinson(PACF)[0][2][0], -levinson(PACF)[0][2][1]],
                 rng.standard_normal(n + 200))[200:]  # fmt: skip
@@ -119,7 +120,7 @@ def test_slow_drifts_are_held_to_the_slowest_noise_that_there_is():
 @pytest.mark.parametrize("samples", [50, 426])
 def test_what_columns_span_is_orthonormal_however_alike_they_are(samples):
     """And directions below what is told from rounding are left to the noise."""
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     four = rng.standard_normal((samples, 4))
     alike = four @ rng.standard_normal((4, 66))
     noisy = alike + 1e-6 * rng.standard_normal(alike.shape)

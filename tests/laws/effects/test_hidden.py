@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError, Noise, Robot, simulate
@@ -70,7 +71,7 @@ def u(x):
 )
 def test_each_law_is_written_out_and_sized_by_its_joints_torque(polar, move, name, law):
     assert name in HIDDEN
-    load = np.random.default_rng(0).standard_normal((400, 2))
+    load = default_rng(0).standard_normal((400, 2))
     tau = load * [3.0, 50.0] + 1.0
     none = np.empty((400, 0))
     rigid = RigidTorque(
@@ -181,7 +182,7 @@ def test_the_simulators_own_friction_has_a_level_for_each_direction():
 
 def test_simulated_noise_is_relative_on_motion_and_a_share_of_the_rms_on_torque():
     tau = np.array([3.0, -40.0]) * np.ones((200_000, 2))
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     assert np.std(Noise(motion=0.04).on_motion(tau, rng) / tau) == pytest.approx(0.04, rel=0.02)
     added = Noise(additive=0.1, correlation=0.6).on_torque(tau, rng) - tau
     assert_allclose(np.std(added, axis=0), [0.3, 4.0], rtol=0.02)

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability.estimation.evidence import Folds
@@ -61,7 +62,7 @@ class Rows:
 
 
 def test_every_sample_is_predicted_by_the_fit_that_has_not_seen_it_over_several_logs():
-    rng = np.random.default_rng(6)
+    rng = default_rng(6)
     logs = (24, 40, 16)
     W, tau = rng.normal(size=(80, 2, 3)), rng.normal(size=(80, 2))
     fold = np.repeat(np.arange(10) % 3, 8)  # block k of all logs is predicted by fit k mod 3
@@ -98,7 +99,7 @@ def test_every_sample_is_predicted_by_the_fit_that_has_not_seen_it_over_several_
 
 
 def test_a_joint_whose_torque_never_varies_has_no_say():
-    rng = np.random.default_rng(8)
+    rng = default_rng(8)
     tau = np.stack([rng.normal(size=200), np.full(200, 3.0)], 1)
     off = rng.normal(size=(200, 2, 2)) * [[0.1, 0.2], [50.0, 90.0]]
     found = prediction(tau, tau[:, :, None] - off, (200,))
@@ -109,6 +110,6 @@ def test_a_joint_whose_torque_never_varies_has_no_say():
 
 
 def test_a_constant_torque_has_the_error_one_over_joints():
-    tau = np.random.default_rng(9).normal(size=(300, 3)) * [1.0, 10.0, 100.0] + 5
+    tau = default_rng(9).normal(size=(300, 3)) * [1.0, 10.0, 100.0] + 5
     predicted = np.broadcast_to(tau.mean(0)[:, None], (300, 3, 1))
     assert prediction(tau, predicted, (300,)).error_over_joints() == pytest.approx([1.0])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import estimate
@@ -12,7 +13,7 @@ from .made import gather
 @pytest.fixture(scope="module")
 def rows():
     """Three columns, two actuators of which the second is ten times noisier."""
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     W = rng.normal(size=(160, 2, 3))
     return W, W @ [1.0, -2.0, 0.5] + rng.normal(size=(160, 2)) * [0.1, 1.0]
 
@@ -89,6 +90,6 @@ def test_dependence_is_counted_in_columns_of_unit_length(rows):
 def test_columns_that_lean_on_each_other_to_the_eighth_digit_count_as_one(rows):
     W, tau = rows
     for apart, count in ((1e-6, 4), (1e-9, 3)):
-        near = W[:, :, :1] + apart * np.random.default_rng(1).normal(size=(160, 2, 1))
+        near = W[:, :, :1] + apart * default_rng(1).normal(size=(160, 2, 1))
         fit = estimate(gather(np.concatenate([W, near], axis=2), tau), "ols")
         assert len(fit.kept) == count

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability.foundation.names import Parameter
@@ -18,7 +19,7 @@ def parameters(*kinds):
 
 def columns(*combinations):
     """Return columns that are combinations of independent ones."""
-    free = np.random.default_rng(0).normal(size=(50, len(combinations[0])))
+    free = default_rng(0).normal(size=(50, len(combinations[0])))
     return free @ np.array(combinations, float).T
 
 
@@ -47,7 +48,7 @@ def test_the_gap_is_the_last_singular_value_kept_and_the_first_dropped():
     assert base.rank == 2
     assert kept == pytest.approx(s[1] / s[0], rel=1e-9)
     assert dropped < 1e-12
-    weak = W + [0, 0, 1e-9] * np.random.default_rng(1).normal(size=W.shape)
+    weak = W + [0, 0, 1e-9] * default_rng(1).normal(size=W.shape)
     kept, dropped = group_columns(weak, parameters("m", "mx", "my")).gap
     s = np.linalg.svd(weak / np.linalg.norm(weak, axis=0), compute_uv=False)
     assert dropped == pytest.approx(s[2] / s[0], rel=1e-3)

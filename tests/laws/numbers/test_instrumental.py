@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import Information, estimate
@@ -38,7 +39,7 @@ def compress(V, W, tau, size=20):
 
 @pytest.fixture
 def rows():
-    return planted(np.random.default_rng(5))
+    return planted(default_rng(5))
 
 
 def weighted(fit, *arrays):
@@ -84,10 +85,10 @@ def test_what_is_not_determined_has_no_variance(rows):
 @pytest.mark.parametrize("idle", [False, True])
 @pytest.mark.parametrize("size", [3, 20])
 def test_refits_are_those_of_the_rows(idle, size):
-    V, W, tau = planted(np.random.default_rng(7), 240, idle=idle)
+    V, W, tau = planted(default_rng(7), 240, idle=idle)
     information = compress(V, W, tau, size)
     fit = IV.fit(information)
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     B = len(information.counts)
     counts = rng.multinomial(B, np.full(B, 1 / B), 4).astype(float)
     found = fit.estimator.refit(information, fit, counts)
@@ -105,7 +106,7 @@ def test_refits_are_those_of_the_rows(idle, size):
 
 @pytest.mark.parametrize("idle", [False, True])
 def test_the_loss_is_least_at_the_fit_and_measures_in_its_covariance(idle):
-    information = compress(*planted(np.random.default_rng(5), idle=idle))
+    information = compress(*planted(default_rng(5), idle=idle))
     fit = KNOWN.fit(information)
     F = fit.estimator.loss(information, fit)
     assert np.allclose(np.tril(F, -1), 0)
@@ -142,7 +143,7 @@ def faint(rng, samples=400):
 def test_intervals_hold_what_weak_directions_leave_biased():
     trials, held = 40, []
     for seed in range(trials):
-        rows = planted(np.random.default_rng([seed, 17]), 400, idle=True)
+        rows = planted(default_rng([seed, 17]), 400, idle=True)
         fit = PLAIN.fit(compress(*rows))
         held.append(np.abs(fit.value - TRUTH) <= 1.96 * fit.sigma)
     assert np.mean(held, 0).min() > 0.95 - 4 * np.sqrt(0.95 * 0.05 / trials)
@@ -151,7 +152,7 @@ def test_intervals_hold_what_weak_directions_leave_biased():
 def test_intervals_hold_a_motion_that_is_half_noise():
     trials, held, short = 60, [], []
     for seed in range(trials):
-        rng = np.random.default_rng([seed, 13])
+        rng = default_rng([seed, 13])
         information = compress(*faint(rng), size=5)
         fit = IV.fit(information)
         drawn = spread_of(bootstrap(information, fit, rng, replicates=100))
@@ -166,7 +167,7 @@ def test_intervals_hold_a_motion_that_is_half_noise():
 def test_the_mean_of_many_estimates_is_the_truth_and_intervals_hold_it():
     trials, held, values, plain, means = 80, [], [], [], []
     for seed in range(trials):
-        rng = np.random.default_rng([seed, 11])
+        rng = default_rng([seed, 11])
         information = compress(*planted(rng, 240, 0.2), size=4)
         fit = IV.fit(information)
         scores = scatter_scores(information, fit, 1.0)
@@ -188,7 +189,7 @@ def test_the_mean_of_many_estimates_is_the_truth_and_intervals_hold_it():
 
 def test_a_fold_that_does_not_determine_all_says_what_it_does():
     """A column that says nothing there has no weight, and ends in no traceback."""
-    rng = np.random.default_rng(8)
+    rng = default_rng(8)
     V = rng.standard_normal((300, 1, 3))
     W, tau = V + 0.1 * rng.standard_normal(V.shape), V @ np.array([1.0, 2.0, 3.0])
     fit = IV.fit(compress(V, W, tau))

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import t
 
@@ -35,7 +36,7 @@ def noise_of(rng, samples, *rho):
 @pytest.mark.parametrize("size", [pytest.param(3, marks=pytest.mark.everything), 20, 100])
 @pytest.mark.parametrize("logs", [(), (9000, 15_000)])
 def test_times_are_those_of_the_noise_whatever_the_blocks(size, logs):
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     W = slow_columns(rng, 24_000, 3)
     tau = W @ [1.0, 2.0, 3.0] + noise_of(rng, 24_000, 0.9, 0.0) * [3.0, 1.0]
     fit = estimate(gather(W, tau, size, logs))
@@ -47,7 +48,7 @@ def test_times_are_those_of_the_noise_whatever_the_blocks(size, logs):
 
 def test_what_the_columns_swallow_is_counted():
     """Of 750 samples 30 slow columns take the slow noise first: what is left seems to forget."""
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     seen, left, size = [], [], []
     for _ in range(30):
         W, noise = slow_columns(rng, 750, 30, 1), noise_of(rng, 750, 0.9)
@@ -62,7 +63,7 @@ def test_what_the_columns_swallow_is_counted():
 
 def test_slow_noise_of_one_actuator_is_not_taken_for_that_of_another():
     """All columns act at both; of large slow noise at the first they carry some to the second."""
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     times = []
     for _ in range(20):
         W, noise = slow_columns(rng, 750, 12), noise_of(rng, 750, 0.98, 0.0)
@@ -72,7 +73,7 @@ def test_slow_noise_of_one_actuator_is_not_taken_for_that_of_another():
 
 
 def test_what_rounding_left_remembers_nothing():
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     W = slow_columns(rng, 400, 3)
     fit = estimate(gather(W, W @ [1.0, 2.0, 3.0]))
     assert_array_equal(fit.times, 1.0)
@@ -82,7 +83,7 @@ def test_what_rounding_left_remembers_nothing():
 
 
 def test_times_that_do_not_differ_are_one_and_leave_the_weights_to_the_variances():
-    rng = np.random.default_rng(7)
+    rng = default_rng(7)
     W = slow_columns(rng, 1500, 4, 3)
     same = W @ np.ones(4) + noise_of(rng, 1500, 0.8, 0.8, 0.8) * [1.0, 2.0, 3.0]
     apart = W @ np.ones(4) + noise_of(rng, 1500, 0.8, 0.0, 0.0) * [1.0, 2.0, 3.0]
@@ -95,7 +96,7 @@ def test_times_that_do_not_differ_are_one_and_leave_the_weights_to_the_variances
 
 def test_white_deviations_stay_those_of_independent_residuals():
     """Weights by memory are not those of white noise: the covariance is the sandwich's."""
-    rng = np.random.default_rng(4)
+    rng = default_rng(4)
     W = slow_columns(rng, 4000, 3)
     tau = W @ [1.0, 2.0, 3.0] + noise_of(rng, 4000, 0.95, 0.0) * [1.0, 2.0]
     fit = estimate(gather(W, tau))
@@ -111,7 +112,7 @@ def test_white_deviations_stay_those_of_independent_residuals():
 @pytest.mark.parametrize("rho", [(0.0, 0.0), (0.9, 0.9), (0.98, 0.0)])
 def test_the_posterior_covers_every_parameter_and_weights_do_no_harm(rho):
     """60 logs of 750 samples; limits are three Monte-Carlo errors below what the study finds."""
-    rng = np.random.default_rng(6)
+    rng = default_rng(6)
     W = slow_columns(rng, 750, 6)
     W[:, 0, :2] = W[:, 1, 2:4] = 0.0
     W[:, 0, 4] = 1.0  # an offset, which slow noise hurts most
@@ -137,7 +138,7 @@ def test_the_posterior_covers_every_parameter_and_weights_do_no_harm(rho):
 
 def test_a_model_that_leaves_a_constant_out_has_the_memory_of_the_whole_one():
     """What a model leaves out looks like noise that remembers for ever, and is none."""
-    rng = np.random.default_rng(5)
+    rng = default_rng(5)
     W = rng.normal(size=(400, 3, 5))
     W[:, :, 4] = [0.0, 0.0, 1.0]  # a constant torque at the last actuator
     tau = W @ [1.0, -1.0, 2.0, 0.5, 2.0] + rng.standard_normal((400, 3))
@@ -154,7 +155,7 @@ def test_a_model_that_leaves_a_constant_out_has_the_memory_of_the_whole_one():
 
 def test_an_actuator_that_a_model_cannot_explain_does_not_decide_what_others_need():
     """The quietest of three actuators has a torque that looks like what all three share."""
-    rng, off = np.random.default_rng(9), {"settled": [], "noise alone": [], "own": []}
+    rng, off = default_rng(9), {"settled": [], "noise alone": [], "own": []}
     for _ in range(40):
         W = rng.normal(size=(200, 3, 5))
         W[:, :2, 4] = 0.0
@@ -174,7 +175,7 @@ def test_an_actuator_that_a_model_cannot_explain_does_not_decide_what_others_nee
 
 
 def test_too_few_outputs_for_all_columns_say_nothing_of_the_noise():
-    rng = np.random.default_rng(7)
+    rng = default_rng(7)
     W = rng.normal(size=(30, 1, 12))
     whole = gather(W, W @ np.ones(12) + rng.standard_normal((30, 1)), 1)
     assert estimate_noise(find_estimator("wls"), whole).noise is None

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 from identifiability import Thresholds, estimate
@@ -17,7 +18,7 @@ from .made import ar1, fit_known, fit_of, gather
 
 def assess(samples, columns=4, *, rho=0.0, actuators=2, size=1, replicates=100, seed=0):
     """Return the estimate of a regression with noise of 1 %, and its uncertainty."""
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     W = rng.standard_normal((samples, actuators, columns))
     noise = 0.01 * ar1(rng, rho, samples, actuators)
     tau = W @ np.arange(1.0, columns + 1) + noise
@@ -46,7 +47,7 @@ def test_a_long_log_is_judged_unless_more_is_asked_of_it(least, judges):
 
 def test_a_direction_that_a_few_outputs_decide_is_not_judged_and_others_are():
     """The second column acts in two short stretches, the third in a fifth of the log."""
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     W = rng.standard_normal((600, 1, 3))
     W[:, 0, 1] *= (np.arange(600) % 300) < 8
     W[:, 0, 2] *= np.arange(600) < 120
@@ -63,7 +64,7 @@ def test_a_direction_that_a_few_outputs_decide_is_not_judged_and_others_are():
 
 def test_degrees_of_freedom_are_those_of_simulated_scatter():
     """Mean squared over half the variance of the sum of squares of what blocks do to values."""
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     W = rng.standard_normal((240, 1, 4)) * np.array([1, 1, 1, 1]) ** 2
     W[:, 0, 3] *= np.exp(-np.arange(240) / 40)
     squares = []
@@ -117,7 +118,7 @@ def test_values_that_no_verdict_stands_on_are_those_of_the_fit():
 @pytest.mark.parametrize("logs", [(20,), (43,), (20, 23), (17, 13, 13)])
 def test_short_logs_have_scores_as_long_as_there_are_rows_for_twelve_stretches(logs):
     """Stretches end with their log, so fewer of them fit than all samples would make."""
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     W = rng.standard_normal((sum(logs), 2, 3))
     tau = W @ np.ones(3) + ar1(rng, 0.8, sum(logs), 2)
     information = gather(W, tau, 1, logs)

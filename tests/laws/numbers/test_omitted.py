@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 from identifiability import Thresholds
@@ -44,7 +45,7 @@ def submodel_of(kept, fixed=None):
 
 @pytest.fixture(scope="module")
 def motion():
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     return rng.normal(size=(400, 2, 12)) @ rng.normal(size=(12, 12))
 
 
@@ -72,7 +73,7 @@ def test_what_the_fit_would_find_on_the_files_robot_is_what_it_finds_there(motio
 
 def test_sigma_is_the_rms_distance_of_noise_free_fits_from_their_labels(motion):
     kept = [0, 5, 9, 10]
-    submodel, rng = submodel_of(kept), np.random.default_rng(1)
+    submodel, rng = submodel_of(kept), default_rng(1)
     found, _ = left_out(motion, FILE, submodel)
     flat = motion.reshape(-1, 12)
     draws = FILE + body_scatter(structure_of(FILE)) * rng.standard_normal((4000, 12))
@@ -103,7 +104,7 @@ def test_a_file_without_inertias_says_that_nothing_is_known(motion):
 
 
 def test_the_largest_of_what_a_number_stands_for_is_named():
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     W = rng.normal(size=(400, 1, 12))
     W[:, 0, 9] += 0.5 * W[:, 0, 0]  # a mass that moves with an inertia
     found, _ = left_out(W, FILE, submodel_of([0, *range(1, 9), 10, 11]))
@@ -149,7 +150,7 @@ def test_a_verdict_says_what_nobody_knows_and_what_the_unpruned_model_finds_inst
 
 
 def quiet(motion, seed=0, size=1e-6):
-    return size * np.random.default_rng(seed).standard_normal(motion.shape[:2])
+    return size * default_rng(seed).standard_normal(motion.shape[:2])
 
 
 def known_by_logs(motion, submodel, theta, noise, nominal=FILE):
@@ -190,7 +191,7 @@ def test_a_label_that_the_unpruned_model_leaves_open_is_not_disputed(motion):
 
 
 def test_logs_that_tell_all_leave_the_distance_from_the_label_itself(motion):
-    kept, rng = [0, 5, 9, 10], np.random.default_rng(3)
+    kept, rng = [0, 5, 9, 10], default_rng(3)
     theta = FILE + body_scatter(structure_of(FILE)) * rng.standard_normal(12)
     found, fit = known_by_logs(motion, submodel_of(kept), theta, quiet(motion))
     assert_allclose(found.sigma, np.abs(fit.value - theta[kept]), rtol=1e-4)
@@ -205,7 +206,7 @@ def test_logs_that_tell_nothing_leave_what_the_file_knows(motion):
 
 def test_sigma_is_the_rms_distance_whatever_the_noise_and_follows_the_robot():
     """Robots drawn as the file allows, logs of them with noise that leaves some things open."""
-    rng, kept, size = np.random.default_rng(4), [0, 5, 9, 10], 5.0
+    rng, kept, size = default_rng(4), [0, 5, 9, 10], 5.0
     W = rng.normal(size=(60, 2, 12)) @ rng.normal(size=(12, 12))
     submodel, P = submodel_of(kept), np.linalg.pinv(W.reshape(-1, 12)[:, kept])
     noise_variance = size**2 * (P**2).sum(1)

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 from identifiability import Noise, Robot, analyze, prepare_log, simulate
@@ -31,7 +32,7 @@ FILE = np.r_[BODY, 0.5 * BODY, 0.4, 0.1]
 
 def problem(seed: int, rows: int) -> LeastSquares:
     """Data that see some combinations of two bodies and two levels of friction."""
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     R = rng.normal(size=(rows, 22))
     return LeastSquares(R, R @ (1.3 * FILE) + rng.normal(size=rows), 400.0, 400.0)
 
@@ -82,9 +83,9 @@ def logs_of(robot, seeds, samples=300):
     return [
         simulate(
             robot,
-            random_trajectory(robot, np.random.default_rng(seed), samples=samples),
+            random_trajectory(robot, default_rng(seed), samples=samples),
             noise=Noise(torque=0.05),
-            rng=np.random.default_rng(100 + seed),
+            rng=default_rng(100 + seed),
         )
         for seed in seeds
     ]
@@ -124,7 +125,7 @@ def test_the_heaviest_prior_within_two_nats_is_taken_and_a_surely_better_fit_sta
     how = kept.estimate.estimator
     model = FittedModel.of(first.structure, kept.submodel, first.information, how)
     real, _ = hold_folds(first.information, how)
-    F, rng = real.folds.count, np.random.default_rng(2)
+    F, rng = real.folds.count, default_rng(2)
     squares = rng.uniform(0.9, 1.1, (F, 2))
 
     def score(total, times=1.0):
@@ -158,7 +159,7 @@ def plant(robot, at, noise):
     structure = Structure.of(robot, ladder_model(default_ladder(robot)))
     parts = structure.regression([prepare_log(robot, log)]).parts()
     rows = np.concatenate([chunk.W for part in parts for chunk in part.chunks()])
-    tau = rows @ at(structure) + noise * np.random.default_rng(3).normal(size=log.tau.shape)
+    tau = rows @ at(structure) + noise * default_rng(3).normal(size=log.tau.shape)
     return analyze(robot, replace(log, tau=tau), replicates=0).models[0]
 
 

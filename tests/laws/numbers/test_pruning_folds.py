@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 from identifiability import Information, estimate
@@ -19,7 +20,7 @@ WEIGHTS = np.array([4.0, 0.25])
 
 @pytest.fixture(scope="module")
 def rows():
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     W = rng.normal(size=(320, 2, 3))
     W[:, 0, 0] = 0.0  # in a tree a joint does not feel every column
     return W, W @ [1.0, -2.0, 0.1] + rng.normal(size=(320, 2)) * [0.5, 2.0]
@@ -74,7 +75,7 @@ def test_densities_are_the_judges(rows, moves):
 
 
 def test_fits_by_instruments_are_the_estimators_own():
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     V = rng.normal(size=(200, 2, 20))
     W = V + 1.5 * rng.normal(size=V.shape)
     tau = V @ np.linspace(-2.0, 2.0, 20) + 0.3 * rng.normal(size=V.shape[:2])
@@ -118,7 +119,7 @@ def test_what_holds_already_costs_nothing_and_changes_nothing(rows):
 @pytest.mark.parametrize(("seed", "drawn"), [(0, 40), (1, 40), (2, 24)])
 def test_fits_along_a_whole_path_are_those_from_the_rows(seed, drawn):
     """40 columns, nearly alike in tens, of up to 80 samples, few of which hardly determine them."""
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     k, names = 40, tuple(f"p{j}" for j in range(40))
     n = 2 * drawn
     W = rng.normal(size=(n, 1, k)) + 1e3 * np.repeat(rng.normal(size=(n, 1, 4)), 10, 2)

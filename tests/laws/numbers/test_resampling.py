@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import norm, t
 
@@ -14,7 +15,7 @@ from .made import ar1, gather
 
 
 def rows(samples=192, seed=0, noise=(0.1, 1.0)):
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     W = rng.normal(size=(samples, len(noise), 3))
     tau = W @ [1.0, -2.0, 0.5] + rng.normal(size=(samples, len(noise))) * noise
     return W, tau
@@ -41,9 +42,9 @@ def test_refits_are_weighted_least_squares_on_the_drawn_rows():
     W, tau = rows()
     information = gather(W, tau, size=8)
     weights = np.array([30.0, 0.1])
-    counts = np.random.default_rng(1).multinomial(24, np.full(24, 1 / 24), size=5)
+    counts = default_rng(1).multinomial(24, np.full(24, 1 / 24), size=5)
     fit = replace(estimate(information), weights=weights)
-    values = bootstrap(information, fit, np.random.default_rng(1), replicates=5)
+    values = bootstrap(information, fit, default_rng(1), replicates=5)
     for value, drawn in zip(values, counts, strict=True):
         repeat = np.sqrt(np.repeat(drawn, 8))[:, None] * np.sqrt(weights)
         expected = np.linalg.lstsq(
@@ -57,14 +58,14 @@ def test_columns_that_the_fit_dropped_stay_zero_in_every_replicate():
     information = gather(np.concatenate([W[:, :, :1], W], axis=2), tau, size=8)
     fit = estimate(information)
     assert fit.kept == (0, 2, 3)
-    found = bootstrap(information, fit, np.random.default_rng(0), replicates=20)
+    found = bootstrap(information, fit, default_rng(0), replicates=20)
     assert_array_equal(found[:, 1], 0.0)
     assert (spread_of(found)[[0, 2, 3]] > 0).all()
 
 
 def test_seven_blocks_say_nothing_and_eight_do():
     information = gather(*rows(), size=8)
-    fit, rng = estimate(information), np.random.default_rng(0)
+    fit, rng = estimate(information), default_rng(0)
     few, enough = (
         Fit.of(information, replace(fit, times=np.full(2, 95.9 / n)), rng, 20) for n in (7, 8)
     )
@@ -75,7 +76,7 @@ def test_seven_blocks_say_nothing_and_eight_do():
 
 
 def test_deviations_are_those_of_the_replicates():
-    values = np.random.default_rng(0).normal(size=(4001, 2)) @ [[1.0, 0.6], [0.0, 0.8]]
+    values = default_rng(0).normal(size=(4001, 2)) @ [[1.0, 0.6], [0.0, 0.8]]
     found = spread_of(values)
     assert_allclose(found, np.std(values, axis=0, ddof=1), rtol=0.03)
     one_wild = np.vstack([values, [[1e6, -1e6]]])
@@ -103,7 +104,7 @@ def by_hand(residual, length):
 @pytest.mark.parametrize("rho", [0.0, 0.99])
 def test_the_scatter_of_scores_is_that_of_sums_over_stretches(rho):
     """Of slow noise a column that alternates sees next to nothing, and a constant one much."""
-    residual = ar1(np.random.default_rng(7), rho, 960)[:, 0]
+    residual = ar1(default_rng(7), rho, 960)[:, 0]
     for column in (1.0, np.tile([1.0, -1.0], 480)):
         found = scatter_scores(*single(residual, 8, column), time=8.0)
         assert found.stretches == 24
@@ -111,7 +112,7 @@ def test_the_scatter_of_scores_is_that_of_sums_over_stretches(rho):
 
 
 def test_a_stretch_is_five_memories_long_while_twelve_are_left():
-    residual = np.random.default_rng(0).normal(size=960)
+    residual = default_rng(0).normal(size=960)
     for time, stretches in ((1.6, 120), (8.0, 24), (16.0, 12), (1e4, 12)):
         assert scatter_scores(*single(residual, 8), time).stretches == stretches
     # Eleven say nothing.
@@ -120,7 +121,7 @@ def test_a_stretch_is_five_memories_long_while_twelve_are_left():
 
 
 def test_intervals_of_few_stretches_are_students():
-    residual = np.random.default_rng(0).normal(size=960)
+    residual = default_rng(0).normal(size=960)
     found = scatter_scores(*single(residual, 8), 16.0)
     factor = t.ppf(0.975, 11) / norm.ppf(0.975)
     assert factor == pytest.approx(1.123, abs=1e-3)

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 from identifiability.estimation.estimate import find_estimator
@@ -125,7 +126,7 @@ class Physics:
 
 @pytest.fixture(scope="module")
 def ladder():
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     W = rng.normal(size=(1920, 2, 4)) * [1.0, 2.0, 1.0, 1.0]
     W[:, :, 3] = W[:, :, 2]  # c and d are never told apart
     tau = W @ [1.0, -0.5, -0.3, 0.0] + rng.normal(size=(1920, 2)) * [0.1, 0.2]
@@ -142,7 +143,7 @@ def ladder():
     made = [
         Prediction.of([np.arange(960.0)], tau[h], W[h] @ values, np.zeros(960, int)) for h in half
     ]
-    rng, physics = np.random.default_rng(0), [Physics(0.1), Physics(-0.1)]
+    rng, physics = default_rng(0), [Physics(0.1), Physics(-0.1)]
     pairs = zip(models, physics, strict=True)
     ladder_fits = [LadderFit(model, real, None, None, np.empty(0)) for model, real in pairs]
     found = SimpleNamespace(fits=ladder_fits, fitted=made[0], unseen=made[1], shared=None)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import norm
 
@@ -37,7 +38,7 @@ def test_the_robust_deviation_is_that_of_scores_whatever_resampling_says():
 def test_a_log_of_few_memories_holds_the_truth_as_often_as_promised():
     """A log of 27 autocorrelation times: eight blocks of five are not there."""
     held, drawn, judged, N, rho = [], [], 0, 250, 0.8
-    for rng in np.random.default_rng(3).spawn(50):
+    for rng in default_rng(3).spawn(50):
         t = np.arange(N) / N
         waves = [np.sin(2 * np.pi * (k + 1) * t + rng.uniform(0, 6)) for k in range(4)]
         W = np.stack([np.stack(waves, 1), np.stack(waves[::-1], 1) * [1, -1, 1, -1]], 1)
@@ -59,7 +60,7 @@ def test_a_log_of_few_memories_holds_the_truth_as_often_as_promised():
 @pytest.mark.parametrize("rho", [0.0, 0.6, 0.9])
 def test_the_autocorrelation_time_is_that_of_the_noise(rho):
     """(1 + ρ) / (1 - ρ); the estimate of 40,000 samples is within a fifth."""
-    noise = ar1(np.random.default_rng(3), rho, 40_000, 2)
+    noise = ar1(default_rng(3), rho, 40_000, 2)
     assert_allclose(autocorrelation_time(noise), (1 + rho) / (1 - rho), rtol=0.2)
     acf = autocorrelation(noise)
     assert_allclose(acf[0], 1.0)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import Log, Model, Preparation, gather_information, prepare_log
@@ -54,7 +55,7 @@ def beside_turns(motion, reach):
 @pytest.mark.parametrize("error", ERRORS)
 def test_beside_a_joint_that_stands_all_reversals_are_no_data(two, error):
     t, q, stands = stop_and_go()
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     make = ERRORS[error]
     s = samples_of(two, t, make(q, rng), make(swing(t), rng))
     found, other = (s.weight == 0)[s.motion.kept].T
@@ -91,7 +92,7 @@ def test_reversals_are_data_where_no_joint_ever_stands(two):
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 def test_recorded_speeds_tell_without_positions(two, noise):
     t, q, stands = stop_and_go(1.5)
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     both = np.stack([q, swing(t)])
     dq = np.gradient(both, t, axis=1)
     ddq = np.gradient(dq, t, axis=1)
@@ -104,7 +105,7 @@ def test_recorded_speeds_tell_without_positions(two, noise):
 
 
 def test_fourier_motion_has_no_dwells_whatever_its_errors(two):
-    t, rng = np.arange(0, 20, 0.01), np.random.default_rng(3)
+    t, rng = np.arange(0, 20, 0.01), default_rng(3)
     w = 2 * np.pi * np.arange(1, 6) / 10
     shares, masked = [], []
     for error in ERRORS.values():
@@ -141,7 +142,7 @@ def test_a_log_that_is_cut_in_two_has_the_same_data(two):
 def test_torque_of_a_dwelling_joint_is_in_no_row_and_that_of_others_is(two, decimated):
     t, q, _ = stop_and_go()
     structure = Structure.of(two, Model.of("rigid_body", "viscous_friction", "coulomb_friction"))
-    rng = np.random.default_rng(4)
+    rng = default_rng(4)
     found = []
     for size in (0.0, 50.0):
         s = samples_of(two, t, q, swing(t))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 from identifiability.logs import rows, signals
@@ -56,7 +57,7 @@ def test_derivatives_are_exact_for_parabolas_and_for_sinusoids_up_to_a_fifth_of_
 
 
 def test_the_filter_has_forgotten_its_start_after_its_settling_rows():
-    x = np.random.default_rng(0).standard_normal((4000, 1))
+    x = default_rng(0).standard_normal((4000, 1))
     other = x.copy()
     other[:200] += 100.0
     for cutoff in (5.0, 50.0):
@@ -113,7 +114,7 @@ def test_decimation_is_a_symmetric_average_of_20_neighbours_a_sample(factor):
     assert len(d.taps) == 2 * d.reach + 1
     assert d.taps.sum() == pytest.approx(1.0)
     assert_allclose(d.taps, d.taps[::-1], atol=1e-15)
-    x = np.random.default_rng(0).standard_normal((2 * d.reach + 1 + 3 * factor + 1, 2, 3))
+    x = default_rng(0).standard_normal((2 * d.reach + 1 + 3 * factor + 1, 2, 3))
     by_hand = [sum(h * x[k * factor + i] for i, h in enumerate(d.taps)) for k in range(4)]
     assert_allclose(d.apply(x), by_hand, atol=1e-12)
     assert d.outputs(len(x)) == 4
@@ -128,7 +129,7 @@ def test_decimation_is_a_symmetric_average_of_20_neighbours_a_sample(factor):
 
 def test_measured_derivatives_are_fitted_with_the_positions_by_how_noisy_they_are():
     """Generalised least squares with the noise known is what the joint fit should come to."""
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     t = DT * np.arange(6000)
     exact = [np.stack([x, 2 * x], 1) for x in series(t, 1.5)]
     sizes = (0.2, 0.1, 3.0)

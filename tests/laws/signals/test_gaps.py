@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import (
@@ -56,7 +57,7 @@ def prepared(two, rows, **how):
 def test_bridged_gaps_change_the_motion_by_what_a_cubic_misses(two):
     """A twentieth of the rows once stretched time by as much: inertias erred by a tenth."""
     whole = prepared(two, np.arange(4000), decimate=1)
-    some = np.flatnonzero(np.random.default_rng(9).random(4000) >= 0.05)
+    some = np.flatnonzero(default_rng(9).random(4000) >= 0.05)
     one = [(without(4000, (2000, lost)), 0, 3e-5) for lost in (1, 5, 11)]
     for rows, ends, error in (*one, (some, 100, 1e-3)):
         s, lost = prepared(two, rows, decimate=1), 4000 - len(rows)
@@ -212,7 +213,7 @@ def test_a_cubic_is_filled_exactly():
 
 def test_noise_is_not_that_of_jumps_across_gaps():
     t = DT * without(3000, (999, 40), (1999, 400))
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     x = np.sin(8 * t)[:, None] + 1e-3 * rng.standard_normal((len(t), 1))
     assert noise_level(x, t) == pytest.approx(1e-3, rel=0.05)
     assert noise_level(x)[0] > 4e-3  # as one stretch the jumps would be noise
@@ -228,11 +229,11 @@ def test_nothing_is_simulated_forward_along_a_bridged_gap(two):
 
 def test_uneven_steps_that_add_up_are_said(two):
     for share, said in ((0.004, 0), (0.05, 1)):
-        t = np.cumsum(DT * (1 + 0.45 * (np.random.default_rng(5).random(3000) < share)))
+        t = np.cumsum(DT * (1 + 0.45 * (default_rng(5).random(3000) < share)))
         s = prepare_log(two, Log.from_frame(frame(t / DT)), Preparation(cutoff=CUTOFF))
         assert len(s.hints) == said
         assert not said or "sampled unevenly: the mean step is 2.5 % off" in s.hints[0]
-    noise = 0.3 * DT * np.random.default_rng(6).uniform(-1, 1, 3000)
+    noise = 0.3 * DT * default_rng(6).uniform(-1, 1, 3000)
     jitter = Log.from_frame(frame(np.arange(3000), jitter=noise))
     assert prepare_log(two, jitter, Preparation(cutoff=CUTOFF)).hints == ()
 
@@ -244,7 +245,7 @@ def test_a_step_of_one_and_a_half_usual_ones_is_a_gap():
 @pytest.mark.parametrize("share", [0.02, 0.05, 0.1, 0.25])
 @pytest.mark.parametrize("jitter", [0.0, 0.1])
 def test_rows_lost_at_random_are_lost_samples_and_no_jitter(share, jitter):
-    rng = np.random.default_rng(7)
+    rng = default_rng(7)
     rows = np.flatnonzero(rng.random(4000) >= share)
     t = DT * (rows + jitter * rng.uniform(-1, 1, len(rows)))
     clock = Log.from_frame(frame(rows).assign(t=t)).clock
@@ -263,7 +264,7 @@ def test_a_burst_of_late_stamps_is_no_gap():
 
 
 def test_gaps_that_are_many_are_refused_unless_they_are_whole_steps():
-    rng = np.random.default_rng(8)
+    rng = default_rng(8)
     for more, refused in ((rng.random(3000) < 0.9, False), (2 * rng.random(3000), True)):
         log = Log.from_frame(frame(np.cumsum(1.0 + np.where(np.arange(3000) % 2, more, 0.0))))
         found = Gaps.of("log", log.clock, [log.t])

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import Dataset, IdentifiabilityError, Log, Preparation, prepare_log
@@ -152,7 +153,7 @@ def test_a_velocity_that_is_too_large_or_small_by_a_quarter_contradicts(factor, 
 
 def test_noise_offsets_and_gaps_do_not_contradict():
     q, dq, _ddq = wave(T)
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     assert remarks() == []
     assert remarks(dq=dq + 3.0) == []  # an offset of the rate is a drift
     assert remarks(dq=dq + 2 * rng.standard_normal(dq.shape), ddq=None) == []
@@ -169,7 +170,7 @@ def test_noise_offsets_and_gaps_do_not_contradict():
 def test_motion_is_compared_where_it_stands_out_four_times_from_single_samples(size, compared):
     """The rms of the motion in units of the white noise of its samples."""
     q, dq, _ = wave(T)
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     noisy = q * np.sqrt(2) * size * 1e-3 + 1e-3 * rng.standard_normal(q.shape)
     turned = -1e-3 * size * np.sqrt(2) * dq  # of the wrong sign
     assert remarks(q=noisy, dq=turned, ddq=None) == ["shoulder.dq", "elbow.dq"] * compared
