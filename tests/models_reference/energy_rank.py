@@ -10,10 +10,6 @@ Each body has, in its own frame and about its own origin,
 ``φ = (m, mx, my, mz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz)``.
 """
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import mujoco
 import numpy as np
 
@@ -22,7 +18,7 @@ CLOSED = 1e-14  # [m]
 TOLERANCE = 1e-10  # of the largest singular value, columns scaled to norm 1
 
 
-def energy_rank(path: str | Path, samples: int = 1500, seed: int = 0) -> tuple[int, float]:
+def energy_rank(path, samples=1500, seed=0):
     """Rank of the energy regressor of a robot file, and how clear-cut it is.
 
     Parameters
@@ -44,13 +40,13 @@ def energy_rank(path: str | Path, samples: int = 1500, seed: int = 0) -> tuple[i
     return rank, float(values[rank - 1] / max(values[rank], np.finfo(float).tiny))
 
 
-def energy_rows(path: str | Path, samples: int, rng: np.random.Generator) -> np.ndarray:
+def energy_rows(path, samples, rng):
     """Rows ``h(q, dq) − h(home, 0)`` at random states, (samples, 10 · bodies) [J per unit]."""
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
     home = model.key_qpos[0].copy() if model.nkey else np.zeros(model.nq)
     reference = energy_row(model, data, home, np.zeros(model.nv))
-    rows: list[np.ndarray] = []
+    rows = []
     for _ in range(10 * samples):
         q = close_loops(model, data, random_position(model, home, rng))
         if q is not None:
@@ -60,7 +56,7 @@ def energy_rows(path: str | Path, samples: int, rng: np.random.Generator) -> np.
     raise ValueError(f"{path}: only {len(rows)} of {10 * samples} random states could be closed.")
 
 
-def energy_row(model, data, q, dq) -> np.ndarray:
+def energy_row(model, data, q, dq):
     """Kinetic plus potential energy per unit of each inertial parameter : (10 · bodies,)."""
     data.qpos[:], data.qvel[:] = q, dq
     mujoco.mj_fwdPosition(model, data)
@@ -79,21 +75,21 @@ def energy_row(model, data, q, dq) -> np.ndarray:
     return np.concatenate(row)
 
 
-def random_position(model, home, rng) -> np.ndarray:
+def random_position(model, home, rng):
     """Draw a position inside the joint ranges, or near home where the file gives none : (nq,)."""
     # Joints without a range are drawn near home [rad | m].
     near, limited = home + np.array([[-0.5], [0.5]]), model.jnt_limited.astype(bool)
     return rng.uniform(*np.where(limited, model.jnt_range.T, near))
 
 
-def random_velocity(model, data, rng) -> np.ndarray:
+def random_velocity(model, data, rng):
     """Draw a velocity that keeps the loops closed at the position held in `data` : (nv,)."""
     dq = SPEED * rng.standard_normal(model.nv)
     _, jacobian = closures(model, data)
     return dq - np.linalg.pinv(jacobian, rcond=1e-9) @ (jacobian @ dq)
 
 
-def close_loops(model: mujoco.MjModel, data: mujoco.MjData, q: np.ndarray) -> np.ndarray | None:
+def close_loops(model, data, q):
     """Find the nearby position with closed loops by Gauss-Newton steps; None if there is none."""
     q = q.copy()
     for _ in range(30):
@@ -106,7 +102,7 @@ def close_loops(model: mujoco.MjModel, data: mujoco.MjData, q: np.ndarray) -> np
     return None
 
 
-def closures(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:
+def closures(model, data):
     """Distances of connected sites and their Jacobian : (3 · loops,) [m], (3 · loops, nv)."""
     residuals, jacobians = [np.zeros(0)], [np.zeros((0, model.nv))]
     for site1, site2 in zip(model.eq_obj1id, model.eq_obj2id, strict=True):
