@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 
-from identifiability import Log, Noise, Robot, compare
+from identifiability import Noise, Robot, compare
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.simulation.forces import joint_torque
 from identifiability.simulation.simulator import Campaign
@@ -18,14 +18,14 @@ KINDS = ("Fc", "Fv", "off", "gain")
 
 
 @cache
-def campaign(name: str, scale: float = 1.0) -> Campaign:
+def campaign(name, scale=1.0):
     robot = Robot.load(name)
     moves = [PrescribedMotion.of(shipped_trajectory(robot, m), 500) for m in ("a", "b")]
     wider = [replace(m, q=scale * m.q, dq=scale * m.dq, ddq=scale * m.ddq) for m in moves]
     return Campaign.of(robot, wider)
 
 
-def logs(name: str, seed: int, extra=None, scale: float = 1.0, **friction: float) -> list[Log]:
+def logs(name, seed, extra=None, scale=1.0, **friction):
     """Both motions of a robot, with friction levels times some factors, and a further torque."""
     own = campaign(name, scale)
     values = dict(own.robot.nominal)

@@ -20,7 +20,7 @@ from identifiability import (
 from identifiability.foundation.rounding import REACH
 
 
-def held_still(log: Log, joint: str) -> Log:
+def held_still(log, joint):
     """The log of a robot that holds one joint still."""
     at = {f"{joint}.q": 0.3, f"{joint}.dq": 0.0, f"{joint}.ddq": 0.0}
     return Log.from_frame(log.to_frame().assign(**at), "still")

@@ -117,9 +117,3 @@ def test_a_joint_whose_torque_never_varies_has_no_say():
     assert np.isnan(found.joint_error()[1]).all()
     still = prediction(np.ones((50, 2)), np.zeros((50, 2, 1)), (50,))
     assert np.isnan(still.error_over_joints()).all()
-
-
-def test_a_constant_torque_has_the_error_one_over_joints():
-    tau = default_rng(9).normal(size=(300, 3)) * [1.0, 10.0, 100.0] + 5
-    predicted = np.broadcast_to(tau.mean(0)[:, None], (300, 3, 1))
-    assert prediction(tau, predicted, (300,)).error_over_joints() == pytest.approx([1.0])
