@@ -24,10 +24,10 @@ from identifiability.report.results import answer_first
 class Tags(HTMLParser):
     """Collects the tags of a text, and that they close."""
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text):
         super().__init__()
-        self.found: set[str] = set()
-        self.open: list[str] = []
+        self.found = set()
+        self.open = []
         self.feed(text)
         self.close()
 
