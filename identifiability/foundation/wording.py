@@ -20,17 +20,20 @@ OF_ROBOT = ("sidecar", "map", "lock", "base", "time_unit", "angles", "torque_sid
 OF_PREPARATION = ("derivatives", "cutoff", "decimate")
 
 #: Options whose Python keyword has another name.
-KEYWORDS = {"parameter": "parameters", "format": "form"}
+KEYWORDS = {"parameter": "parameters", "format": "form", "map": "columns"}
 
 #: Methods that write a file, by the option. `--out` depends on the verb.
 WRITERS = {"report": "write_report", "json": "to_json"}
+
+#: Names of columns and joints, one or several options in turn.
+_PAIR = r"(?:'[^']*'|[^\s,;)`]+)"
+_PAIRS = re.compile(rf"(?<![\w-])--(map|lock) {_PAIR}(?: --\1 {_PAIR})*")
 
 #: Verbs before an option make a call: ``payload --mass`` is ``payload(mass=…)``.
 _OPTION = re.compile(
     r"(?:(?:identifiability )?\b(?P<verb>analyze|prune|diagnose|excite|predict|export|payload) )?"
     r"(?<![\w-])--(?P<name>[a-z][a-z-]*)"
-    r"(?:[ =](?P<value>'[^']*'|[A-Z0-9][^\s,;)`]*|(?<=set )[^\s,;)`]*|(?<=lock )[^\s,;)`]*"
-    r"|(?<=map )[^\s,;)`]*))?"
+    r"(?:[ =](?P<value>'[^']*'|[A-Z0-9][^\s,;)`]*|(?<=set )[^\s,;)`]*))?"
 )
 
 _AT_TERMINAL = ContextVar("_AT_TERMINAL", default=False)
@@ -64,40 +67,44 @@ def in_python(sentence: str) -> str:
     >>> print(in_python("Use --set cutoff=4, or `payload --mass`."))
     Use preparation=Preparation(cutoff=4), or `payload(mass=…)`.
     """
-    return _OPTION.sub(_keyword, sentence)
+    return _OPTION.sub(_keyword, _PAIRS.sub(_pairs, sentence))
+
+
+def _pairs(found: re.Match[str]) -> str:
+    """Return options for columns or locked joints as one keyword: a mapping, or a list."""
+    name = found[1]
+    values, end = _without_stop(found[0])
+    given = [text.strip("'") for text in re.findall(rf"--{name} ({_PAIR})", values)]
+    pairs = dict(text.partition("=")[::2] for text in given)
+    if name == "map":
+        return f"Robot.load(…, columns={pairs!r}){end}"
+    inside = ", ".join(f"{joint!r}: {at}" for joint, at in pairs.items())
+    locked = f"{{{inside}}}" if all(pairs.values()) else repr(given)
+    return f"Robot.load(…, lock={locked}){end}"
+
+
+def _without_stop(text: str) -> tuple[str, str]:
+    """Return a text without the stops at its end, and these: the end of a sentence is no value."""
+    kept = text.rstrip(".")
+    return kept, text[len(kept) :]
 
 
 def _keyword(found: re.Match[str]) -> str:
     """Return the keyword of an option, in a call if its verb precedes it."""
     name, verb = found["name"].replace("-", "_"), found["verb"]
-    value = (found["value"] or "").strip("'")
-    # The end of a sentence is no value.
-    end = value[len(value.rstrip(".")) :]
-    value = value.removesuffix(end)
+    value, end = _without_stop(found["value"] or "")
+    value = value.strip("'")
     if name in WRITERS:
         return f"{verb + ' ' if verb else ''}{WRITERS[name]}(…){end}"
     if name == "set":
         name, _, value = value.partition("=")
     value = "True" if name in SWITCHES else value or "…"
     keyword = f"{KEYWORDS.get(name, name)}={quoted(value)}"
-    if name in ("map", "lock"):
-        keyword = _pairs(name, value)
     if name in OF_PREPARATION:
         keyword = f"preparation=Preparation({keyword})"
     elif name in OF_ROBOT:
         keyword = f"Robot.load(…, {keyword})"
     return f"{verb}({keyword}){end}" if verb else f"{keyword}{end}"
-
-
-def _pairs(name: str, value: str) -> str:
-    """Return `--map` or `--lock` as a keyword: a mapping, or a list of locked joints."""
-    keyword = "columns" if name == "map" else "lock"
-    old, equals, new = value.partition("=")
-    if value == "…":
-        return f"{keyword}={{…}}"
-    if not equals:
-        return f"{keyword}=[{old!r}]"
-    return f"{keyword}={{{old!r}: {new if name == 'lock' else repr(new)}}}"
 
 
 def quoted(text: str) -> str:

@@ -30,7 +30,7 @@ def test_spaces_accents_and_tags_pass_through_and_no_tag_is_run(tmp_path, comman
 def test_an_error_quotes_odd_names_on_one_short_line(refuses, arm):
     odd = "wrist\x1b[2J\u200b"
     sentence = refuses("two-link", arm.rename(columns=lambda c: c.replace("elbow", odd)))
-    assert "If one of wrist\\x1b[2J\\u200b is it, add Robot.load(…, col" in sentence
+    assert "If one of wrist\\x1b[2J\\u200b is it, add --map" in sentence
     sentence = refuses("two-link", arm.rename(columns=lambda c: c.replace("elbow", "e" * 900)))
     assert "one of " + "e" * 100 + "…" + "e" * 60 + " is it" in sentence
     assert len(sentence) < 600

@@ -103,7 +103,7 @@ def test_a_gripper_with_loops_of_its_own_is_locked_by_patterns_and_its_loops_wit
     motors = '<actuator><motor joint="shoulder"/><motor joint="elbow"/></actuator>'
     text = arm(inside=inside, actuator=f"{tie}{motors}")
     with pytest.raises(
-        IdentifiabilityError, match=r"such as a gripper: .*lock=\['grip_0'\].*lock=\['pad_1'\]"
+        IdentifiabilityError, match=r"such as a gripper: .*lock=\['grip_0', .*'pad_1'\]"
     ):
         load_text(text)
     robot = load_text(text, lock=["grip_*", "pad_?"])
