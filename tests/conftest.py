@@ -24,20 +24,16 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
-from identifiability import report
+from identifiability import Log, Model, Noise, Robot, report, simulate
 from identifiability.cli import app
-from identifiability.logs import Log, rows, tables
-from identifiability.regression.regression import Model
+from identifiability.logs import rows, tables
 from identifiability.report import blocks, figures
-from identifiability.robot import Robot
 from identifiability.simulation import (
     PAPER_NOISE,
     MujocoRobot,
-    Noise,
     PrescribedMotion,
     RigidTorque,
     shipped_trajectory,
-    simulate,
 )
 from identifiability.workflows.analyze.belief import EFFORT
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability import (
+    Case,
     Log,
     Model,
     Noise,
@@ -20,7 +21,6 @@ from identifiability import (
 )
 from identifiability.regression.structure import Structure
 from identifiability.simulation import PrescribedMotion, random_trajectory
-from identifiability.workflows.case import Case
 
 RATE, SPEED, STEP = 200, 0.1, 0.003
 

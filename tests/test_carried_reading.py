@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.random import default_rng
 
 from identifiability import (
     Case,
@@ -53,9 +54,9 @@ FAULTS = {
 
 @cache
 def record(fault, seed, robot=TRUTH):
-    motion = random_trajectory(ROBOT, np.random.default_rng(seed), samples=600)
+    motion = random_trajectory(ROBOT, default_rng(seed), samples=600)
     noise = Noise(additive=0.05, correlation=0.9, encoder=1e-5)
-    log = simulate(robot, motion, noise=noise, rng=np.random.default_rng(seed))
+    log = simulate(robot, motion, noise=noise, rng=default_rng(seed))
     return replace(log, name=f"{fault}{seed}.csv", tau=FAULTS[fault](log, robot), sha256=str(seed))
 
 

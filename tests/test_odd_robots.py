@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.random import default_rng
 
 from identifiability import IdentifiabilityError, Model, Robot, analyze, find_base_parameters
 from identifiability.foundation.output import plain
@@ -34,7 +35,7 @@ class Odd:
     @classmethod
     def draw(cls, seed: int, joints: float = 30.0, most: int = MOST) -> Odd:
         """Return a robot; everything is uniform on a scale of logarithms."""
-        rng = np.random.default_rng(seed)
+        rng = default_rng(seed)
 
         def between(low: float, high: float) -> float:
             return float(np.exp(rng.uniform(np.log(low), np.log(high))))
@@ -49,7 +50,7 @@ class Odd:
     @property
     def bodies(self) -> list[dict[str, np.ndarray]]:
         """Mass, centre, principal moments, axes and joint of every body."""
-        rng = np.random.default_rng([self.seed, 1])
+        rng = default_rng([self.seed, 1])
         made = []
         for kind in self.kinds:
             mass = self.mass * rng.uniform(0.3, 1.0)
@@ -70,7 +71,7 @@ class Odd:
 
     def text(self, wrong: float = 0.0) -> str:
         """Return the MJCF; masses and moments off by a share."""
-        rng, opened = np.random.default_rng([self.seed, 2]), []
+        rng, opened = default_rng([self.seed, 2]), []
         for k, (kind, b) in enumerate(zip(self.kinds, self.bodies, strict=True)):
             off = 1 + wrong * rng.uniform(-1, 1)
             row = {n: " ".join(f"{x:.17g}" for x in np.ravel(off * v)) for n, v in b.items()}
@@ -90,7 +91,7 @@ class Odd:
 
     def log(self, which: int) -> pd.DataFrame:
         """Return a log: positions with encoder noise, torque with 1 % of its spread as noise."""
-        rng = np.random.default_rng([self.seed, 3, which])
+        rng = default_rng([self.seed, 3, which])
         n, t = len(self.kinds), np.arange(self.samples) / self.rate
         w = 2 * np.pi * self.fastest * rng.uniform(0.1, 1.0, (6, n))
         size = np.where(np.array(list(self.kinds)) == "H", 1.0, self.scale)

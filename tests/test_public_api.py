@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import typer
+from numpy.random import default_rng
 
 import identifiability
 from identifiability import (
@@ -90,8 +90,8 @@ def json_lines() -> Iterator[str]:
     """One line a key of every kind of result."""
     robot = Robot.load("two-link")
     motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 400)
-    log = simulate(robot, motion, noise=PAPER_NOISE, rng=np.random.default_rng(0))
-    other = simulate(robot, motion, noise=PAPER_NOISE, rng=np.random.default_rng(1))
+    log = simulate(robot, motion, noise=PAPER_NOISE, rng=default_rng(0))
+    other = simulate(robot, motion, noise=PAPER_NOISE, rng=default_rng(1))
     analysis = _trusted(analyze(robot, log, replicates=0, posterior=True))
     results = [
         analysis,

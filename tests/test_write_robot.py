@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError, Model, Robot, simulate
 from identifiability.foundation.names import INERTIAL_KINDS
@@ -46,7 +47,7 @@ def test_written_robots_give_the_written_parameters_on_both_roads(robot, tmp_pat
     fitted = model.regressor(robot, motion) @ phi
     move = PrescribedMotion(motion.t, motion.actuated_q, motion.actuated_v, motion.actuated_a)
     simulated = simulate(copy, move).tau  # MuJoCo reads the written file by itself
-    np.testing.assert_allclose(simulated, fitted, atol=1e-9 * np.abs(fitted).max())
+    assert_allclose(simulated, fitted, atol=1e-9 * np.abs(fitted).max())
 
 
 def test_only_the_numbers_that_changed_are_written_anew(rps, tmp_path):

@@ -6,14 +6,13 @@ import mujoco
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.random import default_rng
 from scipy.interpolate import CubicSpline
 
-from identifiability import Log, Robot, diagnose, export, inspect
+from identifiability import Log, Model, Preparation, Robot, diagnose, export, inspect, prepare_log
 from identifiability.bending.stretch import Springs, cut_stretches
 from identifiability.effects import default_effects
 from identifiability.foundation.errors import ModelError
-from identifiability.logs.prepare import Preparation, prepare_log
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.simulation import Campaign, PrescribedMotion
 
@@ -43,14 +42,14 @@ def arm(spring: bool) -> str:
 def run(spring: bool, seed: int) -> pd.DataFrame:
     """Return positions and noisy torque of the motors of an arm."""
     log = roll(mujoco.MjModel.from_xml_string(arm(spring)), seed)
-    noise = np.random.default_rng(seed).normal(0, 0.01, (len(log), 2))
+    noise = default_rng(seed).normal(0, 0.01, (len(log), 2))
     log[NAMES[2:]] += noise
     return log[["t", *NAMES]]
 
 
 def roll(model: mujoco.MjModel, seed: int) -> pd.DataFrame:
     """Return motion and torque of motors, and the link's angle, under control by sines to 4 Hz."""
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     model.opt.timestep = STEP
     data = mujoco.MjData(model)
     places = [model.joint(name).qposadr[0] for name in ("shoulder", "elbow")]

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 
 from identifiability import Robot, analyze, compare, diagnose, prune, simulate
 from identifiability.cli.verbs import run_demo
@@ -102,7 +103,7 @@ def reports(tmp_path_factory, few_draws, study) -> Pages:
         folder,
         {
             "demo": demo,
-            "comparison": partial(compare, robot, log, _record(robot, np.random.default_rng(1))),
+            "comparison": partial(compare, robot, log, _record(robot, default_rng(1))),
             "analysis": analysis,
             "pruning": partial(prune, robot, log, replicates=10),
             "diagnosis": partial(diagnose, robot, log, quick=True),
@@ -118,7 +119,7 @@ def _hostile(folder: Path) -> tuple[Robot, object]:
     path = folder / "robot.xml"
     path.write_text(locate_robot("two-link").read_text().replace('"elbow"', f'"{name}"'))
     robot = Robot.load(path)
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     return robot, _record(robot, rng)
 
 

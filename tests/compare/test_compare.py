@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 
 from identifiability import Log, Noise, Robot, compare
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
@@ -32,7 +33,7 @@ def logs(name: str, seed: int, extra=None, scale: float = 1.0, **friction: float
         values |= {n: factor * x for n, x in values.items() if n.startswith(f"{joint}.F")}
     torque = own.rigid.tau + joint_torque(own.robot, own.move, own.rigid, values)
     torque = torque if extra is None else torque + extra
-    rng, noise = np.random.default_rng(seed), Noise(additive=0.02, correlation=0.7)
+    rng, noise = default_rng(seed), Noise(additive=0.02, correlation=0.7)
     made = replace(own, torque=torque).logs((), noise, rng, derivatives=True)
     return [replace(log, name=f"{log.name}, {seed}") for log in made]
 
@@ -71,7 +72,7 @@ def test_a_gain_that_rose_is_named_with_its_size():
 
 def test_a_second_log_with_twelve_times_the_noise_does_not_spoil_the_first():
     before, after = logs(PLANAR, 0)[0], logs(PLANAR, 30, elbow=1.5)[1]
-    rng = np.random.default_rng(9)
+    rng = default_rng(9)
     bad = replace(logs(PLANAR, 31, elbow=1.5)[1], name="bad")
     bad = replace(bad, tau=Noise(additive=0.24, correlation=0.7).on_torque(bad.tau, rng))
     sides = (after, [after, bad])

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from functools import cache
 
-import numpy as np
 import pytest
+from numpy.random import default_rng
 
 from identifiability import Diagnosis, Log, Noise, Robot, diagnose
 from identifiability.simulation import Campaign, random_trajectory
@@ -17,7 +17,7 @@ ENCODER = {"3-rps": 1e-6, "six-ups": 1e-6}
 @cache
 def campaign(name: str) -> Campaign:
     robot = Robot.load(name)
-    rng = np.random.default_rng(99)
+    rng = default_rng(99)
     return Campaign.of(robot, [random_trajectory(robot, rng) for _ in range(5)])
 
 
@@ -30,7 +30,7 @@ def make_logs(
         correlation=rho,
         encoder=0.0 if motion else ENCODER.get(name, 2e-5),
     )
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     return campaign(name).logs(hide, noise, rng, derivatives=bool(motion))
 
 

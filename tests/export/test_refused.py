@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import Noise, Robot, analyze, export, simulate
-from identifiability.foundation.errors import IdentifiabilityError
+from identifiability import IdentifiabilityError, Noise, Robot, analyze, export, simulate
 from identifiability.simulation.motion import find_motion
 from identifiability.workflows.export.workflow import save_robot
 

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from identifiability.regression.regression import Model
-from identifiability.regression.structure import find_base_parameters
+from identifiability import Model, find_base_parameters
 
 from ..conftest import load
 from ..models_reference.energy_rank import energy_rank

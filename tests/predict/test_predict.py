@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import (
     Analysis,
@@ -172,8 +173,8 @@ def test_motion_alone_is_enough_to_predict_torque(analysis, make_log, tmp_path):
     bare.to_csv(tmp_path / "bare.csv", index=False)
     for given in (bare, called, numbers, tmp_path / "bare.csv"):
         found = analysis.predict(given)
-        np.testing.assert_allclose(found.predicted, whole.predicted, rtol=1e-12, atol=1e-12)
-        np.testing.assert_allclose(found.low, whole.low, rtol=1e-9)  # of decimals as pandas reads
+        assert_allclose(found.predicted, whole.predicted, rtol=1e-12, atol=1e-12)
+        assert_allclose(found.low, whole.low, rtol=1e-9)  # of decimals as pandas reads
         assert np.isnan(found.tau).all()
         assert np.isnan(found.to_frame()["elbow.residual"]).all()
         assert np.isnan([found.error_ra, found.error_ra_raw, *found.inside]).all()
@@ -199,7 +200,7 @@ def test_motion_alone_is_enough_to_predict_torque(analysis, make_log, tmp_path):
     with pytest.raises(IdentifiabilityError, match=r"no column shoulder\.q"):
         analysis.predict(bare.drop(columns="shoulder.q"))
     half = analysis.predict(frame.drop(columns="shoulder.tau"))
-    np.testing.assert_allclose(half.predicted, whole.predicted, rtol=1e-12)
+    assert_allclose(half.predicted, whole.predicted, rtol=1e-12)
     assert not half.known[:, 0].any()
     assert np.isfinite(half.error_ra)
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
-import numpy as np
 import pytest
+from numpy.random import default_rng
 
 from identifiability import Analysis, Noise, Robot, analyze, simulate
 from identifiability.physical.fitted_model import FittedModel
@@ -64,7 +64,7 @@ def believe(analysis: Analysis, effort: dict[str, int]) -> Analysis:
     model = FittedModel.of(
         analysis.structure, chosen.submodel, analysis.information, chosen.estimate.estimator
     )
-    belief = form_belief(model, np.random.default_rng(0), effort)
+    belief = form_belief(model, default_rng(0), effort)
     return replace(analysis, belief=replace(belief, physical=trust(belief.physical)))
 
 
@@ -86,9 +86,7 @@ def chain_analysis(tmp_path_factory) -> Callable[..., Analysis]:
     def build(joints: Sequence[str], held: int = 0, ladder: LadderEntry | None = None) -> Analysis:
         path = write_chain(tmp_path_factory.mktemp("chain") / "robot.xml", joints)
         robot, noise = Robot.load(path), Noise(torque=0.02)
-        moves = [
-            random_trajectory(robot, np.random.default_rng(k), samples=300) for k in range(1 + held)
-        ]
+        moves = [random_trajectory(robot, default_rng(k), samples=300) for k in range(1 + held)]
         made = [simulate(robot, move, noise=noise, seed=k) for k, move in enumerate(moves)]
         return analyze(robot, made[:1], made[1:], ladder, replicates=100)
 

@@ -513,7 +513,7 @@ class Diagnosis(Result, Predicts):
             "verified": self.verified_on,
             "fitted": list(given_paths(self.samples)),
             "verified_logs": list(given_paths(self.validation)),
-            "left_out": [c.log for c in self.changes if c.whole],
+            "left_out": [c.log for c in self.problem.left_out if c.whole],
             "alternative": self.alternative,
         }
 

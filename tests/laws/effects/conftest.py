@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identifiability.regression.regression import Model
-from identifiability.robot import Robot, complete_motion
+from identifiability import Model, Robot
+from identifiability.robot import complete_motion
 
 G = 9.81
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import lfilter
 
-from identifiability.estimation.estimator import Estimate, Estimator
+from identifiability import Estimate, Information
+from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.fit import Fit
-from identifiability.regression.information import Information
 
 
 def gather(W, tau, size: int = 8, logs=(), columns=()) -> Information:

@@ -6,9 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability.foundation.errors import IdentifiabilityError
+from identifiability import IdentifiabilityError, Log
 from identifiability.foundation.names import Renames
-from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.names import DIMENSIONS, SIZES, WORDS, find_unit, guess_column, words_of
 

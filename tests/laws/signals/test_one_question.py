@@ -10,13 +10,11 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+from identifiability import IdentifiabilityError, Log, Robot
 from identifiability.cli import app
-from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Renames, find_named
-from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.report.answers.commands import source_name
-from identifiability.robot import Robot
 
 ARM = ("shoulder", "elbow", "wrist")
 
