@@ -1,7 +1,5 @@
 """After the fit: labelled covariance, figures one by one, and words that fit on a line."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -7,7 +7,6 @@ import pytest
 
 from identifiability import (
     Case,
-    Log,
     Model,
     Noise,
     Preparation,
@@ -33,7 +32,7 @@ def two_link():
 
 
 @pytest.fixture(scope="module")
-def coarse(two_link) -> Log:
+def coarse(two_link):
     """The elbow goes to and fro slowly on a coarse encoder; its even steps look like 17 Hz."""
     robot, rng = two_link[0], np.random.default_rng(1)
     motion = PrescribedMotion.of(random_trajectory(robot, rng, samples=4000, period=20.0))

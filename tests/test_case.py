@@ -1,7 +1,5 @@
 """A case: every stage from logs to columns is computed once, and every verb uses it."""
 
-from __future__ import annotations
-
 import pickle
 from collections import Counter
 from dataclasses import replace

@@ -48,14 +48,14 @@ def arm(simulated):
     return lambda case: spoil(frame, case)
 
 
-def words(result, path) -> str:
+def words(result, path):
     """Return what a page says, without marks."""
     text = result.write_report(path).read_text(encoding="utf-8")
     text = re.sub(r"<(script|style)\b.*?</\1>", " ", text, flags=re.DOTALL)
     return re.sub(r"\s+", " ", html.unescape(re.sub(r"<[^>]+>", " ", text)))
 
 
-def check_words(text: str) -> None:
+def check_words(text):
     """No number that is none, and no percentage in powers of ten or beyond belief."""
     for wrong in (
         r"\bnan\b",
@@ -68,7 +68,7 @@ def check_words(text: str) -> None:
         assert found is None, found.group()
 
 
-def check_numbers(content) -> None:
+def check_numbers(content):
     """JSON holds numbers or null."""
     text = json.dumps(content)
     assert "NaN" not in text

@@ -1,10 +1,7 @@
 """Odd but legal robots, whose logs MuJoCo alone makes, have an answer, and intervals that hold."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -33,11 +30,11 @@ class Odd:
     seed: int
 
     @classmethod
-    def draw(cls, seed: int, joints: float = 30.0, most: int = MOST) -> Odd:
+    def draw(cls, seed, joints=30.0, most=MOST):
         """Return a robot; everything is uniform on a scale of logarithms."""
         rng = default_rng(seed)
 
-        def between(low: float, high: float) -> float:
+        def between(low, high):
             return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
         scale, mass = between(1e-3, 10.0), between(1e-3, 1e3)
@@ -48,7 +45,7 @@ class Odd:
         return cls(scale, mass, kinds, rate, min(samples, most // len(kinds)), fastest, seed)
 
     @property
-    def bodies(self) -> list[dict[str, np.ndarray]]:
+    def bodies(self):
         """Mass, centre, principal moments, axes and joint of every body."""
         rng = default_rng([self.seed, 1])
         made = []
@@ -69,7 +66,7 @@ class Odd:
             )
         return made
 
-    def text(self, wrong: float = 0.0) -> str:
+    def text(self, wrong=0.0):
         """Return the MJCF; masses and moments off by a share."""
         rng, opened = default_rng([self.seed, 2]), []
         for k, (kind, b) in enumerate(zip(self.kinds, self.bodies, strict=True)):
@@ -89,7 +86,7 @@ class Odd:
             f"<actuator>{motors}</actuator></mujoco>"
         )
 
-    def log(self, which: int) -> pd.DataFrame:
+    def log(self, which):
         """Return a log: positions with encoder noise, torque with 1 % of its spread as noise."""
         rng = default_rng([self.seed, 3, which])
         n, t = len(self.kinds), np.arange(self.samples) / self.rate
@@ -116,7 +113,7 @@ class Odd:
         }
         return pd.DataFrame({"t": t, **columns})
 
-    def truth(self) -> dict[str, float]:
+    def truth(self):
         """Return the parameters that made the logs, by the library's names."""
         model, values = mujoco.MjModel.from_xml_string(self.text()), dict[str, float]()
         for k, (kind, b) in enumerate(zip(self.kinds, self.bodies, strict=True)):
@@ -134,7 +131,7 @@ class Odd:
         return values
 
 
-def outside(odd: Odd, path: Path, told: dict) -> tuple[int, int, list[str]]:
+def outside(odd, path, told):
     """Return how many values are called identifiable, how many are outside, and which."""
     base = find_base_parameters(Robot.load(path), Model.of(*DEFAULT_EFFECTS))
     truth = odd.truth()

@@ -1,7 +1,5 @@
 """A motion that is found does not let the robot hit itself, where its file has shapes."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pytest

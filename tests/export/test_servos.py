@@ -1,7 +1,5 @@
 """What leaves of a commanded robot: servos, delay, rollout error; draws of what logs leave open."""
 
-from __future__ import annotations
-
 import ast
 import json
 import re

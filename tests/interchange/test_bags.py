@@ -18,7 +18,7 @@ JOINTS = ("shoulder", "elbow")
 COLUMNS = [f"{j}.{c}" for c in ("q", "dq", "tau") for j in JOINTS]
 
 
-def refused(path) -> str:
+def refused(path):
     with pytest.raises(IdentifiabilityError) as error:
         Log.read(path)
     return str(error.value)

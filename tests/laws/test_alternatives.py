@@ -31,7 +31,7 @@ def test_lagged_products_whiten_as_rows_do_whatever_the_lengths_of_stretches(ord
 
 @pytest.fixture(scope="module")
 def logs(simulated_session):
-    def make(rho: float, seed: int, stribeck: float = 0.0):
+    def make(rho, seed, stribeck=0.0):
         frame = simulated_session("two-link", "a", 0, Noise(torque=0.0)).to_frame()
         for k, joint in enumerate(("shoulder", "elbow")):
             size = 0.03 * frame[f"{joint}.tau"].std()

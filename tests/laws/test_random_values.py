@@ -1,7 +1,5 @@
 """Values that are known to be random: rows of a prior beside those of the logs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.random import default_rng

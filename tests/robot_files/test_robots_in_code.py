@@ -1,7 +1,5 @@
 """Robots that are changed or built in code obey Pinocchio and MuJoCo as files of them would."""
 
-from __future__ import annotations
-
 import pickle
 
 import mujoco

@@ -1,7 +1,5 @@
 """An estimator is known by its name, and its loss is least at its values."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose

@@ -29,7 +29,7 @@ def rows(seed=0, rho=0.0):
     return W, W @ TRUTH + 0.05 * ar1(rng, rho, ROWS, 2)
 
 
-def gathered(W, tau, size=SIZE) -> Information:
+def gathered(W, tau, size=SIZE):
     return Information.of_rows(["a", "b", "c"], W, tau, np.repeat([0, 1], [400, 200]), size)
 
 

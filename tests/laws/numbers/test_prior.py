@@ -30,14 +30,14 @@ REGION = PhysicalSet(
 FILE = np.r_[BODY, 0.5 * BODY, 0.4, 0.1]
 
 
-def problem(seed: int, rows: int) -> LeastSquares:
+def problem(seed, rows):
     """Data that see some combinations of two bodies and two levels of friction."""
     rng = default_rng(seed)
     R = rng.normal(size=(rows, 22))
     return LeastSquares(R, R @ (1.3 * FILE) + rng.normal(size=rows), 400.0, 400.0)
 
 
-def cost(data: LeastSquares, phi: np.ndarray, weight: float) -> float:
+def cost(data, phi, weight):
     """What the projection makes least, without its ridge."""
     J, J0 = (to_matrix(x[REGION.bodies]) for x in (phi, FILE))
     ratio = np.linalg.solve(J0, J)

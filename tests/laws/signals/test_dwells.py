@@ -21,7 +21,7 @@ ERRORS = {
 }
 
 
-def stop_and_go(rest: float = 0.6):
+def stop_and_go(rest=0.6):
     """Return times (N,), the positions of a joint, and where it stands: a stop at each reversal."""
     move, still = np.arange(0, 0.8, 1 / RATE), round(rest * RATE)
     swing = 0.5 * (1 - np.cos(np.pi * move / 0.8))

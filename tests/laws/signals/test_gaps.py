@@ -21,7 +21,7 @@ from identifiability import (
 )
 from identifiability.foundation.engines import Serial
 from identifiability.logs import rows as log_rows
-from identifiability.logs.gaps import Gaps, fill
+from identifiability.logs.gaps import Gaps
 from identifiability.logs.prepare import dataset
 from identifiability.logs.signals import has_gap
 from identifiability.logs.spectrum import bandwidth_of_windows, noise_level
@@ -141,11 +141,6 @@ def test_a_late_stamp_is_no_gap_and_an_uneven_clock_is_refused(two):
         prepare_log(two, log)
 
 
-def test_a_long_pause_splits_a_log_and_is_no_uneven_clock(two):
-    rows = np.concatenate([np.arange(1000), 6000 + np.arange(1000)])
-    assert len(prepare_log(two, Log.from_frame(frame(rows))).breaks) == 1
-
-
 def test_a_log_with_derivatives_of_its_own_loses_nothing_at_short_gaps(two):
     for lost, split in ((10, 0), (100, 1)):
         log = Log.from_frame(frame(without(2000, (999, lost)), derivatives=True))
@@ -199,16 +194,6 @@ def test_gaps_of_a_part_of_a_file_are_counted_from_its_first_row(tmp_path, read_
     assert found.rows.tolist() == [999 - 910, 1994 - 910]
     assert_allclose(found.t, t[[999, 1994]])
     assert found.lost.tolist() == [5, 50] == Gaps.of("p", whole.clock, [t]).lost.tolist()
-
-
-def test_a_cubic_is_filled_exactly():
-    at = np.array([0, 1, 2, 5, 6, 9, 10, 11])
-    x = np.column_stack([at**3 - 2.0 * at, 1.0 * at**2])
-    every = np.arange(12)
-    assert_allclose(
-        fill(x, at), np.column_stack([every**3 - 2.0 * every, every**2]), rtol=0, atol=1e-9
-    )
-    assert fill(x, np.arange(8)) is x
 
 
 def test_noise_is_not_that_of_jumps_across_gaps():

@@ -25,12 +25,7 @@ def move(periods, period=4.0, *, repeats=True, samples=None):
     rates = 2 * np.pi / period * RATES
     if not repeats:
         rates = rates * [0.31, 0.83, 1.13, 1.0]
-    angle = np.multiply.outer(t, rates)[:, :, None] + [
-        [0.1, 2.0],
-        [1.0, 0.5],
-        [2.5, 0.3],
-        [0.7, 1.7],
-    ]
+    angle = np.multiply.outer(t, rates)[:, :, None] + PHASES
     q = (SIZES * np.sin(angle)).sum(1)
     dq = (SIZES * rates[:, None] * np.cos(angle)).sum(1)
     ddq = -(SIZES * rates[:, None] ** 2 * np.sin(angle)).sum(1)

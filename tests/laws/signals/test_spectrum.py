@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.random import default_rng
-from numpy.testing import assert_allclose
 
 from identifiability import Log, Preparation, prepare_log
 from identifiability.logs import signals
@@ -44,12 +43,6 @@ def test_white_noise_has_its_density_and_what_it_becomes_in_an_acceleration(orde
     power = (smooth[1000:-1000] ** 2).mean(0)
     assert power == pytest.approx(shape * s.noise_in_acceleration(20.0), rel=0.2)
     assert 0.75 < shape < 1
-
-
-def test_the_acceleration_of_a_swing_is_half_its_squared_size():
-    s = Spectrum.of([swing(times(200))[:, None]], 1 / 200)
-    assert s.acceleration(5.0) == pytest.approx(0.5 * (0.5 * (2 * np.pi) ** 2) ** 2, rel=0.01)
-    assert s.acceleration(0.5) == pytest.approx(0.0, abs=1e-3)
 
 
 @pytest.mark.parametrize(("sd", "order"), [(2e-4, 2), (1e-3, 2), (2e-2, 1)])
@@ -131,13 +124,6 @@ def test_a_value_that_repeats_the_one_before_is_found_where_the_joint_moves():
     coarse = np.round(exact / 0.05) * 0.05
     assert (np.diff(coarse[:, 0]) == 0).mean() > 0.3
     assert not find_stale(coarse, np.full(2, 0.05)).any()
-
-
-def test_a_cubic_is_interpolated_exactly():
-    k = np.arange(30.0)
-    x = np.stack([k**3 - 5 * k, 2 - k**2], 1)
-    stale = np.isin(k, [0, 7, 8, 15, 29])
-    assert_allclose(interpolate(np.where(stale[:, None], 0, x), stale), x, atol=1e-8)
 
 
 def log_of(rate, hertz, name, seed=0, **channels):

@@ -75,15 +75,6 @@ def test_several_are_found_though_each_stands_beside_another():
     assert [s.row for s in find_spikes(bad)] == rows
 
 
-def test_the_foretold_value_is_the_cubic_through_two_neighbours_on_each_side():
-    t = np.arange(60.0)
-    good = 1e-3 * (t - 20) ** 3 - t
-    bad = good.copy()
-    bad[30] = 1e6
-    (found,) = find_spikes(bad)
-    assert found.instead == pytest.approx(good[30], abs=1e-9)
-
-
 def held(x, share, seed=0):
     """A log in which some samples repeat the one before."""
     out = x.copy()
