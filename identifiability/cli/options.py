@@ -536,7 +536,9 @@ def split_names(_: str, text: str) -> list[str]:
 
 def split_model(option: str, text: str) -> list[str] | str:
     """Return the effects in ``a,b``, or the unchanged path of a model file."""
-    return text if text.lower().endswith(".toml") else split_names(option, text)
+    if text.lower().endswith(".toml"):
+        return text
+    return split_names(option, text)
 
 
 def split_point(option: str, text: str) -> list[float]:

@@ -372,7 +372,9 @@ def actuated_joints(robot: Robot) -> tuple[str, ...]:
 
 def in_motor(robot: Robot, place: str) -> str:
     """Return why a passive joint cannot have effects of motors; empty for actuated joints."""
-    return "a passive joint has no motor" if place in robot.passive else ""
+    if place in robot.passive:
+        return "a passive joint has no motor"
+    return ""
 
 
 #: The order in which families are searched and reported; a user's own come last.
@@ -598,7 +600,9 @@ class Placed(Effect):
     @property
     def stage_key(self) -> tuple[object, ...]:
         """Key that is the same for equal effects: their text, or nothing without one."""
-        return (type(self.parts[0].effect), self._texts) if self._texts else (id(self),)
+        if self._texts:
+            return (type(self.parts[0].effect), self._texts)
+        return (id(self),)
 
     def turn(self, robot: Robot) -> Robot:
         """Return the robot that the effect of its parts is about."""

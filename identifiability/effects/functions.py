@@ -82,7 +82,9 @@ def largest_speed(robot: Robot, axis: Axis) -> float:
         return TYPICAL_SPEED[axis.prismatic]
     used = axis.row != 0
     limit = float(np.abs(axis.row[used]) @ robot.speed_limits[used])
-    return limit if np.isfinite(limit) and limit > 0 else TYPICAL_SPEED[axis.prismatic]
+    if np.isfinite(limit) and limit > 0:
+        return limit
+    return TYPICAL_SPEED[axis.prismatic]
 
 
 #: Where these functions are from.

@@ -271,7 +271,9 @@ def other_joints(span: Span) -> tuple[float, ...]:
 
 def is_alone(robot: Robot, _place: str) -> str:
     """Return that there is no other joint, if so."""
-    return "" if len(robot.motor_joints) > 1 else "there is no other joint"
+    if len(robot.motor_joints) > 1:
+        return ""
+    return "there is no other joint"
 
 
 def _refuse(robot: Robot, place: str) -> str:

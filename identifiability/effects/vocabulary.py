@@ -140,7 +140,8 @@ def convert_asymmetry(robot: Robot, values: Mapping[str, float]) -> dict[str, fl
             forward, backward = (out[way] for way in ways)
             out |= dict.fromkeys((f"{place}.Fc", *ways), 0.5 * (forward + backward))
             offset = out.get(f"{place}.off", 0.0) + 0.5 * (forward - backward)
-            out |= {f"{place}.off": offset} if offset else {}
+            if offset:
+                out |= {f"{place}.off": offset}
     return out
 
 

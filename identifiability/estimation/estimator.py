@@ -571,7 +571,9 @@ def weigh(information: Information, density: Array) -> Array:
     floor = TINY * float(np.max(density, initial=0.0))
     mean_square = float(information.torque.sum()) / max(information.rows, 1)
     density = np.maximum(density, max(floor, TINY**2 * mean_square))
-    return float(np.mean(density)) / density if density.all() else np.ones(information.actuators)
+    if density.all():
+        return float(np.mean(density)) / density
+    return np.ones(information.actuators)
 
 
 def _solve(

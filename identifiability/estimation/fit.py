@@ -627,7 +627,9 @@ class Fit:
         value = self.estimate.value
         if self.estimate.bias is None and "bias" in self.shared:
             value = value - self.shared["bias"][0]
-        return value if self.alternatives is None else value - self.alternatives.shift
+        if self.alternatives is None:
+            return value
+        return value - self.alternatives.shift
 
     @property
     def sigma(self) -> Array:

@@ -134,7 +134,9 @@ def widening(information: Information, known: Fit) -> float:
     variance = np.diag(remembering_covariance(information, fit))
     wide = known.noise[kept] ** 2 + known.terms["logs"][kept] ** 2
     sure = np.isfinite(wide) & (variance > 0)
-    return float(np.mean(wide[sure] / variance[sure])) if sure.any() else 1.0
+    if sure.any():
+        return float(np.mean(wide[sure] / variance[sure]))
+    return 1.0
 
 
 def _never_shown(information: Information, fit: Estimate) -> Array:

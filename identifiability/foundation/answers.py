@@ -235,7 +235,9 @@ def _kind(values: Sequence[Any], *, first: bool) -> Kind:
     numbers = [isinstance(x, Real) and not isinstance(x, bool) for x in values]
     if not first and values and all(numbers):
         return "number"
-    return "badge" if any(isinstance(x, Cell) and x.badge for x in values) else "text"
+    if any(isinstance(x, Cell) and x.badge for x in values):
+        return "badge"
+    return "text"
 
 
 @frozen

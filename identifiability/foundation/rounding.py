@@ -125,7 +125,9 @@ def percent(share: float, count: int = 3, *, pad: bool = False) -> str:
     """
     if 99.99 < share < math.inf:
         return "more than 9999 %"
-    return f"{format_number(100 * share, count, pad=pad)} %" if math.isfinite(share) else NONE
+    if math.isfinite(share):
+        return f"{format_number(100 * share, count, pad=pad)} %"
+    return NONE
 
 
 def state_probability(log_odds: float) -> str:

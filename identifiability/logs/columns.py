@@ -862,7 +862,9 @@ def as_times(given: pd.Series, time: Column) -> pd.Series:
     if time.factor == 1.0 and not time.offset:
         return given
     times = to_floats(given)
-    return given if np.isnan(times).any() else pd.Series(time.scale(times))
+    if np.isnan(times).any():
+        return given
+    return pd.Series(time.scale(times))
 
 
 def _find_unit(t: Array, source: str) -> tuple[str, str]:

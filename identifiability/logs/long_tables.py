@@ -79,7 +79,9 @@ class Layout:
         """Return the column that a channel of a joint has in a table with one row a time."""
         name = self.channels[channel]
         unit = f" [{bracketed(channel)}]" if bracketed(channel) else ""
-        return f"{name}[{joint}]{unit}" if joint.isdecimal() else f"{joint}.{name}{unit}"
+        if joint.isdecimal():
+            return f"{name}[{joint}]{unit}"
+        return f"{joint}.{name}{unit}"
 
 
 def unstack(pieces: Iterable[Whole], known: Conventions, source: str) -> Iterator[Whole]:

@@ -157,7 +157,9 @@ def split_unit(name: str) -> tuple[str, Unit | None]:
     """
     inner = _BRACKETS.search(name)
     unit = find_unit(inner[1]) if inner else None
-    return (name[: inner.start()].strip(), unit) if inner and unit else (name, None)
+    if inner and unit:
+        return (name[: inner.start()].strip(), unit)
+    return (name, None)
 
 
 #: Words for each channel, and the channel of each word.
@@ -332,7 +334,9 @@ def _guess_time(source: str, words: list[str], unit: Unit | None) -> Column | No
     left = [w for w in words if w not in SILENT and w != "header"]
     if unit is not None and unit.dimension != "time":
         return None
-    return Column(source, "t", unit=unit) if left and TIME_WORDS.issuperset(left) else None
+    if left and TIME_WORDS.issuperset(left):
+        return Column(source, "t", unit=unit)
+    return None
 
 
 def take_joint(words: list[str], joints: Sequence[str]) -> tuple[str, list[str]]:

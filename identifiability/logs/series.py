@@ -119,7 +119,8 @@ def smooth_log(log: Log, kind: Kind, *, strict: bool = True) -> Log:
     # A series of few rows has no more information than these.
     if "spline" not in found:
         return log
-    series, spline = found.get(kind, found["spline"]), found["spline"]
+    series = found.get(kind, found["spline"])
+    spline = found["spline"]
     if kind == "fourier" and not _repeats(log, series, spline):
         if strict:
             raise LogError(Finding("series.none", log.name))
@@ -254,7 +255,8 @@ def _spline_bases(t: Array, count: int) -> list[Any]:
     inner = np.linspace(t[0], t[-1], count - DEGREE + 1)
     knots = np.concatenate([[t[0]] * DEGREE, inner, [t[-1]] * DEGREE])
     design = scipy.interpolate.BSpline.design_matrix
-    bases, slopes = [design(t, knots, DEGREE)], scipy.sparse.eye_array(count, format="csr")
+    bases = [design(t, knots, DEGREE)]
+    slopes = scipy.sparse.eye_array(count, format="csr")
     for order in (1, 2):
         degree = DEGREE - order + 1
         # The slope of a B-spline is a difference of two of one degree less [de Boor 1978].
@@ -263,7 +265,8 @@ def _spline_bases(t: Array, count: int) -> list[Any]:
         step = scipy.sparse.diags_array(
             [-rate, rate], offsets=[0, 1], shape=(len(rate), len(rate) + 1)
         )
-        slopes, knots = step @ slopes, knots[1:-1]
+        slopes = step @ slopes
+        knots = knots[1:-1]
         bases.append(design(t, knots, degree - 1) @ slopes)
     return [scipy.sparse.csr_array(x) for x in bases]
 

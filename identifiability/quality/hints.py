@@ -142,17 +142,15 @@ def find_saturation(logs: MeasuredLogs) -> list[Finding]:
                         share=share,
                     )
     columns = tuple(f"{joint}.tau" for joint in found)
-    return (
-        [
+    if found:
+        return [
             Finding(
                 "flat",
                 where=[*found.values()],
                 columns=columns,
             )
         ]
-        if found
-        else []
-    )
+    return []
 
 
 # Problems of the robot file, and joints without information; checked for any logs.
@@ -182,7 +180,9 @@ def find_assembly(logs: MeasuredLogs) -> list[Finding]:
 def find_outside(logs: MeasuredLogs) -> list[Finding]:
     """Return a finding on the bodies of the scene that were left out."""
     robot = logs.robot
-    return [Finding("outside", robot.path.name, bodies=robot.outside)] if robot.outside else []
+    if robot.outside:
+        return [Finding("outside", robot.path.name, bodies=robot.outside)]
+    return []
 
 
 @check("springs", Does.HINTS, always=True)
@@ -190,7 +190,9 @@ def find_sprung_joints(logs: MeasuredLogs) -> list[Finding]:
     """Return a finding on springs of the robot file between motors and links."""
     robot = logs.robot
     joints = [*robot.springs]
-    return [Finding("springs", robot.path.name, joints=joints)] if joints else []
+    if joints:
+        return [Finding("springs", robot.path.name, joints=joints)]
+    return []
 
 
 @check("beyond", Does.HINTS, always=True)
@@ -350,7 +352,8 @@ def where_outlying(joints: Sequence[str], samples: Sequence[Dataset], found: Out
     new = (np.diff(found.log) != 0) | (found.first[1:] > found.last[:-1])
     place = np.cumsum([False, *new])
     own = place == place[at]
-    first, last = found.first[own][0], found.last[own][-1] - 1
+    first = found.first[own][0]
+    last = found.last[own][-1] - 1
     ends = log.output_times(np.array([first, last]))
     far = float(np.sqrt(found.beyond[at, worst]))
     size = [np.abs(s.tau[s.at_outputs, worst]) for s in samples]

@@ -216,7 +216,9 @@ def _state_wrong(log: Log, wrong: Mapping[str, list[Spike]]) -> Finding:
 @check("commands", Does.MENDS)
 def compute_torque(logs: RawLogs) -> RawLogs:
     """Compute torque from commands; rollouts also estimate and report their delay."""
-    return logs if logs.torque is None else logs.having(logs.torque(logs.every))
+    if logs.torque is None:
+        return logs
+    return logs.having(logs.torque(logs.every))
 
 
 @check("contradictions", Does.MENDS)

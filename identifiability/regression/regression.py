@@ -427,7 +427,9 @@ class Regression:
     def parameters(self) -> tuple[Parameter, ...]:
         """Names and units of the columns."""
         every = self.model.parameters(self.robot)
-        return every if self.columns is None else tuple(every[k] for k in self.columns)
+        if self.columns is None:
+            return every
+        return tuple(every[k] for k in self.columns)
 
     @property
     def outputs(self) -> int:

@@ -434,7 +434,9 @@ def _law(m: Any, a: int) -> str:
         return "tau"
     if gain > 0 and stiff == -gain:
         return "q_ref"
-    return "dq_ref" if gain > 0 and not stiff and damp == -gain else ""
+    if gain > 0 and not stiff and damp == -gain:
+        return "dq_ref"
+    return ""
 
 
 def find_gears(actuators: Sequence[Actuator]) -> dict[str, float]:

@@ -167,7 +167,8 @@ def write_table(table: str | Path | Mapping[str, Any], out: str | Path) -> Strin
     top.insert(0, ET.Comment(for_xml_comment(said)))
     ET.indent(top)
     sidecar = {"name": read.name} | read.sidecar.model_dump(mode="json", exclude_unset=True)
-    sidecar |= {"guessed": guessed} if guessed else {}
+    if guessed:
+        sidecar |= {"guessed": guessed}
     texts = {
         out.with_suffix(".toml"): toml_text(sidecar).encode(),
         out: f"{for_xml(top)}\n".encode(),
@@ -208,7 +209,8 @@ def _check(source: str, table: Table) -> None:
         if problem:
             raise RobotError(f"{source}: {problem}")
         links.append(row.name)
-        joints += [row.joint] if row.joint else []
+        if row.joint:
+            joints += [row.joint]
 
 
 def _urdf(table: Table, base: str = BASE) -> ET.Element:

@@ -185,7 +185,9 @@ class Data(OfStructure):
     @property
     def question(self) -> Reading | None:
         """Another reading that these logs do not confirm; it is not used."""
-        return self.reading if self.reading is not None and not self.reading.holds else None
+        if self.reading is not None and not self.reading.holds:
+            return self.reading
+        return None
 
     @property
     def confirmed(self) -> Reading | None:
@@ -195,7 +197,9 @@ class Data(OfStructure):
     @cached_property
     def unseen(self) -> Regression | None:
         """Columns of the base parameters along held-out motion; None where none was held out."""
-        return self.structure.regression(self.validation) if self.validation else None
+        if self.validation:
+            return self.structure.regression(self.validation)
+        return None
 
     @cached_property
     def missing(self) -> MissingEffects:
@@ -302,9 +306,11 @@ class Case:
         use: Use | None = None,
         stages: Stages | None = None,
     ) -> None:
-        held_out, use = tuple(list_logs(validate)), use or Use()
+        held_out = tuple(list_logs(validate))
+        use = use or Use()
         if _is_none(held_out):
-            held_out, use = (), replace(use, divides=False)
+            held_out = ()
+            use = replace(use, divides=False)
         values = {
             "robot": Robot.of(robot),
             "logs": tuple(list_logs(logs)),
@@ -873,7 +879,9 @@ def gather_data(
 
 def _tell_motion(how: Preparation) -> tuple[str, ...]:
     """Return the reason why the motion is a series, if that was chosen."""
-    return (how.reason,) if isinstance(how, CommonPreparation) and how.reason else ()
+    if isinstance(how, CommonPreparation) and how.reason:
+        return (how.reason,)
+    return ()
 
 
 def seek_reading(widest: Data, own: Data) -> Reading | None:

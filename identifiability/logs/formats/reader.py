@@ -191,7 +191,9 @@ def count_zipped(path: Path) -> int:
 
 def list_files(place: Path) -> list[Path]:
     """Return a file, or those in a folder in order of name."""
-    return sorted(p for p in place.iterdir() if p.is_file()) if place.is_dir() else [place]
+    if place.is_dir():
+        return sorted(p for p in place.iterdir() if p.is_file())
+    return [place]
 
 
 def hash_files(place: Path) -> str:

@@ -46,7 +46,9 @@ def decide(cell: Cell) -> Word:
     ):
         return "no"
     sure = cell.coverage - reach >= RULES.coverage
-    return "yes" if sure and not cell.wrong.high > RULES.wrong_most else "not enough trials"
+    if sure and not cell.wrong.high > RULES.wrong_most:
+        return "yes"
+    return "not enough trials"
 
 
 @frozen
