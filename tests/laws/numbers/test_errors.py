@@ -96,6 +96,16 @@ def test_every_sample_is_predicted_by_the_fit_that_has_not_seen_it_over_several_
     assert_allclose(one.relative_error(), plain.relative_error())
 
 
+def test_the_error_of_a_small_joint_counts_as_that_of_a_large_one():
+    """A veto on unseen motion: what helps a shoulder a little may ruin a wrist."""
+    scale = np.array([100.0, 1.0])
+    wave = np.sin(np.arange(200))[:, None] * scale
+    errors = np.stack([[0.02, 0.02], [0.01, 0.3]], axis=1) * scale[:, None]
+    found = prediction(wave, wave[:, :, None] + errors, [200])
+    assert found.surely_better(0, 1)
+    assert not found.surely_better(1, 0)
+
+
 def test_a_joint_whose_torque_never_varies_has_no_error_of_its_own():
     rng = default_rng(8)
     tau = np.stack([rng.normal(size=200), np.full(200, 3.0)], 1)
