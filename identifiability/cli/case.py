@@ -115,7 +115,9 @@ def _as_words(value: Any) -> list[str]:
 
 
 def _as_text(value: Any) -> str:
-    return value if isinstance(value, str) else f"{value:g}"
+    if isinstance(value, str):
+        return value
+    return f"{value:g}"
 
 
 def _options(params: Iterable[Any], typed: Mapping[str, Any]) -> list[str]:

@@ -469,7 +469,9 @@ class Family:
     def rank(self) -> int:
         """Where it stands among the families."""
         names = ORDER.split()
-        return names.index(self.name) if self.name in names else len(names)
+        if self.name in names:
+            return names.index(self.name)
+        return len(names)
 
     def at(self, shape: float | tuple[float, ...] | None, place: str) -> Effect:
         """Return the effect with a shape at a place, as the robot has it without one."""
@@ -486,7 +488,9 @@ class Family:
 
     def grid(self, span: Span) -> tuple[float, ...]:
         """Return the shapes to try at a place; one nan where there is no shape."""
-        return (float("nan"),) if self.shapes is None else self.shapes(span)
+        if self.shapes is None:
+            return (float("nan"),)
+        return self.shapes(span)
 
 
 def measure_spans(robot: Robot, motions: Iterable[Motion]) -> dict[str, Span]:

@@ -216,7 +216,9 @@ class CommandDelay(TimeDelay):
 
     def axes(self, robot: Robot) -> Sequence[Axis]:
         """Return the axes of the joints of a robot with servos."""
-        return () if robot.servo is None else super().axes(robot)
+        if robot.servo is None:
+            return ()
+        return super().axes(robot)
 
     def curves(self, at: Along) -> list[Array]:
         """Return the change of the servo's torque by a later command."""

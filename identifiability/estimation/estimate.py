@@ -63,7 +63,9 @@ def estimate_noise(estimator: Estimator, whole: Information) -> Estimator:
     """
     fresh = replace(estimator, noise=None)
     fit = fit_whole(replace(fresh, instruments=False), whole)
-    return fresh if fit is None else replace(fresh, noise=fit.noise)
+    if fit is None:
+        return fresh
+    return replace(fresh, noise=fit.noise)
 
 
 def fit_whole(estimator: Estimator, whole: Information) -> Estimate | None:

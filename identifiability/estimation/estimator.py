@@ -131,7 +131,9 @@ class Estimate:
         percent = self.sigma_percent
         least = percent.min(initial=np.inf)
         passed: np.ndarray = percent < RULES.paper_factor * least
-        return passed if np.isfinite(least) else np.zeros(len(percent), bool)
+        if np.isfinite(least):
+            return passed
+        return np.zeros(len(percent), bool)
 
 
 def clip_signs(information: Information, fit: Estimate, nonnegative: np.ndarray) -> Array:
@@ -416,7 +418,11 @@ class Estimator:
     @property
     def name(self) -> str:
         """Name for `analyze`, `prune` and the command line."""
-        return "iv" if self.instruments else "wls" if self.weighted else "ols"
+        if self.instruments:
+            return "iv"
+        if self.weighted:
+            return "wls"
+        return "ols"
 
     def fit(self, information: Information) -> Estimate:
         """Return the estimate; one by instruments keeps the weights and noise of least squares.

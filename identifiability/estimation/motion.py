@@ -153,7 +153,9 @@ def preferred_kind(records: Sequence[Record]) -> Kind:
     if not all("fourier" in r.series for r in records):
         return "spline"
     scores = {k: sum(r.series[k].score for r in records) for k in ("fourier", "spline")}
-    return "fourier" if scores["fourier"] < scores["spline"] else "spline"
+    if scores["fourier"] < scores["spline"]:
+        return "fourier"
+    return "spline"
 
 
 @frozen

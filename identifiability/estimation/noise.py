@@ -437,7 +437,9 @@ def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs, least: float = 0.0
     parts = _choose_parts([np.sqrt(rows) * principal_columns(Z)[0] for Z in blocks[1:]], room)
     every = RestrictedLikelihood(y, basis, runs, parts)
     if every.rounding or every.rest <= least:
-        return JointNoise(np.empty(0), least) if least > 0 else silent
+        if least > 0:
+            return JointNoise(np.empty(0), least)
+        return silent
     # All is noise at first, or what is missing.
     none = np.full(len(parts), PRECISIONS[-1])
     found = every.backfit(none, every.maximise(none)), every.backfit(np.ones(len(parts)), none[:0])

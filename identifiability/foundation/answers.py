@@ -81,7 +81,9 @@ class Column:
     @property
     def kind(self) -> Kind:
         """The kind of its cells."""
-        return "number" if callable(self.look) else self.look
+        if callable(self.look):
+            return "number"
+        return self.look
 
     def cell(self, row: Any, place: int) -> Cell:
         """Return the cell of a row in this column, whose index is `place`."""

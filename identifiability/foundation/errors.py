@@ -64,8 +64,12 @@ def with_keywords(sentence: str) -> str:
     def keyword(option: str, given: str) -> str:
         old, equals, new = given.partition("=")
         if option == "lock":
-            return f"lock=[{old!r}]" if not equals else f"lock={{{old!r}: {new}}}"
-        return f"columns={{{old!r}: {new!r}}}" if option == "map" else given
+            if not equals:
+                return f"lock=[{old!r}]"
+            return f"lock={{{old!r}: {new}}}"
+        if option == "map":
+            return f"columns={{{old!r}: {new!r}}}"
+        return given
 
     sentence = re.sub(
         rf"--(map|lock|set) {value}", lambda m: keyword(m[1], m[2] or m[3] or ""), sentence
@@ -89,7 +93,9 @@ def legible(sentence: str) -> str:
 def near_match(name: str, known: Iterable[str]) -> str:
     """Return the end of a sentence: ``", did you mean 'x'?"`` with the nearest name, or ``"."``."""
     found = nearest(name, known)
-    return "." if found is None else f", did you mean '{found}'?"
+    if found is None:
+        return "."
+    return f", did you mean '{found}'?"
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:

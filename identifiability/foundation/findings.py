@@ -42,7 +42,9 @@ class _Filler(Formatter):
         many = isinstance(value, (list, tuple))
         if "|" in format_spec:
             one, others = format_spec.split("|")
-            return one if (len(value) if many else value) == 1 else others
+            if (len(value) if many else value) == 1:
+                return one
+            return others
         if not (format_spec.startswith(("and", "#")) or format_spec.endswith("%")):
             if many:
                 return listing(value, int(format_spec or 4))

@@ -247,4 +247,8 @@ def _shown(value: Any) -> str:
 
 def resolve_count(given: int | None, usual: int, less: int, *, quick: bool) -> int:
     """Return the number of random repetitions: the given one, else `usual`, or `less` if quick."""
-    return given if given is not None else less if quick else usual
+    if given is not None:
+        return given
+    if quick:
+        return less
+    return usual

@@ -320,7 +320,9 @@ def _unmeasured(
     missing = [f"{j}.tau" for j in lacking]
     spelt = [n for n in _free(names, taken) if _kind(n) not in SPELLED or _kind(n) == "tau"]
     misspelt = any(nearest(name, spelt) is not None for name in missing)
-    return [] if len(lacking) == len(joints) or misspelt else missing
+    if len(lacking) == len(joints) or misspelt:
+        return []
+    return missing
 
 
 def _free(names: Mapping[str, str], taken: Mapping[str, Column]) -> list[str]:

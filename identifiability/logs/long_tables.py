@@ -229,7 +229,9 @@ def _is_sorted_by_joint(labels: pd.Series) -> bool:
 def _time_keys(times: pd.Series) -> Array:
     """Return sortable numbers for times (N,); other values become NaN."""
     dates = as_dates(times, 0)
-    return to_floats(times) if dates is None else dates.to_numpy()
+    if dates is None:
+        return to_floats(times)
+    return dates.to_numpy()
 
 
 def _is_new(keys: Array) -> Array:

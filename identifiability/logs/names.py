@@ -233,13 +233,17 @@ class Column:
     @property
     def name(self) -> str:
         """Return its documented name."""
-        return f"{self.joint}.{self.kind}" if self.joint else self.kind
+        if self.joint:
+            return f"{self.joint}.{self.kind}"
+        return self.kind
 
     def scale(self, values: Array) -> Array:
         """Return values of the table, (N,), in SI units."""
         values = values if self.code is None else self.code.decode(values)
         values = values - self.offset if self.offset else values
-        return values if self.factor == 1.0 else values * self.factor
+        if self.factor == 1.0:
+            return values
+        return values * self.factor
 
 
 def words_of(name: str) -> list[str]:
@@ -355,5 +359,7 @@ def take_joint(words: list[str], joints: Sequence[str]) -> tuple[str, list[str]]
             size, k, joint = max(found, key=lambda f: f[0])
             # Names that differ only in case or signs cannot be distinguished.
             alike = sum(length == size for length, *_ in found) > 1
-            return ("", ["?"]) if alike else (joint, words[:k] + words[k + size :])
+            if alike:
+                return ("", ["?"])
+            return (joint, words[:k] + words[k + size :])
     return "", list(words)

@@ -174,7 +174,9 @@ class SplineFit:
 def find_series(log: Log) -> dict[Kind, MotionSeries]:
     """Return the best series of each kind; without a Fourier series of a motion never repeated."""
     spline = find_spline(log)
-    return {} if spline is None else add_fourier(log, spline)
+    if spline is None:
+        return {}
+    return add_fourier(log, spline)
 
 
 def find_spline(log: Log) -> SplineFit | None:
@@ -411,7 +413,9 @@ def _refine(t: Array, channels: Sequence[Array], noise: Sequence[Array], period:
     # A controller repeats its motion after a whole number of samples.
     samples = float(found.x) / step
     whole = abs(samples - round(samples)) < WHOLE
-    return step * round(samples) if whole else float(found.x)
+    if whole:
+        return step * round(samples)
+    return float(found.x)
 
 
 def _misfit(

@@ -39,7 +39,9 @@ from .registry import Does, MeasuredLogs, check, without
 def find_left_out_effects(logs: MeasuredLogs) -> list[Finding]:
     """Return effects that the sidecar asks for and another model has not."""
     own = [e for e in logs.robot.said.effects if e not in logs.structure.model.texts]
-    return [Finding("effects", effects=own)] if own else []
+    if own:
+        return [Finding("effects", effects=own)]
+    return []
 
 
 @check("unit", Does.EXPLAINS)
@@ -113,7 +115,9 @@ def _slope(predicted: Array, measured: Array, known: Array) -> float:
     varies = float(np.linalg.norm(predicted - predicted.mean()))
     # The known part explains most of it, or the two are hardly correlated.
     hidden = length <= 0.3 * varies or p @ m < 0.7 * length * np.linalg.norm(m)
-    return np.nan if hidden or not m.any() else float(p @ m) / length**2
+    if hidden or not m.any():
+        return np.nan
+    return float(p @ m) / length**2
 
 
 # Torque that saturates: the log lacks the torque that the drive requested beyond the limit.
@@ -215,7 +219,9 @@ def find_beyond(logs: MeasuredLogs) -> list[Finding]:
     said = []
     for joint, *ends in zip(names[far], least[far], most[far], low[far], high[far], strict=True):
         said.append("{} ({:.3g} … {:.3g}, limits {:.3g} … {:.3g})".format(joint, *ends))
-    return [Finding("beyond", joints=said)] if said else []
+    if said:
+        return [Finding("beyond", joints=said)]
+    return []
 
 
 @check("still", Does.HINTS, always=True)

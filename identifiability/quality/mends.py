@@ -78,7 +78,9 @@ def _find_unmeasured(log: Log, low: Array, high: Array) -> list[int]:
     """Return the joints whose torque never changes, from its ranges (n,); none if none changes."""
     known = np.zeros(len(low)) if log.unmeasured is None else find_range(log.unmeasured)[0]
     never = (low == high) & ~(known > 0) & ~np.isin(log.joints, BASE_JOINTS)
-    return np.flatnonzero(never).tolist() if (low < high).any() else []
+    if (low < high).any():
+        return np.flatnonzero(never).tolist()
+    return []
 
 
 def _find_stuck(log: Log, low: Array, high: Array) -> Iterator[tuple[int, int, int]]:

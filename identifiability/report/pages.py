@@ -488,7 +488,9 @@ def _preparation(record: Record) -> Fold | None:
     if record.clock["parts"] > 1:
         told.append(sentence("inspection.windows", parts=record.clock["parts"]))
     summary = f"How {record.name} is read and prepared"
-    return Fold(summary, (Prose(tuple(told)),)) if told else None
+    if told:
+        return Fold(summary, (Prose(tuple(told)),))
+    return None
 
 
 def _robot(result: Inspection) -> list[Section]:

@@ -597,7 +597,9 @@ class Description(Stated):
     @property
     def motor_joints(self) -> Strings:
         """Names of the joints that motors drive: all actuated ones but those of a floating base."""
-        return self.joints if self.base is None else self.joints[SIX:]
+        if self.base is None:
+            return self.joints
+        return self.joints[SIX:]
 
     def check_stands(self, what: str) -> None:
         """Refuse a floating robot for a use that needs a fixed base.

@@ -103,7 +103,9 @@ class Table(Strict):
     @property
     def unit(self) -> float:
         """Return the file's unit of angles [rad]."""
-        return math.radians(1.0) if self.angles == "deg" else 1.0
+        if self.angles == "deg":
+            return math.radians(1.0)
+        return 1.0
 
     def turn(self, angle: float | str) -> float:
         """Return an angle of the file [rad]; a part of pi is always in rad."""
@@ -125,7 +127,9 @@ class Table(Strict):
         yaw = self.turn(row.theta)
         x = pin.SE3(pin.rpy.rpyToMatrix(roll, 0.0, 0.0), np.array([row.a, 0.0, 0.0]))
         z = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([0.0, 0.0, row.d]))
-        return x * z if self.convention == "modified" else z * x
+        if self.convention == "modified":
+            return x * z
+        return z * x
 
 
 def write_table(table: str | Path | Mapping[str, Any], out: str | Path) -> Strings:

@@ -120,7 +120,9 @@ def _alike(text: str, other: str) -> bool:
 def part_of(element: ET.Element, tag: str) -> ET.Element:
     """Return a part of an element; make it if it is missing."""
     found = element.find(tag)
-    return ET.SubElement(element, tag) if found is None else found
+    if found is None:
+        return ET.SubElement(element, tag)
+    return found
 
 
 # Numbers in the XML of a robot file: inertials, and settings that would change them in compilation.

@@ -192,7 +192,9 @@ class Data(OfStructure):
     @property
     def confirmed(self) -> Reading | None:
         """Another reading that the logs confirm."""
-        return None if self.question is not None else self.reading
+        if self.question is not None:
+            return None
+        return self.reading
 
     @cached_property
     def unseen(self) -> Regression | None:
@@ -519,7 +521,9 @@ class Case:
         widest = self.stages.once(choose_cutoff, self.robot, logs, self.preparation)
         same_band = widest.cutoff == motion.how.cutoff
         same_motion = widest.derivatives == motion.how.derivatives
-        return widest if same_motion and not same_band else motion.how
+        if same_motion and not same_band:
+            return widest
+        return motion.how
 
     def read_as(self, data: Data, reading: Reading, run: Run, most: int | None = None) -> Data:
         """Return data under another reading of their logs."""
@@ -836,7 +840,9 @@ def prepare_held_out(
         Of the fitted logs.
     """
     band = fit_band(robot, log, how)
-    return prepare(log) if band is how else prepare(log, how=band)
+    if band is how:
+        return prepare(log)
+    return prepare(log, how=band)
 
 
 def drop_silent_part(recordings: Recordings, prepared: Prepared) -> Prepared:
@@ -874,7 +880,9 @@ def gather_data(
         regression=regression,
         hints=(*recordings.hints, *split, *_tell_motion(how)),
     )
-    return replace(data, validation=()) if data.silence else data
+    if data.silence:
+        return replace(data, validation=())
+    return data
 
 
 def _tell_motion(how: Preparation) -> tuple[str, ...]:

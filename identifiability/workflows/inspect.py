@@ -349,7 +349,9 @@ class Inspection(OfStructure, Result):
     def motors(self) -> tuple[str, ...]:
         """Motors whose columns a log may have instead of those of the joints."""
         transmission = self.robot.transmission
-        return () if transmission is None else transmission.motors
+        if transmission is None:
+            return ()
+        return transmission.motors
 
     @presented
     def parameters_frame(self) -> pd.DataFrame:

@@ -460,7 +460,9 @@ class Load(Result):
     def sidecar(self) -> str:
         """Lines for the robot's sidecar; empty if no gain is identifiable."""
         gains = {g.name: float(f"{g.value:.6g}") for g in self.gains if g.told}
-        return f"[torque]\ngain = {for_toml(gains)}\n" if gains else ""
+        if gains:
+            return f"[torque]\ngain = {for_toml(gains)}\n"
+        return ""
 
     @property
     @presented

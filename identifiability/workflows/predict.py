@@ -872,7 +872,9 @@ def find_fit(result: FitLike, robot: Robot) -> Fit:
         why = phrase("result.other", "joints")
         raise OptionError(str(refuse_robot("The result", fit.robot, robot, why)))
     changed = note_change("the result", fit.robot, robot)
-    return replace(fit, hints=(*fit.hints, *changed)) if changed else fit
+    if changed:
+        return replace(fit, hints=(*fit.hints, *changed))
+    return fit
 
 
 # `PositionPrediction`: how robots move as logged commands, or torques, make them.

@@ -100,7 +100,9 @@ def find_reader(path: Path) -> Reader | None:
 def find_parts(path: Path) -> list[Path]:
     """Return the logs that a path names: the episodes of a dataset, else one."""
     found = find_reader(path)
-    return [path] if found is None else found.parts(path)
+    if found is None:
+        return [path]
+    return found.parts(path)
 
 
 def check_there(path: Path) -> None:

@@ -135,7 +135,9 @@ class Piece:
 
     def down(self, x: Array) -> Array:
         """Return x (N, …) low-passed and decimated, if there is any decimation."""
-        return x if self.decimation is None else self.decimation.apply(x)
+        if self.decimation is None:
+            return x
+        return self.decimation.apply(x)
 
     @cached_property
     def _lost(self) -> Array | None:
@@ -525,7 +527,9 @@ def _silent(motion: Motion, dwells: Array) -> Array:
     """
     found = np.array(dwells)
     found[:, :SIX] = False
-    return found if motion.silent is None else found | motion.silent
+    if motion.silent is None:
+        return found
+    return found | motion.silent
 
 
 def _known_torque(robot: Robot, name: str, motion: Motion) -> Array:

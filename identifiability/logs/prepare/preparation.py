@@ -307,7 +307,9 @@ class Plan:
     @property
     def decimation(self) -> signals.Decimation | None:
         """The decimation, if there is any."""
-        return signals.Decimation(self.factor) if self.factor > 1 else None
+        if self.factor > 1:
+            return signals.Decimation(self.factor)
+        return None
 
     @property
     def reach(self) -> int:
@@ -340,7 +342,9 @@ class Plan:
             Row of its first sample in the whole log.
         """
         if self.stale is None or self.grid is None:
-            return log if self.stale is None else self.stale.mend(log)
+            if self.stale is None:
+                return log
+            return self.stale.mend(log)
         ends = self.grid.stretches(origin, origin + len(log))
         return join_logs([self.stale.mend(log.rows(a, b)) for a, b in ends])
 

@@ -79,7 +79,9 @@ class Calibration(Result):
     @property
     def word(self) -> Word:
         """Yes, no, or undecided by the trials; no if the analysis gives no values."""
-        return "no" if self.analysis.nothing else decide(self.cell)
+        if self.analysis.nothing:
+            return "no"
+        return decide(self.cell)
 
     @presented
     def rows_by_name(self) -> Iterator[Row]:

@@ -378,7 +378,9 @@ def export(
     found = replace(found, notes=(*said, *rises, *found.notes))
     if bent:
         found = replace(found, error_ra=None, error_ra_file=None)
-    return found if found.sidecar is None else _add_snippet(own, found)
+    if found.sidecar is None:
+        return found
+    return _add_snippet(own, found)
 
 
 def with_springs(robot: Robot, found: BendingEntry) -> tuple[Robot, dict[str, float]]:

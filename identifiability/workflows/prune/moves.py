@@ -307,7 +307,9 @@ def _kind(robot: Robot, link: Link) -> Literal["point", "hinge", "slide", "free"
         return "free"
     if len(kinds) > 2 or "ball" in kinds:
         return "point"
-    return "slide" if kinds[-1] == "prismatic" else "hinge"
+    if kinds[-1] == "prismatic":
+        return "slide"
+    return "hinge"
 
 
 def find_mirrors(parts: list[Attachment]) -> list[Mirror]:

@@ -345,7 +345,9 @@ def _choose(question: Question, search: Search, cad_prior: float | None) -> tupl
     (_, first), (_, last) = found[0], found[-1]
     pair = [x.real for x in (last, first) if x.real is not None]
     alike = len(pair) > 1 and near_best(pair)[0]
-    return found[-1] if last.robot.feasible and alike else found[0]
+    if last.robot.feasible and alike:
+        return found[-1]
+    return found[0]
 
 
 # The models of the path, measured.
