@@ -56,7 +56,8 @@ class Rows:
         for a in range(first, last, self.size):
             rows = slice(a, min(a + self.size, last))
             tau = self.tau[rows]
-            t, data = np.arange(len(tau)) + float(a), np.ones(tau.shape, bool)
+            t = np.arange(len(tau)) + float(a)
+            data = np.ones(tau.shape, bool)
             what = self.W[rows], tau, self.raw[rows], t, np.sign(tau), data
             yield Chunk(log, a - first, *what)
 
@@ -64,11 +65,13 @@ class Rows:
 def test_every_sample_is_predicted_by_the_fit_that_has_not_seen_it_over_several_logs():
     rng = default_rng(6)
     logs = (24, 40, 16)
-    W, tau = rng.normal(size=(80, 2, 3)), rng.normal(size=(80, 2))
+    W = rng.normal(size=(80, 2, 3))
+    tau = rng.normal(size=(80, 2))
     fold = np.repeat(np.arange(10) % 3, 8)  # block k of all logs is predicted by fit k mod 3
     values = rng.normal(size=(3, 3, 2))
     folds = Folds(fold[::8], fold[::8] != np.arange(3)[:, None], np.arange(8, 81, 8), 0.5)
-    rows, raw = Rows(W, tau, logs), tau + rng.normal(size=(80, 2))
+    rows = Rows(W, tau, logs)
+    raw = tau + rng.normal(size=(80, 2))
     rows.raw = raw
     whole, plain = predict_all(rows, [Task(values, folds), Task(values[:1], kept=False)])
     expected = np.einsum("tak,tkm->tam", W, values[fold])
