@@ -181,7 +181,7 @@ def test_a_log_that_contradicts_the_reading_of_a_result_is_named(verb, results, 
 
 
 def test_a_refused_export_says_that_a_log_contradicts_the_reading(results, tmp_path):
-    with pytest.raises(IdentifiabilityError, match=r"none4\.csv.* --force"):
+    with pytest.raises(IdentifiabilityError, match=r"none4\.csv.* force=True"):
         export(ROBOT, results("signs"), tmp_path / "fitted.xml", validate=record("none", 4))
 
 

@@ -37,7 +37,7 @@ def test_every_help_shows_a_line_to_type_and_explains_each_option(verb):
 
 
 #: Two screens of a terminal [lines].
-TWO_SCREENS = 115
+TWO_SCREENS = 75
 
 #: Numbers in the prose of the help that no constant holds, with what they are.
 OTHERS = {

@@ -121,10 +121,11 @@ def test_a_joint_that_a_log_lacks_is_proposed_for_locking_before_other_names_are
         Log.from_frame(frame, "log", known())
     said = str(told.value)
     assert "no column elbow.q, elbow.tau" in said
-    assert 0 < said.index("--lock 'elbow'.") < said.index("If one of finger is it, add --map")
+    assert 0 < said.index("lock=['elbow']).") < said.index("If one of finger is it, add Robot")
     every = frame.rename(columns=lambda c: c.replace("shoulder", "thumb"))
     with pytest.raises(
-        IdentifiabilityError, match="If one of thumb, finger is it, add --map 'OLD=shoulder'"
+        IdentifiabilityError,
+        match=r"thumb, finger is it, add .*columns={'OLD': 'shoulder'}",
     ):
         Log.from_frame(every, "log", known())
 

@@ -103,7 +103,7 @@ def test_a_row_of_units_counts_for_all_joints(arm, write):
 def test_two_torques_in_a_long_table_are_one_question(arm):
     channels = {"position": "q", "velocity": "dq", "tau_measured": "tau", "tau_feedback": "q"}
     frame = long_of(arm, channels=channels)
-    assert r"--map '(.+)\.tau_measured=\1.tau'" in refused(frame)
+    assert r"columns={'(.+)\\.tau_measured': '\\1.tau'}" in refused(frame)
     rules = {r"(.+)\.tau_measured": r"\1.tau"}
     same(Log.from_frame(frame, "log", known(columns=rules)), arm)
 

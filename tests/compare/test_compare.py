@@ -129,7 +129,7 @@ def test_of_three_logs_it_is_said_which_is_odd():
 def test_a_change_is_seen_from_the_stated_limit_on(times, least, most):
     """At 1.1 times the limit 98 % are named, so P(< 5 of 6) = .006; at half of it 12 %."""
     before = [logs(PLANAR, s)[0] for s in range(6)]
-    frame = compare(PLANAR, before[0], logs(PLANAR, 30)[1]).to_frame().set_index("name")
+    frame = compare(PLANAR, before[0], logs(PLANAR, 30)[1]).to_frame(details=True).set_index("name")
     assert set(frame.index) == {
         *(f"{joint}.{kind}" for joint in ("shoulder", "elbow") for kind in KINDS),
         "link2.m",

@@ -253,7 +253,7 @@ def test_every_verb_goes_on_under_the_other_model_and_says_so_first(turned):
     for verb in (analyze, prune):
         found, plain = (verb(robot, *x, replicates=20) for x in (logs, good))
         assert found.hints[0].startswith("The torque of elbow seems to have the wrong sign")
-        assert found.hints[0].endswith("All that follows is said under that reading.")
+        assert found.hints[0].endswith("All results use this reading.")
         assert not found.nothing
         assert found.chosen.error_ra_validation == pytest.approx(
             plain.chosen.error_ra_validation, rel=1e-6

@@ -39,6 +39,7 @@ from identifiability import (
 )
 from identifiability.foundation.output import plain
 from identifiability.foundation.rules import RuleTable
+from identifiability.foundation.wording import at_terminal
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.workflows.analyze.belief import EFFORT
 
@@ -126,7 +127,8 @@ def make(verb):
 
 def json_of(result):
     """Return what the result writes, without what another machine may say differently."""
-    told = json.loads(json.dumps(plain(result.to_dict())))
+    with at_terminal():
+        told = json.loads(json.dumps(plain(result.to_dict())))
     return {key: value for key, value in told.items() if key not in UNTOLD}
 
 

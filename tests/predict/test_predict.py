@@ -29,7 +29,7 @@ def held_still(log, joint):
 def test_a_result_predicts_its_own_log_as_it_fitted_it(analysis, make_log):
     found = analysis.predict(make_log("two-link", "a", 1))
     assert found.error_ra == pytest.approx(analysis.chosen.error_ra, rel=1e-9)
-    frame = found.to_frame()
+    frame = found.to_frame(details=True)
     frame = {name: frame[name].to_numpy() for name in frame}
     own = analysis.fitted.predicted[:, :, 0]
     for k, joint in enumerate(analysis.robot.joints):
@@ -176,7 +176,7 @@ def test_motion_alone_is_enough_to_predict_torque(analysis, make_log, tmp_path):
         assert_allclose(found.predicted, whole.predicted, rtol=1e-12, atol=1e-12)
         assert_allclose(found.low, whole.low, rtol=1e-9)  # of decimals as pandas reads
         assert np.isnan(found.tau).all()
-        assert np.isnan(found.to_frame()["elbow.residual"]).all()
+        assert np.isnan(found.to_frame(details=True)["elbow.residual"]).all()
         assert np.isnan([found.error_ra, found.error_ra_raw, *found.inside]).all()
         assert "Nothing was measured that could tell" in found.statement
         assert "tau" not in " ".join(found.hints)

@@ -56,6 +56,11 @@ class DiagnosisPresenter(PredictingPresenter):
 
     result: Diagnosis
 
+    brief = (
+        *("effect", "joint", "log_odds", "parameter", "value"),
+        *("error", "unit", "or", "before", "after"),
+    )
+
     def asked(self) -> tuple[Answer, ...]:
         """Return the missing effects, their share of the error, and the residual."""
         result = self.result
@@ -167,7 +172,7 @@ class DiagnosisPresenter(PredictingPresenter):
                 rows = name_estimates(p.rows, verdict=verdict, reason=reason, details=details)
                 yield from rows
 
-    def to_frame(self) -> pd.DataFrame:
+    def frame(self) -> pd.DataFrame:
         """Return one row for every named effect and place."""
         rows = []
         for e in self.result.effects:

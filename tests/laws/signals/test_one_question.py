@@ -42,7 +42,7 @@ def asked(frame, known):
     """Return the question about a table."""
     with pytest.raises(IdentifiabilityError) as refused:
         Log.from_frame(frame, "run", known)
-    return str(refused.value)
+    return refused.value.args[0]
 
 
 def answered(frame, joints):

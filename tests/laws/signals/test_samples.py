@@ -190,7 +190,7 @@ def test_columns_of_another_joint_or_late_by_a_fifth_of_a_period_contradict():
 @pytest.mark.parametrize(
     ("joint", "unit", "factor", "kind"),
     [
-        ("hinge", "degrees", 180 / np.pi, "say --set angles=deg"),
+        ("hinge", "degrees", 180 / np.pi, "say .*angles='deg'"),
         ("slide", "mm", 1e3, "convert it to m"),
         ("slide", "cm", 1e2, "convert it to m"),
     ],
