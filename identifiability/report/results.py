@@ -99,7 +99,8 @@ def render_page(page: Page) -> str:
     kinds = set(map(kind_of, _within((*page.summary, *page.sections))))
     zoomed = "traces" in kinds
     names = ["page.js", *(("uplot/uPlot.js", "traces.js") if zoomed else ())]
-    names += ["moving.js"] if "moving" in kinds else []
+    if "moving" in kinds:
+        names += ["moving.js"]
     sheets = ["style.css", *(("uplot/uPlot.css",) if zoomed else ())]
     script, style = ("\n".join(map(_template_text, each)) for each in (names, sheets))
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
