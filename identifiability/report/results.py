@@ -211,8 +211,9 @@ def build_page(result: Result) -> Page:
     sections = [*filter(None, _of_page(result, "sections", tables)), *done]
     # The values that a reader came for are on the first screen, before the next step.
     values = [part for part in sections[:1] if set(map(kind_of, part.blocks)) <= {"table", "fold"}]
-    # Otherwise there is room for the next step next to the drawing.
-    apart = bool(values) and sum(not a.commands for a in shown.answers) > 2
+    # Otherwise, and next to a still picture, there is room for the next step.
+    still = all(kind_of(block) == "picture" for block in shown.below)
+    apart = bool(values) and not still and sum(not a.commands for a in shown.answers) > 2
     first = replace(shown, answers=tuple(a for a in shown.answers if not (apart and a.commands)))
     following = Answers(tuple(a for a in shown.answers if apart and a.commands))
     return Page(
