@@ -553,12 +553,16 @@ def test_a_gain_that_the_logs_do_not_tell_is_stated_as_ratios(arm, unstated, fra
     assert not re.search(r"elbow [\d.]+ \(", said)
 
 
-def test_one_bad_joint_does_not_refuse_a_log_and_the_others_keep_their_values(arm, frames):
-    spoilt = frames[1].copy()
-    spoilt["elbow.cmd"] = np.random.default_rng(1).permutation(spoilt["elbow.cmd"])
+@pytest.mark.parametrize("kind", ["shuffled", "empty", "absent"])
+def test_one_bad_joint_does_not_refuse_a_log_and_the_others_keep_their_values(arm, frames, kind):
+    shuffled = np.random.default_rng(1).permutation(frames[1]["elbow.cmd"])
+    spoilt = frames[1].assign(**{"elbow.cmd": shuffled if kind == "shuffled" else np.nan})
+    if kind == "absent":
+        spoilt = spoilt.drop(columns="elbow.cmd")
     result = analyze(arm, spoilt, quick=True)
     (said,) = of_key(result.hints, "commands")
-    assert "elbow does not follow its command, so its torque is left out" in said
+    assert "elbow does not follow its command, or has none, so its torque is left out" in said
+    assert list(result.moved.alike) == [True, False]
     table = result.to_frame(details=True).set_index("name")
     low, high = table.loc["shoulder.Fc", "interval95"]
     assert low < TRUTH["shoulder.Fc"] < high
@@ -579,6 +583,12 @@ def test_a_log_in_which_no_joint_follows_is_refused_with_the_reason(arm, frames,
         spoilt[f"{joint}.cmd"] = spoil(spoilt[f"{joint}.cmd"])
     with pytest.raises(IdentifiabilityError, match=f"do not follow their commands.*{said}"):
         analyze(arm, spoilt, quick=True)
+
+
+def test_one_joint_in_percent_is_refused_with_the_remedy(arm, frames):
+    percent = {column: 50.0 * frames[1][column] for column in ("elbow.q", "elbow.cmd")}
+    with pytest.raises(IdentifiabilityError, match=r"'elbow\.q' spans .* elbow = \{scale"):
+        analyze(arm, frames[1].assign(**percent), quick=True)
 
 
 @pytest.fixture

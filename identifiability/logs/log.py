@@ -308,6 +308,13 @@ class Log:
         return commands and (self.motion_alone or self.servo_delay is not None)
 
     @property
+    def is_unmeasured(self) -> np.ndarray:
+        """Joints of which no row is data, (n,) bool."""
+        if self.unmeasured is None:
+            return np.zeros(len(self.joints), bool)
+        return np.all(self.unmeasured, axis=0)
+
+    @property
     def torque(self) -> bool:
         """Return whether any torque is not zero."""
         return any(self.tau[a:b].any() for a, b in divide_rows(len(self)))

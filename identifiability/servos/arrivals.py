@@ -84,5 +84,5 @@ def leave_out_irregular(
 
 def _noise(recording: Recording) -> Array:
     """Return the usual size of the residual of each joint, (n,)."""
-    sizes = np.where(recording.moves, np.abs(recording.residual), np.nan)
-    return 1.5 * np.nanmedian(sizes, axis=0) + 1e-12
+    sizes = np.ma.masked_where(~recording.moves, np.abs(recording.residual))
+    return 1.5 * np.ma.median(sizes, axis=0).filled(0.0) + 1e-12

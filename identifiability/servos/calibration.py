@@ -100,7 +100,7 @@ def calibrate_torque(
         like = one.moves & (one.direction == own.direction)
         left[one.rows] += np.where(like, one.residual, 0.0)
         count[one.rows] += like
-    lost = ~moves | (count == 0)
+    lost = ~moves | (count == 0) | log.is_unmeasured
     lost[: forgotten(log)] = True
     if given.unmeasured is not None:
         lost |= given.unmeasured
