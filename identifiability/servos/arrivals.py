@@ -85,5 +85,8 @@ def leave_out_irregular(
 
 def _noise(recording: Recording) -> Array:
     """Return the usual size of the residual of each joint, (n,)."""
-    sizes = np.ma.masked_where(~recording.moves, np.abs(recording.residual))
-    return 1.5 * np.ma.median(sizes, axis=0).filled(0.0) + 1e-12
+    sizes = np.where(recording.moves, np.abs(recording.residual), np.nan)
+    moving = recording.moves.any(0)
+    noise = np.full(len(moving), 1e-12)
+    noise[moving] += 1.5 * np.nanmedian(sizes[:, moving], axis=0)
+    return noise
