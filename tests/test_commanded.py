@@ -27,6 +27,7 @@ from identifiability.foundation.documents import toml_text
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.logs.conventions import Conventions
+from identifiability.logs.prepare import prepare_log
 from identifiability.logs.prepare.preparation import choose_cutoff, make_plan
 from identifiability.physical.cad_prior import combine_with_file, thick_inertia
 from identifiability.physical.pseudo_inertia import BASIS
@@ -171,6 +172,17 @@ def test_reversals_are_data_where_a_rollout_turns_by_the_same_friction(arm, fram
         for log in (given, replace(given, servo_delay=None))  # the same torque, as if measured
     ]
     assert turning[0] == 0 < turning[1]
+
+
+def test_a_lost_row_is_bridged_unless_a_rollout_lost_it(arm, frames):
+    given = servo_log(read(arm, frames[1]), arm.servo, 0.007)
+    lost = np.arange(len(given))[:, None] == [400, 400]
+    log = replace(given, unmeasured=lost)
+    how = choose_cutoff(arm, [log], None)
+    weights = [
+        prepare_log(arm, replace(log, rollout=q), how).weight.mean() for q in (None, given.q)
+    ]
+    assert weights[0] > weights[1] > 0.5
 
 
 FAULTS = [("", 0.0, 1.0), ("irregular", 0.05, 1.0), ("gains_scale", 0.0, 1.4)]

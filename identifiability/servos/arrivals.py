@@ -87,6 +87,6 @@ def _noise(recording: Recording) -> Array:
     """Return the usual size of the residual of each joint, (n,)."""
     sizes = np.where(recording.moves, np.abs(recording.residual), np.nan)
     moving = recording.moves.any(0)
-    noise = np.full(len(moving), 1e-12)
+    noise = np.full(recording.moves.shape[1], 1e-12)
     noise[moving] += 1.5 * np.nanmedian(sizes[:, moving], axis=0)
     return noise
