@@ -483,6 +483,13 @@ class TorqueRows:
         parts = np.append(self.parts[..., 0], weight, axis=2)
         return TorqueRows(self.structure, self.excerpt, parts[..., None])
 
+    def with_column(self, columns: Mapping[int, Array]) -> TorqueRows:
+        """Return the rows with one column more: the torque (N,) of each joint in which it acts."""
+        parts = np.pad(self.parts, ((0, 0), (0, 0), (0, 1), (0, 0)))
+        for joint, torque in columns.items():
+            parts[:, joint, -1, 0] = torque
+        return TorqueRows(self.structure, self.excerpt, parts)
+
     def halves(self) -> tuple[TorqueRows, TorqueRows]:
         """Return the rows of two parts: every other block of each log."""
         t, log = self.excerpt.t, self.excerpt.log

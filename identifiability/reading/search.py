@@ -18,6 +18,8 @@ from functools import cached_property
 
 import numpy as np
 
+from identifiability.effects import FAMILIES
+from identifiability.effects.measurement import EncoderBias
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.linalg import NEARLY
@@ -29,6 +31,7 @@ from identifiability.logs.signals import sampling_step
 from identifiability.physical.cad_prior import combine_with_file
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.quality import MeasuredLogs
+from identifiability.regression.columns import list_candidates
 
 from .candidates import CORRECT_ZERO, MOST, ReadingCandidates
 from .fit import TorqueRows, excerpt_size
@@ -125,10 +128,30 @@ class ReadingSearch:
         verified = (replace(reading, verification=self.verify(reading)) for reading in judged)
         readings = list[Reading]()
         for reading in verified:
+            if reading.holds and reading.turned and self.has_wrong_zero(reading):
+                continue
             readings.append(reading)
             if reading.holds:
                 return self.complete(reading)
         return readings[0] if readings else None
+
+    def has_wrong_zero(self, reading: Reading) -> bool:
+        """Return whether one encoder's zero fits better than another direction of gravity.
+
+        Then the mixed model finds that zero. It does so to first order.
+        """
+        motions = [piece.motion for piece in self.rows.excerpt.pieces]
+        inputs = self.robot, [FAMILIES[EncoderBias.name]], self.structure.present, motions
+        zeros, _ = list_candidates(*inputs, fixed=False)
+        entries = self.rows.excerpt.entries(zeros)
+        turned = self.rows.fit(reading)
+        independent = self.rows.count(reading)
+        for column in {column for _, column in entries}:
+            at = {joint: torque for (joint, k), torque in entries.items() if k == column}
+            less = turned - self.rows.with_column(at).fit(self.literal)
+            if independent @ less >= RULES.unseen_gain:
+                return True
+        return False
 
     def rows_of(self, reading: Reading) -> TorqueRows:
         """Return the rows of a reading's motion and offsets.
