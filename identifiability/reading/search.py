@@ -311,7 +311,9 @@ class ReadingSearch:
         """Return a reading with the offsets of each log, and describe the largest difference."""
         offsets = self.offsets.values
         sd = offsets.std(0, ddof=1)
-        j = int(np.argmax(sd**2 / self.rows.variation))
+        # Torque of a floating base does not vary.
+        variation = np.where(self.rows.variation > 0, self.rows.variation, np.inf)
+        j = int(np.argmax(sd**2 / variation))
         most = f"±{sd[j]:.2g} {self.robot.torque_units[j]} in {self.robot.joints[j]}"
         names = (s.name for s in self.logs.samples)
         return replace(
