@@ -43,6 +43,10 @@ def test_a_drawn_arm_is_read_as_it_was_logged(drawn, tmp_path, row, logs, outcom
     [
         ("0", "unit of one", 1, "question"),
         ("0", "magnitudes", 4, "question"),
+        # Smooth functions of two logs contain the offsets of both.
+        ("0", "offsets by log", 6, "right"),
+        # A tilt explains the zero of an inner joint, but not as well.
+        ("0", "encoder zero", 7, "right"),
         # The masses of the file decide between a unit and functions of the motion.
         ("2", "unit of one", 0, "right"),
         # Functions of the motion explain the weight that one joint lacks nearly as well.
