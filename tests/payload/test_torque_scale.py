@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from identifiability import analyze, payload
+from identifiability.foundation.rounding import REACH
+from identifiability.workflows.torque_scale import compare_gravity
 
 ARM = "six-dof-arm"
 
@@ -54,3 +56,14 @@ def test_the_prior_of_torque_constants_is_in_the_interval_where_the_file_is_no_w
     assert 0.05 < unsure.scale.sd < 0.11
     assert unsure.mass.half > 0.1 * planted.mass
     assert "torque constants" in unsure.statement
+
+
+def test_the_factor_is_as_sure_as_files_whose_bodies_err_by_5_percent_allow():
+    held = []
+    for rng in np.random.default_rng(0).spawn(150):
+        bodies = rng.standard_normal((10, 6))
+        stated = bodies.sum(1)
+        fitted = bodies @ (1.0 + 0.05 * rng.standard_normal(6))
+        found = compare_gravity(fitted, 1e-4 * np.eye(10), stated, bodies @ bodies.T)
+        held.append(abs(np.log(found.factor)) < REACH * found.sd)
+    assert np.mean(held) > 0.95 - 2 * np.sqrt(0.05 * 0.95 / 150)
