@@ -34,6 +34,7 @@ from .common import (
     command,
     sentence,
     state_contradicted,
+    torque_noise,
 )
 from .compare import table_changes
 from .tables import make_table
@@ -55,6 +56,11 @@ class DiagnosisPresenter(PredictingPresenter):
 
     result: Diagnosis
 
+    brief = (
+        *("effect", "joint", "log_odds", "parameter", "value"),
+        *("error", "unit", "or", "before", "after"),
+    )
+
     def asked(self) -> tuple[Answer, ...]:
         """Return the missing effects, their share of the error, and the residual."""
         result = self.result
@@ -70,6 +76,11 @@ class DiagnosisPresenter(PredictingPresenter):
         """Return the errors of the model with the named effects on unseen motion."""
         error, rms = self.result.error_frame()[["after", "rms_after"]].to_numpy().T
         return self.result.held_after, error, rms
+
+    def noise(self) -> Array | None:
+        """Return the noise of each joint's torque; None where torque was computed."""
+        result = self.result
+        return None if result.commanded else torque_noise(result.validation or result.samples)
 
     def commands(self) -> list[Command]:
         """Return lines for the terminal, the most useful first."""
@@ -161,7 +172,7 @@ class DiagnosisPresenter(PredictingPresenter):
                 rows = name_estimates(p.rows, verdict=verdict, reason=reason, details=details)
                 yield from rows
 
-    def to_frame(self) -> pd.DataFrame:
+    def frame(self) -> pd.DataFrame:
         """Return one row for every named effect and place."""
         rows = []
         for e in self.result.effects:
