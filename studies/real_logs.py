@@ -5,9 +5,9 @@
 The model that an analysis of the fitted logs alone would use: as estimated, as the nearest
 physically consistent values, and as it recommends; with `--prune` the unpruned and the pruned
 model, too. `--diagnose` lists the effects that are named on some logs and stand on the other, with
-the error there before and after, and that of the model that `analyze` recommends. It fails if the diagnosed model
-errs more by 1 %. It also lists the effects that the other log refutes, and conflicts between parts
-of a robot's data. `--readings` compares errors with those of columns that
+the error there before and after, and that of the model that `analyze` recommends. It fails if the
+diagnosed model errs more by 1 %. It also lists the effects that the other log refutes, and
+conflicts between parts of a robot's data. `--readings` compares errors with those of columns that
 are read as they are named. It fails if another reading is in use and errs more by 2 %.
 `--written` compares the values that files get with all candidates: each model of the ladder, as
 estimated and as the nearest physically consistent values. Folds of the fitted logs alone choose.

@@ -41,12 +41,10 @@ def test_the_prior_of_torque_constants_is_in_the_interval_where_the_file_is_no_w
 ):
     kept, log = fit(ARM), make_logs(ARM, planted, seed=3)[1]
     rng = np.random.default_rng(0)
-    nominal = kept.robot.nominal
+    heavy = (".m", ".mx", ".my", ".mz")
     placeholders = {
-        name: (
-            value * rng.uniform(0.1, 4.0) if name.endswith((".m", ".mx", ".my", ".mz")) else value
-        )
-        for name, value in nominal.items()
+        name: value * (rng.uniform(0.1, 4.0) if name.endswith(heavy) else 1.0)
+        for name, value in kept.robot.nominal.items()
     }
     other = replace(kept.robot, nominal=placeholders)
     vague = replace(kept, structure=replace(kept.structure, robot=other))
@@ -62,8 +60,7 @@ def test_the_factor_is_as_sure_as_files_whose_bodies_err_by_5_percent_allow():
     held = []
     for rng in np.random.default_rng(0).spawn(150):
         bodies = rng.standard_normal((10, 6))
-        stated = bodies.sum(1)
         fitted = bodies @ (1.0 + 0.05 * rng.standard_normal(6))
-        found = compare_gravity(fitted, 1e-4 * np.eye(10), stated, bodies @ bodies.T)
+        found = compare_gravity(fitted, 1e-4 * np.eye(10), bodies.sum(1), bodies @ bodies.T)
         held.append(abs(np.log(found.factor)) < REACH * found.sd)
-    assert np.mean(held) > 0.95 - 2 * np.sqrt(0.05 * 0.95 / 150)
+    assert np.mean(held) > 0.91
