@@ -479,7 +479,7 @@ class MixedModel:
         terms : tuple of Term
         unpriced : collection of str
             Families of which each joint may have one more, without the price of a name: those
-            whose odds without it would name them.
+            that the rows make likelier than nothing.
         """
         gains = self.gains(terms)
         found = [t for t in gains if t.odds > RULES.unlikely]
@@ -489,7 +489,7 @@ class MixedModel:
             for t in gains
             if t.group.family in unpriced
             and t.group.place != EVERYWHERE
-            and t.odds + t.group.price >= RULES.name
+            and t.odds + t.group.price > 0.0
         ]
         for place in {t.group.place for t in free}:
             here = [t for t in free if t.group.place == place]
