@@ -108,6 +108,8 @@ class Group:
         Minus the log of its prior odds.
     positive : bool
         Whether physics forbids negative levels.
+    unnamed : bool
+        Whether it is a function that no equation names.
     """
 
     family: str
@@ -115,6 +117,7 @@ class Group:
     members: tuple[np.ndarray, ...]
     price: float
     positive: bool = False
+    unnamed: bool = False
 
     @property
     def key(self) -> tuple[str, str]:
@@ -384,7 +387,8 @@ class MixedModel:
         """Return the missing terms: add the best group, and remove groups that no longer gain.
 
         Of groups that are about as good the simplest is added first: a flexible group would absorb
-        the evidence of a named effect, and remove that effect if it fails on unseen rows.
+        the evidence of a named effect, and remove that effect if it fails on unseen rows. A family
+        with a name goes before an unnamed function.
         """
         terms: Terms = ()
         gone: set[tuple[str, str]] = set()
@@ -393,7 +397,8 @@ class MixedModel:
             if not found:
                 break
             near = [t for t in found if t.odds > found[0].odds - RULES.simpler]
-            terms = self.update_terms((*terms, min(near, key=lambda t: (t.size, -t.odds))))
+            simplest = min(near, key=lambda t: (t.group.unnamed, t.size, -t.odds))
+            terms = self.update_terms((*terms, simplest))
             while terms and min(t.odds for t in terms) < RULES.name:
                 least = min(range(len(terms)), key=lambda k: terms[k].odds)
                 gone.add(terms[least].key)
@@ -474,7 +479,7 @@ class MixedModel:
         terms : tuple of Term
         unpriced : collection of str
             Families of which each joint may have one more, without the price of a name: those
-            whose odds without it would name them.
+            that the rows make likelier than nothing.
         """
         gains = self.gains(terms)
         found = [t for t in gains if t.odds > RULES.unlikely]
@@ -484,7 +489,7 @@ class MixedModel:
             for t in gains
             if t.group.family in unpriced
             and t.group.place != EVERYWHERE
-            and t.odds + t.group.price >= RULES.name
+            and t.odds + t.group.price > 0.0
         ]
         for place in {t.group.place for t in free}:
             here = [t for t in free if t.group.place == place]
