@@ -15,7 +15,7 @@ from identifiability.logs.commands import are_positions_alone
 from identifiability.robot import Robot
 
 from .descent import BEGUN, ENOUGH, PROMISED, SearchEnd, conclude, descend
-from .positions import encoder_noise
+from .positions import recording_error
 from .problem import PLAY, RolloutProblem
 from .rollouts import KINDS, Rollouts
 from .torque import servo_log
@@ -72,9 +72,9 @@ def find_odd_joints(robot: Robot, found: Rollouts) -> tuple[list[Finding], Rollo
         Its problem then also varies the numbers that are used.
     """
     problem, end = found.search
-    # Trees in which rollouts err by more than the noise of positions.
-    noise = [encoder_noise(log) for log in problem.logs]
-    trees = np.unique(problem.trees[found.errors > np.max(noise, axis=0)])
+    # An explanation leaves less than half of the squared errors, and at least those of recording.
+    recording = np.max([recording_error(log) for log in problem.logs], axis=0)
+    trees = np.unique(problem.trees[found.errors**2 > 2.0 * recording**2])
     if not len(trees):
         return [], found, False
     screening = _screen(problem, end, found)
