@@ -224,6 +224,11 @@ class MixedModel:
         p = self.products
         return p.between(np.arange(p.size), np.array(p.size)) / self.scale
 
+    @cached_property
+    def plain(self) -> Solution:
+        """Values and likelihood without any term."""
+        return self.solve()
+
     def _between(self, some: np.ndarray, others: np.ndarray) -> Array:
         return self.products.between(some, others) / (self.scale[some] * self.scale[others])
 
