@@ -322,11 +322,14 @@ class Prediction:
         """Return whether a model errs less than another by more than one standard error.
 
         Of the difference of absolute errors over stretches of the samples that are held, as a name
-        is confirmed on unseen motion; False where none are held.
+        is confirmed on unseen motion; False where none are held. Each joint counts by its own
+        scale: the torque of a shoulder would hide the error of a wrist.
         """
         if not len(self.predicted):
             return False
-        size = np.abs(self.residual[:, :, [one, other]]).sum(1)
+        variation = np.sqrt(np.mean(self.apart(axis=0) ** 2, axis=0))
+        errors = np.abs(self.residual[:, :, [one, other]])
+        size = np.sum(errors / or_one(variation)[:, None], axis=1)
         parts = [x.sum() for x in np.array_split(size[:, 1] - size[:, 0], LEVELS.folds)]
         return bool(np.sum(parts) > np.std(parts, ddof=1) * np.sqrt(len(parts)))
 

@@ -3,8 +3,8 @@
 import json
 from itertools import pairwise
 
-import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError, Noise, Robot, analyze, prune
 from identifiability.estimation.evidence import LEVELS
@@ -84,7 +84,7 @@ def test_the_chosen_model_is_a_ladder_that_analyze_reads(pruned, simulated, tmp_
     again = analyze("3-rps", simulated("3-rps", "601", 0), "none", path, replicates=20)
     model = again.models[1]
     assert set(model.submodel.columns) == set(pruned.chosen.columns)
-    np.testing.assert_allclose(
+    assert_allclose(
         model.estimate.value, pruned.chosen.estimate.value, rtol=1e-6
     )  # fmt: skip
 

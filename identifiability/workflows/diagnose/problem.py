@@ -98,6 +98,9 @@ class Problem(OfStructure):
         Preparation of the logs, with one cut-off.
     changes : tuple of Change
         Changes in the middle of fitted logs. The time of each change was left out.
+    restored : bool
+        Whether its rows are fitted in spite of that, because unseen motion refutes the values
+        without them.
     commanded : bool
         Whether servos made the torque of commands.
     excerpt, unseen_excerpt : tuple of Dataset
@@ -122,6 +125,7 @@ class Problem(OfStructure):
     verified_on: str = ""
     preparation: Preparation = Preparation()
     changes: tuple[Any, ...] = ()
+    restored: bool = False
     commanded: bool = False
     excerpt: tuple[Dataset, ...] = ()
     unseen_excerpt: tuple[Dataset, ...] = ()
@@ -129,6 +133,11 @@ class Problem(OfStructure):
     recommended: Recommended | None = None
     ladder: LadderEntry | None = None
     columns: tuple[tuple[Structure, Regression], ...] = ()
+
+    @property
+    def left_out(self) -> tuple[Any, ...]:
+        """Changes whose rows are not fitted."""
+        return () if self.restored else self.changes
 
     def regression(
         self, structure: Structure, samples: tuple[Dataset, ...] | None = None
