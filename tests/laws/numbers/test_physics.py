@@ -125,3 +125,5 @@ def test_the_residual_that_counts_as_one_is_the_noise_but_no_less_than_rounding(
     assert data.unit == 0.5
     assert LeastSquares(R=np.eye(2), z=data.z, rss_min=0.0, dof=1.0).unit == pytest.approx(5e-9)
     assert data.rss(np.array([3.0, 2.0])) == pytest.approx(4.0 + 4.0)
+    one = LeastSquares.of_normal(np.array([1e6]), np.eye(1), np.zeros((1, 0)))
+    assert one.unit == 1.0  # its rows count standard deviations
