@@ -138,12 +138,23 @@ def state_probability(log_odds: float) -> str:
     >>> state_probability(1.2), state_probability(6.0), state_probability(1500.0)
     ('probability 77 %', 'probability over 99 %', 'probability over 99.99 %')
     """
+    return f"probability {probability_text(log_odds)}"
+
+
+def probability_text(log_odds: float | None) -> str:
+    """Return the probability of log odds [nat] in percent, or a dash.
+
+    Examples
+    --------
+    >>> probability_text(6.0), probability_text(-20.0), probability_text(math.nan)
+    ('over 99 %', 'below 0.01 %', '—')
+    """
+    if log_odds is None or math.isnan(log_odds):
+        return NONE
     probability = float(expit(log_odds))
-    if probability > 0.9999:
-        return "probability over 99.99 %"
     if probability > 0.99:
-        return "probability over 99 %"
-    return f"probability {percent(probability, 2)}"
+        return "over 99.99 %" if probability > 0.9999 else "over 99 %"
+    return "below 0.01 %" if probability < 1e-4 else percent(probability, 2)
 
 
 #: Shares in percent to two digits, and errors to three, zeros kept.

@@ -125,7 +125,7 @@ def test_an_effect_that_the_model_lacks_is_no_change_of_the_robot(fit, make_logs
     paired = payload(ARM, fit(ARM), log, [make_logs(ARM, seed=50, extra=odd)[1]])
     for found in (alone, paired):
         assert "unction of position in joint_3 in addition to the load" in found.statement
-    assert ["--without" in found.statement for found in (alone, paired)] == [True, False]
+    assert ["without=" in found.statement for found in (alone, paired)] == [True, False]
     assert not payload(ARM, fit(ARM), make_logs(ARM, planted, seed=11)[1]).caveats
 
 
