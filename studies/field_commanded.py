@@ -49,8 +49,8 @@ def told(a: Analysis) -> list[str]:
     Remarks on reading and preparation are left out, as is the remark that results hold under an
     alternative.
     """
-    hints = [x for x in a.hints if getattr(x, "key", "") not in ALWAYS or EARLY in x]
-    hints = [x for x in hints if x != SO]
+    hints = [x for x in a.hints if getattr(x, "key", "") not in ALWAYS and x != SO]
+    hints += [EARLY for x in a.hints if EARLY in x]
     missing = [x.strip() for x in re.split(r"\), | and (?=a)", a.missing.statement) if x]
     return [*filter(None, (a.mass_warning, *hints, *missing))]
 
