@@ -207,7 +207,8 @@ def fill(key: str, value: Any) -> Any:
         return [fill(key, item) for item in value]
     if isinstance(value, dict):
         numbers = {name: fill(key, item) for name, item in value.items()}
-        return phrase(key, numbers.pop("part"), **numbers)
+        said = phrase(key, numbers.pop("part"), **numbers)
+        return f"{said}. {numbers['then']}." if "then" in numbers else said
     return value
 
 

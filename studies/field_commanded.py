@@ -316,7 +316,7 @@ class Floating:
         row = {"robot": "walking-quadruped", "seconds": time.process_time() - begin}
         row |= {"refused": False, "trust": a.answers()[2].tone}
         row |= examine_told(told(a), pattern)
-        weight = re.search(r"weighs ([\d.]+) ± ([\d.]+) kg", a.weight)
+        weight = re.search(r"weighs ([\d.]+) ± ([\d.]+) kg", a.statement)
         off = half = np.nan
         if weight:
             off, half = float(weight[1]) / mass - 1.0, float(weight[2]) / mass

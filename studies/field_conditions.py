@@ -67,7 +67,7 @@ from scipy.spatial.transform import Rotation
 from servo_robots import Recorder
 from shared import ROOT, study_parser, write_answer
 
-from identifiability import Analysis, Log, Preparation, analyze
+from identifiability import Analysis, Preparation, analyze
 from identifiability.foundation.errors import ClosureError, IdentifiabilityError
 from identifiability.foundation.names import Array
 from identifiability.foundation.output import plain
@@ -807,10 +807,7 @@ def examine(x: Logged, which: Condition) -> dict[str, Any]:
         x.notes["sound"].to_parquet(sealed)
     elif which.sealed == "sound scale":
         scale = x.notes["sound"][[f"{j}.tau" for j in robot.joints]].to_numpy().std(0)
-    read = sealed
-    if a.alternative is not None:  # under which all is said
-        read = a.alternative.read(Log.read(sealed), a.structure)
-    row["error"] = sealed_error(a, read, which, scale)
+    row["error"] = sealed_error(a, sealed, which, scale)
     if which.truth is not None:
         row["truth"] = truth_error(x, which, sealed, scale)
     row |= examine_told(told(a), which.says)

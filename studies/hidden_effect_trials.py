@@ -21,6 +21,7 @@ from identifiability.robot import Robot
 from identifiability.simulation import Campaign, Noise, random_trajectory, shipped_trajectory
 from identifiability.workflows.diagnose import Diagnosis, Problem, diagnose, look
 from identifiability.workflows.diagnose.problem import know_nothing
+from identifiability.workflows.diagnose.result import NamedEffect
 
 #: Noise of the torque as a share of its rms, its correlation at 100 Hz, and encoders [m or rad].
 LEVEL, RHO = 0.012, 0.9
@@ -274,6 +275,12 @@ def _run_paper(job: Job) -> Trial:
     return _trial(job, sorted(joints), (np.nan, np.nan), outcome, d, right=right, truth=np.nan)
 
 
+def _state(effect: NamedEffect) -> str:
+    """Return its names, the likeliest first, and its joints."""
+    names = " or ".join((effect.name, *effect.alternatives))
+    return f"{names} in {'+'.join(effect.joints)}"
+
+
 def _trial(
     job: Job, places: list[str], seen: tuple[float, float], outcome: str, d: Diagnosis | None, *,
     right: bool, truth: float,
@@ -282,7 +289,7 @@ def _trial(
     return Trial(
         job.key, job.study, job.robot, "+".join(job.hidden), job.size, job.rho, job.motion,
         job.seed, "+".join(places), *seen, outcome,
-        "; ".join(f"{e.names} in {'+'.join(e.joints)}" for e in effects), bool(right),
+        "; ".join(map(_state, effects)), bool(right),
         all(e.confirmed for e in effects),
         np.nan if d is None else d.held_before, np.nan if d is None else d.held_after, truth,
     )  # fmt: skip

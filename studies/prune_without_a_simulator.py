@@ -54,7 +54,7 @@ from identifiability.simulation import (
 from identifiability.simulation.simulator import ar1
 from identifiability.workflows.diagnose.problem import change_interval
 from identifiability.workflows.prune import Ladder, prune
-from identifiability.workflows.prune.elimination import find_path
+from identifiability.workflows.prune.elimination import find_path, good_steps
 
 NEXT = {"571": "595", "595": "601", "601": "571"}
 SLIDERS = {f"slider{k}.{kind}" for k in (1, 2, 3) for kind in ("Fv", "Fc", "Jr")}
@@ -239,7 +239,7 @@ def gls_sigma(W: np.ndarray, correlations: Sequence[float]) -> np.ndarray:
 def find_subset(information: Information, whitened: Information | None = None) -> set[str]:
     """Return the parameters that pruning keeps."""
     search = find_path(information, whitened=whitened)
-    partition = search.steps[search.choose()].partition
+    partition = search.steps[good_steps(search.steps)[0]].partition
     return {partition.columns[leader] for leader in partition.leaders}
 
 

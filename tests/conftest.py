@@ -1,7 +1,5 @@
 """Shared by all tests: robots, simulated logs, and skips that cannot hide."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import pickle
@@ -9,7 +7,6 @@ import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from contextlib import contextmanager
 from functools import cache, wraps
 from importlib import import_module
@@ -24,20 +21,15 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
-from identifiability import report
+from identifiability import Log, Model, Noise, Robot, report, simulate
 from identifiability.cli import app
-from identifiability.logs import Log, rows, tables
-from identifiability.regression.regression import Model
+from identifiability.logs import rows, tables
 from identifiability.report import blocks, figures
-from identifiability.robot import Robot
 from identifiability.simulation import (
     PAPER_NOISE,
     MujocoRobot,
-    Noise,
     PrescribedMotion,
-    RigidTorque,
     shipped_trajectory,
-    simulate,
 )
 from identifiability.workflows.analyze.belief import EFFORT
 
@@ -94,15 +86,15 @@ def pytest_collection_modifyitems(config, items):
 
 
 @cache
-def load(name: str) -> Robot:
+def load(name):
     return Robot.load(name)
 
 
 _compute = MujocoRobot.inverse_dynamics
-_torques: dict[str, RigidTorque] = {}
+_torques = {}
 
 
-def _remember(simulator: MujocoRobot, *motion: np.ndarray) -> RigidTorque:
+def _remember(simulator, *motion):
     """Simulate the same motion of the same robot once: tests add other noise to the same few.
 
     What one runner of this run has simulated the others read.
@@ -140,7 +132,7 @@ def pytest_runtest_setup(item):
     _looks["now"] = bool(pictured)
 
 
-def _leave_out(draw: Callable, nothing: object) -> Callable:
+def _leave_out(draw, nothing):
     """Draw only where a test looks at it: pictures take most of a page's time."""
     return wraps(draw)(lambda *args, **named: draw(*args, **named) if _looks["now"] else nothing)
 
@@ -162,7 +154,7 @@ def at_once():
     The longest work takes an eighth of it.
     """
 
-    def spend(turns: int) -> float:
+    def spend(turns):
         start, total = time.process_time(), 0
         for turn in range(turns):
             total += turn
@@ -183,40 +175,40 @@ def at_once():
 @pytest.fixture(
     params=[*ROBOTS, *(pytest.param(name, marks=pytest.mark.everything) for name in MECHANISMS)]
 )
-def robot(request) -> Robot:
+def robot(request):
     return load(request.param)
 
 
 @pytest.fixture
-def rps() -> Robot:
+def rps():
     return load("3-rps")
 
 
 @pytest.fixture
-def paper_model() -> Model:
+def paper_model():
     return Model.of(*PAPER_EFFECTS)
 
 
 @cache
 def simulated_log(
-    name: str,
-    trajectory: str,
-    seed: int = 0,
-    noise: Noise = PAPER_NOISE,
-    samples: int | None = None,
-) -> Log:
+    name,
+    trajectory,
+    seed=0,
+    noise=PAPER_NOISE,
+    samples=None,
+):
     robot = load(name)
     motion = PrescribedMotion.of(shipped_trajectory(robot, trajectory), samples)
     return simulate(robot, motion, noise=noise, rng=np.random.default_rng(seed))
 
 
 @pytest.fixture
-def noisy_log() -> Log:
+def noisy_log():
     return simulated_log("3-rps", "601")
 
 
 @pytest.fixture
-def exact_log() -> Log:
+def exact_log():
     return simulated_log("3-rps", "601", noise=Noise())
 
 

@@ -17,8 +17,6 @@ A mutant dies if a test fails (or does not end). The exit code is 1 if a mutant 
 unexplained, dies although it is said to survive, or cannot be applied.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import random
@@ -27,7 +25,6 @@ import subprocess
 import sys
 import tempfile
 import tomllib
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -55,7 +52,7 @@ class Mutant:
     survives: str = ""
 
 
-def read_mutants(folder: Path = TESTS / "mutants") -> list[Mutant]:
+def read_mutants(folder=TESTS / "mutants"):
     """Return the mutants of all lists."""
     found = []
     for path in sorted(folder.glob("*.toml")):
@@ -67,7 +64,7 @@ def read_mutants(folder: Path = TESTS / "mutants") -> list[Mutant]:
     return found
 
 
-def find_anchor(text: str, sources: dict[Path, str]) -> Path:
+def find_anchor(text, sources):
     """Return the file of the package in which a text stands, once and nowhere else."""
     counts = {path: source.count(text) for path, source in sources.items() if text in source}
     if sum(counts.values()) != 1:
@@ -76,13 +73,13 @@ def find_anchor(text: str, sources: dict[Path, str]) -> Path:
     return next(iter(counts))
 
 
-def read_sources(root: Path = ROOT) -> dict[Path, str]:
+def read_sources(root=ROOT):
     """Return the text of every module and table of the package, by its path below the root."""
     files = [f for ending in ("py", "toml") for f in sorted((root / PACKAGE).rglob(f"*.{ending}"))]
     return {path.relative_to(root): path.read_text(encoding="utf-8") for path in files}
 
 
-def find_mistakes(mutants: Sequence[Mutant], sources: dict[Path, str]) -> list[str]:
+def find_mistakes(mutants, sources):
     """Return what is wrong with the lists: names, texts, tests."""
     out, names = [], set[str]()
     for mutant in mutants:
@@ -100,7 +97,7 @@ def find_mistakes(mutants: Sequence[Mutant], sources: dict[Path, str]) -> list[s
     return out
 
 
-def copy_checkout(folder: Path) -> Path:
+def copy_checkout(folder):
     """Return a copy of what the tests need."""
     for part in PARTS:
         source, target = ROOT / part, folder / part
@@ -111,7 +108,7 @@ def copy_checkout(folder: Path) -> Path:
     return folder
 
 
-def run(copy: Path, tests: Sequence[str], *, write: bool) -> tuple[str, str]:
+def run(copy, tests, *, write):
     """Return how the tests of a copy end, and what they print."""
     words = ["-x", "-q", "--no-header", "--tb=line", *(f"tests/{t}" for t in tests)]
     environment = {"PYTHONPATH": str(copy), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
@@ -129,7 +126,7 @@ def run(copy: Path, tests: Sequence[str], *, write: bool) -> tuple[str, str]:
     return ends.get(done.returncode, "broken"), done.stdout + done.stderr
 
 
-def try_one(mutant: Mutant, copies: SimpleQueue[Path]) -> tuple[Mutant, str, str]:
+def try_one(mutant, copies):
     """Put a mutant into a copy that nobody uses, test it, and take it out again."""
     copy = copies.get()
     path = copy / find_anchor(mutant.old, read_sources(copy))
@@ -142,7 +139,7 @@ def try_one(mutant: Mutant, copies: SimpleQueue[Path]) -> tuple[Mutant, str, str
     return mutant, ended, said
 
 
-def try_all(mutants: Sequence[Mutant], jobs: int) -> int:
+def try_all(mutants, jobs):
     """Say of each mutant how it ends; return how many end otherwise than they may."""
     copies, survived, wrong = SimpleQueue[Path](), 0, 0
     with tempfile.TemporaryDirectory(prefix="mutants-") as folder, ThreadPoolExecutor(jobs) as pool:
@@ -163,7 +160,7 @@ def try_all(mutants: Sequence[Mutant], jobs: int) -> int:
     return wrong
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments=None):
     """Run the mutants and say which survive."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", default="", help="only mutants whose name has this")

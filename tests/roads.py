@@ -4,22 +4,17 @@ None of them reads a sidecar. The tree's torque is theirs; closed chains are clo
 torque projected, by the library.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
-from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
 import pinocchio as pin
 
-from identifiability import Motion, Robot
 from identifiability.robot.mjcf import quiet
 from identifiability.simulation.mujoco_robot import bare_urdf
 
 
-def load_mujoco(path: Path) -> Any:
+def load_mujoco(path):
     """Return a file as MuJoCo compiles it; of a URDF without its meshes."""
     with quiet():
         if path.suffix == ".xml":
@@ -27,7 +22,7 @@ def load_mujoco(path: Path) -> Any:
         return mujoco.MjModel.from_xml_string(bare_urdf(ET.parse(path).getroot(), balance="false"))
 
 
-def places(model: Any, robot: Robot) -> list[tuple[Any, int, int]]:
+def places(model, robot):
     """Return where MuJoCo has the joints of a robot: joint, index of its position, of its speed."""
     out = []
     for joint in robot.tree.joints:
@@ -38,7 +33,7 @@ def places(model: Any, robot: Robot) -> list[tuple[Any, int, int]]:
     return out
 
 
-def set_state(data: Any, robot: Robot, motion: Motion, k: int, where: list[Any]) -> None:
+def set_state(data, robot, motion, k, where):
     """Give MuJoCo positions, velocities and accelerations of a sample."""
     for name, at in robot.locked.items():
         data.qpos[int(data.model.joint(name).qposadr[0])] = at
@@ -52,7 +47,7 @@ def set_state(data: Any, robot: Robot, motion: Motion, k: int, where: list[Any])
         data.qacc[dof : dof + joint.nv] = motion.a[k, joint.iv : joint.iv + joint.nv]
 
 
-def in_mujoco(path: Path, robot: Robot, motion: Motion) -> np.ndarray:
+def in_mujoco(path, robot, motion):
     """Return the torque of the tree (N, nv) by MuJoCo from the file alone, in the robot's order."""
     model = load_mujoco(path)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
@@ -71,7 +66,7 @@ def in_mujoco(path: Path, robot: Robot, motion: Motion) -> np.ndarray:
     return out
 
 
-def _dry_tendons(model: Any, data: Any) -> np.ndarray:
+def _dry_tendons(model, data):
     """Return the dry friction of tendons along the joints, (nv,)."""
     force = np.zeros(model.nv)
     places = model if hasattr(model, "ten_J_rowadr") else data  # by the version of MuJoCo
@@ -83,7 +78,7 @@ def _dry_tendons(model: Any, data: Any) -> np.ndarray:
     return force
 
 
-def in_pinocchio(path: Path, robot: Robot, motion: Motion) -> np.ndarray | None:
+def in_pinocchio(path, robot, motion):
     """Return the same by Pinocchio's own reading; None where it has no word for what is there."""
     owners = {n.rpartition(".")[0]: n for n, value in robot.nominal.items() if value}
     springs = any(value for n, value in robot.nominal.items() if n.endswith(".K"))
@@ -108,7 +103,7 @@ def in_pinocchio(path: Path, robot: Robot, motion: Motion) -> np.ndarray | None:
     return out
 
 
-def _positions(model: Any, robot: Robot, motion: Motion) -> np.ndarray:
+def _positions(model, robot, motion):
     """Return positions as Pinocchio reads a file: of a joint without limits, cosine and sine."""
     out = np.zeros((len(motion), model.nq))
     for k in range(1, model.njoints):
@@ -125,7 +120,7 @@ def _positions(model: Any, robot: Robot, motion: Motion) -> np.ndarray:
     return out
 
 
-def project(robot: Robot, motion: Motion, tree: np.ndarray) -> np.ndarray:
+def project(robot, motion, tree):
     """Return the torque of the actuated joints (N, n) from that of all."""
     tau = tree[:, robot.actuated]
     if motion.X is not None:

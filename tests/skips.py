@@ -4,8 +4,6 @@
 nothing else.
 """
 
-from __future__ import annotations
-
 import os
 from collections import Counter
 
@@ -32,7 +30,7 @@ def pytest_make_collect_report(collector):
     return _fail_in_ci((yield))
 
 
-def _reason(report) -> str:
+def _reason(report):
     """Return why something was skipped, without the place."""
     text = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
     return text.removeprefix("Skipped: ")

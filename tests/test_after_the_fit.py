@@ -1,12 +1,11 @@
 """After the fit: labelled covariance, figures one by one, and words that fit on a line."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import Analysis, Log, Model, Robot, analyze, plot
 from identifiability.robot.locate import shipped_folder
@@ -34,10 +33,10 @@ def test_covariance_and_correlation_bear_names(result):
     names = list(result.to_frame()["name"])
     for frame in (covariance, correlation):
         assert list(frame.columns) == list(frame.index) == names
-    np.testing.assert_array_equal(covariance, result.fit.covariance)
+    assert_array_equal(covariance, result.fit.covariance)
     sd = np.sqrt(np.diag(covariance))
-    np.testing.assert_allclose(correlation * np.outer(sd, sd), covariance, rtol=1e-12, atol=0)
-    np.testing.assert_allclose(np.diag(correlation), 1)
+    assert_allclose(correlation * np.outer(sd, sd), covariance, rtol=1e-12, atol=0)
+    assert_allclose(np.diag(correlation), 1)
 
 
 def test_a_fit_read_back_has_the_same_tables_and_a_short_name(result, robot, tmp_path):
@@ -51,7 +50,7 @@ def test_a_fit_read_back_has_the_same_tables_and_a_short_name(result, robot, tmp
     sd = np.sqrt(np.diag(result.covariance_frame()))
     table = back.to_frame().set_index("name")
     assert np.all(np.abs(table["value"] - result.fit.values) <= 0.011 * sd)
-    np.testing.assert_allclose(table["sigma"], sd, rtol=1e-3)
+    assert_allclose(table["sigma"], sd, rtol=1e-3)
     assert table.loc["slider1.Fc", "unit"] == "N"
     assert repr(back) == f"<Fit: {len(table)} values of '{result.chosen.name}' for 3-rps>"
     assert repr(robot) == "<Robot 3-RPS parallel robot: 3 of 9 joints have motors, robot.xml>"
@@ -79,4 +78,4 @@ def test_intervals_hold_over_the_nearest_real_robot_where_it_predicts_as_well(re
         without = replace(
             model.fit, shared={k: x for k, x in model.fit.shared.items() if k != "prior"}
         ).robust
-        np.testing.assert_allclose(np.hypot(without, apart), robust, rtol=1e-9)
+        assert_allclose(np.hypot(without, apart), robust, rtol=1e-9)

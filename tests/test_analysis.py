@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import (
     Analysis,
@@ -123,7 +124,7 @@ def test_computed_derivatives_give_the_same_parameters_as_true_ones(simulated):
     a, b = (x.to_frame("full model", details=True) for x in (exact, computed))
     assert any("low-pass" in note for note in computed.samples[0].notes)
     big = a["torque_share"] > 0.02
-    np.testing.assert_allclose(b["value"][big], a["value"][big], rtol=0.02)
+    assert_allclose(b["value"][big], a["value"][big], rtol=0.02)
 
 
 def test_autocorrelated_residuals_inflate_sigma(simulated):

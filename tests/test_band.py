@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identifiability import (
-    Log,
+    Case,
     Model,
     Noise,
     Preparation,
@@ -20,7 +20,6 @@ from identifiability import (
 )
 from identifiability.regression.structure import Structure
 from identifiability.simulation import PrescribedMotion, random_trajectory
-from identifiability.workflows.case import Case
 
 RATE, SPEED, STEP = 200, 0.1, 0.003
 
@@ -33,7 +32,7 @@ def two_link():
 
 
 @pytest.fixture(scope="module")
-def coarse(two_link) -> Log:
+def coarse(two_link):
     """The elbow goes to and fro slowly on a coarse encoder; its even steps look like 17 Hz."""
     robot, rng = two_link[0], np.random.default_rng(1)
     motion = PrescribedMotion.of(random_trajectory(robot, rng, samples=4000, period=20.0))

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from scipy.signal import butter, sosfilt
 
 from identifiability import Noise, Preparation, Robot, analyze, simulate
@@ -21,7 +22,7 @@ def make_logs():
     robot = Robot.load(ROBOT)
 
     def make(seed, noise=1.0, samples=2000):
-        rng = np.random.default_rng(seed)
+        rng = default_rng(seed)
         trajectory = random_trajectory(robot, rng, samples=samples, period=samples / 100)
         motion = PrescribedMotion.of(trajectory)
         noisy = simulate(robot, motion, noise=Noise(additive=0.03 * noise), seed=seed)
@@ -35,7 +36,7 @@ def make_logs():
 def shake(log, joint):
     """Return a log in which a joint shakes at 4 to 20 Hz by a tenth of how much it moves."""
     band = butter(2, (4.0, 20.0), "bandpass", fs=100.0, output="sos")
-    wave = sosfilt(band, np.random.default_rng(3).standard_normal(len(log.t)))
+    wave = sosfilt(band, default_rng(3).standard_normal(len(log.t)))
     q = np.array(log.q)
     q[:, joint] += 0.1 * q[:, joint].std() * wave / wave.std()
     return replace(log, q=q)

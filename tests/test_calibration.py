@@ -5,6 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy import stats
 
 from identifiability import Noise, analyze, calibrate
@@ -27,7 +29,7 @@ def remembering(size, rho):
 
 def outcomes(analysis, noise, trials):
     """Outcomes of Model 1 under AR(1) noise of the residual's size, and the truth of each."""
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     world = World.of(analysis, analysis.chosen, 80, rng)
     own = [x.sigma / np.sqrt(np.prod(1 - x.pacf**2)) for x in world.noise]
     world = replace(world, noise=noise(own))
@@ -45,20 +47,18 @@ def test_a_repetition_is_asked_what_is_left_out_as_the_logs_are(analysis):
     result = next(m for m in analysis.models if m.name == "Model 4")
     method = result.estimate.estimator
     e = Experiment.of(analysis.structure, analysis.samples, result.submodel, method=method)
-    found = e.judge(analysis.information, e.tau, e.W, np.random.default_rng(0))
-    np.testing.assert_array_equal(found.paper, result.estimate.paper_rule)
+    found = e.judge(analysis.information, e.tau, e.W, default_rng(0))
+    assert_array_equal(found.paper, result.estimate.paper_rule)
     assert found.judged
-    np.testing.assert_allclose(found.value, result.estimate.value, rtol=1e-6)
+    assert_allclose(found.value, result.estimate.value, rtol=1e-6)
     # No repetition seeks its nearest real robot, asks what may be missing, or has noisy motion.
     beyond = ("prior", "alternatives", "bias")
     alone = {k: x for k, x in result.fit.terms.items() if k not in beyond}
     omitted, alone = alone["omitted"], np.linalg.norm(list(alone.values()), axis=0)
     assert np.median(omitted / alone) > 0.3
-    np.testing.assert_allclose(found.robust, alone, rtol=0.15)
+    assert_allclose(found.robust, alone, rtol=0.15)
     short = replace(e, **{name: getattr(e, name)[:14] for name in ("W", "tau", "log", "moves")})
-    found = short.judge(
-        short.gather(short.tau, short.W), short.tau, short.W, np.random.default_rng(0)
-    )
+    found = short.judge(short.gather(short.tau, short.W), short.tau, short.W, default_rng(0))
     assert not found.judged
     assert not found.identifiable.any()
 
@@ -104,7 +104,7 @@ def test_the_command_writes_a_report(simulated_session, succeeds, tmp_path):
 def test_planted_values_rank_uniformly_in_their_posterior(analysis, model, replicates):
     result = analysis.models[model] if model else analysis.full
     target, start = build_target(result, result.submodel.reduce(analysis.information))
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     found = calibrate_posterior(target, start, rng, replicates=replicates)
     assert found.min() > 1e-3 / len(found)
     assert stats.kstest(found, "uniform").pvalue > 1e-3

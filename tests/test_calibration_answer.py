@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 
 from identifiability import Noise, analyze, calibrate
 from identifiability.foundation.rounding import Share
@@ -41,7 +42,7 @@ def test_yes_where_intervals_hold(log):
 def test_no_where_noise_remembers_longer_than_the_log(log):
     """Correlation .997 from each of 200 samples to the next: not one of them is independent."""
     exact = log(Noise())
-    slow = ar1(np.random.default_rng(1), 0.997, *exact.tau.shape)
+    slow = ar1(default_rng(1), 0.997, *exact.tau.shape)
     noisy = replace(exact, tau=exact.tau + 0.05 * exact.tau.std() * slow)
     found = calibrate(analyze("two-link", noisy, replicates=60), **FEW)
     assert found.word == "no"
@@ -82,7 +83,7 @@ def test_true_robots_are_possible_and_scatter_around_what_file_and_log_say(log):
     submodels = [ModelEntry(name="two levels", effects=effects), ModelEntry(name="one", tie=ties)]
     ladder = LadderEntry(models=submodels)
     analysis = analyze("two-link", log(Noise(torque=0.02)), ladder=ladder, replicates=60)
-    robots, rng = TrueRobots.of(analysis.structure, analysis.chosen), np.random.default_rng(0)
+    robots, rng = TrueRobots.of(analysis.structure, analysis.chosen), default_rng(0)
     structure = analysis.structure
     like = structure.nominal[structure.inertial]
     for body in like + robots.scatter[structure.inertial] * rng.standard_normal((200, *like.shape)):

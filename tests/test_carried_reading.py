@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.random import default_rng
 
 from identifiability import (
     Case,
@@ -53,9 +54,9 @@ FAULTS = {
 
 @cache
 def record(fault, seed, robot=TRUTH):
-    motion = random_trajectory(ROBOT, np.random.default_rng(seed), samples=600)
+    motion = random_trajectory(ROBOT, default_rng(seed), samples=600)
     noise = Noise(additive=0.05, correlation=0.9, encoder=1e-5)
-    log = simulate(robot, motion, noise=noise, rng=np.random.default_rng(seed))
+    log = simulate(robot, motion, noise=noise, rng=default_rng(seed))
     return replace(log, name=f"{fault}{seed}.csv", tau=FAULTS[fault](log, robot), sha256=str(seed))
 
 
@@ -180,7 +181,7 @@ def test_a_log_that_contradicts_the_reading_of_a_result_is_named(verb, results, 
 
 
 def test_a_refused_export_says_that_a_log_contradicts_the_reading(results, tmp_path):
-    with pytest.raises(IdentifiabilityError, match=r"none4\.csv.* --force"):
+    with pytest.raises(IdentifiabilityError, match=r"none4\.csv.* force=True"):
         export(ROBOT, results("signs"), tmp_path / "fitted.xml", validate=record("none", 4))
 
 

@@ -1,13 +1,13 @@
 """A case: every stage from logs to columns is computed once, and every verb uses it."""
 
-from __future__ import annotations
-
 import pickle
 from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
 from identifiability import (
     Case,
@@ -35,7 +35,7 @@ VERBS = {"analyze": analyze, "diagnose": diagnose, "prune": prune}
 @pytest.fixture(scope="module")
 def two_logs():
     """A robot with a spring that its model lacks, and two logs of it."""
-    robot, rng = Robot.load("two-link"), np.random.default_rng(0)
+    robot, rng = Robot.load("two-link"), default_rng(0)
     logs = [
         simulate(
             robot,
@@ -54,7 +54,7 @@ def loaded(two_logs):
     """A log of the same robot with a load of half a kilogram."""
     robot, _ = two_logs
     motion = PrescribedMotion.of(shipped_trajectory(robot, "b"), 500)
-    noise, rng = Noise(torque=0.03), np.random.default_rng(1)
+    noise, rng = Noise(torque=0.03), default_rng(1)
     return replace(
         simulate(
             robot.with_payload(mass=0.5), motion, noise=noise, rng=rng, hide=["joint_stiffness=0.1"]
@@ -189,7 +189,7 @@ def test_a_prediction_of_a_case_is_of_all_its_logs(two_logs):
     result = analyze(case)
     found, alone = predict(case, result), predict(robot, result, logs)
     assert found.logs == alone.logs == ("a", "b")
-    np.testing.assert_allclose(found.predicted, alone.predicted)
+    assert_allclose(found.predicted, alone.predicted)
     forward = predict(case, result, forward=True)
     assert [log.name for log in forward.logs] == ["a", "b"]
 

@@ -1,7 +1,5 @@
 """A study stands in a folder: `case.toml` says what the command line would have said."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

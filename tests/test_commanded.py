@@ -9,6 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import (
     IdentifiabilityError,
@@ -57,7 +59,7 @@ def arm(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def frames(arm):
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     how = servos.Recorder(rate=200.0, delay=0.007, bits=14)
     seconds = (8.0, 4.0)
     moves = [servos.draw_commands(arm, s, how.command_rate, 0.5, rng) for s in seconds]
@@ -80,17 +82,17 @@ def test_servos_of_an_mjcf_are_its_position_actuators_behind_their_gears(tmp_pat
     path.write_text(both)
     servo = Robot.load(path).servo
     assert servo is not None
-    np.testing.assert_allclose(servo.kp, [90, 7])
-    np.testing.assert_allclose(servo.kv, [4.5, 0.2])
-    np.testing.assert_allclose(servo.high, [15, np.inf])
-    np.testing.assert_allclose(servo.low, [-12, -np.inf])
+    assert_allclose(servo.kp, [90, 7])
+    assert_allclose(servo.kv, [4.5, 0.2])
+    assert_allclose(servo.high, [15, np.inf])
+    assert_allclose(servo.low, [-12, -np.inf])
 
 
 def test_a_motor_is_no_servo_and_a_sidecar_states_one_by_joint_and_pattern(arm):
     assert Robot.load("two-link").servo is None
-    np.testing.assert_allclose(arm.servo.kp, [1200, 300])
-    np.testing.assert_allclose(arm.servo.kv, [50, 8])
-    np.testing.assert_allclose(arm.servo.high, [900, 900])
+    assert_allclose(arm.servo.kp, [1200, 300])
+    assert_allclose(arm.servo.kv, [50, 8])
+    assert_allclose(arm.servo.high, [900, 900])
     assert arm.servo.delay is None
 
 
@@ -110,7 +112,7 @@ def test_servos_that_cannot_be_are_refused_in_one_sentence(tmp_path, text, said)
 def test_a_quadruped_that_floats_by_its_file_stands_where_its_sidecar_says_so(tmp_path):
     robot = Robot.load("quadruped")
     assert len(robot.joints) == len(robot.dofs) == 12
-    np.testing.assert_allclose(robot.home[:3], [0, 0.8, -1.6])  # of the keyframe, behind the base
+    assert_allclose(robot.home[:3], [0, 0.8, -1.6])  # of the keyframe, behind the base
     shutil.copy(MODELS / "quadruped" / "robot.xml", tmp_path / "robot.xml")
     assert Robot.load(tmp_path / "robot.xml").base is not None
 
@@ -131,8 +133,8 @@ def test_commands_hold_until_the_next_comes(arm, frames):
     sparse = sparse.iloc[3:]  # rows before the first command say nothing
     first = int(np.flatnonzero(sparse["shoulder.cmd"].notna())[0])
     log, plain = read(arm, sparse), read(arm, frames[1])
-    np.testing.assert_array_equal(log.t, plain.t[3 + first :])
-    np.testing.assert_array_equal(log.q_ref, plain.q_ref[3 + first :])
+    assert_array_equal(log.t, plain.t[3 + first :])
+    assert_array_equal(log.q_ref, plain.q_ref[3 + first :])
 
 
 def test_a_log_with_neither_torque_nor_command_is_refused(arm, frames):
@@ -157,8 +159,8 @@ def test_torque_is_the_servos_law_and_saturated_torque_no_data():
     raw = 40 * (0.3 - q) + 2.0 * 0.1 + 2.0 - late * 3 * np.cos(3 * t)[:, None]
     inside = np.abs(raw) < 30
     assert 0.2 < inside.mean() < 0.95
-    np.testing.assert_allclose(made.tau[inside], raw[inside], atol=1e-6)
-    np.testing.assert_array_equal(made.unmeasured, ~inside)
+    assert_allclose(made.tau[inside], raw[inside], atol=1e-6)
+    assert_array_equal(made.unmeasured, ~inside)
 
 
 def test_reversals_are_data_where_a_rollout_turns_by_the_same_friction(arm, frames):
@@ -176,12 +178,12 @@ FAULTS = [("", 0.0, 1.0), ("irregular", 0.05, 1.0), ("gains_scale", 0.0, 1.4)]
 
 @pytest.mark.parametrize(("key", "lost", "factor"), FAULTS)
 def test_lost_commands_and_gains_that_are_all_too_high_are_said(arm, key, lost, factor):
-    rng, how = np.random.default_rng(6), servos.Recorder(100.0, 25.0, 0.006, 14, lost=lost)
+    rng, how = default_rng(6), servos.Recorder(100.0, 25.0, 0.006, 14, lost=lost)
     moves = servos.draw_commands(arm, 8.0, how.command_rate, 0.35, rng)
     frame = servos.record(arm, TRUTH, moves, 8.0, how, rng)
     result = analyze(replace(arm, servo=arm.servo.divided(1 / factor)), frame, quick=True)
     assert [k for k, *_ in FAULTS[1:] if of_key(result.hints, k)] == [key] * bool(key)
-    np.testing.assert_allclose(result.robot.servo.kp, arm.servo.kp, rtol=0.15)
+    assert_allclose(result.robot.servo.kp, arm.servo.kp, rtol=0.15)
 
 
 ODD = (("play", 0.03), ("gain", -0.25), ("limit", 30.0), ("integral", 2.0), ("", 0.0))
@@ -189,7 +191,7 @@ ODD = (("play", 0.03), ("gain", -0.25), ("limit", 30.0), ("integral", 2.0), ("",
 
 @pytest.mark.parametrize(("kind", "size"), ODD)
 def test_odd_joints_and_gains_that_are_stated_wrongly_are_said_with_their_size(arm, kind, size):
-    rng, how = np.random.default_rng(6), servos.Recorder(200.0, 50.0, 0.006, 14)
+    rng, how = default_rng(6), servos.Recorder(200.0, 50.0, 0.006, 14)
     moves, fault = servos.draw_commands(arm, 6.0, 50.0, 0.35, rng), servos.Fault(1, kind, size)
     own = arm.servo.having({"limit": np.array([0.0, size * (kind == "limit")])})
     own = replace(own, ki=size * own.kp * (kind == "integral"))
@@ -199,7 +201,7 @@ def test_odd_joints_and_gains_that_are_stated_wrongly_are_said_with_their_size(a
     assert (better is found) == (kind in ("play", ""))
     assert not either or kind == "gain"
     if kind == "integral":
-        np.testing.assert_allclose(better.numbers["ki"], own.ki, rtol=0.05)
+        assert_allclose(better.numbers["ki"], own.ki, rtol=0.05)
         assert "integral gain ki of shoulder, elbow" in odd[0]
         return
     for said in odd:
@@ -208,7 +210,7 @@ def test_odd_joints_and_gains_that_are_stated_wrongly_are_said_with_their_size(a
 
 
 def test_drives_that_integrate_are_fitted_rolled_out_and_exported(arm, tmp_path):
-    rng, how = np.random.default_rng(5), servos.Recorder(100.0, delay=0.007, bits=14)
+    rng, how = default_rng(5), servos.Recorder(100.0, delay=0.007, bits=14)
     own = replace(arm.servo, ki=2.0 * arm.servo.kp)
     moves = [servos.draw_commands(arm, 8.0, how.command_rate, 0.35, rng) for _ in range(2)]
     logs = [servos.record(arm, TRUTH, x, 8.0, how, rng, own) for x in moves]
@@ -219,7 +221,7 @@ def test_drives_that_integrate_are_fitted_rolled_out_and_exported(arm, tmp_path)
     with pytest.raises(IdentifiabilityError, match="follow positions alone"):
         analyze(robot, logs[0].assign(**{"shoulder.dq_cmd": 0.0, "elbow.dq_cmd": 0.0}))
     result = analyze(robot, logs[0], quick=True)
-    np.testing.assert_allclose(result.robot.servo.ki, own.ki, rtol=0.05)
+    assert_allclose(result.robot.servo.ki, own.ki, rtol=0.05)
     frame = result.to_frame()
     assert "identifiable" not in frame[frame.name.str.endswith(".off")].verdict.tolist()
     rolled = predict(robot, result.to_json(tmp_path / "result.json"), logs[1], forward=True)
@@ -228,7 +230,7 @@ def test_drives_that_integrate_are_fitted_rolled_out_and_exported(arm, tmp_path)
     assert rolled.totals[-1] < 1.1 * np.sqrt(np.mean((best - log.q)[150:] ** 2))
     export(robot, tmp_path / "result.json", tmp_path / "fitted.xml")
     again = Robot.load(tmp_path / "fitted.xml")
-    np.testing.assert_allclose(again.servo.ki, result.robot.servo.ki)
+    assert_allclose(again.servo.ki, result.robot.servo.ki)
     alone = servos.replay(tmp_path / "fitted.xml", log, delay)
     assert np.sqrt(np.mean((alone - log.q)[300:] ** 2)) < 1e-3
 
@@ -267,7 +269,7 @@ def test_joints_and_delay_are_found_from_rollouts_of_another_physics(arm, frames
     found = fit_rollouts(arm, logs[:1], {})
     for kind, near in (("Ia", 0.01), ("Fv", 0.05), ("Fc", 0.03), ("off", 0.06)):
         true = np.array([TRUTH[f"{j}.{kind}"] for j in arm.joints])
-        np.testing.assert_allclose(found.numbers[kind], true, atol=near * np.abs(true).max())
+        assert_allclose(found.numbers[kind], true, atol=near * np.abs(true).max())
     file = CommandedRobot(arm, {}).roll(logs[0]) - logs[0].q
     assert np.all(found.errors < 0.05 * np.sqrt(np.mean(file**2, axis=0)))
     assert fit_rollouts(arm, logs[:1], {}, 0.007).delay_errors == 0
@@ -298,7 +300,7 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
         assert abs(row["value"] - true[name]) < 0.6 * (high - low), name
     path = result.to_json(tmp_path / "result.json")
     found = predict(arm, result, frames[1], forward=True)
-    np.testing.assert_allclose(found.totals, predict(arm, path, frames[1], forward=True).totals)
+    assert_allclose(found.totals, predict(arm, path, frames[1], forward=True).totals)
     assert found.totals[1] < 0.2 * found.totals[0]
     assert f"positions err by {1e3 * result.moved.totals[1]:.3g} mrad" in result.answers()[1].short
     assert list(found.to_frame()["joint"]) == list(arm.joints)
@@ -310,7 +312,7 @@ def test_a_log_of_commands_is_analysed_and_what_is_found_moves_as_it_does(arm, f
 @pytest.fixture(scope="module")
 def heavy(arm):
     """Return a log of a robot a fifth lighter than its file, its delay, and true parameters."""
-    rng = np.random.default_rng(5)
+    rng = default_rng(5)
     bodies = {f"{b}.{k}": 0.8 * arm.nominal[f"{b}.{k}"] for b in arm.bodies for k in INERTIAL_KINDS}
     how = servos.Recorder(rate=100.0, delay=0.007, bits=14)
     moves = servos.draw_commands(arm, 6.0, how.command_rate, 0.5, rng)
@@ -343,7 +345,7 @@ def test_bodies_are_within_a_share_of_the_file_where_there_is_no_torque(arm, fra
     late = dict(zip(result.structure.base.names, np.abs(result.late[0]), strict=True))
     unsure = fit_rollouts(arm, [read(arm, frames[1])], file_shares(arm)).delay_errors[0]
     assert 1e-6 < unsure < 2e-4
-    np.testing.assert_allclose(late["shoulder.Fv"], 1200 * unsure, rtol=0.5)
+    assert_allclose(late["shoulder.Fv"], 1200 * unsure, rtol=0.5)
     with pytest.raises(IdentifiabilityError, match="say the same twice"):
         analyze(arm, frames[1], prior=0.1, cad_prior=1.0)
 
@@ -366,7 +368,7 @@ def _bodies(structure, share, rng):
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.2])
 def test_intervals_with_the_file_hold_up_to_its_share_whatever_few_data_say(share):
-    structure, rng = _standard(Robot.load("six-dof-arm")), np.random.default_rng(1)
+    structure, rng = _standard(Robot.load("six-dof-arm")), default_rng(1)
     size = np.abs(structure.nominal[structure.inertial]).mean()
     inside, told = [], 0
     for _ in range(40):
@@ -408,7 +410,7 @@ def test_what_the_sidecar_states_of_a_body_or_a_parameter_counts_beside_the_log(
 
 @pytest.mark.parametrize("late", [pytest.param(0.0, marks=pytest.mark.everything), 0.004])
 def test_the_joint_that_is_late_is_named_and_not_those_that_its_delay_made_early(arm, late):
-    rng, how = np.random.default_rng(1), servos.Recorder(200.0, 50.0, 0.006, 12)
+    rng, how = default_rng(1), servos.Recorder(200.0, 50.0, 0.006, 12)
     moves = [servos.draw_commands(arm, 5.0, 50.0, 0.35, rng) for _ in range(2)]
     fault = servos.Fault(1, "late", late)
     fitted, unseen = (servos.record(arm, TRUTH, c, 5.0, how, rng, fault=fault) for c in moves)
@@ -422,7 +424,7 @@ def test_the_joint_that_is_late_is_named_and_not_those_that_its_delay_made_early
 
 
 def test_a_log_that_contradicts_the_files_bodies_says_so():
-    structure, rng = _standard(Robot.load("six-dof-arm")), np.random.default_rng(2)
+    structure, rng = _standard(Robot.load("six-dof-arm")), default_rng(2)
     phi = structure.nominal.copy()
     columns = structure.inertial[2]
     phi[columns] *= 6
@@ -465,22 +467,22 @@ def test_gains_that_nobody_states_are_found_and_one_known_body_fixes_their_scale
     shares = file_shares(unstated)
     found = fit_rollouts(unstated, [log], shares)
     true = {k: np.array([TRUTH[f"{j}.{k}"] for j in arm.joints]) for k in ("Fv", "Fc")}
-    np.testing.assert_allclose(found.numbers["kp"], arm.servo.kp, rtol=0.01)
-    np.testing.assert_allclose(found.numbers["Fv"], arm.servo.kv + true["Fv"], rtol=0.01)
-    np.testing.assert_allclose(found.numbers["Fc"], true["Fc"], rtol=0.01)
+    assert_allclose(found.numbers["kp"], arm.servo.kp, rtol=0.01)
+    assert_allclose(found.numbers["Fv"], arm.servo.kv + true["Fv"], rtol=0.01)
+    assert_allclose(found.numbers["Fc"], true["Fc"], rtol=0.01)
     assert np.all(np.sqrt(np.diag(found.covariance)) < 0.01)
     told = state_gains(unstated, [log.name], found, shares)
     assert "comes from the file's bodies, link2 within 0.1 %" in told
     assert "Fv of shoulder, elbow holds kv" in told
     known = replace(unstated, servo=replace(unstated.servo.having(found.numbers), source=FOUND))
     again = Robot.load(known.save(tmp_path / "found.xml"))
-    np.testing.assert_allclose(again.servo.kp, found.numbers["kp"])
+    assert_allclose(again.servo.kp, found.numbers["kp"])
     assert not again.servo.unknown.any()
 
 
 @pytest.mark.parametrize("stated", [True, False])
 def test_a_joint_whose_command_stands_has_no_weight_and_blames_nobody(arm, unstated, stated):
-    rng, how = np.random.default_rng(8), servos.Recorder(rate=50.0, delay=0.02, bits=12)
+    rng, how = default_rng(8), servos.Recorder(rate=50.0, delay=0.02, bits=12)
     moves = servos.draw_commands(arm, 6.0, 50.0, 0.5, rng)
     moves[:, 1] = moves[0, 1]
     log = read(arm, servos.record(arm, TRUTH, moves, 6.0, how, rng))
@@ -523,7 +525,7 @@ def test_a_first_answer_stays_if_the_user_stops_the_whole_one(
 
     with pytest.raises(KeyboardInterrupt):
         analyze(unstated, frames[0], validate="none", first=stop)
-    np.testing.assert_allclose(answers[0].loc[[*arm.joints], "kp"], arm.servo.kp, rtol=0.05)
+    assert_allclose(answers[0].loc[[*arm.joints], "kp"], arm.servo.kp, rtol=0.05)
     page = (tmp_path / "page.html").read_text()
     assert "from 3 s of the 8 s of logs" in page
     assert "writes the whole answer to this page" in page
@@ -534,7 +536,7 @@ def test_rests_tell_friction_from_an_offset(arm, frames, kind, effect):
     truth = {**TRUTH, "elbow.Fc": 0.3, "elbow.off": 0.3, f"elbow.{kind}": 6.0}
     steps = np.repeat([0.0, 0.2, 0.0, -0.2, 0.0, 0.2, 0.0, -0.2], 50)
     commands = arm.home + np.stack([0 * steps, steps], axis=1)
-    rng, how = np.random.default_rng(1), servos.Recorder(bits=14)
+    rng, how = default_rng(1), servos.Recorder(bits=14)
     log = read(arm, servos.record(arm, truth, commands, 7.9, how, rng))
     machine = CommandedRobot(arm, {})
     said = state_standing(machine, [log])
@@ -555,7 +557,7 @@ def test_a_gain_that_the_logs_do_not_tell_is_stated_as_ratios(arm, unstated, fra
 
 def test_one_bad_joint_does_not_refuse_a_log_and_the_others_keep_their_values(arm, frames):
     spoilt = frames[1].copy()
-    spoilt["elbow.cmd"] = np.random.default_rng(1).permutation(spoilt["elbow.cmd"])
+    spoilt["elbow.cmd"] = default_rng(1).permutation(spoilt["elbow.cmd"])
     result = analyze(arm, spoilt, quick=True)
     (said,) = of_key(result.hints, "commands")
     assert "elbow does not follow its command, so its torque is left out" in said
@@ -567,7 +569,7 @@ def test_one_bad_joint_does_not_refuse_a_log_and_the_others_keep_their_values(ar
 @pytest.mark.parametrize(
     ("spoil", "said"),
     [
-        (np.random.default_rng(1).permutation, r"Say which columns are commands.*shoulder\.cmd"),
+        (default_rng(1).permutation, r"Say which columns are commands.*shoulder\.cmd"),
         (np.degrees, "in degrees"),
         (np.radians, "in degrees"),
         (np.negative, "wrong sign"),
@@ -593,7 +595,7 @@ def test_limits_tell_kv_from_friction_of_a_file_without_rotors(arm, bare):
     servo = replace(arm.servo, low=np.array([-300.0, -60.0]), high=np.array([300.0, 60.0]))
     known = replace(Robot.load(bare), servo=servo)
     robot = replace(known, servo=servo.having({"kv": np.full(2, np.nan)}))
-    rng, how = np.random.default_rng(4), servos.Recorder(rate=100.0, delay=0.022, bits=14)
+    rng, how = default_rng(4), servos.Recorder(rate=100.0, delay=0.022, bits=14)
     moves = servos.draw_commands(arm, 6.0, how.command_rate, 0.5, rng)
     log = read(arm, servos.record(arm, TRUTH, moves, 6.0, how, rng, servo))
     found = fit_rollouts(robot, [log], file_shares(robot))

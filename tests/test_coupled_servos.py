@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import Robot, analyze, export, predict
 from identifiability.report.analysis import analysis_moving
@@ -97,7 +98,7 @@ def test_a_finger_that_follows_is_fitted_rolled_out_and_exported(tmp_path, kind,
     factor = rolled.numbers["kp"] / [20.0, 10.0]
     # Friction of the joint that follows is part of the friction of the joint that it follows.
     second = 0.06 + 0.8 * 0.01 * (kind != "tendon")
-    np.testing.assert_allclose(rolled.numbers["Fc"] / factor, [0.12, second], rtol=0.1)
+    assert_allclose(rolled.numbers["Fc"] / factor, [0.12, second], rtol=0.1)
     if not gains:
         low, high = result.to_frame(details=True).set_index("name").loc["j1.Fc", "interval95"]
         assert low < 0.12 < high

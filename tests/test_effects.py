@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
 from identifiability import Log, Model, Robot, prepare_log, simulate
 from identifiability.effects import find_effect
@@ -42,12 +44,10 @@ def test_motor_logs_are_converted_to_the_joint_side(coupled):
     )  # fmt: skip
     a, b = prepare_log(coupled, joint), prepare_log(coupled, motor)
     for kind in ("actuated_q", "actuated_v", "actuated_a"):
-        np.testing.assert_allclose(getattr(b.motion, kind), getattr(a.motion, kind), atol=1e-12)
-    np.testing.assert_allclose(b.tau, a.tau, atol=1e-12)
+        assert_allclose(getattr(b.motion, kind), getattr(a.motion, kind), atol=1e-12)
+    assert_allclose(b.tau, a.tau, atol=1e-12)
     # Power is the same on either side of the gears.
-    np.testing.assert_allclose(
-        (motor.tau * motor.dq).sum(1), (joint.tau * joint.dq).sum(1), atol=1e-10
-    )
+    assert_allclose((motor.tau * motor.dq).sum(1), (joint.tau * joint.dq).sum(1), atol=1e-10)
 
 
 def test_a_joint_without_masses_has_no_load_and_not_that_of_rounding():
@@ -56,11 +56,11 @@ def test_a_joint_without_masses_has_no_load_and_not_that_of_rounding():
     What the load moves in the next joint is still there.
     """
     robot = Robot.load("dvrk-psm")
-    along = random_motion(robot, np.random.default_rng(0), 30)
+    along = random_motion(robot, default_rng(0), 30)
     W, names = columns(robot, along, "load_dependent_friction")
     loaded = {name for k, name in enumerate(names) if W[:, :, k].any()}
     assert loaded == {f"{j}.Fl" for j in ("yaw", "pitch", "insertion")}
     # Nor where the loops of the arm round what the others carry into it.
-    moved = [random_trajectory(robot, np.random.default_rng(k)) for k in range(2)]
+    moved = [random_trajectory(robot, default_rng(k)) for k in range(2)]
     hidden = Campaign.of(robot, moved).hidden(["backlash@roll=1", "backlash@jaw2=1"])
     assert not hidden.any()

@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 
-from identifiability import Noise, Preparation, Robot, analyze, diagnose
+from identifiability import Model, Noise, Preparation, Robot, analyze, diagnose, prepare_log
 from identifiability.estimation.motion import choose_motion, read_records
-from identifiability.logs.prepare import prepare_log
 from identifiability.logs.prepare.preparation import choose_cutoff
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.simulation.simulator import ar1
 
@@ -29,7 +28,7 @@ def repeat(log, periods):
 
 def disturb(exact, kind, seed):
     """Return a log with noise in the motion and the torque, and one of the same torque alone."""
-    rng = np.random.default_rng([seed, 41])
+    rng = default_rng([seed, 41])
     correlation = 0.9 if kind == "coloured" else 0.0
 
     def noisy(x, share):
@@ -104,7 +103,7 @@ def test_positions_alone_are_averaged_over_periods_and_are_not_smoothed(simulate
     once = simulated_session("two-link", "a", noise=Noise())
     for periods, record in ((1, "auto"), (3, "fourier")):
         exact = repeat(once, periods)
-        noise = 2e-3 * exact.q.std(0) * np.random.default_rng(0).normal(size=exact.q.shape)
+        noise = 2e-3 * exact.q.std(0) * default_rng(0).normal(size=exact.q.shape)
         log = replace(exact, q=exact.q + noise, dq=None, ddq=None)
         assert choose(log).record == record
 

@@ -15,8 +15,7 @@ SCARA, ARM = study.EVERY.index("scara"), study.EVERY.index("six-dof-arm")
 
 
 def examine(name, folder, number=SCARA):
-    which = study.CONDITIONS[name]
-    return study.examine(study.draw(folder, "0", number, name, which), which)
+    return study.examine_number(folder, "0", number, name, study.CONDITIONS[name])
 
 
 def test_of_logs_as_they_should_be_nothing_false_is_said_and_labels_hold(tmp_path):
@@ -53,5 +52,4 @@ def test_the_model_that_predicts_has_what_is_wrong_with_a_log(tmp_path, name):
 @pytest.mark.parametrize("name", [n for n, x in study.CONDITIONS.items() if x.says])
 def test_what_can_be_known_is_named(tmp_path, name):
     number = study.EVERY.index("3-rps" if study.CONDITIONS[name].of == study.CHAINS else "seven")
-    row = examine(name, tmp_path, number)
-    assert row["named"]
+    assert examine(name, tmp_path, number)["named"]

@@ -1,7 +1,5 @@
 """What is not there is refused before anything large is imported."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from identifiability import IdentifiabilityError, Log, Robot, analyze
@@ -100,10 +101,10 @@ def test_every_road_ends_in_what_an_ideal_sensor_reads(which, thrown, body):
     _, columns = list(roads(thrown))[which]
     log = read(body, table(thrown, **columns))
     inner = slice(20, -20)
-    np.testing.assert_allclose(log.base[inner, :3], thrown["acc"][inner], atol=0.1)
-    np.testing.assert_allclose(log.base[inner, 3:6], thrown["gyro"][inner], atol=0.05)
+    assert_allclose(log.base[inner, :3], thrown["acc"][inner], atol=0.1)
+    assert_allclose(log.base[inner, 3:6], thrown["gyro"][inner], atol=0.05)
     up = Rotation.from_quat(thrown["quat"][:, [1, 2, 3, 0]]).inv().apply([0, 0, 1.0])
-    np.testing.assert_allclose(log.base[:, 6:9], up, atol=1e-9 if which else 0.1)
+    assert_allclose(log.base[:, 6:9], up, atol=1e-9 if which else 0.1)
 
 
 def test_a_body_that_is_moved_by_a_hand_tells_its_ten_parameters(thrown, body):
@@ -126,7 +127,7 @@ def test_a_sensor_that_is_mounted_elsewhere_says_the_same(thrown, body):
     frame = table(thrown, a=(axes("base.acc."), acc), g=spin)
     body.path.with_suffix(".toml").write_text(WRENCH + IMU)
     log = read(Robot.load(body.path), frame)
-    np.testing.assert_allclose(log.base[20:-20, :3], thrown["acc"][20:-20], atol=0.05)
+    assert_allclose(log.base[20:-20, :3], thrown["acc"][20:-20], atol=0.05)
 
 
 def test_a_mounting_that_is_known_roughly_is_corrected_in_the_fit(thrown, body):
@@ -139,14 +140,14 @@ def test_a_mounting_that_is_known_roughly_is_corrected_in_the_fit(thrown, body):
     found = analyze(Robot.load(body.path), [frame], "none", replicates=50)
     told = found.to_frame().set_index("name")
     mounting = [f"base.imu_{k}" for k in ("x", "y", "z", "ax", "ay", "az")]
-    np.testing.assert_allclose(told["value"][mounting], [*place, *bias], rtol=0.05)
+    assert_allclose(told["value"][mounting], [*place, *bias], rtol=0.05)
     own = told.loc[[name for name in told.index if name.startswith("body.")]]
-    np.testing.assert_allclose(own["value"], own["nominal"], rtol=0.03, atol=3e-4)
+    assert_allclose(own["value"], own["nominal"], rtol=0.03, atol=3e-4)
     (said,) = (hint for hint in found.hints if "top of the sidecar" in hint)
     body.path.with_suffix(".toml").write_text(f"{said.partition('sidecar: ')[2]}\n{WRENCH}")
     again = Robot.load(body.path)
     assert again.base.imu.fit == ("place", "acc_bias")
-    np.testing.assert_allclose(again.base.imu.place, place, atol=2e-3)
+    assert_allclose(again.base.imu.place, place, atol=2e-3)
 
 
 def test_what_is_missing_or_no_orientation_is_said_in_one_sentence(thrown, body):

@@ -1,10 +1,7 @@
 """Every help shows what to type, and names the effects that its options take."""
 
-from __future__ import annotations
-
 import re
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 from string import Template
 
@@ -40,7 +37,7 @@ def test_every_help_shows_a_line_to_type_and_explains_each_option(verb):
 
 
 #: Two screens of a terminal [lines].
-TWO_SCREENS = 115
+TWO_SCREENS = 75
 
 #: Numbers in the prose of the help that no constant holds, with what they are.
 OTHERS = {
@@ -59,7 +56,7 @@ MIRRORED = {
 }
 
 
-def prose_of(part: object) -> Iterator[str]:
+def prose_of(part):
     """Every text of the help without lines to type, code and what constants fill in."""
     if isinstance(part, dict):
         for inner in part.values():
@@ -70,7 +67,7 @@ def prose_of(part: object) -> Iterator[str]:
         yield re.sub(r"`[^`]*`", "", shown)
 
 
-def stray_numbers(prose: str) -> list[str]:
+def stray_numbers(prose):
     """Numbers of a text that are neither filled in nor known."""
     return re.findall(r"\S*\d\S*", re.sub("|".join([*OTHERS, *MIRRORED]), "", prose))
 

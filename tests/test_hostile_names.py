@@ -14,8 +14,8 @@ import xml.etree.ElementTree as ET
 from html.parser import HTMLParser
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
+from numpy.random import default_rng
 from typer.testing import CliRunner
 
 from identifiability import IdentifiabilityError, Noise, Robot, new_study, simulate
@@ -69,7 +69,7 @@ def write_logs(robot, folder):
     plain = Robot.load("two-link")
     for seed, (name, motion) in enumerate(((LOG, "a"), (HELD_OUT, "b"))):
         moved = PrescribedMotion.of(shipped_trajectory(plain, motion), 300)
-        rng = np.random.default_rng(seed)
+        rng = default_rng(seed)
         simulate(robot, moved, noise=Noise(torque=0.02), rng=rng).write(folder / name)
 
 
@@ -292,7 +292,7 @@ def test_a_hint_quotes_what_it_says_to_type(lost, option, word, tmp_path, monkey
     monkeypatch.chdir(tmp_path)
     robot = hostile_robot(tmp_path, ("-rf $(id)", ";id;#"))
     motion = PrescribedMotion.of(shipped_trajectory(Robot.load("two-link"), "a"), 300)
-    log = simulate(robot, motion, rng=np.random.default_rng(0)).to_frame()
+    log = simulate(robot, motion, rng=default_rng(0)).to_frame()
     log.rename(columns=lost).to_csv("log.csv", index=False)
     sentence = call("inspect", f"./{ROBOT}", "log.csv")
     typed = re.findall(rf"{option}[ =]('[^']*')", sentence)

@@ -1,7 +1,5 @@
 """A study folder runs at once; the logs in it are those that the script makes."""
 
-from __future__ import annotations
-
 import re
 
 import pandas as pd

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import typer
+from numpy.random import default_rng
 from typer.testing import CliRunner
 
 from identifiability import Noise, Robot, new_study, simulate
@@ -56,7 +57,7 @@ def logs():
         {"a": ["stribeck_friction=0.2"], "b": ["stribeck_friction=0.2"], "loaded": []}.items()
     ):
         motion = PrescribedMotion.of(shipped_trajectory(robot, "b" if name == "b" else "a"), 300)
-        rng = np.random.default_rng(seed)
+        rng = default_rng(seed)
         out[name] = simulate(robot, motion, noise=Noise(torque=0.02), rng=rng, hide=hidden)
     return out
 
@@ -188,7 +189,7 @@ def test_next_lines_of_shipped_robots_end_in_an_exported_robot(robot, hide, tmp_
     loaded, hidden = Robot.load(robot), [hide] if hide else []
     for seed, name in enumerate("ab"):
         motion = PrescribedMotion.of(shipped_trajectory(loaded, name), 500)
-        noise, rng = Noise(torque=0.02), np.random.default_rng(seed)
+        noise, rng = Noise(torque=0.02), default_rng(seed)
         simulate(loaded, motion, noise=noise, rng=rng, hide=hidden).write(f"{name}.csv")
     verbs = follow(f"identifiability analyze {robot} a.csv --validate b.csv")
     assert ("diagnose" in verbs) >= bool(hide)
@@ -196,7 +197,7 @@ def test_next_lines_of_shipped_robots_end_in_an_exported_robot(robot, hide, tmp_
 
 def test_logs_that_disagree_are_compared_and_lead_on(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    robot, rng = Robot.load("two-link"), np.random.default_rng(3)
+    robot, rng = Robot.load("two-link"), default_rng(3)
     for name, more in {"a": 0.0, "b": 0.3, "c": 0.0}.items():
         motion = PrescribedMotion.of(random_trajectory(robot, rng, samples=1500))
         frame = simulate(robot, motion, noise=Noise(torque=0.02), rng=rng).to_frame()

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from numpy.random import default_rng
 
 from identifiability import Log, Robot, analyze, diagnose, simulate
 from identifiability.simulation import PrescribedMotion, random_trajectory
@@ -30,7 +31,7 @@ ADDED = {"Fv": np.array([0.3, 0.2]), "Fc": np.array([0.4, 0.25]), "Ia": np.array
 
 def move(robot, seed, rate, period):
     """Return times, positions, velocities and accelerations of a random motion of nine seconds."""
-    trajectory = random_trajectory(robot, np.random.default_rng(seed), period=period)
+    trajectory = random_trajectory(robot, default_rng(seed), period=period)
     t = np.arange(int(9 * rate)) / rate
     return t, *trajectory.motion(t)
 
@@ -60,7 +61,7 @@ def store(x, kind):
 
 def make_logs(robot, torque, noise=0.0, kind="", rate=100, period=7.5, derivatives=True):
     """Return three logs, of which the last one is to be held out."""
-    rng, logs = np.random.default_rng(7), []
+    rng, logs = default_rng(7), []
     for seed in (1, 2, 3):
         t, *motion = move(robot, seed, rate, period)
         tau = torque(robot, t, *motion)

@@ -14,8 +14,9 @@ from IPython.utils.capture import capture_output
 from traitlets.config import Config
 
 import identifiability
-from identifiability import analyze, calibrate, diagnose, plot, prune
-from identifiability.foundation.errors import with_keywords
+from identifiability import analyze, calibrate, compare, diagnose, inspect, plot, prune
+from identifiability.foundation.errors import IdentifiabilityError
+from identifiability.foundation.wording import at_terminal, in_python
 from identifiability.report.answers.python_lines import python_lines
 from identifiability.report.results import answer_first
 
@@ -23,10 +24,10 @@ from identifiability.report.results import answer_first
 class Tags(HTMLParser):
     """Collects the tags of a text, and that they close."""
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text):
         super().__init__()
-        self.found: set[str] = set()
-        self.open: list[str] = []
+        self.found = set()
+        self.open = []
         self.feed(text)
         self.close()
 
@@ -59,6 +60,16 @@ def test_a_result_is_what_its_page_answers_first_and_a_table(kind, results):
     first = answer_first(results[kind])
     assert all(escape(answer.question) in html for answer in first.answers)
     assert ("svg" in tags.found) == bool(first.below)
+
+
+def test_a_frame_has_ten_columns_and_details_the_rest(results, simulated_session):
+    logs = [simulated_session("two-link", name, samples=500) for name in "ab"]
+    others = [inspect("two-link", logs), compare("two-link", *logs)]
+    for result in (*results.values(), *others, results["analysis"].predict(logs[1])):
+        frame, every = result.to_frame(), result.to_frame(details=True)
+        assert len(frame.columns) <= 10
+        assert len(every.columns) >= len(frame.columns)
+        assert len([name for name in dir(result) if name[0] != "_"]) <= 20
 
 
 @pytest.mark.parametrize("kind", ["robot", "log", "base", "prediction"])
@@ -146,7 +157,7 @@ def test_next_steps_of_a_notebook_are_calls_in_python(line, calls):
 
 def test_each_next_step_of_a_result_is_a_call_that_exists(results):
     for _, line in results["analysis"].next():
-        call = ast.parse(python_lines(line)).body[0].value
+        call = ast.parse(line).body[0].value
         known = signature(getattr(identifiability, call.func.id)).parameters
         assert {keyword.arg for keyword in call.keywords} <= {*known}
     shown = results["analysis"]._repr_html_()
@@ -168,8 +179,18 @@ def test_an_error_in_a_notebook_is_one_line_and_names_keywords():
 
 def test_options_in_a_sentence_become_keywords():
     said = "Type --lock 'joint_1' or --map 'OLD=joint_1.q'. Use --set cutoff=10, or --force."
-    spoken = "Type lock=['joint_1'] or columns={'OLD': 'joint_1.q'}. Use cutoff=10, or force=."
-    assert with_keywords(said) == spoken
+    lock, columns = "Robot.load(…, lock=['joint_1'])", "Robot.load(…, columns={'OLD': 'joint_1.q'})"
+    spoken = f"Type {lock} or {columns}. Use preparation=Preparation(cutoff=10), or force=True."
+    assert in_python(said) == spoken
+    assert in_python("`payload --mass 2`, --prior.") == "`payload(mass=2)`, prior=…."
+
+
+def test_a_remedy_speaks_python_in_python_and_options_at_a_terminal(results):
+    error = IdentifiabilityError("Give --mass.")
+    assert str(error) == "Give mass=…."
+    with at_terminal():
+        assert str(error) == "Give --mass."
+        assert results["analysis"].next()[0][1].startswith("identifiability ")
 
 
 def test_a_page_begins_with_the_values_of_each_joint(results, tmp_path):

@@ -4,8 +4,8 @@ import html
 import json
 import re
 
-import numpy as np
 import pytest
+from numpy.random import default_rng
 
 from identifiability import IdentifiabilityError, Robot, analyze, diagnose, export, prune
 from identifiability.estimation.verdict import Class
@@ -23,14 +23,14 @@ def spoil(frame, case):
         for c in frame.columns[1:]:
             out[c] = {"q": 0.3, "tau": 5.0}.get(c.rpartition(".")[2], 0.0)
     elif case == "rest, noisy torque":
-        rng = np.random.default_rng(0)
+        rng = default_rng(0)
         for c in frame.columns[1:]:
             out[c] = 0.3 if c.endswith(".q") else 0.0
         out[tau] = 5.0 + rng.standard_normal((len(frame), 2))
     elif case == "constant":
         out[tau] = [5.0, -2.0]
     elif case == "noise":
-        out[tau] = np.random.default_rng(1).standard_normal((len(frame), 2))
+        out[tau] = default_rng(1).standard_normal((len(frame), 2))
     elif case == "dead":
         out["elbow.tau"] = 0.0
     elif case == "stuck":
@@ -48,14 +48,14 @@ def arm(simulated):
     return lambda case: spoil(frame, case)
 
 
-def words(result, path) -> str:
+def words(result, path):
     """Return what a page says, without marks."""
     text = result.write_report(path).read_text(encoding="utf-8")
     text = re.sub(r"<(script|style)\b.*?</\1>", " ", text, flags=re.DOTALL)
     return re.sub(r"\s+", " ", html.unescape(re.sub(r"<[^>]+>", " ", text)))
 
 
-def check_words(text: str) -> None:
+def check_words(text):
     """No number that is none, and no percentage in powers of ten or beyond belief."""
     for wrong in (
         r"\bnan\b",
@@ -68,7 +68,7 @@ def check_words(text: str) -> None:
         assert found is None, found.group()
 
 
-def check_numbers(content) -> None:
+def check_numbers(content):
     """JSON holds numbers or null."""
     text = json.dumps(content)
     assert "NaN" not in text

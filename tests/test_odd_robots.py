@@ -1,15 +1,13 @@
 """Odd but legal robots, whose logs MuJoCo alone makes, have an answer, and intervals that hold."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
-from pathlib import Path
 
 import mujoco
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.random import default_rng
 
 from identifiability import IdentifiabilityError, Model, Robot, analyze, find_base_parameters
 from identifiability.foundation.output import plain
@@ -32,11 +30,11 @@ class Odd:
     seed: int
 
     @classmethod
-    def draw(cls, seed: int, joints: float = 30.0, most: int = MOST) -> Odd:
+    def draw(cls, seed, joints=30.0, most=MOST):
         """Return a robot; everything is uniform on a scale of logarithms."""
-        rng = np.random.default_rng(seed)
+        rng = default_rng(seed)
 
-        def between(low: float, high: float) -> float:
+        def between(low, high):
             return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
         scale, mass = between(1e-3, 10.0), between(1e-3, 1e3)
@@ -47,9 +45,9 @@ class Odd:
         return cls(scale, mass, kinds, rate, min(samples, most // len(kinds)), fastest, seed)
 
     @property
-    def bodies(self) -> list[dict[str, np.ndarray]]:
+    def bodies(self):
         """Mass, centre, principal moments, axes and joint of every body."""
-        rng = np.random.default_rng([self.seed, 1])
+        rng = default_rng([self.seed, 1])
         made = []
         for kind in self.kinds:
             mass = self.mass * rng.uniform(0.3, 1.0)
@@ -68,9 +66,9 @@ class Odd:
             )
         return made
 
-    def text(self, wrong: float = 0.0) -> str:
+    def text(self, wrong=0.0):
         """Return the MJCF; masses and moments off by a share."""
-        rng, opened = np.random.default_rng([self.seed, 2]), []
+        rng, opened = default_rng([self.seed, 2]), []
         for k, (kind, b) in enumerate(zip(self.kinds, self.bodies, strict=True)):
             off = 1 + wrong * rng.uniform(-1, 1)
             row = {n: " ".join(f"{x:.17g}" for x in np.ravel(off * v)) for n, v in b.items()}
@@ -88,9 +86,9 @@ class Odd:
             f"<actuator>{motors}</actuator></mujoco>"
         )
 
-    def log(self, which: int) -> pd.DataFrame:
+    def log(self, which):
         """Return a log: positions with encoder noise, torque with 1 % of its spread as noise."""
-        rng = np.random.default_rng([self.seed, 3, which])
+        rng = default_rng([self.seed, 3, which])
         n, t = len(self.kinds), np.arange(self.samples) / self.rate
         w = 2 * np.pi * self.fastest * rng.uniform(0.1, 1.0, (6, n))
         size = np.where(np.array(list(self.kinds)) == "H", 1.0, self.scale)
@@ -115,7 +113,7 @@ class Odd:
         }
         return pd.DataFrame({"t": t, **columns})
 
-    def truth(self) -> dict[str, float]:
+    def truth(self):
         """Return the parameters that made the logs, by the library's names."""
         model, values = mujoco.MjModel.from_xml_string(self.text()), dict[str, float]()
         for k, (kind, b) in enumerate(zip(self.kinds, self.bodies, strict=True)):
@@ -133,7 +131,7 @@ class Odd:
         return values
 
 
-def outside(odd: Odd, path: Path, told: dict) -> tuple[int, int, list[str]]:
+def outside(odd, path, told):
     """Return how many values are called identifiable, how many are outside, and which."""
     base = find_base_parameters(Robot.load(path), Model.of(*DEFAULT_EFFECTS))
     truth = odd.truth()

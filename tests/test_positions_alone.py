@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 
 from identifiability import Log, Model, Noise, Preparation, Robot, analyze, prepare_log
 from identifiability.regression.structure import Structure
@@ -22,7 +23,7 @@ def structure():
 @pytest.fixture(scope="module")
 def exact(structure):
     """A log without noise: six frequencies a joint that have no common period."""
-    rng = np.random.default_rng(4)
+    rng = default_rng(4)
     t = STEP * np.arange(SAMPLES)
     rates = 2 * np.pi * rng.uniform(0.15, 1.1, (6, 2))
     angle = np.multiply.outer(t, rates) + rng.uniform(0, 6, (6, 2))
@@ -36,7 +37,7 @@ def exact(structure):
 
 
 def measure(exact, seed, step=0.0):
-    rng = np.random.default_rng([seed, 8])
+    rng = default_rng([seed, 8])
     tau = Noise(additive=0.03).on_torque(exact.tau, rng)
     zero = rng.random(2)
     q = exact.q + NOISE * rng.normal(size=exact.q.shape)

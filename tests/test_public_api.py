@@ -4,21 +4,17 @@
 ``python tests/test_public_api.py`` and sees the change as a difference of lines.
 """
 
-from __future__ import annotations
-
 import ast
 import inspect as reflection
 import sys
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import typer
+from numpy.random import default_rng
 
 import identifiability
 from identifiability import (
-    Analysis,
     Robot,
     analyze,
     calibrate,
@@ -46,7 +42,7 @@ BY_NAME = {
 }
 
 
-def python_lines() -> Iterator[str]:
+def python_lines():
     """One line a public name: its signature, for a class also its public members."""
     for name in sorted(identifiability.__all__):
         value = getattr(identifiability, name)
@@ -63,7 +59,7 @@ def python_lines() -> Iterator[str]:
             yield f"python {name}{_parameters(value)}"
 
 
-def _parameters(value: object) -> str:
+def _parameters(value):
     """Names, kinds and whether there is a default; types are mypy's business."""
     if not callable(value):
         return ""
@@ -74,7 +70,7 @@ def _parameters(value: object) -> str:
     return str(reflection.Signature(bare)).replace("Ellipsis", "…")
 
 
-def command_lines() -> Iterator[str]:
+def command_lines():
     """One line a command, argument and option."""
     for name, command in sorted(vars(typer.main.get_command(app))["commands"].items()):
         yield f"command {name}"
@@ -86,12 +82,12 @@ def command_lines() -> Iterator[str]:
             yield f"command {name} {shown}{many}{must}"
 
 
-def json_lines() -> Iterator[str]:
+def json_lines():
     """One line a key of every kind of result."""
     robot = Robot.load("two-link")
     motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 400)
-    log = simulate(robot, motion, noise=PAPER_NOISE, rng=np.random.default_rng(0))
-    other = simulate(robot, motion, noise=PAPER_NOISE, rng=np.random.default_rng(1))
+    log = simulate(robot, motion, noise=PAPER_NOISE, rng=default_rng(0))
+    other = simulate(robot, motion, noise=PAPER_NOISE, rng=default_rng(1))
     analysis = _trusted(analyze(robot, log, replicates=0, posterior=True))
     results = [
         analysis,
@@ -108,7 +104,7 @@ def json_lines() -> Iterator[str]:
         yield from sorted({f"json {schema} {key}" for key in _keys(content)})
 
 
-def _trusted(analysis: Analysis) -> Analysis:
+def _trusted(analysis):
     """Posteriors that have converged, whose numbers are not withheld."""
 
     def trust(summary):
@@ -119,7 +115,7 @@ def _trusted(analysis: Analysis) -> Analysis:
     return replace(analysis, belief=belief)
 
 
-def _keys(value: object, path: str = "") -> Iterator[str]:
+def _keys(value, path=""):
     if isinstance(value, dict):
         for key, inner in value.items():
             by_name = path.rpartition(".")[2] in BY_NAME or path == "physical.parameters"
@@ -131,7 +127,7 @@ def _keys(value: object, path: str = "") -> Iterator[str]:
             yield from _keys(inner, f"{path}[]")
 
 
-def lines() -> list[str]:
+def lines():
     return [*dict.fromkeys([*python_lines(), *command_lines(), *json_lines()])]
 
 
@@ -161,7 +157,7 @@ def test_schemas_have_a_name_and_a_version():
 WRITERS = ("to_dict", "to_row", "row", "identity")
 
 
-def constant_keys(source: str) -> Iterator[str]:
+def constant_keys(source):
     """One entry a JSON key that always has the same empty value."""
     functions = (f for f in ast.walk(ast.parse(source)) if isinstance(f, ast.FunctionDef))
     for function in functions:

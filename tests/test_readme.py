@@ -1,7 +1,5 @@
 """README and docs are true: their blocks run in order, commands and links lead somewhere."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json
@@ -10,7 +8,6 @@ import runpy
 import shlex
 import sys
 import tempfile
-from collections.abc import Iterator
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
@@ -50,19 +47,19 @@ FEW = {
 }
 
 
-def blocks(page: Path) -> Iterator[tuple[int, str, str]]:
+def blocks(page):
     """Line, language and text of the fenced blocks of a page."""
     text = page.read_text(encoding="utf-8")
     for found in re.finditer(r"^```(\w+)\n(.*?)^```", text, re.MULTILINE | re.DOTALL):
         yield text.count("\n", 0, found.start()) + 2, found[1], found[2]
 
 
-def lines(text: str) -> list[str]:
+def lines(text):
     """The commands of a block."""
     return [line[2:] for line in text.splitlines() if line.startswith("$ ")]
 
 
-def type_in(line: str, *, quick: bool) -> None:
+def type_in(line, *, quick):
     """Run a command as a shell would, in this process."""
     program, *words = shlex.split(line, comments=True)
     if program == "cd":
@@ -83,14 +80,14 @@ def type_in(line: str, *, quick: bool) -> None:
         assert line in (*CHECKOUT, *INSTALL), f"nothing runs '{line}' here"
 
 
-def run(page: Path, folder: Path, *, quick: bool) -> list[tuple[str, str]]:
+def run(page, folder, *, quick):
     """Run the blocks of a page in order, in a folder.
 
     Returns what each block of Python printed beside what the page says that it prints, in a block
     of text that follows; empty where it says nothing.
     """
-    known: dict[str, object] = {"__name__": "page"}
-    pairs: list[tuple[str, str]] = []
+    known = {"__name__": "page"}
+    pairs = []
     with contextlib.chdir(folder), pytest.MonkeyPatch.context() as patch:
         for verb, less in FEW.items() if quick else ():
             patch.setattr(identifiability, verb, partial(getattr(identifiability, verb), **less))
@@ -112,7 +109,7 @@ def run(page: Path, folder: Path, *, quick: bool) -> list[tuple[str, str]]:
 NUMBER = re.compile(r"[-−]?\d+(?:\.\d+)?(?:e[-+]\d+)?")
 
 
-def agree(said: str, printed: str) -> bool:
+def agree(said, printed):
     """Whether two texts have the same words, and numbers within 5 %: processors round otherwise."""
     ours, theirs = (
         [float(n.replace("−", "-")) for n in NUMBER.findall(t)] for t in (said, printed)
@@ -165,12 +162,12 @@ def test_the_readme_is_short_and_begins_with_a_picture_and_two_commands():
 PICTURED = json.loads((ROOT / "docs/images/pictures.json").read_text(encoding="utf-8"))
 
 
-def said_in(text: str) -> tuple[set[str], set[str]]:
+def said_in(text):
     """Counts such as '29 of 52', and percentages, that a text states."""
     return {*re.findall(r"\d+ of \d+", text)}, {*re.findall(r"\d[\d.]*(?= %)", text)}
 
 
-def differs(readme: str, shown: str) -> set[str]:
+def differs(readme, shown):
     """Figures of the README's study that pictures do not show; they may be rounded."""
     counts, shares = said_in(readme)
     shown_counts, shown_shares = said_in(shown)
@@ -193,7 +190,7 @@ def test_figures_of_the_readme_are_those_of_its_pictures():
     assert differs(study, shown) == set()
 
 
-def answers_in(picture: str) -> dict[str, str]:
+def answers_in(picture):
     """Question and short answer that a picture shows."""
     return PICTURED[picture]["answers"]
 
@@ -228,7 +225,7 @@ def test_there_is_a_tutorial_that_leads_to_a_decision():
     assert len(RUN) >= 5
 
 
-def shown_commands() -> set[str]:
+def shown_commands():
     """Every ``identifiability …`` of the pages and of the commands' own help."""
     told = [line for page in PAGES for _, kind, text in blocks(page) for line in lines(text)]
     readme = PAGES[0].read_text(encoding="utf-8")
@@ -269,7 +266,7 @@ def test_links_and_paths_lead_somewhere(page):
         assert path.startswith("http") or (page.parent / path).exists(), path
 
 
-def write_anew(page: Path) -> None:
+def write_anew(page):
     """Write what a page's Python prints into its blocks of text."""
     with tempfile.TemporaryDirectory() as folder:
         said = (said for said, printed in run(page, Path(folder), quick=False) if printed)

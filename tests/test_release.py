@@ -14,7 +14,7 @@ TOML = tomllib.loads((ROOT / "pyproject.toml").read_text())
 HOME = TOML["project"]["urls"]["Homepage"]
 
 
-def shown_readme() -> str:
+def shown_readme():
     """Return the README as an index shows it, without the files beside it."""
     hook = TOML["tool"]["hatch"]["metadata"]["hooks"]["fancy-pypi-readme"]
     text = "".join((ROOT / piece["path"]).read_text() for piece in hook["fragments"])

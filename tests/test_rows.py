@@ -1,7 +1,5 @@
 """`result["joint.kind"]` is the row of that parameter; an unknown name gives the near match."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

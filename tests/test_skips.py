@@ -45,7 +45,7 @@ def run(request, tmp_path):
     for name, text in SKIPPING.items():
         (tmp_path / name).write_text(text)
 
-    def outcome(ci: str):
+    def outcome(ci):
         words = ["-p", "skips", "-q", "--continue-on-collection-errors", *request.param]
         done = subprocess.run(
             [sys.executable, "-m", "pytest", *words, "--rootdir", str(tmp_path), str(tmp_path)],

@@ -1,7 +1,5 @@
 """Another distribution with the package `identifiability`: one sentence says what to uninstall."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

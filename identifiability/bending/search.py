@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identifiability.foundation.linalg import or_one
+from identifiability.foundation.linalg import RANK_TOLERANCE, or_one
 from identifiability.foundation.names import Array
 from identifiability.foundation.rounding import REACH
 from identifiability.foundation.rules import Tolerance
@@ -31,8 +31,6 @@ ORDER = 3
 STEPS, LAST, HALVINGS = 6, 12, 4
 #: Largest changes of the logarithms of a frequency and of a damping ratio in one step.
 LARGEST: tuple[Tolerance, ...] = (0.3, 1.0)
-#: Relative singular value below which columns are taken to be dependent.
-DEPENDENT: Tolerance = 1e-8
 
 
 #: No joint bends.
@@ -91,7 +89,7 @@ class Problem:
         torque = [y - x for y, x in zip(self.torque, bent, strict=True)]
         target = np.concatenate([y.ravel() for y in torque])
         length = or_one(np.linalg.norm(rows, axis=0))
-        values = np.linalg.lstsq(rows / length, target, rcond=DEPENDENT)[0] / length
+        values = np.linalg.lstsq(rows / length, target, rcond=RANK_TOLERANCE)[0] / length
         left = [y - x @ values for y, x in zip(torque, everything, strict=True)]
         return [_fit_autoregression([x[:, j] for x in left]) for j in range(self.n)]
 
@@ -202,7 +200,7 @@ class Problem:
         misfit = float(left @ left)
         spread = misfit / max(len(y) - jacobian.shape[1], 1)
         length = or_one(np.linalg.norm(jacobian, axis=0))
-        inverse = np.linalg.pinv(jacobian / length, rcond=DEPENDENT)
+        inverse = np.linalg.pinv(jacobian / length, rcond=RANK_TOLERANCE)
         covariance = (inverse[: 2 * m] @ inverse[: 2 * m].T) / np.outer(length, length)[
             : 2 * m, : 2 * m
         ]
@@ -513,10 +511,10 @@ def _orthonormal(columns: Array) -> Array:
     """Return an orthonormal basis of columns (N, k)."""
     unit = columns / or_one(np.linalg.norm(columns, axis=0))
     left, size, _ = np.linalg.svd(unit, full_matrices=False)
-    return np.asarray(left[:, size > DEPENDENT * size[0]])
+    return np.asarray(left[:, size > RANK_TOLERANCE * size[0]])
 
 
 def _solve(columns: Array, target: Array) -> Array:
     """Return the least-squares values of columns, with columns of any unit."""
     length = or_one(np.linalg.norm(columns, axis=0))
-    return np.asarray(np.linalg.lstsq(columns / length, target, rcond=DEPENDENT)[0] / length)
+    return np.asarray(np.linalg.lstsq(columns / length, target, rcond=RANK_TOLERANCE)[0] / length)

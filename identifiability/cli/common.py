@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Literal, NoReturn
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, legible
 from identifiability.foundation.findings import Finding
 from identifiability.foundation.quoting import for_terminal, path_for_shell
+from identifiability.foundation.wording import at_terminal
 
 from .case import shorten_line
 
@@ -33,21 +34,25 @@ VERBOSE = ContextVar("VERBOSE", default=False)
 
 @contextmanager
 def sentences() -> Iterator[None]:
-    """Turn the library's errors into one line on standard error and exit code 2, 130 for Ctrl-C."""
-    try:
-        yield
-    except IdentifiabilityError as error:
-        _fail(str(error))
-    except BrokenPipeError:  # the reader of our output went away; typer knows what to do
-        raise
-    except OSError as error:
-        what = f"'{error.filename}' cannot be used" if error.filename else "The system refused"
-        _fail(legible(f"{what}: {error.strerror or error}."))
-    except MemoryError:
-        _fail(Finding("memory"))
-    except KeyboardInterrupt:
-        sys.stderr.write("Stopped; no file was left half-written.\n")
-        raise SystemExit(130) from None
+    """Turn the library's errors into one line on standard error and exit code 2, 130 for Ctrl-C.
+
+    Remedies name options of the command line.
+    """
+    with at_terminal():
+        try:
+            yield
+        except IdentifiabilityError as error:
+            _fail(str(error))
+        except BrokenPipeError:  # the reader of our output went away; typer knows what to do
+            raise
+        except OSError as error:
+            what = f"'{error.filename}' cannot be used" if error.filename else "The system refused"
+            _fail(legible(f"{what}: {error.strerror or error}."))
+        except MemoryError:
+            _fail(Finding("memory"))
+        except KeyboardInterrupt:
+            sys.stderr.write("Stopped; no file was left half-written.\n")
+            raise SystemExit(130) from None
 
 
 def _fail(sentence: str) -> NoReturn:
@@ -182,6 +187,50 @@ def print_next(result: Result) -> None:
     for what, command in result.next()[:1]:
         line = f"{before}{shorten_line(command)}"
         print_command(f"Next {what[0].lower()}{what[1:]}", line)
+
+
+def print_help(
+    usage: Sequence[str],
+    text: str,
+    groups: Mapping[str, Sequence[tuple[str, str]]],
+    lists: Sequence[str],
+) -> None:
+    """Print the help of a verb without blank lines that a small screen lacks.
+
+    Parameters
+    ----------
+    usage : sequence of str
+        Parts of the line of usage, after the verb.
+    text : str
+        Summary, examples between lines of three backticks, and paragraphs of Markdown.
+    groups : mapping
+        Options and their texts, by the title of their group.
+    lists : sequence of str
+        Further paragraphs at the end.
+    """
+    from rich.markdown import Markdown  # noqa: PLC0415
+    from rich.table import Table as Grid  # noqa: PLC0415
+
+    console = terminal()
+    summary, examples, explained = text.strip().split("```")
+    verb = examples.split()[1]
+    console.print(f"[bold]{summary.strip()}[/]\n", highlight=False)
+    for line in examples.strip().splitlines():
+        console.print(f"  {escaped(line)}", highlight=False, soft_wrap=True)
+    console.print()
+    console.print(Markdown(explained.strip()))
+    arguments = " ".join(usage).translate(str.maketrans("", "", "{}")).upper()
+    console.print(f"\n[bold]Usage[/]: identifiability {verb} {escaped(arguments)}")
+    for title, rows in groups.items():
+        grid = Grid.grid(padding=(0, 2, 0, 0), expand=True)
+        grid.add_column(max_width=37, overflow="fold")
+        grid.add_column(ratio=1)
+        for name, said in rows:
+            grid.add_row(f"  {escaped(name)}", escaped(said.replace("`", "")))
+        console.print(f"[bold]{escaped(title)}[/]", highlight=False)
+        console.print(grid)
+    for paragraph in lists:
+        console.print(escaped(paragraph), highlight=False)
 
 
 def print_command(what: str, command: str) -> None:

@@ -58,7 +58,7 @@ from identifiability.foundation.options import (
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 
 from .case import CASE, COMMANDS, defaults_of_case
-from .common import VERBOSE, check_outputs, print_end, progress, sentences, write_all
+from .common import VERBOSE, check_outputs, print_end, print_help, progress, sentences, write_all
 
 if TYPE_CHECKING:
     from identifiability.foundation.engines import Engine
@@ -69,6 +69,9 @@ if TYPE_CHECKING:
 #: Options that take effects, and verbs in which an option of that name takes something else.
 TAKES_EFFECTS = {"effects": (), "hide": (), "separate": (), "model": ("calibrate",)}
 
+
+#: Verbs whose help explains the settings of all verbs, and lists the effects.
+EXPLAINS, LISTS_EFFECTS = "inspect", "diagnose"
 
 #: Verbs whose help lists the shipped robots.
 LIST_ROBOTS = ("new", "inspect", "simulate")
@@ -216,8 +219,7 @@ class Field:
         panels = helps()["panels"].items()
         info.rich_help_panel = next((title for title, names in panels if self.name in names), "How")
         if get_origin(self.kind) is list:
-            info.metavar = info.metavar or "NAME"
-            info.help = f"{info.help} (repeatable)"
+            info.metavar = f"{info.metavar or 'NAME'} …"
         if self.kind is bool and self.default is False:
             info.param_decls = (self.spelling,)
             info.metavar = ""
@@ -338,17 +340,46 @@ class Command(typer.core.TyperCommand):
     settings: Mapping[str, Field]
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Write the help."""
-        listed = [f"**{f.values}** {f.text(str(self.name))}" for f in self.settings.values()]
-        listed = ["**-v** tables, hints and reasons, too", *listed]
+        """Write the help: examples, explanation, options in groups, settings and lists."""
+        print_help(self.collect_usage_pieces(ctx), str(self.help), self._groups(ctx), self._lists())
+
+    def _groups(self, ctx: Any) -> dict[str, list[tuple[str, str]]]:
+        """Return the options, and the settings, with their texts by their group."""
+        groups: dict[str, list[tuple[str, str]]] = {"Arguments": []}
+        groups |= {title: [] for title in (*helps()["panels"], "How")}
+        for parameter in self.params:
+            record = parameter.get_help_record(ctx)
+            if record is not None and parameter.name != "help":
+                name, text = record
+                title = getattr(parameter, "rich_help_panel", None) or "Arguments"
+                named = name.partition(" ")[0] if title == "Arguments" else name
+                groups[title].append((named, text))
+        groups["Settings (--set KEY=VALUE)"] = [
+            (field.values, field.text(str(self.name))) for field in self._explained()
+        ]
+        return {title: rows for title, rows in groups.items() if rows}
+
+    def _explained(self) -> list[Field]:
+        """Return the settings that the help explains: all in `inspect`, elsewhere the verb's."""
+        common = () if self.name == EXPLAINS else helps()["common"]
+        return [field for name, field in self.settings.items() if name not in common]
+
+    def _lists(self) -> list[str]:
+        """Return the names of effects and shipped robots that options take."""
+        listed = []
         for parameter in self.params:
             name = str(parameter.name)
             if name in TAKES_EFFECTS and str(self.name) not in TAKES_EFFECTS[name]:
-                listed.append(f"**Effects**: {', '.join(effects(name))}")
+                where = f"`identifiability {LISTS_EFFECTS} --help` lists them"
+                alone = name == "hide" or self.name == LISTS_EFFECTS
+                listed.append(f"Effects: {', '.join(effects(name)) if alone else where}.")
             if name == "robot" and self.name in LIST_ROBOTS:
-                listed.append(f"**Shipped robots**: {', '.join(shipped_robots())}")
-        self.epilog = "\n\n".join(f"- {text}" for text in dict.fromkeys(listed)) or None
-        super().format_help(ctx, formatter)
+                listed.append(f"Shipped robots: {', '.join(shipped_robots())}")
+        explained = self._explained()
+        others = [field.values for field in self.settings.values() if field not in explained]
+        if others:
+            listed.append(f"More settings ({EXPLAINS} --help explains them): {', '.join(others)}.")
+        return [*dict.fromkeys(listed), "With -v a verb also prints tables, hints and reasons."]
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Take -v; refuse a setting that is typed as an option, and show the right spelling."""

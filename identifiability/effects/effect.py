@@ -6,7 +6,7 @@ Diagnoses, exports and reports read the `Family` of an effect.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from typing import ClassVar, Literal
@@ -105,6 +105,26 @@ def fill_measured(effect: Effect, robot: Robot, motion: Motion, out: Array) -> N
         both = robot.torque.side_of(parameter.owner) == "both"
         if (effect.of_drive and both) != motion.drives_alone:
             out[:, :, k] = 0.0
+
+
+def list_entries(
+    effect: Effect, robot: Robot, motion: Motion, width: int
+) -> Iterator[tuple[int, int, Array]]:
+    """Yield joint, column and torque (N,) of an effect, as measured, where it is not zero.
+
+    Forces along the axes of an open chain act in few joints: no others are written.
+    """
+    if isinstance(effect, AlongAxes) and type(effect).fill is AlongAxes.fill:
+        one_sided = not robot.torque.has_side("both")
+        if one_sided and motion.X is None and motion.free is None:
+            yield from effect.list_forces(robot, motion)
+            return
+    # The samples of a column lie side by side: columns are written and read one by one.
+    columns = np.zeros((len(robot.actuated), width, len(motion)))
+    fill_measured(effect, robot, motion, columns.transpose(2, 0, 1))
+    columns = motion.freed(columns.transpose(2, 0, 1)).transpose(1, 2, 0)
+    for joint, column in np.argwhere(columns.any(2)).tolist():
+        yield joint, column, columns[joint, column]
 
 
 @frozen
@@ -239,13 +259,23 @@ class AlongAxes(Effect):
 
     def fill(self, robot: Robot, motion: Motion, out: Array) -> None:
         """Write a column for every force."""
-        column = 0
+        for column, (load, force) in enumerate(self._forces(robot, motion)):
+            put(out, column, load, force)
+
+    def list_forces(self, robot: Robot, motion: Motion) -> Iterator[tuple[int, int, Array]]:
+        """Yield joint, column and torque (N,) of each force in an open chain."""
+        for column, (load, force) in enumerate(self._forces(robot, motion)):
+            if force.any():
+                for joint in np.flatnonzero(load).tolist():
+                    yield joint, column, load[joint] * force
+
+    def _forces(self, robot: Robot, motion: Motion) -> Iterator[tuple[Array, Array]]:
+        """Yield the load of each axis, (n,) or (N, n), and a force along it, (N,)."""
         for axis in self.places(robot):
             at = Along(robot, motion, axis)
             load = at.load
             for force in self.curves(at):
-                put(out, column, load, force)
-                column += 1
+                yield load, force
 
 
 def counted(kind: str, count: int) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from identifiability.foundation.errors import ModelError
-from identifiability.foundation.linalg import NEARLY, without_rounding
+from identifiability.foundation.linalg import without_rounding
 from identifiability.foundation.names import Array, Parameter
 from identifiability.robot import Axis, Motion, Robot
 
@@ -26,7 +26,7 @@ from .effect import (
 )
 from .friction import CoulombAsymmetry, CoulombFriction, ViscousFriction
 from .inertia import ActuatorInertia
-from .nominal import needs_masses, once, reference_values, rigid_torque
+from .nominal import needs_masses, once, position_slopes, reference_values, rigid_torque
 from .registry import declare
 from .springs import FreeSpring, GravitySpring, JointStiffness
 
@@ -435,10 +435,12 @@ class EncoderBias(AtMotors):
         if not out.shape[2]:
             return
         rigid = rigid_torque(robot, motion)
+        slopes = dict(enumerate(position_slopes(robot, motion)))
         for k, joint in enumerate(motors(robot)):
-            # Along the whole way where one is known, which need not be small.
-            way = robot.reference.get(f"{robot.joints[joint]}.bias", 0.0) or NEARLY
-            turned = np.arange(motion.q.shape[1]) == robot.actuated[joint]
-            q = motion.q - way * turned
-            change = (rigid - rigid_torque(robot, replace(motion, q=q))) / way
-            out[:, :, k] = -without_rounding(change, rigid)
+            at = robot.actuated[joint]
+            slope = slopes.get(at, np.zeros(rigid.shape))  # a tendon carries no body
+            way = robot.reference.get(f"{robot.joints[joint]}.bias", 0.0)
+            if way:  # along the whole of it, which need not be small
+                q = motion.q - way * (np.arange(motion.q.shape[1]) == at)
+                slope = (rigid - rigid_torque(robot, replace(motion, q=q))) / way
+            out[:, :, k] = -without_rounding(slope, rigid)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import wraps
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -73,6 +73,17 @@ def rigid_torque(robot: Robot, motion: Motion) -> Array:
     tree -= model.armature * moved[2]  # rotors are no load
     tau = project(robot, motion, tree)
     return without_rounding(tau, tau)
+
+
+def position_slopes(robot: Robot, motion: Motion) -> Iterator[Array]:
+    """Yield the derivative of `rigid_torque` (N, n) with respect to the position of each joint."""
+    model = load_model(robot)
+    data = model.createData()
+    slopes = np.empty((len(motion), model.nv, model.nv))
+    for k, (q, v, a) in enumerate(zip(*tree_motion(robot, motion), strict=True)):
+        slopes[k] = pin.computeRNEADerivatives(model, data, q, v, a)[0]
+    for column in slopes.transpose(2, 0, 1):
+        yield project(robot, motion, column)
 
 
 def gravity_torque(robot: Robot, motion: Motion, gravity: Array) -> Array:

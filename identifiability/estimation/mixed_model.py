@@ -298,7 +298,8 @@ class MixedModel:
             own = np.flatnonzero(widths == width)
             some = np.array([sets[k] for k in own])
             where = np.searchsorted(every, some)
-            S = self._between(some[:, :, None], some[:, None, :])
+            scale = self.scale[some]
+            S = self.products.among(some) / (scale[:, :, None] * scale[:, None, :])
             rises[own], signs[own] = self.rise(S, along[:, where], left[where])
         out = []
         stop = 0

@@ -23,8 +23,8 @@ class Defaults:
         Harmonics of the Fourier series of a motion.
     period : float [s]
         Period of a motion.
-    samples, samples_quick : int
-        Samples in a period of a motion, and in that of a quick demo.
+    samples : int
+        Samples in a period of a motion.
     rate : float [Hz]
         Samples a second of a motion that a controller plays.
     draws, draws_quick : int
@@ -41,7 +41,6 @@ class Defaults:
     harmonics: int = 5
     period: float = 7.5
     samples: int = 750
-    samples_quick: int = 100
     rate: float = 500.0
     draws: int = 40
     draws_quick: int = 4

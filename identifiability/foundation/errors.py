@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable
 
 from .quoting import for_terminal
+from .wording import worded
 
 #: Longest quoted name before its middle is omitted, and lengths of its ends [letters].
 _LONG, _HEAD, _TAIL = 240, 100, 60
@@ -28,9 +29,13 @@ class IdentifiabilityError(Exception):
         super().__init__(legible(sentence))
         self.key: str = getattr(sentence, "key", "")
 
+    def __str__(self) -> str:
+        """Return the sentence; in Python its remedy names keywords instead of options."""
+        return worded(super().__str__())
+
     def _render_traceback_(self) -> list[str]:
-        """Return the sentence with keywords of Python, which a notebook shows without frames."""
-        return [f"{type(self).__name__}: {with_keywords(str(self))}"]
+        """Return the sentence alone, which a notebook shows without frames."""
+        return [f"{type(self).__name__}: {self}"]
 
 
 class RobotError(IdentifiabilityError):
@@ -55,22 +60,6 @@ class OutputError(IdentifiabilityError):
 
 class EngineError(IdentifiabilityError):
     """The processes or the cluster that should do the work cannot be used."""
-
-
-def with_keywords(sentence: str) -> str:
-    """Return a sentence with the keywords of Python in place of options of the command line."""
-    value = r"(?:'([^']*)'|(\S+?)(?=[.,;)]*(?:\s|$)))"
-
-    def keyword(option: str, given: str) -> str:
-        old, equals, new = given.partition("=")
-        if option == "lock":
-            return f"lock=[{old!r}]" if not equals else f"lock={{{old!r}: {new}}}"
-        return f"columns={{{old!r}: {new!r}}}" if option == "map" else given
-
-    sentence = re.sub(
-        rf"--(map|lock|set) {value}", lambda m: keyword(m[1], m[2] or m[3] or ""), sentence
-    )
-    return re.sub(r"--([a-z][a-z-]+)", lambda m: f"{m[1].replace('-', '_')}=", sentence)
 
 
 def legible(sentence: str) -> str:

@@ -112,6 +112,10 @@ class Finding(str):
             numbers,
         )
 
+    def again(self, text: str) -> Finding:
+        """Return the same finding with another text."""
+        return _again(text, self.key, self.subject, self.numbers)
+
     def __reduce__(self) -> tuple[Any, ...]:
         return _again, (str(self), self.key, self.subject, dict(self.numbers))
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import wraps
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, ParamSpec, TypeVar
 
 from . import handed
-from .findings import ledger, merge_subjects, of_key
+from .findings import Finding, ledger, merge_subjects, of_key
+from .wording import worded
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,6 +33,9 @@ class Presenter:
     """
 
     result: Any
+
+    #: Columns of the frame without details; all of them if empty.
+    brief: ClassVar[Sequence[str]] = ()
 
     def __init__(self, result: Any) -> None:
         self.result = result
@@ -68,8 +73,15 @@ class Presenter:
         lines = [" ".join(filter(None, (a.question, a.short, a.text))) for a in asked]
         return "\n".join([*lines, *result.warnings])
 
-    def to_frame(self) -> pd.DataFrame:
-        """Return the answer as a table.
+    def to_frame(self, *, details: bool = False) -> pd.DataFrame:
+        """Return the answer as a table of at most ten columns; with `details`, of all columns."""
+        frame = self.frame()
+        if details or not self.brief:
+            return frame
+        return frame[[name for name in self.brief if name in frame]]
+
+    def frame(self) -> pd.DataFrame:
+        """Return the answer as a table of all columns.
 
         Raises
         ------
@@ -77,7 +89,7 @@ class Presenter:
             If this kind of result has no presenter.
         """
         kind = type(self.result).__name__
-        raise NotImplementedError(f"{kind} has no to_frame; write it in report/answers.")
+        raise NotImplementedError(f"{kind} has no frame; write it in report/answers.")
 
 
 def present(result: Any, name: str, *about: Any, **options: Any) -> Any:
@@ -101,7 +113,27 @@ def presented(method: Callable[P, T]) -> Callable[P, T]:
     @wraps(method)
     def ask(*about: P.args, **options: P.kwargs) -> T:
         shown, *others = about
-        answered: T = present(shown, method.__name__, *others, **options)
+        answered: T = in_words(present(shown, method.__name__, *others, **options))
         return answered
 
     return ask
+
+
+def in_words(shown: Any) -> Any:
+    """Return sentences, answers and notes with their remedies in the reader's words.
+
+    Other values are returned unchanged.
+    """
+    from .answers import Answer, Note  # noqa: PLC0415 - pandas
+
+    if isinstance(shown, Finding):
+        return shown.again(worded(shown))
+    if isinstance(shown, str):
+        return worded(shown)
+    if isinstance(shown, tuple):
+        return tuple(map(in_words, shown))
+    if isinstance(shown, Answer):
+        return replace(shown, short=worded(shown.short), text=worded(shown.text))
+    if isinstance(shown, Note):
+        return replace(shown, title=worded(shown.title), text=worded(shown.text))
+    return shown

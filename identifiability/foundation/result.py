@@ -13,7 +13,8 @@ from .findings import Finding, of_key
 from .keyed import Keyed
 from .names import Strings
 from .output import check_ending, write_json
-from .presenter import presented
+from .presenter import in_words, present, presented
+from .wording import at_terminal, by_reader
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -49,8 +50,8 @@ class Result(Keyed, ABC):
         raise NotImplementedError
 
     @presented
-    def to_frame(self) -> pd.DataFrame:
-        """Return the answer as a table."""
+    def to_frame(self, *, details: bool = False) -> pd.DataFrame:
+        """Return the answer as a table of at most ten columns; with `details`, of all columns."""
         raise NotImplementedError
 
     @abstractmethod
@@ -83,19 +84,27 @@ class Result(Keyed, ABC):
         """Return the findings of the result: its hints, and the notes of its prepared logs."""
         prepared = (getattr(self, name, ()) for name in ("samples", "validation", "records"))
         notes = (text for logs in prepared for one in logs for text in one.notes)
-        return tuple(of_key([*getattr(self, "hints", ()), *notes]))
+        found: tuple[Finding, ...] = in_words(tuple(of_key([*getattr(self, "hints", ()), *notes])))
+        return found
 
-    @cached_property
-    @presented
+    @property
     def warnings(self) -> Strings:
         """Findings that change a decision; every way of showing the result shows them."""
-        raise NotImplementedError
+        found: Strings = in_words(self._deciding)
+        return found
+
+    @cached_property
+    def _deciding(self) -> Strings:
+        found: Strings = present(self, "warnings")
+        return found
 
     @property
     def remarks(self) -> Strings:
         """Hints that change no decision."""
         hints = getattr(self, "hints", ())
-        return tuple(x for x in hints if not (isinstance(x, Finding) and x.decides))
+        others = tuple(x for x in hints if not (isinstance(x, Finding) and x.decides))
+        found: Strings = in_words(others)
+        return found
 
     @presented
     def ledger(self) -> tuple[Table, ...]:
@@ -108,8 +117,10 @@ class Result(Keyed, ABC):
         return "\n\n".join([*said, *(table.text() for table in self.tables())])
 
     def next(self) -> tuple[tuple[str, str], ...]:
-        """Return the next steps: the purpose and the line to type of each."""
-        return next((a.commands for a in self.answers() if a.commands), ())
+        """Return the next steps: the purpose of each, and its call or its line for a terminal."""
+        steps = next((a.commands for a in self.answers() if a.commands), ())
+        lines = handed("python_lines")
+        return tuple((purpose, by_reader(line, lines)) for purpose, line in steps)
 
     def figures(self) -> dict[str, Figure]:
         """Return the figures of the result's page by their names."""
@@ -126,13 +137,14 @@ class Result(Keyed, ABC):
         """
         check_ending(path, ".json")
         written = self.note_written("json", Path(path))  # lines to type name the file
-        answers = [
-            {**vars(a), "commands": [{"what": w, "command": c} for w, c in a.commands]}
-            for a in self.answers()
-        ]
-        findings = [found.to_dict() for found in self.findings]
-        shown = {"findings": findings, "answers": answers, "warnings": list(self.warnings)}
-        return write_json(written, {**self.to_dict(), **shown})
+        with at_terminal():
+            answers = [
+                {**vars(a), "commands": [{"what": w, "command": c} for w, c in a.commands]}
+                for a in self.answers()
+            ]
+            findings = [found.to_dict() for found in self.findings]
+            shown = {"findings": findings, "answers": answers, "warnings": list(self.warnings)}
+            return write_json(written, {**self.to_dict(), **shown})
 
     def note_written(self, kind: str, path: Path) -> Path:
         """Record the path of a written result as ``"json"``, ``"model"`` …; return the path."""
@@ -152,7 +164,7 @@ class Result(Keyed, ABC):
     def __dir__(self) -> list[str]:
         """Return the names for completion: those that users need, without internals."""
         asked = {"answers", "figures", "findings", "from_json", "next", "statement", "tables"}
-        asked |= {"row_names", "chosen", "hints", "models", "play", "predict", "robot", "summary"}
+        asked |= {"row_names", "chosen", "models", "play", "predict", "robot", "summary"}
         asked |= {"warnings"}
         offered = ("_", "to_", "write_")
         return [n for n in super().__dir__() if n in asked or n.startswith(offered)]

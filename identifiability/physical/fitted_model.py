@@ -323,7 +323,7 @@ class LeastSquares:
         # A direction with less than this share of the largest variance is known.
         sd = np.sqrt(np.maximum(variance, 1e-14 * max(variance.max(initial=0.0), 1.0)))
         rows = ((shown @ axes) / sd).T / scale
-        return LeastSquares(rows, rows @ mean, 1e-12, 1.0)
+        return LeastSquares(rows, rows @ mean, rss_min=1.0, dof=1.0)
 
     def through(self, to_x: Array) -> LeastSquares:
         """Return the problem in phi, where the present parameters are ``to_x (p, q) phi``."""

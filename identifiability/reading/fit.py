@@ -164,13 +164,18 @@ class TorqueRows:
         self.parts = parts
         self.separate_offsets = separate_offsets
         self.others = others
-        joints = range(len(self.robot.joints))
-        #: Base parameters whose columns act in each joint: in a tree few do.
-        self.acts = [np.flatnonzero(parts[:, j].any((0, 2))) for j in joints]
         self._columns: dict[tuple[int, bool], Array] = {}
         self._squares: dict[tuple[int, bool], Array] = {}
         self._torque: dict[tuple[int, float, bool], Array] = {}
         self._crosses: dict[tuple[int, float, bool], Array] = {}
+        self._roots: dict[tuple[int, bytes], Array] = {}
+        self._late: dict[float, list[Array]] = {}
+
+    @cached_property
+    def acts(self) -> list[np.ndarray]:
+        """Base parameters whose columns act in each joint: in a tree few do."""
+        joints = range(self.parts.shape[1])
+        return [np.flatnonzero(self.parts[:, j].any((0, 2))) for j in joints]
 
     def acting_gravity(self, gravity: Array) -> Array:
         """Return gravity (3,) [m/s²] of the same size, without its part that acts in no column.
@@ -256,9 +261,7 @@ class TorqueRows:
         has values of base parameters that are not fitted, by their place.
         """
         joints = self._products_under(reading, adjusted)
-        scale = self.variation[reading.order] * np.maximum(self.counts, 1)
-        # Torque of a floating base need not be measured.
-        scale = np.where(scale > 0.0, scale, 1.0)
+        scale = self._scale(reading)
         weight = 1.0 / scale
         for _ in range(3):
             value = self._solve_weighted(joints, weight, fixed or {})
@@ -266,6 +269,37 @@ class TorqueRows:
             residual = np.maximum(residual, ROUNDOFF * scale)
             weight = 1.0 / residual
         return value, residual / scale
+
+    def least_shares(self, reading: Reading) -> Array:
+        """Return the least residual share of `solve` that base parameters may leave, (n,).
+
+        Each joint has base parameters of its own, of any sign.
+        """
+        left = []
+        for j, weight in enumerate(self.weights(reading)):
+            key = j, float(reading.delay[j])
+            column = reading.order[j]
+            torque = self.torque(*key, adjusted=False)[:, column]
+            cross = self.crosses(*key, adjusted=False)[column] @ weight
+            explained = self._root(j, weight) @ cross
+            left.append(torque @ torque - explained @ explained)
+        return np.asarray(left) / self._scale(reading)
+
+    def _scale(self, reading: Reading) -> Array:
+        """Return the sum of squares of each joint's torque column about its mean, (n,)."""
+        scale = self.variation[reading.order] * np.maximum(self.counts, 1)
+        # Torque of a floating base need not be measured.
+        return np.where(scale > 0.0, scale, 1.0)
+
+    def _root(self, joint: int, weight: Array) -> Array:
+        """Return the inverse factor (c, c) of the products of a joint's columns."""
+        key = joint, weight.tobytes()
+        if key not in self._roots:
+            gram = self.squares(joint, adjusted=False) @ weight @ weight
+            size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+            fit = Normal.ridged(gram / np.outer(size, size), np.zeros(len(size)))
+            self._roots[key] = fit.root / size
+        return self._roots[key]
 
     def count(self, reading: Reading) -> Array:
         """Return the number of independent rows of each log column under a reading, (n,).
@@ -401,13 +435,22 @@ class TorqueRows:
         A row counts only where the joint's own torque is data.
         """
         outputs = []
-        for piece in self.excerpt.pieces:
-            t = piece.motion.t
-            tau = np.column_stack([np.interp(t + delay, t, x) for x in piece.tau.T])
+        for piece, tau in zip(self.excerpt.pieces, self._late_torque(delay), strict=True):
             weight = np.tile(piece.weight[:, [joint]], len(self.acts))
             outputs.append(replace(piece, tau=tau, weight=weight).torque)
         every = np.concatenate(outputs)
         return np.asarray(every[self.excerpt.seen])
+
+    def _late_torque(self, delay: float) -> list[Array]:
+        """Return the torque columns (N, n) of each piece at a later time."""
+        if delay not in self._late:
+            every = []
+            for piece in self.excerpt.pieces:
+                t = piece.motion.t
+                late = [np.interp(t + delay, t, x) for x in piece.tau.T] if delay else piece.tau.T
+                every.append(np.array(late).T)
+            self._late[delay] = every
+        return self._late[delay]
 
     # Adjusted rows.
 
@@ -523,6 +566,7 @@ class RowsOfPart(TorqueRows):
     def __init__(self, rows: TorqueRows, chosen: Array) -> None:
         data = rows.excerpt.data & chosen[:, None]
         super().__init__(rows.structure, replace(rows.excerpt, data=data), rows.parts)
+        self.acts = rows.acts
         self.rows = rows
         self.chosen = chosen
 

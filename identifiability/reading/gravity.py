@@ -25,10 +25,11 @@ NARROW: Tolerance = 0.03
 Misfits: TypeAlias = Callable[[Array], Array]
 
 
-def find_directions(stated: Array, misfits: Misfits, even: float) -> list[Array]:
+def find_directions(stated: Array, misfits: Misfits, even: float, most: float) -> list[Array]:
     """Return the gravity (3,) [m/s²] of the stated size that fits best, and its opposite.
 
-    The literal residual weighs joints by their squares. The evidence prefers the opposite at times.
+    It returns nothing if the best direction leaves more than `most`. The literal residual weighs
+    joints by their squares. The evidence prefers the opposite at times.
 
     Parameters
     ----------
@@ -37,6 +38,8 @@ def find_directions(stated: Array, misfits: Misfits, even: float) -> list[Array]
     misfits : callable
     even : float
         Logs of the residual by which two directions are equally good.
+    most : float
+        Root of the sum of all residual shares.
     """
     size = float(np.linalg.norm(stated))
     down = stated / size
@@ -49,6 +52,8 @@ def find_directions(stated: Array, misfits: Misfits, even: float) -> list[Array]
     grid = list_directions(down)
     start = grid[int(np.argmin([squares(direction) for direction in grid]))]
     wide = refine_direction(start, squares, WIDE)
+    if squares(wide) > 2.0 * np.log(most):
+        return []
     best = tune_direction(size * wide / np.linalg.norm(wide), misfits)
     # Where weight acts along a slide alone, negative masses would fall upwards as well.
     mirrored = best - 2.0 * min(float(best @ down), 0.0) * down

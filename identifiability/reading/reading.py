@@ -121,7 +121,7 @@ class Reading:
         if self.link_side.any():
             return f"{self.description} ({self.log_odds:.3g} nats). {self.remedy}."
         less = percent(1.0 - self.error_ratio, 2)
-        evidence = f"read so, the model errs by {less} less ({self.log_odds:.3g} nats)"
+        evidence = f"with this reading the model errs {less} less ({self.log_odds:.3g} nats)"
         return f"{self.description}: {evidence}. {self.remedy}."
 
     @property

@@ -170,9 +170,11 @@ class ReadingSearch:
         gains = list[tuple[int, Reading]]()
         for reading in self.propose():
             self.tried += 1
-            if self._cannot_gain(reading, squares):
+            rows = self.rows_of(reading)
+            limit = RULES.error_ratio**2 * squares.sum()
+            if self._cannot_gain(reading, squares) or rows.least_shares(reading).sum() > limit:
                 continue
-            misfit = self.rows_of(reading).fit(reading)
+            misfit = rows.fit(reading)
             if self.robot.base is not None and self._errs_much(misfit):
                 continue  # a fault of positions, which are not tried on a floating base
             ratio = float(np.sqrt(np.exp(2 * misfit).sum() / squares.sum()))
@@ -217,7 +219,8 @@ class ReadingSearch:
         def misfits(gravity: Array) -> Array:
             return self.rows.fit(replace(self.literal, gravity=gravity))
 
-        for gravity in find_directions(self.robot.gravity, misfits, EVEN):
+        most = RULES.error_ratio * np.linalg.norm(np.exp(misfits(self.robot.gravity)))
+        for gravity in find_directions(self.robot.gravity, misfits, EVEN, float(most)):
             reading = self.candidates.turned(self.rows.acting_gravity(gravity))
             if reading.description:
                 yield reading

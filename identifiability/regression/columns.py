@@ -14,7 +14,7 @@ from itertools import groupby
 import numpy as np
 
 from identifiability.effects import Effect, Family, Part, Span
-from identifiability.effects.effect import fill_measured, hides, measure_spans
+from identifiability.effects.effect import hides, list_entries, measure_spans
 from identifiability.foundation.errors import ModelError
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
@@ -206,20 +206,19 @@ def compute_entries(
         start, stop = np.searchsorted(seen, [first, outputs]).tolist()
         chosen = seen[start:stop] - first
         for effect, width, columns in layout:
-            # The samples of a column lie side by side: columns are written and read one by one.
-            columns_of_joints = np.zeros((len(robot.actuated), width, len(piece.motion)))
-            W = columns_of_joints.transpose(2, 0, 1)
-            fill_measured(effect, robot, piece.motion, W)
-            W = piece.motion.freed(W)
-            acts = np.asarray(W.any(0))[:, [k for k, _ in columns]]
-            taken, joints = np.nonzero(acts.T)
-            if not taken.size:
+            found = [
+                (joint, column, torque)
+                for joint, k, torque in list_entries(effect, robot, piece.motion, width)
+                for column in columns.get(k, ())
+            ]
+            if not found:
                 continue
-            own = W[:, joints, [columns[i][0] for i in taken]]
+            joints = np.array([joint for joint, *_ in found])
+            own = np.array([torque for *_, torque in found]).T
             low_passed = piece.down(piece.silenced(own, joints))
             weighed = piece.weighed(low_passed, joints)[chosen]
-            for i, j, values in zip(taken.tolist(), joints.tolist(), weighed.T, strict=True):
-                at = j, columns[i][1]
+            for (joint, column, _), values in zip(found, weighed.T, strict=True):
+                at = joint, column
                 if at not in entries:
                     entries[at] = np.zeros(len(seen))
                 entries[at][start:stop] = values
@@ -228,12 +227,13 @@ def compute_entries(
 
 def _lay_out(
     robot: Robot, parts: Sequence[tuple[Part, Sequence[int]]]
-) -> list[tuple[Effect, int, list[tuple[int, int]]]]:
-    """Return each effect once: its number of columns, and which of them go where."""
+) -> list[tuple[Effect, int, dict[int, list[int]]]]:
+    """Return each effect once: its number of columns, and where each of them goes."""
     effects = dict[int, Effect]()
-    places = defaultdict[int, list[tuple[int, int]]](list)
+    places = defaultdict[int, dict[int, list[int]]](dict)
     for part, columns in parts:
         effect, own = part.find(robot)
         effects[id(effect)] = effect
-        places[id(effect)].extend(zip(own, columns, strict=True))
+        for k, column in zip(own, columns, strict=True):
+            places[id(effect)].setdefault(k, []).append(column)
     return [(e, len(e.parameters(robot)), places[k]) for k, e in effects.items()]

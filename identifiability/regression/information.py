@@ -370,6 +370,24 @@ class Information:
             out[rows] += products[place[some[rows]], place[by]]
         return out
 
+    def among(self, sets: np.ndarray) -> Array:
+        """Return products among the columns of each of some sets (s, k), (s, k, k).
+
+        A search asks for the same sets again and again, and each is computed once.
+        """
+        known = self._among
+        new = [at for at in sets if at.tobytes() not in known]
+        if new:
+            columns = np.array(new)
+            products = self.between(columns[:, :, None], columns[:, None, :])
+            known.update(zip((at.tobytes() for at in new), products, strict=True))
+        return np.array([known[at.tobytes()] for at in sets])
+
+    @cached_property
+    def _among(self) -> dict[bytes, Array]:
+        """Products of sets of columns by the bytes of their numbers."""
+        return {}
+
     def squares(self, change: Array) -> Array:
         """Return each actuator's sum of squares of ``[W τ] change``, (n,) or (n, m).
 

@@ -31,6 +31,7 @@ from identifiability.foundation.quoting import for_html
 from identifiability.foundation.result import Result, by_name
 from identifiability.foundation.rounding import superscript
 from identifiability.foundation.values import frozen
+from identifiability.foundation.wording import at_terminal
 
 from .answers.common import hint_note, note
 from .answers.python_lines import in_python
@@ -254,7 +255,9 @@ def write_result(result: Any, path: str | Path) -> Path:
     OutputError
     """
     check_ending(path, ".html", ".htm")
-    return write_text(path, render_page(build_page(result)))
+    with at_terminal():
+        page = render_page(build_page(result))
+    return write_text(path, page)
 
 
 # View of a result in a notebook: first answers and tables.
@@ -281,7 +284,7 @@ def notebook_result(result: Result) -> str:
     frame = None if tables else result.to_frame()
     warnings = "\n".join(f"Warning: {text}" for text in result.warnings)
     shown = answer_first(result)
-    answers = replace(shown, answers=tuple(in_python(answer) for answer in shown.answers))
+    answers = replace(shown, answers=tuple(map(in_python, shown.answers)))
     return notebook_piece(warnings, frame, "to_frame()", answers, tables)
 
 
@@ -395,8 +398,7 @@ class KeptResult(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """Return the rows."""
-        frame = self.to_frame()
-        return (frame_table(frame[[name for name in KEPT if name in frame]]),)
+        return (frame_table(self.to_frame()),)
 
     def rows_by_name(self) -> Iterable[Row]:
         """Return the rows that were written: verdicts, or the values of a fit."""
@@ -408,13 +410,14 @@ class KeptResult(Result):
         columns = (fit["names"], fit["values"], sigma, fit["units"])
         return name_estimates(zip(*columns, strict=True))
 
-    def to_frame(self) -> pd.DataFrame:
+    def to_frame(self, *, details: bool = False) -> pd.DataFrame:
         """Return one row a parameter of the model to use, of a diagnosis an effect."""
         rows = self.content.get("parameters", self.content.get("effects"))
         frame = pd.DataFrame(rows)
         if "interval95" in frame:
             frame[["lower", "upper"]] = [*frame["interval95"]]
-        return by_name(frame)
+        kept = [*frame] if details else [name for name in KEPT if name in frame]
+        return by_name(frame[kept])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in its documented JSON schema."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from identifiability.estimation.verdict import Verdict
 from identifiability.foundation.answers import Cell, Column, Table
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.rounding import measured, stated_text
 from identifiability.physical.cad_prior import mass_rows
 from identifiability.workflows.analyze.result import Laddered, stated_values
@@ -17,9 +18,6 @@ from .answers.common import sentence
 
 #: Kinds of parameters of a joint, in the order of the columns.
 JOINT_KINDS = ("Fc", "Fv", "Ia")
-
-#: Coefficients of a combination below which a parameter is no part of it.
-PART = 1e-9
 
 
 def joint_values(result: Laddered[Any]) -> Table | None:
@@ -75,7 +73,7 @@ def _combinations(result: Laddered[Any], name: str) -> Iterator[str]:
         return
     column = np.abs(structure.G[:, known.index(name)])
     for base, coefficient in zip(structure.base.names, column, strict=True):
-        if coefficient > PART and base in result.chosen.submodel.columns:
+        if coefficient > ROUNDOFF and base in result.chosen.submodel.columns:
             yield base
 
 

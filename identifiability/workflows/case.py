@@ -91,7 +91,7 @@ COMPLETED |= {PassiveJointFriction.name}
 DERIVED = ("derivatives", "cutoff", "decimate")
 
 #: Text after the statement of a reading that is used.
-SO = "All that follows is said under that reading."
+SO = "All results use this reading."
 
 
 @frozen

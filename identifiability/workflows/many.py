@@ -14,8 +14,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, Literal, get_type_hints
 
-import pandas as pd
-
 from identifiability.foundation.engines import Engine, Serial
 from identifiability.foundation.errors import IdentifiabilityError, OutputError, listing, near_match
 from identifiability.foundation.findings import Finding
@@ -183,10 +181,6 @@ class Fleet(Result):
         """Robots without an answer, with the reason."""
         return {row["robot"]: row["failed"] for row in self.rows if row["failed"]}
 
-    def to_frame(self) -> pd.DataFrame:
-        """Return one row a robot; errors are fractions."""
-        return super().to_frame()
-
     def to_dict(self) -> dict[str, Any]:
         """Return the answers in their documented JSON schema."""
         head = {"schema": self.schema, "verb": self.verb, "statement": self.statement}
@@ -244,7 +238,7 @@ def analyze_many(
                 write_bytes(folder / row["page"], page)
             say(f"asked {row['robot']}", len(rows) / len(tasks))
     result = Fleet(verb=verb, folder=folder, rows=tuple(rows))
-    write_table(folder / TABLE, result.to_frame())
+    write_table(folder / TABLE, result.to_frame(details=True))
     result.to_json(folder / JSON)
     result.write_report(folder / PAGE)
     return result

@@ -211,9 +211,6 @@ QUANTITIES = {
 #: Quantities that are never negative: mass and moments about axes.
 POSITIVE = np.isin(np.arange(len(QUANTITIES)), (0, 4, 5, 6))
 
-#: Rows and columns of these moments in a tensor.
-_ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-
 #: Least mass relative to which moments are small or large [kg].
 LIGHTEST: Tolerance = 1e-3
 
@@ -270,7 +267,8 @@ def describe_body(theta: Array) -> Array:
     mass, centre = theta[9], theta[6:9] / theta[9]
     second = to_matrix(theta)[:3, :3] - mass * np.outer(centre, centre)
     tensor = np.trace(second) * np.eye(3) - second
-    return np.array([mass, *centre, *(tensor[at] for at in _ENTRIES)])
+    products = tensor[np.triu_indices(3, 1)]
+    return np.array([mass, *centre, *np.diag(tensor), *products])
 
 
 def state_quantities(

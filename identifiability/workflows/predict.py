@@ -196,15 +196,17 @@ class TorquePrediction(Result):
         share: Array = np.isinf(self.mean).mean(0)
         return share
 
-    def to_frame(self) -> pd.DataFrame:
-        """Return one row a sample: ``log``, ``t``, and of each joint ten columns [N·m or N].
+    @presented
+    def to_frame(self, *, details: bool = False) -> pd.DataFrame:
+        """Return one row a sample and joint: torque ``tau`` and ``predicted`` [N·m or N].
 
-        ``<joint>.tau`` and ``.tau_raw`` measured (empty where it was not), ``.predicted``,
-        ``.residual`` and ``.residual_raw`` measured less predicted; the 95 % interval of the mean
-        from ``.mean_from`` to ``.mean_to`` and those of new samples from ``.from`` to ``.to`` and
-        ``.raw_from`` to ``.raw_to``; ``.weight`` is 0 where errors leave the sample out.
+        ``from`` and ``to`` are the 95 % interval of a new sample. ``residual`` is measured less
+        predicted torque. ``weight`` is 0 where errors leave the sample out. With `details` there
+        is one row a sample, as files have it. Then the columns of each joint are
+        ``<joint>.tau`` and so on. They also have raw torque, and the interval of the mean from
+        ``.mean_from`` to ``.mean_to``.
         """
-        return super().to_frame()
+        raise NotImplementedError
 
     @presented
     def error_frame(self) -> pd.DataFrame:
@@ -237,7 +239,7 @@ class TorquePrediction(Result):
         OutputError
             If it cannot be written, or is none of these.
         """
-        return self.note_written("table", write_table(path, self.to_frame()))
+        return self.note_written("table", write_table(path, self.to_frame(details=True)))
 
 
 # `Fit`: the model in a result: values, their covariance, residual scatter of the torque.

@@ -37,7 +37,7 @@ def bare(arm):
 def write(tmp_path):
     """A function (name, text or bytes or DataFrame) -> path of a file of this test."""
 
-    def put(name: str, content) -> Path:
+    def put(name, content):
         path = tmp_path / name
         if isinstance(content, str):
             content = content.encode()
@@ -50,7 +50,7 @@ def write(tmp_path):
     return put
 
 
-def files_in(folder: Path) -> dict[Path, bytes]:
+def files_in(folder):
     return {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
@@ -58,7 +58,7 @@ def files_in(folder: Path) -> dict[Path, bytes]:
 def refused(command, tmp_path):
     """A function (words) -> the sentence; the command fails and leaves every file as it was."""
 
-    def run(*words) -> str:
+    def run(*words):
         before = files_in(tmp_path)
         out = command(*words)
         assert out.exit_code == 2, (out.output, out.exception)
@@ -86,7 +86,7 @@ def refuses(refused, write):
     The output that is asked for exists already, so that an early write would be seen.
     """
 
-    def run(robot, log, *options) -> str:
+    def run(robot, log, *options):
         log = log if isinstance(log, str | Path) else write("log.csv", log)
         return refused("analyze", robot, log, "--json", write("old.json", OLD), *options)
 

@@ -5,8 +5,6 @@ The file of the moment lies in the folder that is printed first; the first thing
 of ours ends the run. Each reader prints how many files it read and how many it refused.
 """
 
-from __future__ import annotations
-
 import faulthandler
 import io
 import json
@@ -68,7 +66,7 @@ class Reader:
 
 
 @cache
-def readers() -> dict[str, Reader]:
+def readers():
     """Every reader by its name."""
     two = Robot.load("two-link")
     structure = Structure.of(two, ladder_model(default_ladder(two)))
@@ -84,27 +82,27 @@ def readers() -> dict[str, Reader]:
 
     known = Conventions.of(two)
 
-    def log(path: Path) -> object:
+    def log(path):
         return prepare_log(two, Log.read(path, known))
 
-    def ladder(path: Path) -> object:
+    def ladder(path):
         entry = read_ladder(path)
         ladder_model(entry)
         return build_ladder(entry, structure)
 
-    def motion(path: Path) -> object:
+    def motion(path):
         known = read_trajectories(path, two)
         return [PrescribedMotion.of(t, min(t.samples, 100)) for t in known.values()]
 
-    def document(suffix: str, good: bytes, tokens: list[bytes], read: Callable[[Path], object]):
+    def document(suffix, good, tokens, read):
         parse, dump = (tomllib.loads, to_toml) if suffix == ".toml" else (json.loads, json.dumps)
         spoilt = st.one_of(spoil_bytes(good, tokens), spoil_document(parse(good.decode()), dump))
         return Reader(suffix, good, spoilt, read)
 
-    def markup(suffix: str, good: bytes) -> Reader:
+    def markup(suffix, good):
         return Reader(suffix, good, st.one_of(spoil_xml(good), spoil_bytes(good, XML)), Robot.load)
 
-    def table(suffix: str, good: bytes, tokens: list[bytes]) -> Reader:
+    def table(suffix, good, tokens):
         return Reader(suffix, good, spoil_bytes(good, tokens), log)
 
     arrays = {kind: frame[[f"{j}.{kind}" for j in two.joints]] for kind in ("q", "tau")}
@@ -133,14 +131,14 @@ def readers() -> dict[str, Reader]:
     }
 
 
-def check_sentence(sentence: str) -> None:
+def check_sentence(sentence):
     """Refuse what a user cannot read in one go, or a terminal not print."""
     sentence.encode()
     if "\n" in sentence or len(sentence) > LONGEST or sentence[-1:] not in (".", "?"):
         raise AssertionError(f"no readable sentence ({len(sentence)} letters): {sentence[:300]!r}")
 
 
-def fuzz(name: str, examples: int, folder: Path) -> tuple[int, int]:
+def fuzz(name, examples, folder):
     """Read many spoilt files; return how many were read, and how many refused.
 
     Raises
@@ -162,7 +160,7 @@ def fuzz(name: str, examples: int, folder: Path) -> tuple[int, int]:
         suppress_health_check=list(HealthCheck),
     )
     @given(reader.spoilt)
-    def check(content: bytes) -> None:
+    def check(content):
         path.write_bytes(content)
         faulthandler.dump_traceback_later(PATIENCE, exit=True)
         try:

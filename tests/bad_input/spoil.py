@@ -1,12 +1,8 @@
 """Ways to spoil a good file: bytes at random, markup, documents."""
 
-from __future__ import annotations
-
 import copy
 import json
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
-from typing import Any
 
 from hypothesis import strategies as st
 
@@ -31,7 +27,7 @@ VALUES = [
 ]  # fmt: skip
 
 #: Values that a document may hold where another is meant.
-ODD: list[Any] = [
+ODD = [
     None, True, "", "a", "nan", "left_elbow", "link1.mz", "elbow.Fv", "é\n\0", "x" * 5000, 0, -1,
     10**40, 0.5, -1e-320, 1e300, float("nan"), float("-inf"), [], [[]], [1, 2], ["a", "a"], {},
     {"a": {"b": 1}}, [[1.0] * 3] * 3, [0.0, 0.0, 0.0],
@@ -40,13 +36,13 @@ ODD: list[Any] = [
 _NUMBER = st.integers(0, 10_000)
 
 
-def spoil_bytes(good: bytes, tokens: list[bytes]) -> Spoilt:
+def spoil_bytes(good, tokens):
     """Any bytes, or good ones after a few cuts, copies and insertions."""
     piece = st.one_of(st.sampled_from(tokens + NUMBERS), st.binary(max_size=4))
     place, length = st.integers(0, len(good)), st.integers(0, 60)
     edit = st.tuples(st.sampled_from(["insert", "cut", "copy", "replace"]), place, length, piece)
 
-    def apply(edits: list[tuple[str, int, int, bytes]]) -> bytes:
+    def apply(edits):
         out = good
         for what, at, size, new in edits:
             taken = out[at : at + size]
@@ -58,12 +54,12 @@ def spoil_bytes(good: bytes, tokens: list[bytes]) -> Spoilt:
     return st.one_of(edited, edited, st.binary(max_size=200))
 
 
-def spoil_xml(good: bytes) -> Spoilt:
+def spoil_xml(good):
     """XML with some elements gone, doubled or moved, and some attributes gone or changed."""
     whats = ["lose", "double", "move", "lose attribute", "change attribute", "swap attribute"]
     edit = st.tuples(st.sampled_from(whats), _NUMBER, _NUMBER, st.sampled_from(VALUES))
 
-    def apply(edits: list[tuple[str, int, int, str]]) -> bytes:
+    def apply(edits):
         root = ET.fromstring(good)
         for what, at, other, value in edits:
             nodes = [(parent, child) for parent in root.iter() for child in parent]
@@ -87,12 +83,12 @@ def spoil_xml(good: bytes) -> Spoilt:
     return st.lists(edit, min_size=1, max_size=4).map(apply)
 
 
-def spoil_document(good: dict[str, Any], dump: Callable[[Any], str]) -> Spoilt:
+def spoil_document(good, dump):
     """A document with some values lost, replaced, renamed, or put in each other's place."""
     whats = ["lose", "replace", "replace", "rename", "swap", "wrap"]
     edit = st.tuples(st.sampled_from(whats), _NUMBER, _NUMBER, st.sampled_from(ODD))
 
-    def apply(edits: list[tuple[str, int, int, Any]]) -> bytes:
+    def apply(edits):
         document = copy.deepcopy(good)
         for what, at, other, value in edits:
             slots = list(_slots(document))
@@ -115,7 +111,7 @@ def spoil_document(good: dict[str, Any], dump: Callable[[Any], str]) -> Spoilt:
     return st.lists(edit, min_size=1, max_size=4).map(apply)
 
 
-def _slots(value: Any) -> Any:
+def _slots(value):
     """Yield (table or list, key) of everything inside a document."""
     keys = value if isinstance(value, dict) else range(len(value))
     for key in list(keys):
@@ -124,12 +120,12 @@ def _slots(value: Any) -> Any:
             yield from _slots(value[key])
 
 
-def to_toml(value: Any) -> str:
+def to_toml(value):
     """Return a document as TOML, everything below the first level inline."""
     return "".join(f"{json.dumps(k)} = {_inline(v)}\n" for k, v in value.items())
 
 
-def _inline(value: Any) -> str:
+def _inline(value):
     if isinstance(value, dict):
         return "{" + ", ".join(f"{json.dumps(k)} = {_inline(v)}" for k, v in value.items()) + "}"
     if isinstance(value, list):

@@ -48,7 +48,7 @@ print((*peak, used.ru_maxrss)[0] // 1000, used.ru_utime + used.ru_stime)
 """
 
 
-def refusal(path) -> str:
+def refusal(path):
     """Return the sentence with which another process refuses a file within the bounds."""
     command = [sys.executable, "-c", READ, str(path)]
     out = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)

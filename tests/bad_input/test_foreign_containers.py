@@ -5,6 +5,7 @@ import sys
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose
 from scipy.io import savemat
 
 from identifiability import Log, Robot, analyze
@@ -33,7 +34,7 @@ def arrays(bare):
 def same(log, arrays):
     log = log.select(JOINTS)
     for name, values in arrays.items():
-        np.testing.assert_allclose(getattr(log, name), values, rtol=1e-14)
+        assert_allclose(getattr(log, name), values, rtol=1e-14)
 
 
 def test_arrays_are_a_log_in_the_robots_order(arrays, bare):
@@ -120,7 +121,7 @@ def test_sheets_are_read_with_titles_and_units(bare, arrays, known, tmp_path, mo
         table.to_excel(book, sheet_name="run", header=False, index=False)
         pd.DataFrame({"a": [1]}).to_excel(book, sheet_name="other")
     log = Log.read(path, known)
-    np.testing.assert_allclose(log.t, arrays["t"], rtol=1e-14)
+    assert_allclose(log.t, arrays["t"], rtol=1e-14)
     same(log, {k: v for k, v in arrays.items() if k != "t"})
     assert "only its sheet 'run' was read, not other" in log.notes
     assert "t from ms" in log.notes[-1]
@@ -153,7 +154,7 @@ def test_a_format_of_ones_own_is_one_function(tmp_path):
         rows = np.column_stack([np.arange(50) / 100, np.sin(np.arange(50)), np.arange(50.0)])
         np.savetxt(path, rows)
         log = Log.read(path, known)
-        np.testing.assert_allclose(np.column_stack([log.t, log.q, log.tau]), rows)
+        assert_allclose(np.column_stack([log.t, log.q, log.tau]), rows)
         assert (log.joints, log.sha256) == (("shoulder",), "5" * 64)
         with pytest.raises(LogError, match=r"cannot be read as lines of a logger: .* are not its"):
             Log.read(path)

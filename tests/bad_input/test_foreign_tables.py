@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import IdentifiabilityError, Log, Robot
 from identifiability.logs.conventions import Conventions
@@ -34,17 +35,17 @@ def read_both(read_long):
         assert whole.notes == part.notes
         assert (whole.sha256, whole.joints) == (part.sha256, part.joints)
         for channel in ("t", "q", "tau"):
-            np.testing.assert_array_equal(getattr(whole, channel), getattr(part, channel))
+            assert_array_equal(getattr(whole, channel), getattr(part, channel))
         return whole
 
     return read
 
 
 def check(log, frame, rtol=1e-13):
-    np.testing.assert_allclose(log.t, frame["t"], rtol=rtol, atol=1e-15)
+    assert_allclose(log.t, frame["t"], rtol=rtol, atol=1e-15)
     for kind in ("q", "tau"):
         ours = frame[[f"{j}.{kind}" for j in ("shoulder", "elbow")]]
-        np.testing.assert_allclose(getattr(log, kind), ours, rtol=rtol, atol=1e-15)
+        assert_allclose(getattr(log, kind), ours, rtol=rtol, atol=1e-15)
 
 
 FORMS = {
@@ -150,7 +151,7 @@ def test_time_as_index_is_taken_and_said(bare, known, tmp_path, read_both):
 @pytest.mark.parametrize(
     ("header", "says"),
     [
-        ("shoulder.q [gon]", "--map 'shoulder.q [gon]=shoulder.q [rad]'"),
+        ("shoulder.q [gon]", "columns={'shoulder.q [gon]': 'shoulder.q [rad]'}"),
         ("shoulder.tau [%]", "[torque] gain = {shoulder = …}"),
     ],
 )

@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import IdentifiabilityError, Model, Robot, analyze, prune
 from identifiability.regression.reduction import build_ladder, ladder_text, model_entry, read_ladder
@@ -29,9 +30,7 @@ def test_a_pruned_model_is_one_model_that_is_judged_beside_the_full_model(pruned
         full, model = again.models
         assert len(full.submodel) == len(again.base) > len(model.submodel)
         assert model.submodel.columns == pruned.chosen.columns
-        np.testing.assert_allclose(
-            model.estimate.value, pruned.chosen.estimate.value, rtol=1e-9, atol=1e-12
-        )
+        assert_allclose(model.estimate.value, pruned.chosen.estimate.value, rtol=1e-9, atol=1e-12)
     assert prune("two-link", log, ladder=pruned, replicates=0).full.columns == pruned.chosen.columns
 
 
@@ -52,8 +51,8 @@ def test_a_model_with_every_reduction_is_written_and_read_back_as_it_was(tmp_pat
         written.write_text(ladder_text(entry, "a comment"))
         (again,) = build_ladder(read_ladder(written), structure)
         assert again.columns == submodel.columns
-        np.testing.assert_array_equal(again.M, submodel.M)
-        np.testing.assert_array_equal(again.fixed, submodel.fixed)
+        assert_array_equal(again.M, submodel.M)
+        assert_array_equal(again.fixed, submodel.fixed)
 
 
 def test_a_place_may_be_a_pattern_and_a_named_place_goes_before_it():
@@ -77,7 +76,7 @@ def test_a_place_may_be_a_pattern_and_a_named_place_goes_before_it():
     for column, k in enumerate((0, 2, 1)):
         speed, shape = motion.actuated_v[:, k], shapes[f"slider{k + 1}.stribeck_friction"]
         own = np.exp(-np.abs(speed) / shape) * np.sign(speed)
-        np.testing.assert_allclose(W[:, k, column], own)
+        assert_allclose(W[:, k, column], own)
         assert np.count_nonzero(W[:, :, column].any(axis=0)) == 1
 
 

@@ -33,7 +33,7 @@ def test_a_joint_that_never_moves_is_not_identifiable_and_says_why():
     assert all(v.reason for v in verdicts.values())
 
 
-def stretched(short_of: float):
+def stretched(short_of):
     """Positions that drive the five-bar's distal links into one line, or nearly."""
     t = 0.01 * np.arange(401)
     home = np.array([2.0 * np.pi / 3, np.pi / 3])

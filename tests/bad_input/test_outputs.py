@@ -2,7 +2,6 @@
 
 import os
 import stat
-from pathlib import Path
 
 import pytest
 
@@ -17,7 +16,7 @@ def old(write):
     return write("out.csv", "old")
 
 
-def alone(path: Path) -> bool:
+def alone(path):
     """Whether nothing else lies beside a file: no temporary one is left."""
     return list(path.parent.iterdir()) == [path]
 

@@ -90,7 +90,7 @@ POSITIVE |= {"dynamics@damping", "dynamics@friction", "limit@effort", "limit@vel
 NAMING = {"connect@site1", "connect@site2", "motor@joint", "parent@link", "child@link"}
 
 
-def attributes(*, names: bool):
+def attributes(*, names):
     """Every (robot, place, attribute) of the three files whose value is a name, or a number."""
     for robot in ("two-link", "five-bar", "six-dof-arm"):
         tree = ET.parse(locate_robot(robot))
@@ -110,7 +110,7 @@ def attributes(*, names: bool):
                     yield robot, at, key, value
 
 
-def spoilt(robot, at, key, value, folder) -> str:
+def spoilt(robot, at, key, value, folder):
     """The sentence with which a shipped robot is refused, one of its attributes being another."""
     path = locate_robot(robot)
     tree = ET.parse(path)

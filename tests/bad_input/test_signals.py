@@ -1,7 +1,7 @@
 """Filters, derivatives, Fourier fits and decimation do what the method needs of them."""
 
-import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import (
     Log,
@@ -37,4 +37,4 @@ def test_filtering_torque_and_regressor_alike_keeps_exact_parameters_exact(decim
     """Coulomb friction included: its steps are smoothed on both sides of the equation."""
     exact = Structure.of(two, MODEL).nominal_base
     found = estimate(gather_information(regression_of(two, log, decimate)), "ols")
-    np.testing.assert_allclose(found.value, exact, atol=1e-9)
+    assert_allclose(found.value, exact, atol=1e-9)

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError, Robot
 from identifiability.robot.locate import locate_robot
@@ -101,7 +102,7 @@ def test_lost_samples_that_a_fit_bridges_are_bridged_in_a_motion(tmp_path):
     rng = np.random.default_rng(0)
     first, again = (find_motion(robot, str(p), None, rng) for p in (whole, lost))
     assert len(again.t) == len(first.t)
-    np.testing.assert_allclose(again.t, first.t, atol=1e-6)
-    np.testing.assert_allclose(again.ddq, first.ddq, atol=0.02 * np.abs(first.ddq).max())
+    assert_allclose(again.t, first.t, atol=1e-6)
+    assert_allclose(again.ddq, first.ddq, atol=0.02 * np.abs(first.ddq).max())
     with pytest.raises(IdentifiabilityError, match=r"has a gap of .* s after t"):
         find_motion(robot, str(torn), None, rng)

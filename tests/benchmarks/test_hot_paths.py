@@ -4,8 +4,6 @@ Other processors and busy machines moved these ratios by up to 2.4: each limit i
 the ratio that was measured, so that only another order of cost fails.
 """
 
-from __future__ import annotations
-
 import time
 
 import numpy as np
@@ -20,20 +18,20 @@ from identifiability.simulation import PrescribedMotion, shipped_trajectory
 MARGIN = 4.0
 
 
-def motion_of(name: str, samples: int):
+def motion_of(name, samples):
     robot = Robot.load(name)
     trajectory = shipped_trajectory(robot, "601" if name == "3-rps" else "a")
     move = PrescribedMotion.of(trajectory, samples)
     return robot, move
 
 
-def bare_loop(model, data, q, v, a, out) -> None:
+def bare_loop(model, data, q, v, a, out):
     """What anybody would write: one Pinocchio call a sample, into an array that is there."""
     for k in range(len(q)):
         out[k] = pin.computeJointTorqueRegressor(model, data, q[k], v[k], a[k])
 
 
-def in_turns(*functions, rounds: int = 7) -> np.ndarray:
+def in_turns(*functions, rounds=7):
     """Return processor times (rounds, functions), taken in turn: all see the same machine."""
     times = np.empty((rounds, len(functions)))
     for row in times:
@@ -44,7 +42,7 @@ def in_turns(*functions, rounds: int = 7) -> np.ndarray:
     return times
 
 
-def best(*functions, rounds: int = 7) -> np.ndarray:
+def best(*functions, rounds=7):
     """The least processor time of each."""
     return in_turns(*functions, rounds=rounds).min(axis=0)
 

@@ -1,19 +1,16 @@
 """Joints that bend, of arms that MuJoCo alone moves, are found with their stiffness; others not."""
 
-from pathlib import Path
-
 import mujoco
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.random import default_rng
 from scipy.interpolate import CubicSpline
 
-from identifiability import Log, Robot, diagnose, export, inspect
+from identifiability import Log, Model, Preparation, Robot, diagnose, export, inspect, prepare_log
 from identifiability.bending.stretch import Springs, cut_stretches
 from identifiability.effects import default_effects
 from identifiability.foundation.errors import ModelError
-from identifiability.logs.prepare import Preparation, prepare_log
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.simulation import Campaign, PrescribedMotion
 
@@ -22,7 +19,7 @@ STIFFNESS = 400.0
 NAMES = ["shoulder.q", "elbow.q", "shoulder.tau", "elbow.tau"]
 
 
-def arm(spring: bool) -> str:
+def arm(spring):
     """Return two links whose second has a rotor of its own, behind a spring if it bends."""
     flex = f'<joint name="flex" axis="0 1 0" stiffness="{STIFFNESS}" damping="0.4"/>'
     motor = '<joint name="elbow" axis="0 1 0" armature="0.05" damping="0.5"/>'
@@ -40,17 +37,17 @@ def arm(spring: bool) -> str:
     )
 
 
-def run(spring: bool, seed: int) -> pd.DataFrame:
+def run(spring, seed):
     """Return positions and noisy torque of the motors of an arm."""
     log = roll(mujoco.MjModel.from_xml_string(arm(spring)), seed)
-    noise = np.random.default_rng(seed).normal(0, 0.01, (len(log), 2))
+    noise = default_rng(seed).normal(0, 0.01, (len(log), 2))
     log[NAMES[2:]] += noise
     return log[["t", *NAMES]]
 
 
-def roll(model: mujoco.MjModel, seed: int) -> pd.DataFrame:
+def roll(model, seed):
     """Return motion and torque of motors, and the link's angle, under control by sines to 4 Hz."""
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     model.opt.timestep = STEP
     data = mujoco.MjData(model)
     places = [model.joint(name).qposadr[0] for name in ("shoulder", "elbow")]
@@ -72,7 +69,7 @@ def roll(model: mujoco.MjModel, seed: int) -> pd.DataFrame:
 
 
 @pytest.fixture
-def robot(tmp_path) -> Path:
+def robot(tmp_path):
     path = tmp_path / "arm.xml"
     path.write_text(arm(spring=False))
     return path
@@ -116,7 +113,7 @@ def test_simulated_links_bend_as_those_that_mujoco_moves_under_torque(tmp_path):
     assert found.torque[settled] == pytest.approx(torque.to_numpy(), abs=0.2)
     # Linear models are rigid, which is said.
     assert "spring of the file bends elbow" in " ".join(inspect(path, run(True, 3)).hints)
-    with pytest.raises(ModelError, match="diagnose --bending"):
+    with pytest.raises(ModelError, match=r"diagnose\(bending=True\)"):
         Model.of("rigid_body", "joint_compliance@elbow")
 
 

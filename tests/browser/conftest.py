@@ -1,18 +1,15 @@
 """One browser for all tests, cut off from the network, and every kind of report to open in it."""
 
-from __future__ import annotations
-
 import shutil
 import sys
-from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
 
-import numpy as np
 import pytest
+from numpy.random import default_rng
 
 from identifiability import Robot, analyze, compare, diagnose, prune, simulate
 from identifiability.cli.verbs import run_demo
@@ -34,7 +31,7 @@ class Visit:
 
 
 @pytest.fixture(scope="session")
-def chromium() -> Iterator[object]:
+def chromium():
     """Debian's Chromium, driven by Playwright; nothing is downloaded."""
     program = shutil.which("chromium") or shutil.which("chromium-browser")
     if program is None:
@@ -49,11 +46,11 @@ def chromium() -> Iterator[object]:
 
 
 @pytest.fixture(scope="session")
-def visit(chromium) -> Callable:
+def visit(chromium):
     """A context (path, width) -> Visit of a page on a machine without a network."""
 
     @contextmanager
-    def opened(path: Path, width: int = 1280) -> Iterator[Visit]:
+    def opened(path, width=1280):
         context = chromium.new_context(viewport={"width": width, "height": 900}, offline=True)
         page = context.new_page()
         seen = Visit(page)
@@ -72,18 +69,18 @@ def visit(chromium) -> Callable:
 class Pages(dict[str, Path]):
     """Pages that are made when somebody first asks for them, for each runner asks for some."""
 
-    def __init__(self, folder: Path, makers: dict[str, Callable]) -> None:
+    def __init__(self, folder, makers):
         super().__init__()
         self.folder, self.makers = folder, makers
 
-    def __missing__(self, kind: str) -> Path:
+    def __missing__(self, kind):
         made = self.makers[kind]()
         page = made if isinstance(made, Path) else made.write_report(self.folder / f"{kind}.html")
         return self.setdefault(kind, page)
 
 
 @pytest.fixture(scope="session")
-def reports(tmp_path_factory, few_draws, study) -> Pages:
+def reports(tmp_path_factory, few_draws, study):
     """Every kind of report, by name."""
     folder = tmp_path_factory.mktemp("reports")
     robot, log = _hostile(folder)
@@ -102,7 +99,7 @@ def reports(tmp_path_factory, few_draws, study) -> Pages:
         folder,
         {
             "demo": demo,
-            "comparison": partial(compare, robot, log, _record(robot, np.random.default_rng(1))),
+            "comparison": partial(compare, robot, log, _record(robot, default_rng(1))),
             "analysis": analysis,
             "pruning": partial(prune, robot, log, replicates=10),
             "diagnosis": partial(diagnose, robot, log, quick=True),
@@ -112,23 +109,23 @@ def reports(tmp_path_factory, few_draws, study) -> Pages:
     )
 
 
-def _hostile(folder: Path) -> tuple[Robot, object]:
+def _hostile(folder):
     """A two-link arm whose second joint has a long name with a tag in it, and its log."""
     name = LONG.replace("<", "&lt;")
     path = folder / "robot.xml"
     path.write_text(locate_robot("two-link").read_text().replace('"elbow"', f'"{name}"'))
     robot = Robot.load(path)
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     return robot, _record(robot, rng)
 
 
-def _record(robot: Robot, rng: np.random.Generator) -> object:
+def _record(robot, rng):
     motion = PrescribedMotion.of(random_trajectory(robot, rng), 500)
     return simulate(robot, motion, noise=PAPER_NOISE, rng=rng)
 
 
 @pytest.fixture(scope="session")
-def study(tmp_path_factory) -> Callable[[str], tuple[object, Path]]:
+def study(tmp_path_factory):
     """A function of the name of a study of the paper: its result and its page, made once."""
     folder = tmp_path_factory.mktemp("studies")
     if str(STUDIES) not in sys.path:
@@ -137,7 +134,7 @@ def study(tmp_path_factory) -> Callable[[str], tuple[object, Path]]:
     write = import_module("paper_study.page").write_study
 
     @cache
-    def made(name: str) -> tuple[object, Path]:
+    def made(name):
         result = import_module(name).run(command.Options(quick=True, seeds=1))
         return result, write(result, folder)[-1]
 
@@ -145,13 +142,13 @@ def study(tmp_path_factory) -> Callable[[str], tuple[object, Path]]:
 
 
 @pytest.fixture(scope="module", params=KINDS)
-def report(request, reports) -> Path:
+def report(request, reports):
     """Every kind of report, one after the other."""
     return reports[request.param]
 
 
 @pytest.fixture(scope="module")
-def seen(report, visit) -> Iterator[Visit]:
+def seen(report, visit):
     """That report, open for all tests of a module: none leaves it otherwise than it may be left."""
     with visit(report) as opened:
         yield opened

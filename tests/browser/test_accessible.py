@@ -15,13 +15,13 @@ DEFAULT = (("analysis", 400), ("pruning", 1280))
 
 
 @pytest.fixture(scope="session")
-def axe() -> str:
+def axe():
     """The script of axe-core, which comes with a package."""
     package = pytest.importorskip("axe_playwright_python", reason="needs the extra 'browser'")
     return (Path(package.__file__).parent / "axe.min.js").read_text(encoding="utf-8")
 
 
-def look(page: Path, width: int, visit, axe: str, *, closed: bool = True) -> None:
+def look(page, width, visit, axe, *, closed=True):
     """Check a page as it opens, if `closed`, and with all that can be opened open."""
     with visit(page, width) as seen:
         seen.page.evaluate(axe)
@@ -57,7 +57,7 @@ SENTENCES = """() => [
 ].map((e) => e.textContent.trim()).filter((text) => text)"""
 
 
-def look_printed(page: Path, visit) -> None:
+def look_printed(page, visit):
     with visit(page, PAPER["width"]) as seen:
         seen.page.emulate_media(media="print")
         seen.page.evaluate(OPEN)

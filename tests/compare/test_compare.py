@@ -6,8 +6,9 @@ from functools import cache
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 
-from identifiability import Log, Noise, Robot, compare
+from identifiability import Noise, Robot, compare
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.simulation.forces import joint_torque
 from identifiability.simulation.simulator import Campaign
@@ -17,14 +18,14 @@ KINDS = ("Fc", "Fv", "off", "gain")
 
 
 @cache
-def campaign(name: str, scale: float = 1.0) -> Campaign:
+def campaign(name, scale=1.0):
     robot = Robot.load(name)
     moves = [PrescribedMotion.of(shipped_trajectory(robot, m), 500) for m in ("a", "b")]
     wider = [replace(m, q=scale * m.q, dq=scale * m.dq, ddq=scale * m.ddq) for m in moves]
     return Campaign.of(robot, wider)
 
 
-def logs(name: str, seed: int, extra=None, scale: float = 1.0, **friction: float) -> list[Log]:
+def logs(name, seed, extra=None, scale=1.0, **friction):
     """Both motions of a robot, with friction levels times some factors, and a further torque."""
     own = campaign(name, scale)
     values = dict(own.robot.nominal)
@@ -32,7 +33,7 @@ def logs(name: str, seed: int, extra=None, scale: float = 1.0, **friction: float
         values |= {n: factor * x for n, x in values.items() if n.startswith(f"{joint}.F")}
     torque = own.rigid.tau + joint_torque(own.robot, own.move, own.rigid, values)
     torque = torque if extra is None else torque + extra
-    rng, noise = np.random.default_rng(seed), Noise(additive=0.02, correlation=0.7)
+    rng, noise = default_rng(seed), Noise(additive=0.02, correlation=0.7)
     made = replace(own, torque=torque).logs((), noise, rng, derivatives=True)
     return [replace(log, name=f"{log.name}, {seed}") for log in made]
 
@@ -71,7 +72,7 @@ def test_a_gain_that_rose_is_named_with_its_size():
 
 def test_a_second_log_with_twelve_times_the_noise_does_not_spoil_the_first():
     before, after = logs(PLANAR, 0)[0], logs(PLANAR, 30, elbow=1.5)[1]
-    rng = np.random.default_rng(9)
+    rng = default_rng(9)
     bad = replace(logs(PLANAR, 31, elbow=1.5)[1], name="bad")
     bad = replace(bad, tau=Noise(additive=0.24, correlation=0.7).on_torque(bad.tau, rng))
     sides = (after, [after, bad])
@@ -128,7 +129,7 @@ def test_of_three_logs_it_is_said_which_is_odd():
 def test_a_change_is_seen_from_the_stated_limit_on(times, least, most):
     """At 1.1 times the limit 98 % are named, so P(< 5 of 6) = .006; at half of it 12 %."""
     before = [logs(PLANAR, s)[0] for s in range(6)]
-    frame = compare(PLANAR, before[0], logs(PLANAR, 30)[1]).to_frame().set_index("name")
+    frame = compare(PLANAR, before[0], logs(PLANAR, 30)[1]).to_frame(details=True).set_index("name")
     assert set(frame.index) == {
         *(f"{joint}.{kind}" for joint in ("shoulder", "elbow") for kind in KINDS),
         "link2.m",

@@ -4,11 +4,7 @@ Dry friction is a constraint to MuJoCo, so it is added as ``frictionloss · sign
 closed and projected with the Jacobian of MuJoCo's own equality constraints.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -43,7 +39,7 @@ class MujocoRoad:
         Refuse a stated home position that does not close the loops.
     """
 
-    def __init__(self, path: Path, *, strict: bool = True) -> None:
+    def __init__(self, path, *, strict=True):
         self.model = mujoco.MjModel.from_xml_path(str(path))
         self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         # Accelerations are given as they are, not as a time step would make them.
@@ -58,7 +54,7 @@ class MujocoRoad:
         self.dofs = np.array(adr, int)
         self.passive = np.setdiff1d(np.arange(self.model.nv), self.dofs)
 
-    def _actuated(self) -> list[int]:
+    def _actuated(self):
         """Return the joints with a motor, else all, by index, in the order of the tree."""
         m, driven = self.model, set()
         for kind, target in zip(m.actuator_trntype, m.actuator_trnid[:, 0], strict=True):
@@ -68,7 +64,7 @@ class MujocoRoad:
                 driven.add(int(m.wrap_objid[m.tendon_adr[target]]))
         return [j for j in sorted(driven) or range(m.njnt) if int(m.jnt_type[j]) in _SINGLE]
 
-    def states(self, rng: np.random.Generator, count: int, spread: float) -> States:
+    def states(self, rng, count, spread):
         """Return random states of the actuated joints, away from zero speed, and their torque."""
         m, n = self.model, len(self.joints)
         slides = [int(m.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_SLIDE) for j in self.joints]
@@ -83,16 +79,14 @@ class MujocoRoad:
         names = tuple(m.joint(j).name or f"joint {j}" for j in self.joints)
         return States(names, q, dq, ddq, tau)
 
-    def _home(self) -> np.ndarray:
+    def _home(self):
         m = self.model
         if not self.closes or not m.neq or not m.nkey:
             return np.array(m.qpos0)
         named = [k for k in range(m.nkey) if m.key(k).name == "home"]
         return np.array(m.key_qpos[named[0] if named else 0])
 
-    def _torque(
-        self, home: np.ndarray, at: list[int], q: np.ndarray, dq: np.ndarray, ddq: np.ndarray
-    ) -> np.ndarray:
+    def _torque(self, home, at, q, dq, ddq):
         """Return the torque of the actuated joints at one state, (n,)."""
         m, d = self.model, self.data
         start = np.array(home)
@@ -120,10 +114,9 @@ class MujocoRoad:
         if self.rubs:
             force += m.dof_frictionloss * np.sign(v)
             force += self._tendon_friction(start, v)
-        tau: np.ndarray = Z.T @ force
-        return tau
+        return Z.T @ force
 
-    def _tendon_friction(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def _tendon_friction(self, q, v):
         """Return the dry friction of tendons: along the change of their lengths with q."""
         m, force = self.model, np.zeros(self.model.nv)
         for k in np.flatnonzero(m.tendon_frictionloss):
@@ -132,18 +125,16 @@ class MujocoRoad:
             force += m.tendon_frictionloss[k] * np.sign(J @ v) * J
         return force
 
-    def _length(self, q: np.ndarray, step: np.ndarray, tendon: int) -> float:
+    def _length(self, q, step, tendon):
         self._place(q, step)
         mujoco.mj_fwdPosition(self.model, self.data)
         return float(self.data.ten_length[tendon])
 
-    def _place(self, q: np.ndarray, step: np.ndarray) -> None:
+    def _place(self, q, step):
         self.data.qpos[:] = q
         mujoco.mj_integratePos(self.model, self.data.qpos, step, 1.0)
 
-    def _equalities(
-        self, q: np.ndarray, step: np.ndarray | None = None
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _equalities(self, q, step=None):
         """Return errors (m,) and Jacobian (m, nv) of the equality constraints."""
         m, d = self.model, self.data
         if not self.closes or not m.neq:
@@ -155,7 +146,7 @@ class MujocoRoad:
         J = np.array(d.efc_J).reshape(-1, m.nv)[: d.nefc]
         return np.array(d.efc_pos[: d.nefc])[rows], J[rows]
 
-    def _close(self, q: np.ndarray) -> np.ndarray:
+    def _close(self, q):
         """Return the closed configuration that Newton steps of the passive joints reach."""
         q, best = np.array(q), np.inf
         for _ in range(30):
@@ -169,13 +160,12 @@ class MujocoRoad:
             mujoco.mj_integratePos(self.model, q, step, 1.0)
         return q
 
-    def _bias(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def _bias(self, q, v):
         """Return ``J̇ v``."""
-        out: np.ndarray = _slope(lambda s: self._equalities(q, s * v)[1] @ v)
-        return out
+        return _slope(lambda s: self._equalities(q, s * v)[1] @ v)
 
 
-def _slope(function: Any, h: float = 4e-3) -> Any:
+def _slope(function, h=4e-3):
     """Return the derivative at zero by central differences of eighth order."""
     weights = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
     return sum(
@@ -183,15 +173,13 @@ def _slope(function: Any, h: float = 4e-3) -> Any:
     )  # fmt: skip
 
 
-def _solve(A: np.ndarray, b: np.ndarray) -> np.ndarray:
-    x: np.ndarray = np.linalg.lstsq(A, b, rcond=1e-9)[0]
-    return x
+def _solve(A, b):
+    return np.linalg.lstsq(A, b, rcond=1e-9)[0]
 
 
-def _null_space(J: np.ndarray, free: np.ndarray, nv: int) -> np.ndarray:
+def _null_space(J, free, nv):
     """Return the motions (nv, n) that the equalities allow, one for each free coordinate."""
     _, s, Vt = np.linalg.svd(J)
     Z = Vt[int((s > 1e-9 * s[0]).sum()) :].T
     assert Z.shape[1] == len(free), f"{Z.shape[1]} free motions for {len(free)} motors"
-    out: np.ndarray = Z @ np.linalg.inv(Z[free])
-    return out
+    return Z @ np.linalg.inv(Z[free])

@@ -1,11 +1,8 @@
 """The torque that the library finds: its regressor times the file's values, and its simulator's."""
 
-from __future__ import annotations
-
 import numpy as np
-from mujoco_road import States
 
-from identifiability import Model, Robot, simulate
+from identifiability import Model, simulate
 from identifiability.robot import complete_motion
 from identifiability.simulation import PrescribedMotion
 
@@ -16,7 +13,7 @@ EFFECTS = (
 )  # fmt: skip
 
 
-def nominal_torque(robot: Robot, states: States) -> np.ndarray:
+def nominal_torque(robot, states):
     """Return the torque (N, n) of the file's own values at states, by the states' joints."""
     model = Model.of(*EFFECTS)
     order = _order(robot.joints, states.joints)
@@ -30,7 +27,7 @@ def nominal_torque(robot: Robot, states: States) -> np.ndarray:
     return tau
 
 
-def simulated_torque(robot: Robot, states: States) -> np.ndarray:
+def simulated_torque(robot, states):
     """Return the torque (N, n) in the log of the simulated robot at states, by their joints."""
     order = _order(robot.joints, states.joints)
     # A log has twenty samples at least: the same states four times.
@@ -42,7 +39,7 @@ def simulated_torque(robot: Robot, states: States) -> np.ndarray:
     return tau
 
 
-def _order(ours: tuple[str, ...], theirs: tuple[str, ...]) -> list[int]:
+def _order(ours, theirs):
     """Return where each of our joints is among the others; a joint without a name by its place."""
     known = [theirs.index(name) for name in ours if name in theirs]
     left = [k for k in range(len(theirs)) if k not in known]

@@ -3,17 +3,14 @@
 Pinocchio leaves damping, friction and mimic joints aside; they are taken from the file.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 from mujoco_road import States
 
 
-def _with_limits(path: Path) -> str:
+def _with_limits(path):
     """Return a file with limits at every joint: Pinocchio asks for them, dynamics do not."""
     root = ET.parse(path).getroot()
     for joint in root.findall("joint"):
@@ -30,7 +27,7 @@ class PinocchioRoad:
     path : Path
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path):
         self.model = pin.buildModelFromXML(_with_limits(path))
         self.data = self.model.createData()
         nv = self.model.nv
@@ -66,7 +63,7 @@ class PinocchioRoad:
             np.array_equal(self.map[at], e) for at, e in zip(free, np.eye(len(free)), strict=True)
         )
 
-    def states(self, rng: np.random.Generator, count: int, spread: float) -> States:
+    def states(self, rng, count, spread):
         """Return random states of the actuated joints, away from zero speed, and their torque."""
         n = len(self.joints)
         single = [self.map[:, k].argmax() for k in range(n)]
@@ -77,11 +74,10 @@ class PinocchioRoad:
         tau = np.array([self._torque(*row) for row in zip(q, dq, ddq, strict=True)])
         return States(self.joints, q, dq, ddq, tau)
 
-    def _torque(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
+    def _torque(self, q, dq, ddq):
         model = self.model
         v, a = self.map @ dq, self.map @ ddq
         at = pin.integrate(model, pin.neutral(model), self.map @ q + self.shift)
         force = pin.rnea(model, self.data, at, v, a)
         force = force + self.damping * v + self.friction * np.sign(v)
-        tau: np.ndarray = self.map.T @ force
-        return tau
+        return self.map.T @ force

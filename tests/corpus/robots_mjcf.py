@@ -4,8 +4,6 @@ No mass lies on a joint's axis and no axis along a coordinate axis where it matt
 is read wrongly then shows in the torque.
 """
 
-from __future__ import annotations
-
 import math
 
 UPPER = '<inertial pos="0.2 0.03 -0.05" mass="3" fullinertia="0.02 0.09 0.08 0.004 -0.003 0.002"/>'
@@ -29,22 +27,22 @@ MOTORS = (
 
 
 def arm(
-    top: str = "",
-    after: str = "",
+    top="",
+    after="",
     *,
-    world: str = "",
-    base: str = "",
-    in_base: str = "",
-    upper: str = 'pos="0.1 -0.2 0.4"',
-    in_upper: str = UPPER,
-    shoulder: str = 'axis="0.2 -1 0.3"',
-    fore: str = 'pos="0.4 0.05 -0.1"',
-    in_fore: str = FORE,
-    elbow: str = 'axis="0 1 0"',
-    hand: str = 'pos="0.3 -0.02 0.04"',
-    in_hand: str = HAND,
-    wrist: str = 'type="slide" axis="1 0.5 0"',
-) -> str:
+    world="",
+    base="",
+    in_base="",
+    upper='pos="0.1 -0.2 0.4"',
+    in_upper=UPPER,
+    shoulder='axis="0.2 -1 0.3"',
+    fore='pos="0.4 0.05 -0.1"',
+    in_fore=FORE,
+    elbow='axis="0 1 0"',
+    hand='pos="0.3 -0.02 0.04"',
+    in_hand=HAND,
+    wrist='type="slide" axis="1 0.5 0"',
+):
     """Return an arm of two hinges and a slide; each argument goes where its name says."""
     return f"""<mujoco model="arm">
 {top}
@@ -76,19 +74,19 @@ HOME = "1.5707963267948966 -1.26754214 -1.54996149"
 
 
 def four_bar(
-    top: str = "",
-    equality: str = '<connect site1="tip" site2="pin"/>',
+    top="",
+    equality='<connect site1="tip" site2="pin"/>',
     *,
-    after: str = "",
-    base: str = "",
-    in_base: str = '<body name="post" pos="0.6 0 0"><site name="pin" pos="0.1 0 0"/></body>',
-    in_rod: str = "",
-    crank: str = "",
-    rod: str = "",
-    rocker: str = "",
-    world: str = "",
-    upright: bool = False,
-) -> str:
+    after="",
+    base="",
+    in_base='<body name="post" pos="0.6 0 0"><site name="pin" pos="0.1 0 0"/></body>',
+    in_rod="",
+    crank="",
+    rod="",
+    rocker="",
+    world="",
+    upright=False,
+):
     """Return a crank, a rod and a rocker between two points of the base, 0.7 m apart.
 
     Crank 0.2 m, rod 0.6 m, rocker 0.4 m: the crank can turn all the way round. Where `upright`,
@@ -128,7 +126,7 @@ def four_bar(
 """
 
 
-def ball_wrist() -> str:
+def ball_wrist():
     """Return a plate on a ball that three cranks turn, each by a rod on a universal joint."""
     legs, anchors, motors = "", "", ""
     for k in range(3):

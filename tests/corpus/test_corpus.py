@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 from mujoco_road import MujocoRoad
+from numpy.testing import assert_allclose
 from our_road import nominal_torque, simulated_torque
 from pinocchio_road import PinocchioRoad
 from variants_mjcf import READ, REFUSED
@@ -57,11 +58,11 @@ def test_both_roads_agree(place, text, written, request):
     road = MujocoRoad(path) if path.suffix == ".xml" else PinocchioRoad(path)
     states = road.states(np.random.default_rng(20), 300 if everything else 5, spread)
     robot, size = Robot.load(path), AGREE * np.abs(states.tau).max()
-    np.testing.assert_allclose(nominal_torque(robot, states), states.tau, rtol=0, atol=size)
+    assert_allclose(nominal_torque(robot, states), states.tau, rtol=0, atol=size)
     # MuJoCo simulates, and it moves no bodies without mass.
     massless = ('mass value="0"', '<link name="fore"></link>')
     if (everything or place % 6 == 0) and not any(x in text for x in massless):
-        np.testing.assert_allclose(simulated_torque(robot, states), states.tau, rtol=0, atol=size)
+        assert_allclose(simulated_torque(robot, states), states.tau, rtol=0, atol=size)
 
 
 @pytest.mark.parametrize(("text", "word"), REFUSALS, ids=range(len(REFUSALS)))

@@ -30,11 +30,11 @@ _DRIVEN = (
 )
 
 
-def _solid(top: str = "", **places: str) -> str:
+def _solid(top="", **places):
     return arm(top, **({"in_upper": GEOM, "in_fore": GEOM, "in_hand": HANDLE} | places))
 
 
-def _cable(attributes: str, wrapped: str = "") -> str:
+def _cable(attributes, wrapped=""):
     return arm(
         world='<site name="start" pos="0 -0.5 1"/>',
         in_upper=UPPER + '<geom name="drum" type="cylinder" size="0.05 0.2" mass="0"/>',
@@ -43,16 +43,16 @@ def _cable(attributes: str, wrapped: str = "") -> str:
     )
 
 
-def _inertial(attributes: str) -> str:
+def _inertial(attributes):
     return arm(in_fore=f'<inertial pos="0.1 0.2 -0.3" mass="2" {attributes}/>')
 
 
-def _extra(place: str, inside: str = "") -> str:
+def _extra(place, inside=""):
     """Return one more body in a place of the fore arm, with what is inside."""
     return f"{FORE}<body name='extra' {place}>{inside}{GEOM}</body>"
 
 
-def _welded(equality: str, motors: str = "") -> str:
+def _welded(equality, motors=""):
     angle = sum(map(float, HOME.split()))
     post = (
         '<body name="post" pos="0.6 0 0"><joint name="post" pos="0.1 0 0" damping="0.3"/><site '

@@ -9,25 +9,25 @@ TOOL = (
 _LIMIT = '<limit lower="-9" upper="9" effort="10" velocity="5"/>'
 
 
-def _axis(xyz: str) -> str:
+def _axis(xyz):
     return f'<axis xyz="{xyz}"/>' if xyz else ""
 
 
 def arm(
     *,
-    base: str = "",
-    shoulder: str = "",
-    elbow: str = "",
-    wrist: str = "",
-    kinds: tuple[str, str, str] = ("revolute", "revolute", "prismatic"),
-    axes: tuple[str, str, str] = ("0.2 -1 0.3", "0 1 0", "1 0.5 0"),
-    place: str = '<origin xyz="0.4 0.05 -0.1" rpy="0.2 0.3 -0.4"/>',
-    upper: str = LINK,
-    fore: str = LINK,
-    hand: str = TOOL,
-    more: str = "",
-    limit: str = _LIMIT,
-) -> str:
+    base="",
+    shoulder="",
+    elbow="",
+    wrist="",
+    kinds=("revolute", "revolute", "prismatic"),
+    axes=("0.2 -1 0.3", "0 1 0", "1 0.5 0"),
+    place='<origin xyz="0.4 0.05 -0.1" rpy="0.2 0.3 -0.4"/>',
+    upper=LINK,
+    fore=LINK,
+    hand=TOOL,
+    more="",
+    limit=_LIMIT,
+):
     """Return an arm of three joints; each argument goes where its name says."""
     names, places = (
         ("shoulder", "elbow", "wrist"),
@@ -49,7 +49,7 @@ def arm(
     return f'<robot name="arm">\n{bodies}\n{joints}\n{more}\n</robot>\n'
 
 
-def _joint(parent: str, kind: str, more: str = "", *, link: str = "extra") -> str:
+def _joint(parent, kind, more="", *, link="extra"):
     return (
         f'<link name="{link}">{TOOL}</link><joint name="{link}" type="{kind}"><parent '
         f'link="{parent}"/><child link="{link}"/><origin xyz="0 0.2 0.1" rpy="0.5 0 1"/>'

@@ -1,13 +1,11 @@
 """Simulated logs that the tests of a diagnosis share: four motions to fit, one held out."""
 
-from __future__ import annotations
-
 from functools import cache
 
-import numpy as np
 import pytest
+from numpy.random import default_rng
 
-from identifiability import Diagnosis, Log, Noise, Robot, diagnose
+from identifiability import Noise, Robot, diagnose
 from identifiability.simulation import Campaign, random_trajectory
 
 #: Encoder steps: about 20 bits a turn, or a micrometre.
@@ -15,27 +13,25 @@ ENCODER = {"3-rps": 1e-6, "six-ups": 1e-6}
 
 
 @cache
-def campaign(name: str) -> Campaign:
+def campaign(name):
     robot = Robot.load(name)
-    rng = np.random.default_rng(99)
+    rng = default_rng(99)
     return Campaign.of(robot, [random_trajectory(robot, rng) for _ in range(5)])
 
 
-def make_logs(
-    name: str, *hide: str, seed: int = 0, rho: float = 0.9, motion: float = 0.0
-) -> list[Log]:
+def make_logs(name, *hide, seed=0, rho=0.9, motion=0.0):
     noise = Noise(
         motion=motion,
         additive=0.012,
         correlation=rho,
         encoder=0.0 if motion else ENCODER.get(name, 2e-5),
     )
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     return campaign(name).logs(hide, noise, rng, derivatives=bool(motion))
 
 
 @cache
-def diagnosed(name: str, *hide: str, seed: int = 0, **options) -> Diagnosis:
+def diagnosed(name, *hide, seed=0, **options):
     logs = make_logs(name, *hide, seed=seed)
     options = {"forward": False, **options}
     return diagnose(name, logs[:4], logs[4:], **options)

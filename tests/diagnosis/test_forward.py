@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 
 from identifiability import Model, Preparation, Robot, prepare_log
 from identifiability.effects import find_effect
@@ -28,7 +29,7 @@ def physical_of(robot, values, model=BASE):
 
 
 def _samples(robot, seed, count=1, hide=()):
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     motions = [PrescribedMotion.of(random_trajectory(robot, rng)) for _ in range(count)]
     logs = Campaign.of(robot, motions).logs(hide, derivatives=True)
     return [prepare_log(robot, log, Preparation(keep_rest=True)) for log in logs]
@@ -40,7 +41,7 @@ def test_the_torque_of_a_motion_leads_along_that_motion(name):
     robot = Robot.load(name)
     (samples,) = _samples(robot, 0)
     fit = physical_of(robot, robot.nominal)
-    gap = compare_forward(fit, fit, [samples], np.random.default_rng(0))
+    gap = compare_forward(fit, fit, [samples], default_rng(0))
     assert gap.measured, gap.note
     assert gap.error_before < 0.006
     assert np.array_equal(gap.before, gap.after)
@@ -53,7 +54,7 @@ def test_a_missing_effect_opens_a_gap_in_motion_that_adding_it_closes():
     fuller = Model((*BASE.effects, Placed([Part(effect, j, ("Fl",)) for j in robot.joints])))
     each = (Structure.of(robot, model) for model in (BASE, fuller))
     before, after = (fit_physical(x, fit_structure(x, x.regression(train))) for x in each)
-    gap = compare_forward(before, after, [unseen], np.random.default_rng(0))
+    gap = compare_forward(before, after, [unseen], default_rng(0))
     low, high = gap.interval
     assert gap.error_after < 0.5 * gap.error_before
     assert low < high < 0
@@ -83,7 +84,7 @@ def test_what_hangs_on_the_time_or_on_the_way_is_that_of_the_log(two_link, name)
         find_effect(name).fill(two_link, s.motion, W)
         recorded.append(replace(s, tau=s.tau + W @ values))
     before = physical_of(two_link, two_link.nominal)
-    gap = compare_forward(before, after, recorded, np.random.default_rng(0))
+    gap = compare_forward(before, after, recorded, default_rng(0))
     assert gap.error_after < 0.2 * gap.error_before, (gap.error_before, gap.error_after)
 
 
@@ -92,6 +93,6 @@ def test_a_model_that_runs_away_counts_as_wrong_by_all_of_the_distance(two_link)
     light = {k: (1e-4 * v if k.split(".")[0] in two_link.bodies else 0.0)
              for k, v in two_link.nominal.items()}  # fmt: skip
     fit = physical_of(two_link, two_link.nominal)
-    gap = compare_forward(fit, physical_of(two_link, light), [samples], np.random.default_rng(0))
+    gap = compare_forward(fit, physical_of(two_link, light), [samples], default_rng(0))
     assert gap.error_after > 0.9 > 0.1 > gap.error_before
     assert np.isfinite(gap.interval).all()

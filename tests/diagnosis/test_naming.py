@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
 from identifiability import Noise, Robot, analyze, diagnose
 from identifiability.effects import find_family
@@ -123,13 +125,13 @@ def test_friction_of_all_joints_but_one_is_named_in_these_joints_alone(
 
 def test_a_law_of_another_form_gets_one_name_and_no_function_beside_it(named, tmp_path):
     """Friction falls with the square of the speed, and no family does; the name is right."""
-    robot, rng = Robot.load("two-link"), np.random.default_rng(99)
+    robot, rng = Robot.load("two-link"), default_rng(99)
     c = Campaign.of(robot, [random_trajectory(robot, rng) for _ in range(5)])
     v = c.move.dq[:, 0]
     added = np.zeros_like(c.move.dq)
     added[:, 0] = 2.0 * np.sign(v) * np.exp(-((v / (0.3 * v.std())) ** 2))
     noise = Noise(additive=0.004, correlation=0.9, encoder=2e-5)
-    logs = c.logs(added, noise, np.random.default_rng(0))
+    logs = c.logs(added, noise, default_rng(0))
     d = diagnose(robot, logs[:4], logs[4:], forward=False)
     assert named(d) == [("stribeck_friction", ("shoulder",))]
     assert d.held_after < 0.5 * d.held_before
@@ -141,13 +143,13 @@ def test_a_law_of_another_form_gets_one_name_and_no_function_beside_it(named, tm
 
 
 def paper_logs(rps, parameters=None, excess=0.0, seed=1):
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     motions = [shipped_trajectory(rps, k) for k in ("571", "595")]
     motions += [random_trajectory(rps, rng)]
     c = Campaign.of(rps, motions, parameters)
     added = excess * np.exp(-np.abs(c.move.dq) / 0.08) * np.sign(c.move.dq)
     noise = Noise(additive=0.012, correlation=0.9, encoder=1e-6)
-    return c.logs(added, noise, np.random.default_rng([seed, 5]))
+    return c.logs(added, noise, default_rng([seed, 5]))
 
 
 @pytest.mark.everything
@@ -156,7 +158,7 @@ def test_the_papers_nonlinear_friction_is_named(rps, named):
     d = diagnose(rps, logs[:2], logs[2:])
     assert named(d) == [("stribeck_friction", ("slider1", "slider2", "slider3"))]
     level = d.to_frame().value.to_numpy()
-    np.testing.assert_allclose(level, 372.0, rtol=0.35)
+    assert_allclose(level, 372.0, rtol=0.35)
 
 
 def test_a_shape_that_lies_between_is_found_and_nothing_beside_it(diagnosis_of, named):

@@ -6,6 +6,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
 from identifiability import Model, Noise, Preparation, Robot, diagnose
 from identifiability.estimation.rules import RULES
@@ -22,7 +24,7 @@ NOISE = Noise(additive=0.012, correlation=0.9)
 
 
 def campaign(size=1.0, count=3, **how):
-    robot, rng = Robot.load("two-link"), np.random.default_rng(3)
+    robot, rng = Robot.load("two-link"), default_rng(3)
     drawn = [random_trajectory(robot, rng, **how) for _ in range(count)]
     return robot, [replace(m, sin=size * m.sin, cos=size * m.cos) for m in drawn]
 
@@ -30,7 +32,7 @@ def campaign(size=1.0, count=3, **how):
 def diagnosis(text, kind, value, rivals, base=BASE, size=1.0):
     """What a diagnosis says that found one effect, along logs in which it is hidden."""
     robot, motions = campaign(size)
-    logs = Campaign.of(robot, motions).logs([], NOISE, np.random.default_rng(0))
+    logs = Campaign.of(robot, motions).logs([], NOISE, default_rng(0))
     name, _, place = text.partition(":")[0].partition("@")
     shape = float(text.partition(":")[2] or "nan")
     rivals = tuple(Rival(*f.split("@")) for f in rivals)
@@ -48,7 +50,7 @@ def ask(d, **options):
 
 
 def test_non_centrality_is_what_neither_model_nor_any_shape_of_the_rival_explains():
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     A = rng.standard_normal((50, 4))
     A[:, 2] += 2 * A[:, 1]
     own, shapes = np.array([1]), (np.array([2]), np.array([3]))
@@ -59,7 +61,7 @@ def test_non_centrality_is_what_neither_model_nor_any_shape_of_the_rival_explain
         return A[:, 1] - A[:, columns] @ np.linalg.lstsq(A[:, columns], A[:, 1], rcond=None)[0]
 
     expected = [min(9 * np.sum(left([0, k]) ** 2) for k in (2, 3)), 4 * np.sum(left([0]) ** 2)]
-    np.testing.assert_allclose(aim.squares(G[None])[:, 0], expected)
+    assert_allclose(aim.squares(G[None])[:, 0], expected)
     one = Discrimination(1, asks[:1])
     assert one.figure(float(one.cost(G[None])[0])) == pytest.approx(np.sqrt(expected[0]))
     # What is told apart already weighs little beside what is not.
@@ -69,7 +71,7 @@ def test_non_centrality_is_what_neither_model_nor_any_shape_of_the_rival_explain
 
 @pytest.mark.parametrize("square", [2.0, 9.0, 40.0])
 def test_a_chance_is_how_often_the_likelihood_ratio_exceeds_the_odds(square):
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     W, y = rng.standard_normal((20, 2)), rng.standard_normal((20_000, 20))
     true = W[:, 0] - W[:, 1] * (W[:, 1] @ W[:, 0]) / (W[:, 1] @ W[:, 1])
     true *= np.sqrt(square / (true @ true))
@@ -89,7 +91,7 @@ def test_what_a_motion_would_say_is_what_its_logs_say_whatever_its_rate():
     for rate in (1, 4):
         paths = [replace(m, samples=rate * m.samples) for m in motions]
         would = sum(np.diag(bench.along(d, path)) for path in paths)
-        np.testing.assert_allclose(would[:last], said, rtol=0.25)  # filters take ends of short logs
+        assert_allclose(would[:last], said, rtol=0.25)  # filters take ends of short logs
 
 
 def test_the_fewest_periods_that_are_likely_to_decide_are_asked_for():
@@ -117,7 +119,7 @@ def again(robot, motions, found, hidden):
     both = Campaign.of(robot, [*motions, *[found.excitation.trajectory] * found.periods])
     more = both.hidden(hidden)
     more *= np.linalg.norm(torque) / np.linalg.norm(more[: len(torque)])
-    return both.logs(more, NOISE, np.random.default_rng(5))
+    return both.logs(more, NOISE, default_rng(5))
 
 
 def named(d):
@@ -129,10 +131,10 @@ QUICK = {"quick": True, "forward": False}
 
 def test_what_is_a_or_b_has_its_true_name_after_the_motion_that_is_asked_for(succeeds, tmp_path):
     """The file of the motion says what it tells apart, with which chance."""
-    robot, rng = Robot.load("two-link"), np.random.default_rng([4, 17])
+    robot, rng = Robot.load("two-link"), default_rng([4, 17])
     motions = [random_trajectory(robot, rng, harmonics=1) for _ in range(3)]
     hidden = ["stribeck_friction@elbow=0.025"]
-    logs = Campaign.of(robot, motions).logs(hidden, NOISE, np.random.default_rng(5))
+    logs = Campaign.of(robot, motions).logs(hidden, NOISE, default_rng(5))
     paths = [tmp_path / f"run{k}.csv" for k in range(3)]
     for log, path in zip(logs, paths, strict=True):
         log.to_frame().to_csv(path, index=False)

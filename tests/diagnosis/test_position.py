@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 
 from identifiability import Noise, Robot, diagnose
 from identifiability.estimation.prediction import predict
@@ -16,7 +17,7 @@ NOISE = Noise(additive=0.012, correlation=0.9, encoder=2e-5)
 @cache
 def source(name="five-bar"):
     robot = Robot.load(name)
-    rng = np.random.default_rng(99)
+    rng = default_rng(99)
     return Campaign.of(robot, [random_trajectory(robot, rng) for _ in range(5)])
 
 
@@ -41,7 +42,7 @@ def planted(what, joint, c=None):
 
 def find(what, joint, seed, c=None, effects=None):
     c = c or source()
-    logs = c.logs(planted(what, joint, c), NOISE, np.random.default_rng(seed))
+    logs = c.logs(planted(what, joint, c), NOISE, default_rng(seed))
     return diagnose(
         c.robot, logs[:4], logs[4:], seed=seed, effects=effects, forward=False, quick=True
     )
@@ -90,7 +91,7 @@ def test_the_model_that_is_kept_predicts_farther_than_was_fitted_as_was_verified
     """Splines that the fitted motion hardly reaches are anything unless they are smooth."""
     c = source("palletizer")
     hidden = c.hidden(["position_friction@turntable=0.05"])
-    logs = c.logs(hidden, NOISE, np.random.default_rng(0))
+    logs = c.logs(hidden, NOISE, default_rng(0))
     fitted = max(np.abs(log.q[:, 0]).max() for log in logs[:4])
     assert np.abs(logs[4].q[:, 0]).max() > 1.05 * fitted
     names = ("position_friction",)
@@ -110,10 +111,10 @@ def test_ripple_of_a_geared_motor_is_named_with_its_period_and_size(tmp_path):
     sidecar = plain.with_suffix(".toml").read_text() + "\n[torque]\nratio = { elbow = 20.0 }\n"
     (tmp_path / "arm.toml").write_text(sidecar)
     robot = Robot.load(tmp_path / "arm.xml")
-    rng = np.random.default_rng(7)
+    rng = default_rng(7)
     c = Campaign.of(robot, [random_trajectory(robot, rng) for _ in range(5)])
     wave = {"cogging": lambda _speed, position, _load: np.sin(2 * 20 * position + 0.7)}
-    logs = c.logs(c.hidden(["cogging@elbow=0.05"], wave), NOISE, np.random.default_rng(0))
+    logs = c.logs(c.hidden(["cogging@elbow=0.05"], wave), NOISE, default_rng(0))
     d = diagnose(robot, logs[:4], logs[4:], forward=False, quick=True)
     ((name, (placed,)),) = [(e.name, e.placements) for e in d.effects]
     assert (name, placed.place) == ("gear_ripple", "elbow")
@@ -134,7 +135,7 @@ def test_a_spring_far_from_its_rest_is_told_from_an_offset_by_its_slope():
     hidden[:, 1] = 0.3 * (8.0 - (q - q.mean()) / np.ptp(q))
     springs = 0
     for seed in (1, 2, 3):
-        logs = c.logs(hidden, NOISE, np.random.default_rng(seed))
+        logs = c.logs(hidden, NOISE, default_rng(seed))
         d = diagnose(c.robot, logs, effects=LIKE, forward=False, quick=True)
         ((e, (placed,)),) = [(e, e.placements) for e in d.effects]
         assert e.joints == ("elbow",)

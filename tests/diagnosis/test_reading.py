@@ -5,6 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
 from identifiability import (
     Model,
@@ -36,7 +38,7 @@ MODEL = Model.of("rigid_body", "viscous_friction", "coulomb_friction", "actuator
 
 def record(name, seed=1, masses=1.0, samples=600, payload=0.0, **noise):
     """Return a robot, and a log of one whose masses are so many times the file's."""
-    robot, rng = Robot.load(name), np.random.default_rng(seed)
+    robot, rng = Robot.load(name), default_rng(seed)
     bodies = {n: masses * x for n, x in robot.nominal.items() if n.split(".")[0] in robot.bodies}
     truth = robot.with_values(bodies)
     truth = truth.with_payload(mass=payload, centre=(0.3, 0.0, 0.1)) if payload else truth
@@ -87,7 +89,7 @@ def test_a_torque_of_another_sign_or_unit_is_found(arm, joint, factor, says):
     found = look(robot, wrong)
     assert found.description.startswith(f"The torque of {log.joints[joint]} {says}")
     given = Structure.of(robot, MODEL)
-    np.testing.assert_allclose(found.read(wrong, given).tau, log.tau, rtol=0.3)
+    assert_allclose(found.read(wrong, given).tau, log.tau, rtol=0.3)
     assert found.structure(given) is given
     assert not found.keeps_columns
 
@@ -110,13 +112,13 @@ def test_positions_that_are_read_otherwise_are_found(arm, factor, text):
     found = look(robot, wrong)
     assert "joint_2" in found.description
     assert text in found.description
-    np.testing.assert_allclose(found.read(wrong, Structure.of(robot, MODEL)).q, log.q, atol=0.01)
+    assert_allclose(found.read(wrong, Structure.of(robot, MODEL)).q, log.q, atol=0.01)
 
 
 def test_offsets_that_differ_between_logs_are_found_and_taken_out(arm):
     robot, _ = arm
     logs = [record("six-dof-arm", seed=k)[1] for k in (1, 2, 3)]
-    offsets = np.random.default_rng(1).normal(0, 0.1, (3, 6)) * logs[0].tau.std(0)
+    offsets = default_rng(1).normal(0, 0.1, (3, 6)) * logs[0].tau.std(0)
     named = zip("abc", logs, offsets, strict=True)
     found = look(robot, *(replace(x, name=name, tau=x.tau + by) for name, x, by in named))
     assert found.description.startswith("Torque offsets differ between logs")
@@ -233,7 +235,7 @@ def test_no_other_model_is_chosen_where_masses_alone_are_the_file_s_no_more(name
     ],
 )
 def test_what_is_missing_anyway_votes_for_no_other_model(name, effect):
-    robot, rng = Robot.load(name), np.random.default_rng(3)
+    robot, rng = Robot.load(name), default_rng(3)
     campaign = Campaign.of(robot, [random_trajectory(robot, rng) for _ in range(2)])
     assert look(robot, *campaign.logs((effect,), Noise(additive=0.012), rng)) is None
 
@@ -251,7 +253,7 @@ def test_every_verb_goes_on_under_the_other_model_and_says_so_first(turned):
     for verb in (analyze, prune):
         found, plain = (verb(robot, *x, replicates=20) for x in (logs, good))
         assert found.hints[0].startswith("The torque of elbow seems to have the wrong sign")
-        assert found.hints[0].endswith("All that follows is said under that reading.")
+        assert found.hints[0].endswith("All results use this reading.")
         assert not found.nothing
         assert found.chosen.error_ra_validation == pytest.approx(
             plain.chosen.error_ra_validation, rel=1e-6

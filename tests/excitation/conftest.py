@@ -1,7 +1,5 @@
 """Motions found once for all tests; searches are short and end by themselves, so reproducible."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -18,7 +16,7 @@ def regressor(robot, trajectory, effects, columns=None, samples=None):
     return W if columns is None else W[:, :, columns]
 
 
-def condition(W) -> float:
+def condition(W):
     """Return the column-normalised condition number of a regressor (N, n, k)."""
     flat = W.reshape(-1, W.shape[2])
     return float(np.linalg.cond(flat / np.linalg.norm(flat, axis=0)))

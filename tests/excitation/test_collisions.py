@@ -1,14 +1,13 @@
 """A motion that is found does not let the robot hit itself, where its file has shapes."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_array_equal
 
-from identifiability import Robot, excite
+from identifiability import Model, Robot, excite
 from identifiability.regression.reduction import USUAL_EFFECTS
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.workflows.excite import search as candidates
 from identifiability.workflows.excite.criteria import know_nothing, pose_question
@@ -81,10 +80,10 @@ def world(tmp_path):
 def test_shapes_touch_where_mujoco_says_so(curling, world):
     watched, why = Clearance.of(curling)
     assert (np.count_nonzero(np.triu(watched.pairs)), why) == (1, "")
-    q = np.random.default_rng(0).uniform(-2.9, 2.9, (400, 3))
+    q = default_rng(0).uniform(-2.9, 2.9, (400, 3))
     gaps = watched.gaps(q)
     sure = np.abs(gaps) > 1e-3
-    np.testing.assert_array_equal((gaps < 0)[sure], [world(row) for row in q[sure]])
+    assert_array_equal((gaps < 0)[sure], [world(row) for row in q[sure]])
     assert 20 < (gaps < 0).sum() < 380
 
 
@@ -103,7 +102,7 @@ def test_the_cost_of_coming_near_has_the_slope_that_it_says(curling):
     question = pose_question(Structure.of(curling, Model.of(*USUAL_EFFECTS)), None, None)
     series = candidates.Series(find_limits(curling), 5.0, 2)
     objective = candidates.Objective(question, know_nothing(question, 60), series, 60)
-    draws = series.draw(400, np.random.default_rng(2))
+    draws = series.draw(400, default_rng(2))
     chosen = draws[np.abs(objective.gaps(draws, 60).min(1)).argmin()]
     slope = objective.gradient(chosen)[1]
     size = np.linalg.norm(slope)

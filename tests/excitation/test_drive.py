@@ -10,7 +10,7 @@ QUICK = {"evaluations": 400, "samples": 200, "duration": 4.0}
 
 
 @pytest.fixture(scope="module")
-def arm() -> Robot:
+def arm():
     return Robot.load("two-link")
 
 

@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import (
     IdentifiabilityError,
@@ -52,7 +54,7 @@ def test_the_arm_is_excited_much_better_than_by_random_motion(arm):
     base = find_base_parameters(arm.robot, Model.of(*FULL))
     random = []
     for k in range(9):
-        path = random_trajectory(arm.robot, np.random.default_rng(k))
+        path = random_trajectory(arm.robot, default_rng(k))
         W = regressor(arm.robot, path, FULL, base.kept, 150).reshape(-1, len(base))
         random.append(np.linalg.slogdet(W.T @ W * 750 / 150)[1])
     better = (arm.after.figure - np.array(random)) / (2 * len(base))
@@ -63,7 +65,7 @@ def test_the_arm_is_excited_much_better_than_by_random_motion(arm):
 def test_a_search_is_reproducible(two_link, find):
     first, second, other = (find(two_link, seed=s) for s in (1, 1, 2))
     assert len(first.names) == len(first.gain)
-    np.testing.assert_array_equal(first.trajectory.sin, second.trajectory.sin)
+    assert_array_equal(first.trajectory.sin, second.trajectory.sin)
     assert first.after.figure == second.after.figure
     assert not np.array_equal(first.trajectory.sin, other.trajectory.sin)
 
@@ -74,12 +76,12 @@ def measured():
     robot = Robot.load("six-dof-arm")
 
     def measure(trajectory, seed):
-        rng = np.random.default_rng(seed)
+        rng = default_rng(seed)
         return simulate(
             robot, PrescribedMotion.of(trajectory, 400), noise=Noise(torque=0.02), rng=rng
         )
 
-    motion = random_trajectory(robot, np.random.default_rng(1))
+    motion = random_trajectory(robot, default_rng(1))
     return robot, motion, measure
 
 
@@ -106,7 +108,7 @@ def test_what_to_measure_next_shrinks_sigma_more_than_measuring_again(measured, 
     every = find(robot, start_from=log, samples=400, evaluations=200)
     _, new = sigma_of(robot, [log, measure(every.trajectory, 1)], "link_6.mz")
     expected = every.before.identifiable, every.after.identifiable
-    np.testing.assert_allclose((old, new), expected, atol=3)
+    assert_allclose((old, new), expected, atol=3)
     # The noise of the simulated log grows with its torque, which the promise does not know.
     assert following < 0.8 * again
     assert following / again == pytest.approx(promised, rel=0.35)

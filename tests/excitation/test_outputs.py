@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import excite
 from identifiability.simulation.motion import find_motion, read_trajectories
@@ -15,7 +16,7 @@ def test_the_trajectory_file_is_read_back_digit_by_digit(paper, tmp_path):
     assert b'"identifiability/excitation/1"' in file.read_bytes()[:2000]  # it may be written anew
     known = read_trajectories(file, paper.robot)
     assert list(known) == ["excite"]
-    np.testing.assert_array_equal(known["excite"].sin, paper.trajectory.sin)
+    assert_array_equal(known["excite"].sin, paper.trajectory.sin)
     assert known["excite"].samples == 750
     content = json.loads(file.read_text())
     assert content["after"] == pytest.approx(paper.after.figure, rel=1e-5)
@@ -25,21 +26,21 @@ def test_what_a_controller_plays_begins_and_ends_at_rest_and_keeps_every_limit(p
     file = paper.write_motion(tmp_path / "motion.csv", rate=200, periods=2)
     move = find_motion(paper.robot, str(file), None, np.random.default_rng(0))
     for x in (move.dq, move.ddq):
-        np.testing.assert_allclose(x[[0, -1]], 0, atol=1e-12)
-    np.testing.assert_allclose(move.q[0], move.q[-1], atol=1e-12)
+        assert_allclose(x[[0, -1]], 0, atol=1e-12)
+    assert_allclose(move.q[0], move.q[-1], atol=1e-12)
     limits, step = paper.limits, 1 / 200
     assert np.all(move.q >= limits.low)
     assert np.all(move.q <= limits.high)
     assert np.all(np.abs(move.dq).max(0) <= 1.01 * limits.speed)
     assert np.all(np.abs(move.ddq).max(0) <= 1.01 * limits.acceleration)
     # Velocity and acceleration are those of the positions, the window's own share included.
-    np.testing.assert_allclose(np.gradient(move.q, step, axis=0)[2:-2], move.dq[2:-2], atol=2e-3)
-    np.testing.assert_allclose(np.gradient(move.dq, step, axis=0)[2:-2], move.ddq[2:-2], atol=0.03)
+    assert_allclose(np.gradient(move.q, step, axis=0)[2:-2], move.dq[2:-2], atol=2e-3)
+    assert_allclose(np.gradient(move.dq, step, axis=0)[2:-2], move.ddq[2:-2], atol=0.03)
     period = paper.trajectory.period
     rise = (move.t[-1] - 2 * period) / 2
     inside = (move.t >= rise) & (move.t <= rise + 2 * period)
     whole = paper.trajectory.motion(move.t[inside] - rise)[0]
-    np.testing.assert_allclose(move.q[inside], whole, atol=1e-12)
+    assert_allclose(move.q[inside], whole, atol=1e-12)
     assert (move.dq[inside].min(0) < 0).all()
     assert (move.dq[inside].max(0) > 0).all()
 
@@ -52,9 +53,9 @@ def test_a_bag_holds_the_trajectory_that_the_table_holds(paper, tmp_path):
         message = bag.deserialize(content, connection.msgtype)
     assert message.joint_names == list(paper.limits.joints)
     found = np.array([p.positions for p in message.points])
-    np.testing.assert_allclose(found, table[[f"{j}.q" for j in message.joint_names]], atol=1e-12)
+    assert_allclose(found, table[[f"{j}.q" for j in message.joint_names]], atol=1e-12)
     times = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in message.points]
-    np.testing.assert_allclose(times, table["t"], atol=1e-8)
+    assert_allclose(times, table["t"], atol=1e-8)
 
 
 def test_servos_are_told_the_positions_and_arrays_hold_the_same(tmp_path):
@@ -62,8 +63,8 @@ def test_servos_are_told_the_positions_and_arrays_hold_the_same(tmp_path):
     table = pd.read_csv(found.write_motion(tmp_path / "motion.csv", rate=50))
     with np.load(found.write_motion(tmp_path / "motion.npz", rate=50)) as arrays:
         for k, joint in enumerate(arrays["joints"]):
-            np.testing.assert_allclose(table[f"{joint}.cmd"], arrays["q"][:, k], atol=1e-12)
-            np.testing.assert_allclose(table[f"{joint}.q"], arrays["q"][:, k], atol=1e-12)
+            assert_allclose(table[f"{joint}.cmd"], arrays["q"][:, k], atol=1e-12)
+            assert_allclose(table[f"{joint}.q"], arrays["q"][:, k], atol=1e-12)
 
 
 @pytest.mark.parametrize("which", ["paper", "arm"])

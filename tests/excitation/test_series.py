@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError, Robot
 from identifiability.workflows.excite.limits import Limits, find_limits
@@ -30,9 +31,9 @@ def test_limits_come_from_the_robot_and_are_replaced_by_a_file(tmp_path):
     file = tmp_path / "limits.toml"
     file.write_text("slider2 = {q = [0.65, 0.75], v = 0.1}\n")
     limits = find_limits(robot, file)
-    np.testing.assert_allclose(limits.low, [0.6, 0.65, 0.6])
-    np.testing.assert_allclose(limits.speed, [0.16, 0.1, 0.16])
-    np.testing.assert_allclose(limits.acceleration, 0.5)
+    assert_allclose(limits.low, [0.6, 0.65, 0.6])
+    assert_allclose(limits.speed, [0.16, 0.1, 0.16])
+    assert_allclose(limits.acceleration, 0.5)
     assert not limits.assumed
 
 

@@ -1,10 +1,7 @@
 """Evaluate an exported robot file with other engines along the motion that was fitted."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -31,7 +28,7 @@ class Replayed:
     whole: float
 
 
-def fitted_samples(copy: Robot, result, log) -> Dataset:
+def fitted_samples(copy, result, log):
     """The log along which errors were stated: as measured, or a series through it."""
     kinds = {"Fourier": "fourier", "a spline": "spline"}
     note = result.samples[0].notes[0]
@@ -39,13 +36,13 @@ def fitted_samples(copy: Robot, result, log) -> Dataset:
     return prepare_log(copy, log, Preparation(kind))
 
 
-def replay(robot: Robot, result, log, folder: Path) -> Replayed:
+def replay(robot, result, log, folder):
     """Export a result and evaluate file, and file with sidecar, on the log."""
     path = result.to_json(folder / "result.json")
     exported = export(robot, path, folder / f"fitted{robot.path.suffix}", force=True)
     copy = Robot.load(exported.robot)
     samples = log if isinstance(log, Dataset) else fitted_samples(copy, result, log)
-    alone: dict = {}
+    alone = {}
     for piece in samples.pieces(4096):
         alone.setdefault("tau", []).append(piece.down(piece.tau))
         alone.setdefault("data", []).append(piece.weight[piece.at] > 0)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import Model, Noise, Robot, analyze, prepare_log, simulate
 from identifiability.regression.reduction import (
@@ -59,4 +60,4 @@ def test_no_term_gets_a_sign_that_physics_forbids():
     phi[own] = np.linspace(-3, 3, len(own))  # pushes on
     found = leave_to_terms(structure, R, phi)
     assert (found[structure.nonnegative] >= 0).all()
-    np.testing.assert_allclose(R @ found, R @ phi, atol=1e-9)
+    assert_allclose(R @ found, R @ phi, atol=1e-9)

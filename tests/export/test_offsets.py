@@ -3,6 +3,8 @@
 import mujoco
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
 from identifiability import Noise, Robot, analyze, export, simulate
 from identifiability.robot.locate import shipped_robots
@@ -31,7 +33,7 @@ def accelerations(path, commands, rng):
 @pytest.mark.parametrize("name", DRIVEN)
 def test_an_actuator_needs_as_much_more_as_the_offset_is(name, tmp_path):
     """A command that is too large by the offset moves the exported robot as it moved before."""
-    robot, rng = Robot.load(name), np.random.default_rng(4)
+    robot, rng = Robot.load(name), default_rng(4)
     # Beside a spring an offset is where that is relaxed (`test_springs`).
     places = [place for place in robot.offsets if not robot.nominal.get(f"{place}.K")]
     offsets = {f"{place}.off": rng.uniform(-0.2, 0.2) for place in places}
@@ -52,15 +54,15 @@ def test_an_actuator_needs_as_much_more_as_the_offset_is(name, tmp_path):
             factor *= model.wrap_prm[w]
         commands[own.name] = 0.1
         more[own.name] = 0.1 + offsets.get(f"{place}.off", 0.0) / factor
-    before = accelerations(plain, commands, np.random.default_rng(0))
-    after = accelerations(held.robot, more, np.random.default_rng(0))
-    np.testing.assert_allclose(after, before, rtol=0, atol=AGREE * np.abs(before).max())
+    before = accelerations(plain, commands, default_rng(0))
+    after = accelerations(held.robot, more, default_rng(0))
+    assert_allclose(after, before, rtol=0, atol=AGREE * np.abs(before).max())
     again = Robot.load(held.robot)
     for owner, value in offsets.items():
         assert again.nominal[owner] == pytest.approx(value, rel=1e-12)
     if robot.servo is not None:
         for word in ("kp", "kv", "low", "high"):
-            np.testing.assert_allclose(getattr(again.servo, word), getattr(robot.servo, word))
+            assert_allclose(getattr(again.servo, word), getattr(robot.servo, word))
 
 
 LEVELS = {"shoulder.Fc+": 3.0, "shoulder.Fc-": 1.0, "shoulder.off": 1.5, "elbow.off": -0.7}
@@ -73,7 +75,7 @@ def told(tmp_path_factory):
     logs = [
         simulate(
             robot, PrescribedMotion.of(shipped_trajectory(robot, motion), 200),
-            noise=Noise(torque=0.02), parameters=LEVELS, rng=np.random.default_rng(k),
+            noise=Noise(torque=0.02), parameters=LEVELS, rng=default_rng(k),
         )
         for k, motion in enumerate("ab")
     ]  # fmt: skip
@@ -91,7 +93,7 @@ def test_friction_that_differs_by_direction_is_a_mean_and_an_offset(tmp_path):
     assert (copy.nominal["shoulder.Fc"], copy.nominal["shoulder.off"]) == (2.0, 2.5)
     motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 50)
     given = simulate(robot, motion, parameters=LEVELS).tau
-    np.testing.assert_allclose(simulate(copy, motion).tau, given, atol=AGREE * np.abs(given).max())
+    assert_allclose(simulate(copy, motion).tau, given, atol=AGREE * np.abs(given).max())
 
 
 def test_an_mjcf_errs_alone_as_little_as_with_all_and_a_urdf_says_what_it_lacks(told, tmp_path):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import Model, Robot, simulate
 from identifiability.regression.structure import random_motion
@@ -96,7 +97,7 @@ def test_there_and_back_it_is_the_same_robot(name, tmp_path):
         actuated = (motion.actuated_q, motion.actuated_v, motion.actuated_a)
         again = complete_motion(copy, motion.t, *actuated)
         size = np.abs(tau).max()
-        np.testing.assert_allclose(nominal_torque(copy, again), tau, rtol=0, atol=1e-9 * size)
+        assert_allclose(nominal_torque(copy, again), tau, rtol=0, atol=1e-9 * size)
         if name not in ("locked", "tendon"):  # MuJoCo reads the written files by itself
             seen = simulate(copy, PrescribedMotion(motion.t, *actuated)).tau
-            np.testing.assert_allclose(seen, tau, rtol=0, atol=1e-9 * size)
+            assert_allclose(seen, tau, rtol=0, atol=1e-9 * size)

@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability import Noise, Robot, analyze, export, simulate
-from identifiability.foundation.errors import IdentifiabilityError
+from identifiability import IdentifiabilityError, Noise, Robot, analyze, export, simulate
 from identifiability.simulation.motion import find_motion
 from identifiability.workflows.export.workflow import save_robot
 
@@ -37,7 +36,7 @@ def test_a_file_that_errs_more_on_motion_that_was_not_fitted_is_refused(runs, tm
     given = stated["error_ra_validation_given_files"]["mjcf"]
     assert stated["error_ra_validation_files"]["mjcf"] > 1.5 * given
     path = result.to_json(tmp_path / "result.json")
-    with pytest.raises(IdentifiabilityError, match=r"not fitted fit\.xml alone errs by .* --force"):
+    with pytest.raises(IdentifiabilityError, match=r"fit\.xml alone errs by .* force=True"):
         export(robot, path, tmp_path / "fit.xml")
     assert not (tmp_path / "fit.xml").exists()
     forced = export(robot, path, tmp_path / "fit.xml", validate=bare, force=True)

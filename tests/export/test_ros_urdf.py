@@ -5,6 +5,7 @@ import xml.etree.ElementTree as ET
 import mujoco
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import Robot, simulate
 from identifiability.simulation import PrescribedMotion
@@ -52,4 +53,4 @@ def test_what_is_stated_twice_is_written_once_and_mujoco_reads_it(tmp_path):
     rng = np.random.default_rng(0)
     move = PrescribedMotion(np.arange(30.0), *rng.normal(size=(3, 30, 6)))
     found, expected = (simulate(r, move).tau for r in (robot, Robot.load("six-dof-arm")))
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+    assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())

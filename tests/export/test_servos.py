@@ -1,7 +1,5 @@
 """What leaves of a commanded robot: servos, delay, rollout error; draws of what logs leave open."""
 
-from __future__ import annotations
-
 import ast
 import json
 import re
@@ -13,6 +11,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import IdentifiabilityError, Robot, analyze, export
 from identifiability.physical.fitted_model import physical_set
@@ -30,7 +30,7 @@ from ..made_servos import TRUTH, load_arm  # noqa: E402
 def made(tmp_path_factory):
     """A two-link arm with servos, a log of commands and the JSON of its analysis."""
     folder = tmp_path_factory.mktemp("arm")
-    robot, rng = load_arm(folder), np.random.default_rng(3)
+    robot, rng = load_arm(folder), default_rng(3)
     how = servos.Recorder(rate=200.0, delay=0.007, bits=14)
     frames = []
     for seconds in (6.0, 3.0):
@@ -69,35 +69,35 @@ def test_an_mjcf_gets_the_servos_of_the_sidecar_and_says_delay_and_step(made):
     assert "for its own step of 1 ms" in text
     model = mujoco.MjModel.from_xml_path(str(out))
     assert (model.nu, model.opt.timestep) == (2, 0.001)
-    np.testing.assert_allclose(model.actuator_gainprm[:, 0], [1200, 300])
+    assert_allclose(model.actuator_gainprm[:, 0], [1200, 300])
     damping = robot.servo.damping
-    np.testing.assert_allclose(model.actuator_biasprm[:, 1:3].T, [[-1200, -300], -damping])
+    assert_allclose(model.actuator_biasprm[:, 1:3].T, [[-1200, -300], -damping])
     values = json.loads(path.read_text())["physical"]["parameters"]
     offsets = np.array([values.get(f"{joint}.off", 0.0) for joint in robot.joints])
     assert offsets.all()
-    np.testing.assert_allclose(model.actuator_biasprm[:, 0], -offsets)
+    assert_allclose(model.actuator_biasprm[:, 0], -offsets)
     ends = np.array([[-900, 900]] * 2) - offsets[:, None]
-    np.testing.assert_allclose(model.actuator_forcerange, ends)
+    assert_allclose(model.actuator_forcerange, ends)
     for k, joint in enumerate(robot.joints):
         seen = 0.0005 * (values[f"{joint}.Fv"] + damping[k]) - robot.servo.lead[k]
         assert model.dof_armature[k] == pytest.approx(values[f"{joint}.Ia"] - seen)
         assert model.dof_damping[k] == pytest.approx(values[f"{joint}.Fv"])
         assert model.dof_frictionloss[k] == pytest.approx(values[f"{joint}.Fc"])
     again = Robot.load(out)
-    np.testing.assert_allclose([again.servo.kp, again.servo.kv], [robot.servo.kp, robot.servo.kv])
+    assert_allclose([again.servo.kp, again.servo.kv], [robot.servo.kp, robot.servo.kv])
     assert again.nominal["elbow.off"] == pytest.approx(values["elbow.off"])
 
 
 def test_servos_of_an_mjcf_go_with_its_urdf(tmp_path):
     robot = Robot.load("hobby-arm")
     saved = Robot.load(robot.save(tmp_path / "arm.xml"))
-    np.testing.assert_array_equal(saved.servo.kv, robot.servo.kv)
+    assert_array_equal(saved.servo.kv, robot.servo.kv)
     urdf = Robot.load(write_parameters(robot, robot.nominal, tmp_path / "arm.urdf").robot)
     for name in ("kp", "kv", "low", "high"):
-        np.testing.assert_allclose(getattr(urdf.servo, name), getattr(robot.servo, name))
+        assert_allclose(getattr(urdf.servo, name), getattr(robot.servo, name))
     back = write_parameters(urdf, urdf.nominal, tmp_path / "again.xml").robot
     model = mujoco.MjModel.from_xml_path(str(back))
-    np.testing.assert_allclose(model.actuator_gainprm[:, 0], robot.servo.kp)
+    assert_allclose(model.actuator_gainprm[:, 0], robot.servo.kp)
 
 
 def test_a_configuration_for_isaac_lab_holds_what_was_fitted(made):
@@ -126,7 +126,7 @@ def test_every_draw_is_possible_and_loads_back(made):
     drawn = draw_robots(robot, path, 200)
     assert drawn.values.shape == (200, len(drawn.structure.columns))
     assert physical_set(drawn.structure).contains(drawn.values).all()
-    np.testing.assert_array_equal(drawn.values, draw_robots(robot, path, 200).values)
+    assert_array_equal(drawn.values, draw_robots(robot, path, 200).values)
     table = drawn.write(path.with_name("draws.csv"))[0]
     assert len(table.read_text().splitlines()) == 201
     files = draw_robots(robot, path, 2, seed=1).write(path.with_name("drawn.xml"))
@@ -144,7 +144,7 @@ def test_what_logs_determine_hardly_varies_and_what_they_leave_open_does(made):
     for table, name in product((narrow, wide), ("elbow.Fv", "elbow.Fc", "shoulder.Fc")):
         low, high = stated[name]
         ends = table[name].quantile([0.025, 0.975]).to_numpy()
-        np.testing.assert_allclose(ends, [low, high], rtol=0, atol=0.2 * (high - low))
+        assert_allclose(ends, [low, high], rtol=0, atol=0.2 * (high - low))
     (late,), (sd,) = (getattr(result.recordings.rolled, x) for x in ("delays", "delay_errors"))
     assert wide["delay"].mean() == pytest.approx(late, abs=0.2 * sd)
     assert wide["delay"].std() == pytest.approx(sd, rel=0.3)
@@ -180,7 +180,7 @@ def joint_share(fit, structure, count, rng, size=256):
     "count", [6, pytest.param(200, marks=pytest.mark.everything)], ids=["few", "many"]
 )
 def test_true_robots_lie_in_the_joint_set_of_the_draws(count, simulated):
-    rng = np.random.default_rng(5)
+    rng = default_rng(5)
     robot = Robot.load("two-link")
     result = analyze(robot, simulated("two-link", "a", samples=2000), quick=True)
     own = {"submodel": result.full.submodel, "values": result.full.estimate.value}

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import Model, Robot, simulate
 from identifiability.effects import FAMILIES
@@ -69,7 +70,7 @@ def test_file_and_sidecar_are_what_was_fitted(name, given, tmp_path):
     written = write_parameters(robot, values, tmp_path / "fitted.xml")
     copy = Robot.load(written.robot)
     expected = torque_of(robot, values)
-    np.testing.assert_allclose(torque_of(copy, copy.nominal), expected, rtol=1e-9, atol=1e-11)
+    assert_allclose(torque_of(copy, copy.nominal), expected, rtol=1e-9, atol=1e-11)
     assert np.abs(expected - torque_of(robot, robot.nominal)).max() > 0.5
     for joint in IN_FILE[name]:
         k, stated = PLANTED[name][f"{joint}.k"], PLANTED[name].get(f"{joint}.K", 0.0)
@@ -80,9 +81,7 @@ def test_file_and_sidecar_are_what_was_fitted(name, given, tmp_path):
     move = PrescribedMotion(motion.t, motion.actuated_q, motion.actuated_v, motion.actuated_a)
     bare = {n: 0.0 for n in copy.nominal if ".B" in n}
     simulated = simulate(replace(copy, nominal=copy.nominal | bare), move).tau
-    np.testing.assert_allclose(
-        simulated, torque_of(copy, copy.nominal | bare), rtol=1e-7, atol=1e-9
-    )
+    assert_allclose(simulated, torque_of(copy, copy.nominal | bare), rtol=1e-7, atol=1e-9)
     assert set(left_out(copy)) == {n for n in PLANTED[name] if ".B" in n}
     # Among what is beside the file are the spring that pushes on, and what goes with a sine.
     held = values_in_file(robot, values)

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
 from identifiability import Model, Noise, Robot, analyze, diagnose, export, simulate
 from identifiability.effects.base import horizontal_axes, tilt_text
@@ -29,7 +31,7 @@ def test_a_written_file_has_the_torque_of_the_model_by_both_roads(name, ending, 
     robot = Robot.load(name)
     gravity = leaning(robot, degrees)
     structure = Structure.of(robot, Model.of("rigid_body", tilt_text(gravity)))
-    motion = random_motion(robot, np.random.default_rng(1), 20)
+    motion = random_motion(robot, default_rng(1), 20)
     W = structure.model.regressor(structure.robot, motion)
     tau = W @ structure.nominal
     assert structure.robot.tilt.degrees == pytest.approx(degrees)
@@ -38,8 +40,8 @@ def test_a_written_file_has_the_torque_of_the_model_by_both_roads(name, ending, 
     own = motion.actuated_q, motion.actuated_v, motion.actuated_a
     again = complete_motion(copy, motion.t, *own)
     scale = np.abs(tau).max()
-    np.testing.assert_allclose(rigid_torque(copy, again), tau, atol=1e-9 * scale)
-    np.testing.assert_allclose(MujocoRobot(copy).inverse_dynamics(*own).tau, tau, atol=1e-7 * scale)
+    assert_allclose(rigid_torque(copy, again), tau, atol=1e-9 * scale)
+    assert_allclose(MujocoRobot(copy).inverse_dynamics(*own).tau, tau, atol=1e-7 * scale)
     assert np.abs(tau - rigid_torque(robot, motion)).max() > 1e-3 * scale
 
 
@@ -50,7 +52,7 @@ def test_a_small_tilt_among_the_values_is_gravity_in_the_file(tmp_path):
     assert not written.beside
     g, (first, second) = robot.gravity, horizontal_axes(robot.gravity)
     expected = turn(g, 0.02 * first - 0.01 * second)
-    np.testing.assert_allclose(Robot.load(written.robot).gravity, expected, atol=1e-12)
+    assert_allclose(Robot.load(written.robot).gravity, expected, atol=1e-12)
     assert np.linalg.norm(expected) == pytest.approx(np.linalg.norm(g))
 
 
@@ -72,11 +74,11 @@ def test_gravity_of_an_mjcf_that_is_not_down_turns_the_base_of_its_urdf(tmp_path
     text = text.replace("<worldbody", '<option gravity="9.81 0 0"/><worldbody', 1)
     (tmp_path / "wall.xml").write_text(text)
     robot = Robot.load(tmp_path / "wall.xml")
-    motion = random_motion(robot, np.random.default_rng(0), 10)
+    motion = random_motion(robot, default_rng(0), 10)
     copy = Robot.load(write_parameters(robot, {}, tmp_path / "copy.urdf").robot)
     own = motion.actuated_q, motion.actuated_v, motion.actuated_a
     again = complete_motion(copy, motion.t, *own)
-    np.testing.assert_allclose(rigid_torque(copy, again), rigid_torque(robot, motion), atol=1e-9)
+    assert_allclose(rigid_torque(copy, again), rigid_torque(robot, motion), atol=1e-9)
 
 
 @pytest.fixture(scope="module")

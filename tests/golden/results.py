@@ -11,8 +11,6 @@ of a tolerance that is stated here. Verdicts and sentences are compared exactly;
 sentence may differ by one unit of their last digit.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math
@@ -20,11 +18,9 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 from unittest.mock import patch
 
 import numpy as np
@@ -43,6 +39,7 @@ from identifiability import (
 )
 from identifiability.foundation.output import plain
 from identifiability.foundation.rules import RuleTable
+from identifiability.foundation.wording import at_terminal
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 from identifiability.workflows.analyze.belief import EFFORT
 
@@ -98,7 +95,7 @@ ROUNDED = re.compile(
 )
 
 
-def logs_of(robot: Robot, hide: Sequence[str] = (), seed: int = 0) -> list[Any]:
+def logs_of(robot, hide=(), seed=0):
     """Return two simulated logs of a robot: short, with noise on the torque."""
     rngs = np.random.default_rng(seed).spawn(2)
     motions = [PrescribedMotion.of(shipped_trajectory(robot, name), 400) for name in "ab"]
@@ -108,7 +105,7 @@ def logs_of(robot: Robot, hide: Sequence[str] = (), seed: int = 0) -> list[Any]:
     ]
 
 
-def make(verb: str) -> dict[str, Any]:
+def make(verb):
     """Return the JSON of one verb."""
     robot, seed = Robot.load(VERBS[verb]), SEEDS.get(verb, 0)
     if verb == "excite":
@@ -128,13 +125,14 @@ def make(verb: str) -> dict[str, Any]:
     return json_of(result if verb == "analyze" else calibrate(result, replicates=16, refits=50))
 
 
-def json_of(result: Any) -> dict[str, Any]:
+def json_of(result):
     """Return what the result writes, without what another machine may say differently."""
-    told = json.loads(json.dumps(plain(result.to_dict())))
+    with at_terminal():
+        told = json.loads(json.dumps(plain(result.to_dict())))
     return {key: value for key, value in told.items() if key not in UNTOLD}
 
 
-def stored(verb: str) -> Path:
+def stored(verb):
     """Return where a golden result is kept."""
     return HERE / f"{verb}.json"
 
@@ -157,9 +155,7 @@ class Comparison:
     exact: bool = False
     decisions: bool = False
 
-    def differences(
-        self, old: Any, new: Any, at: str = "", within: float | None = None
-    ) -> list[str]:
+    def differences(self, old, new, at="", within=None):
         """Return where two results differ by more than they may.
 
         Parameters
@@ -183,9 +179,7 @@ class Comparison:
             same = old == new
         return [] if same else [f"{at}: {old!r} and {new!r}"]
 
-    def _keyed(
-        self, old: Mapping[str, Any], new: Mapping[str, Any], at: str, within: float | None
-    ) -> list[str]:
+    def _keyed(self, old, new, at, within):
         found = [f"{at}.{key}: only in one" for key in sorted(old.keys() ^ new.keys())]
         for key in sorted(old.keys() & new.keys()):
             before, after, here = old[key], new[key], f"{at}.{key}"
@@ -196,9 +190,7 @@ class Comparison:
             found += self.differences(before, after, here, within if allowed is None else allowed)
         return found
 
-    def _listed(
-        self, old: Sequence[Any], new: Sequence[Any], at: str, within: float | None
-    ) -> list[str]:
+    def _listed(self, old, new, at, within):
         rows = _by_identity(old), _by_identity(new)
         if all(rows) and not self.exact:
             return self._keyed(*rows, at, within)
@@ -211,7 +203,7 @@ class Comparison:
             found += self.differences(before, after, f"{at}[{k}]", within)
         return found
 
-    def _near(self, old: float, new: float, within: float | None) -> bool:
+    def _near(self, old, new, within):
         if self.exact or self.decisions:
             return self.decisions or old == new
         if not (math.isfinite(old) and math.isfinite(new)):
@@ -219,7 +211,7 @@ class Comparison:
         allowed = self.share * abs(old) if within is None else within
         return abs(old - new) <= max(allowed, ROUNDING)
 
-    def _says(self, old: str, new: str) -> bool:
+    def _says(self, old, new):
         """Return whether two sentences have the same words, and numbers as near as printed."""
         pattern = NUMBER if self.decisions else ROUNDED
         if pattern.sub("#", old) != pattern.sub("#", new):
@@ -227,9 +219,7 @@ class Comparison:
         pairs = zip(ROUNDED.findall(old), ROUNDED.findall(new), strict=False)
         return self.decisions or all(_prints_like(a, b) for a, b in pairs)
 
-    def _sampled(
-        self, old: dict[str, Any] | None, new: dict[str, Any] | None, at: str
-    ) -> list[str]:
+    def _sampled(self, old, new, at):
         """Return where posteriors differ by more than their Monte-Carlo error."""
         before, after = (chain and chain["physical"] for chain in (old, new))
         if not before or not after:
@@ -245,7 +235,7 @@ class Comparison:
         return found
 
 
-def tolerance_of(row: Mapping[str, Any], key: str, share: float) -> float | None:
+def tolerance_of(row, key, share):
     """Return how far numbers under a key of a row may be apart; None for a share of their size.
 
     Parameters
@@ -278,7 +268,7 @@ def tolerance_of(row: Mapping[str, Any], key: str, share: float) -> float | None
     return None
 
 
-def standard_error(row: Mapping[str, Any]) -> float | None:
+def standard_error(row):
     """Return the standard error of a row's value, in its unit; None where it has none."""
     if _is_number(row.get("sigma_robust_percent")) and _is_number(row.get("value")):
         return abs(row["value"]) * row["sigma_robust_percent"] / 100
@@ -289,12 +279,12 @@ def standard_error(row: Mapping[str, Any]) -> float | None:
     return None
 
 
-def _kind(name: str) -> str:
+def _kind(name):
     """Return what a parameter is, without its place and its axes: ``link1.Ixy`` is an ``I``."""
     return name.rpartition(".")[2].rstrip("xyz")
 
 
-def _by_identity(rows: Any) -> dict[str, Any]:
+def _by_identity(rows):
     """Return rows by what they are called; nothing where they have no names of their own."""
     if not all(isinstance(row, dict) for row in rows):
         return {}
@@ -304,11 +294,11 @@ def _by_identity(rows: Any) -> dict[str, Any]:
     return dict(zip(names, rows, strict=True)) if all(names) and len(names) == len({*names}) else {}
 
 
-def _pairs(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[tuple[str, Any, Any]]:
+def _pairs(old, new):
     return ((name, old[name], new[name]) for name in old.keys() & new.keys())
 
 
-def _prints_like(a: tuple[str, str], b: tuple[str, str]) -> bool:
+def _prints_like(a, b):
     """Return whether two printed numbers, (digits, exponent), differ by one unit at most."""
     digits = [text.replace("−", "-").replace(",", "") for text in (a[0], b[0])]
     decimals = min(len(text.partition(".")[2]) for text in digits)
@@ -316,15 +306,15 @@ def _prints_like(a: tuple[str, str], b: tuple[str, str]) -> bool:
     return a[1] == b[1] and apart <= 1.001 * 10.0**-decimals
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value):
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
-def _is_float(value: Any) -> bool:
+def _is_float(value):
     return isinstance(value, float)
 
 
-def check(verb: str, *, exact: bool = False) -> list[str]:
+def check(verb, *, exact=False):
     """Return where today's result differs from the golden one."""
     old = json.loads(stored(verb).read_text(encoding="utf-8"))
     compared = Comparison(OF_SEARCH.get(verb, OF_NUMBER), exact)
@@ -346,14 +336,14 @@ NO_THRESHOLD = {"memories"}
 COUNTED_FROM = {"rhat": 1.0}
 
 
-def all_rules() -> list[Rule]:
+def all_rules():
     """Return every number by which a room decides."""
     tables = RuleTable.__subclasses__()
     rules = [(table, name) for table in tables for name in table.__annotations__]
     return [(table, name) for table, name in rules if name not in NO_THRESHOLD]
 
 
-def moved_value(rule: Rule, sign: int) -> Any:
+def moved_value(rule, sign):
     """Return a rule's number, a tenth or a nat higher (sign 1) or lower (sign -1)."""
     table, name = rule
     value, text = getattr(table, name), str(table.__annotations__[name])
@@ -368,11 +358,11 @@ def moved_value(rule: Rule, sign: int) -> Any:
 
 
 @contextmanager
-def moved(rules: Sequence[Rule], sign: int) -> Iterator[None]:
+def moved(rules, sign):
     """Move some rules while the context lasts."""
     values = {rule: moved_value(rule, sign) for rule in rules}
 
-    def read(self: RuleTable, name: str) -> Any:
+    def read(self, name):
         given = object.__getattribute__(self, name)
         return values.get((type(self), name), given)
 
@@ -380,7 +370,7 @@ def moved(rules: Sequence[Rule], sign: int) -> Iterator[None]:
         yield
 
 
-def find_near(verb: str) -> list[str]:
+def find_near(verb):
     """Return the rules that change a word, a count or a truth of a case if they are moved.
 
     Rules are moved together, and halved where something changes.
@@ -402,7 +392,7 @@ def find_near(verb: str) -> list[str]:
     return found
 
 
-def _changes(verb: str, usual: dict[str, Any], rules: Sequence[Rule], sign: int) -> list[str]:
+def _changes(verb, usual, rules, sign):
     try:
         with moved(rules, sign):
             made = make(verb)
@@ -414,7 +404,7 @@ def _changes(verb: str, usual: dict[str, Any], rules: Sequence[Rule], sign: int)
 # The plainest x86-64 processor.
 
 
-def plain_environment() -> dict[str, str]:
+def plain_environment():
     """Return the environment in which BLAS and NumPy use no AVX, as an old processor would."""
     from numpy._core import _multiarray_umath as built
 
@@ -424,7 +414,7 @@ def plain_environment() -> dict[str, str]:
     return {"OPENBLAS_CORETYPE": "Prescott", "NPY_DISABLE_CPU_FEATURES": disabled}
 
 
-def main() -> int:
+def main():
     """Write or check all of them."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("what", choices=("write", "check", "thresholds"))

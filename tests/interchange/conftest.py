@@ -1,12 +1,6 @@
 """Bags are written by the library that reads them."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterable
-from pathlib import Path
-
 import numpy as np
-import pandas as pd
 import pytest
 
 #: Time of the first message [ns]; a float cannot hold it to the nanosecond.
@@ -30,14 +24,14 @@ def joint_state():
 
 
 @pytest.fixture
-def write_bag(tmp_path) -> Callable[..., Path]:
+def write_bag(tmp_path):
     """A function ({topic: messages}, storage, name) -> the folder; messages 1 ms apart."""
     rosbag2 = pytest.importorskip("rosbags.rosbag2")
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS2_JAZZY)
 
-    def write(topics: dict[str, Iterable], storage: str = "MCAP", name: str = "bag") -> Path:
+    def write(topics, storage="MCAP", name="bag"):
         plugin = rosbag2.StoragePlugin[storage]
         folder = tmp_path / name
         with rosbag2.Writer(folder, version=9, storage_plugin=plugin) as writer:
@@ -58,7 +52,7 @@ def write_bag(tmp_path) -> Callable[..., Path]:
 def states(joint_state):
     """A function (log as DataFrame, joints, **fields left out) -> messages."""
 
-    def make(frame: pd.DataFrame, joints, without=(), start=START):
+    def make(frame, joints, without=(), start=START):
         n = len(joints)
         for k in range(len(frame)):
             row = {

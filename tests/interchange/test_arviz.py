@@ -4,6 +4,7 @@ import sys
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError, analyze
 
@@ -26,8 +27,8 @@ def test_every_draw_is_there_with_names_and_units(result):
     assert phi["parameter"].values.tolist() == list(result.chosen.submodel.columns)
     units = tree["constant_data"]["unit"].values.tolist()
     assert units == [v.unit for v in result.chosen.verdicts]
-    np.testing.assert_allclose(phi.mean(("chain", "draw")), summary.mean, rtol=1e-9)
-    np.testing.assert_allclose(phi.std(("chain", "draw"), ddof=1), summary.sd, rtol=1e-9)
+    assert_allclose(phi.mean(("chain", "draw")), summary.mean, rtol=1e-9)
+    assert_allclose(phi.std(("chain", "draw"), ddof=1), summary.sd, rtol=1e-9)
     assert len(np.unique(posterior["ensemble"])) == 4
 
 
@@ -37,7 +38,7 @@ def test_arviz_judges_the_chains_as_we_do(result):
     ids = posterior["ensemble"].values
     theirs = arviz.rhat_nested(posterior, superchain_ids=ids)["standard"]
     ours = result.belief.physical.convergence.rhat
-    np.testing.assert_allclose(theirs, ours, rtol=1e-6)
+    assert_allclose(theirs, ours, rtol=1e-6)
     table = arviz.summary(tree)
     assert f"phi[{result.chosen.submodel.columns[0]}]" in table.index
     assert bool(tree.attrs["trustworthy"]) == result.belief.physical.convergence.trustworthy

@@ -5,6 +5,7 @@ import sys
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import IdentifiabilityError, Log, Robot
 from identifiability.foundation.names import Renames
@@ -17,7 +18,7 @@ JOINTS = ("shoulder", "elbow")
 COLUMNS = [f"{j}.{c}" for c in ("q", "dq", "tau") for j in JOINTS]
 
 
-def refused(path) -> str:
+def refused(path):
     with pytest.raises(IdentifiabilityError) as error:
         Log.read(path)
     return str(error.value)
@@ -32,7 +33,7 @@ def test_a_bag_is_the_log_that_was_recorded(storage, frame, states, write_bag):
         assert log.joints == JOINTS
         # q, dq and tau are doubles in the message; time is cut to a nanosecond.
         pd.testing.assert_frame_equal(log.to_frame()[COLUMNS], frame[COLUMNS])
-        np.testing.assert_allclose(log.t, frame["t"] - frame["t"][0], rtol=0, atol=1.1e-9)
+        assert_allclose(log.t, frame["t"] - frame["t"][0], rtol=0, atol=1.1e-9)
         assert log.start == pytest.approx(1_700_000_000.123456789 + frame["t"][0], abs=1e-6)
 
 
@@ -47,7 +48,7 @@ def test_messages_without_a_stamp_have_the_time_at_which_they_were_recorded(
     frame, states, write_bag
 ):
     bag = write_bag({"/joint_states": states(frame, JOINTS, start=0)})
-    np.testing.assert_allclose(Log.read(bag).t, 1e-3 * np.arange(len(frame)), atol=1e-9)
+    assert_allclose(Log.read(bag).t, 1e-3 * np.arange(len(frame)), atol=1e-9)
 
 
 def test_passive_joints_and_velocities_that_nobody_measured_are_left_out(frame, states, write_bag):
@@ -85,7 +86,7 @@ def test_a_topic_shared_with_a_gripper_is_read_by_naming_the_joints(frame, state
     assert log.notes == ("messages that do not tell of the robot's joints were passed over",)
     other = Conventions(joints=("a", "b"), columns=Renames.of({"shoulder": "a", "elbow": "b"}))
     renamed = Log.read(bag, other)
-    np.testing.assert_array_equal(renamed.q, log.q)
+    assert_array_equal(renamed.q, log.q)
     assert renamed.joints == ("a", "b")
     assert renamed.notes[1].startswith("columns were renamed (shoulder.q is a.q")
     with pytest.raises(IdentifiabilityError, match="and no message of all joints that are needed"):
@@ -136,8 +137,8 @@ def test_inertial_sensor_and_wrenches_are_read_at_the_times_of_the_joint_states(
     bag = write_bag(topics)
     read = read_bag(bag, Conventions())
     k = (read["t"] / 4e-4).clip(upper=3 * len(frame) - 1)
-    np.testing.assert_allclose(read["base.acc.z"], 3 + k, atol=1e-3)
-    np.testing.assert_allclose(read["base.gyro.z"], 1e-4 * k, atol=1e-6)
-    np.testing.assert_allclose(read["left.foot.force.z"], 3 + k, atol=1e-3)
+    assert_allclose(read["base.acc.z"], 3 + k, atol=1e-3)
+    assert_allclose(read["base.gyro.z"], 1e-4 * k, atol=1e-6)
+    assert_allclose(read["left.foot.force.z"], 3 + k, atol=1e-3)
     assert (read["left.foot.torque.y"] == 0.2).all()
     pd.testing.assert_frame_equal(Log.read(bag).to_frame()[COLUMNS], frame[COLUMNS])

@@ -1,7 +1,5 @@
 """Logs of commands in the forms in which others keep them: LeRobot, ROS 2."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path
@@ -11,6 +9,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import IdentifiabilityError, Robot, predict
 from identifiability.logs.conventions import Conventions
@@ -35,7 +34,7 @@ def read(robot, given):
     return log.select(robot.joints)
 
 
-def refused(robot, given) -> str:
+def refused(robot, given):
     with pytest.raises(IdentifiabilityError) as error:
         read(robot, given)
     assert "\n" not in str(error.value)
@@ -54,8 +53,8 @@ def test_every_episode_of_a_dataset_is_the_log_that_was_recorded(version, arm):
         own = log.select(arm.joints)
         for kind, given in (("q", own.q), ("cmd", own.q_ref)):
             wanted = table[[f"{j}.{kind}" for j in arm.joints]].to_numpy(np.float32)
-            np.testing.assert_array_equal(given, wanted)
-        np.testing.assert_allclose(log.t, np.arange(75) / 50, atol=1e-12)
+            assert_array_equal(given, wanted)
+        assert_allclose(log.t, np.arange(75) / 50, atol=1e-12)
     (second,) = read_logs(f"{DATASETS / version}:1", Conventions.of(arm))
     assert second.sha256 == logs[1].sha256 != logs[0].sha256
     assert len(read_logs(f"{DATASETS / version}:0-1", Conventions.of(arm))) == 2
@@ -98,18 +97,18 @@ base_yaw = {scale = 0.017453292519943295}
             own(joint, x[:, k]) for x in (plain.q, plain.q_ref)
         )
     log = read(robot, table)
-    np.testing.assert_allclose(log.q, plain.q, atol=1e-12)
-    np.testing.assert_allclose(log.q_ref, plain.q_ref, atol=1e-12)
+    assert_allclose(log.q, plain.q, atol=1e-12)
+    assert_allclose(log.q_ref, plain.q_ref, atol=1e-12)
     assert any("scaled and shifted as the sidecar says" in note for note in log.notes)
     table[f"{joint}.q [deg]"] = np.degrees(table.pop(f"{joint}.q"))  # the header counts, too
     saved = robot.save(tmp_path / "again.xml")
-    np.testing.assert_allclose(read(Robot.load(saved), table).q, plain.q, atol=1e-12)
+    assert_allclose(read(Robot.load(saved), table).q, plain.q, atol=1e-12)
 
 
 @pytest.mark.parametrize(
     ("scale", "said"),
     [
-        (57.29578, "it looks like degrees: say --set angles=deg"),
+        (57.29578, "it looks like degrees: say .*angles='deg'"),
         (4096 / (2 * np.pi), "scale = 0.00153398, offset = -3.14159"),
     ],
 )
@@ -136,7 +135,7 @@ def test_names_tell_channels_and_a_dataset_without_names_has_the_robots_order(ar
     for feature in ("observation.state", "action"):
         info["features"][feature]["names"] = None
     (folder / "meta/info.json").write_text(json.dumps(info))
-    np.testing.assert_array_equal(read(arm, folder).q_ref, read(arm, DATASETS / "v2.1:0").q_ref)
+    assert_array_equal(read(arm, folder).q_ref, read(arm, DATASETS / "v2.1:0").q_ref)
     names = [f"{j}.{kind}" for kind in ("pos", "vel") for j in arm.joints]
     info["features"]["observation.state"] = {"names": {"motors": names}}
     (folder / "meta/info.json").write_text(json.dumps(info))
@@ -146,7 +145,7 @@ def test_names_tell_channels_and_a_dataset_without_names_has_the_robots_order(ar
     at = table.schema.get_field_index("observation.state")
     pq.write_table(table.set_column(at, "observation.state", pa.array(state)), path)
     log = read(arm, folder)
-    np.testing.assert_allclose(log.dq, 2 * log.q)
+    assert_allclose(log.dq, 2 * log.q)
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
@@ -172,8 +171,8 @@ def test_cells_that_hold_lists_are_one_column_a_joint(ending, shown, arm, frame,
     path = tmp_path / f"run.{ending}"
     (table.to_csv if ending == "csv" else table.to_parquet)(path, index=False)
     log, plain = read(arm, path), read(arm, frame)
-    np.testing.assert_array_equal(log.q, plain.q)
-    np.testing.assert_array_equal(log.q_ref, plain.q_ref)
+    assert_array_equal(log.q, plain.q)
+    assert_array_equal(log.q_ref, plain.q_ref)
     table.loc[7, "action"] = "[0.1, 0.2]"
     table.astype({"action": str}).to_csv(tmp_path / "short.csv", index=False)
     assert "lists in column 'action' do not all hold" in refused(arm, tmp_path / "short.csv")
@@ -262,9 +261,9 @@ def test_a_bag_of_joint_states_and_commands_is_the_log(kind, ros, arm, frame, tm
     types, write = ros
     bag = write(tmp_path / "bag", recorded(types, frame, arm.joints, kind))
     log, plain = read(arm, bag), read(arm, frame)
-    np.testing.assert_array_equal(log.q, plain.q)
-    np.testing.assert_array_equal(log.q_ref, plain.q_ref)
-    np.testing.assert_allclose(log.t, plain.t - plain.t[0], atol=1.1e-9)
+    assert_array_equal(log.q, plain.q)
+    assert_array_equal(log.q_ref, plain.q_ref)
+    assert_allclose(log.t, plain.t - plain.t[0], atol=1.1e-9)
     assert log.commanded
     assert (log.dq_ref is not None) == (kind == "MultiDOFCommand")
 
@@ -274,7 +273,7 @@ def test_effort_goes_before_commands_and_a_bag_without_either_is_refused(ros, ar
     both = write(tmp_path / "a", recorded(types, frame, arm.joints, KINDS[1], effort=True))
     log = read(arm, both)
     assert not log.commanded
-    np.testing.assert_allclose(log.tau, 2 * log.q)
+    assert_allclose(log.tau, 2 * log.q)
     alone = [m for m in recorded(types, frame, arm.joints, KINDS[1]) if m[1] == "/joint_states"]
     said = refused(arm, write(tmp_path / "b", alone))
     assert "have no effort" in said

@@ -4,41 +4,38 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
-from identifiability import Log, Robot, analyze, calibrate, export, simulate
+from identifiability import Log, Noise, Robot, analyze, calibrate, export, simulate
 from identifiability.estimation.noise import LaggedProducts, whiten, whitening_filter
 from identifiability.report.results import answer_first
-from identifiability.simulation import (
-    Noise,
-    PrescribedMotion,
-    random_trajectory,
-    shipped_trajectory,
-)
+from identifiability.simulation import PrescribedMotion, random_trajectory, shipped_trajectory
 from identifiability.simulation.simulator import ar1
 from identifiability.workflows.predict import read_fit
 
 
 @pytest.mark.parametrize("order", range(5))
 def test_lagged_products_whiten_as_rows_do_whatever_the_lengths_of_stretches(order):
-    rng, runs = np.random.default_rng(order), [(0, 40), (40, 44), (45, 50), (50, 58)]
+    rng, runs = default_rng(order), [(0, 40), (40, 44), (45, 50), (50, 58)]
     Z = rng.standard_normal((60, 4))
     pacf = rng.uniform(-0.9, 0.95, order)
     rows = whiten(Z, runs, pacf)
     lagged = LaggedProducts.of(Z, runs)
     a = whitening_filter(pacf)
     found = np.tensordot(np.outer(a, a), lagged.products)
-    np.testing.assert_allclose(found, rows.T @ rows, rtol=1e-9, atol=1e-9)
+    assert_allclose(found, rows.T @ rows, rtol=1e-9, atol=1e-9)
     known = whiten(np.eye(60), runs, pacf)
     assert a**2 @ lagged.white == pytest.approx(np.sum(known**2))
 
 
 @pytest.fixture(scope="module")
 def logs(simulated_session):
-    def make(rho: float, seed: int, stribeck: float = 0.0):
+    def make(rho, seed, stribeck=0.0):
         frame = simulated_session("two-link", "a", 0, Noise(torque=0.0)).to_frame()
         for k, joint in enumerate(("shoulder", "elbow")):
             size = 0.03 * frame[f"{joint}.tau"].std()
-            noise = ar1((len(frame), 1), rho, np.random.default_rng([seed, k]))[:, 0]
+            noise = ar1((len(frame), 1), rho, default_rng([seed, k]))[:, 0]
             frame[f"{joint}.tau"] += size * noise
         v = frame["elbow.dq"]
         frame["elbow.tau"] += stribeck * np.sign(v) * np.exp(-np.abs(v) / 0.3)
@@ -89,13 +86,11 @@ def test_what_is_missing_reaches_the_card_the_labels_and_the_next_command(logs, 
 def test_friction_that_nobody_named_makes_no_friction_label_sure(seed):
     robot = Robot.load("two-link")
     motion = PrescribedMotion.of(shipped_trajectory(robot, "a"), 1000)
-    frame = simulate(
-        robot, motion, noise=Noise(torque=0.0), rng=np.random.default_rng(0)
-    ).to_frame()
+    frame = simulate(robot, motion, noise=Noise(torque=0.0), rng=default_rng(0)).to_frame()
     load = frame["elbow.tau"].abs() * np.sign(frame["elbow.dq"])
     for k, joint in enumerate(robot.joints):
         size = 0.03 * frame[f"{joint}.tau"].std()
-        noise = ar1((len(frame), 1), 0.5, np.random.default_rng([seed, k]))
+        noise = ar1((len(frame), 1), 0.5, default_rng([seed, k]))
         frame[f"{joint}.tau"] += size * noise[:, 0]
     frame["elbow.tau"] += 0.02 * load
     found = analyze(robot, frame, "none", replicates=0)
@@ -117,11 +112,11 @@ def test_a_sign_that_physics_forbids_is_in_doubt_however_certain(logs):
 
 
 def test_the_card_warns_by_fitted_and_unseen_rows_together():
-    robot, rng = Robot.load("two-link"), np.random.default_rng(0)
+    robot, rng = Robot.load("two-link"), default_rng(0)
     short, long = (
         simulate(
             robot,
-            random_trajectory(robot, np.random.default_rng(seed), samples=samples),
+            random_trajectory(robot, default_rng(seed), samples=samples),
             noise=Noise(torque=0.03, correlation=0.5),
             rng=rng,
             hide=["joint_stiffness=0.012"],

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
-from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.robot import Robot, complete_motion
+from identifiability import IdentifiabilityError, Robot
+from identifiability.robot import complete_motion
 from identifiability.robot.closure import newton
 from identifiability.simulation import random_trajectory, shipped_trajectory
 
@@ -17,9 +19,7 @@ def closed(request):
 
 
 def motion_of(robot, t, seed=2):
-    return complete_motion(
-        robot, t, *random_trajectory(robot, np.random.default_rng(seed)).motion(t)
-    )
+    return complete_motion(robot, t, *random_trajectory(robot, default_rng(seed)).motion(t))
 
 
 def test_every_loop_closes_along_a_motion(closed):
@@ -33,24 +33,20 @@ def test_velocities_and_accelerations_are_time_derivatives(closed):
     t = 2.0 + np.array([-h, 0, h])
     motion = motion_of(closed, t)
     scale = np.abs(motion.a[1]).max()
-    np.testing.assert_allclose(
-        (motion.q[2] - motion.q[0]) / (2 * h), motion.v[1], atol=1e-6 * scale
-    )
-    np.testing.assert_allclose(
-        (motion.v[2] - motion.v[0]) / (2 * h), motion.a[1], atol=1e-6 * scale
-    )
+    assert_allclose((motion.q[2] - motion.q[0]) / (2 * h), motion.v[1], atol=1e-6 * scale)
+    assert_allclose((motion.v[2] - motion.v[0]) / (2 * h), motion.a[1], atol=1e-6 * scale)
 
 
 def test_the_motion_does_not_depend_on_the_order_or_number_of_samples(closed):
     t = np.linspace(0, 7.5, 400)
-    q, dq, ddq = random_trajectory(closed, np.random.default_rng(2)).motion(t)
+    q, dq, ddq = random_trajectory(closed, default_rng(2)).motion(t)
     whole = complete_motion(closed, t, q, dq, ddq)
-    order = np.random.default_rng(0).permutation(len(t))
+    order = default_rng(0).permutation(len(t))
     shuffled = complete_motion(closed, t[order], q[order], dq[order], ddq[order])
     part = complete_motion(closed, t[100:130], q[100:130], dq[100:130], ddq[100:130])
-    np.testing.assert_allclose(shuffled.q, whole.q[order], atol=1e-10)
-    np.testing.assert_allclose(shuffled.a, whole.a[order], atol=1e-8)
-    np.testing.assert_allclose(part.q, whole.q[100:130], atol=1e-10)
+    assert_allclose(shuffled.q, whole.q[order], atol=1e-10)
+    assert_allclose(shuffled.a, whole.a[order], atol=1e-8)
+    assert_allclose(part.q, whole.q[100:130], atol=1e-10)
 
 
 def test_the_home_keyframe_selects_the_assembly(rps):

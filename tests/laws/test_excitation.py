@@ -5,11 +5,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
+from identifiability import Dataset, Model
 from identifiability.foundation.linalg import TINY
-from identifiability.logs.prepare import Dataset
 from identifiability.regression.reduction import USUAL_EFFECTS
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.robot import complete_motion
 from identifiability.workflows.excite.criteria import (
@@ -39,8 +40,8 @@ def test_information_is_what_is_left_of_a_column_beside_all_others():
 def test_columns_that_never_act_are_zero_with_length_one():
     length = np.array([1e6, 1e3, 0.5 * TINY * 1e6])
     unit, found = scaled((np.outer(length, length))[None])
-    np.testing.assert_allclose(found[0], [1e6, 1e3, 1.0])
-    np.testing.assert_allclose(unit[0], [[1, 1, 0], [1, 1, 0], [0, 0, 0]])
+    assert_allclose(found[0], [1e6, 1e3, 1.0])
+    assert_allclose(unit[0], [[1, 1, 0], [1, 1, 0], [0, 0, 0]])
 
 
 # --- limits -----------------------------------------------------------------------------------
@@ -54,12 +55,12 @@ def test_limits_that_nobody_states_are_assumed_about_home(two, five_bar):
         speed_limits=np.full(n, np.inf), acceleration_limits=np.array([np.inf, 7.0]),
     )  # fmt: skip
     limits = find_limits(free)
-    np.testing.assert_allclose(limits.low, [-0.7, -0.5])
-    np.testing.assert_allclose(limits.high, [1.3, 0.5])
-    np.testing.assert_allclose(limits.speed, [2, 2])
-    np.testing.assert_allclose(limits.acceleration, [10, 7])
-    np.testing.assert_allclose(limits.middle, [0.3, 0.0])
-    np.testing.assert_allclose(limits.half_range, [1.0, 0.5])
+    assert_allclose(limits.low, [-0.7, -0.5])
+    assert_allclose(limits.high, [1.3, 0.5])
+    assert_allclose(limits.speed, [2, 2])
+    assert_allclose(limits.acceleration, [10, 7])
+    assert_allclose(limits.middle, [0.3, 0.0])
+    assert_allclose(limits.half_range, [1.0, 0.5])
     assert limits.assumed == ("shoulder.q", "shoulder.v", "elbow.v", "shoulder.a")
     assert find_limits(five_bar).closure_bound == 300.0
 
@@ -71,8 +72,8 @@ def test_a_slide_without_limits_is_assumed_slower_and_shorter(two):
         tree=replace(two.tree, joints=tuple(replace(j, kind="prismatic") for j in two.tree.joints)),
     )  # fmt: skip
     limits = find_limits(slides)
-    np.testing.assert_allclose(limits.half_range, 0.1)
-    np.testing.assert_allclose([limits.speed, limits.acceleration], [[0.3, 0.3], [1.0, 1.0]])
+    assert_allclose(limits.half_range, 0.1)
+    assert_allclose([limits.speed, limits.acceleration], [[0.3, 0.3], [1.0, 1.0]])
 
 
 def test_a_series_has_the_velocity_amplitudes_of_its_candidate_where_there_is_room():
@@ -80,11 +81,11 @@ def test_a_series_has_the_velocity_amplitudes_of_its_candidate_where_there_is_ro
     series = Series(limits, 2.0, 2)
     x = np.array([[0.1, 0.0, 0.0, -0.2, 0.5]])  # sine 1, 2, cosine 1, 2 of velocity; centre
     _, amplitude = series.series(x)
-    np.testing.assert_allclose(amplitude[0, 0], np.array([0.1, 0, 0, -0.2]) * 4 / np.sqrt(2))
+    assert_allclose(amplitude[0, 0], np.array([0.1, 0, 0, -0.2]) * 4 / np.sqrt(2))
     q, v, _ = (part[0, :, 0] for part in series.motion(x, 400))
     t = 2.0 * np.arange(400) / 400
     expected = 4 / np.sqrt(2) * (0.1 * np.cos(np.pi * t) - 0.2 * np.sin(2 * np.pi * t))
-    np.testing.assert_allclose(v, expected, atol=1e-12)
+    assert_allclose(v, expected, atol=1e-12)
     middle, half = 0.5 * (q.max() + q.min()), 0.5 * np.ptp(q)
     assert middle == pytest.approx(1.0 + np.tanh(0.5) * (10.0 - half), rel=2e-3)
 
@@ -101,7 +102,7 @@ def samples(robot, n=200, seed=0):
     w = 2 * np.pi * np.array([0.8, 1.3])
     q = np.sin(np.outer(t, w))
     motion = complete_motion(robot, t, q, w * np.cos(np.outer(t, w)), -(w**2) * q)
-    tau = np.random.default_rng(seed).standard_normal((n, 2)) * [1.0, 5.0]
+    tau = default_rng(seed).standard_normal((n, 2)) * [1.0, 5.0]
     return Dataset(f"log {seed}", motion, tau, None, (), "")
 
 
@@ -116,11 +117,11 @@ def test_logs_are_known_by_their_gram_matrix_in_units_of_each_joints_noise(two):
         [question.model.regressor(two, s.motion)[:, :, question.columns] for s in logs]
     )
     by_hand = np.einsum("nij,i,nik->jk", W, known.weights, W)
-    np.testing.assert_allclose(known.G, by_hand, rtol=1e-7, atol=1e-7 * np.abs(by_hand).max())
+    assert_allclose(known.G, by_hand, rtol=1e-7, atol=1e-7 * np.abs(by_hand).max())
     assert known.samples == 150.0
     assert known.logs == ("log 0", "log 1")
     assert known.weights[0] / known.weights[1] == pytest.approx(25, rel=0.3)
-    np.testing.assert_allclose(known.repeated, 1.5 * known.G)
+    assert_allclose(known.repeated, 1.5 * known.G)
     nothing = know_nothing(question, 50)
     assert not nothing.G.any()
     assert (nothing.weights.tolist(), nothing.samples) == ([1.0, 1.0], 50.0)
@@ -130,7 +131,7 @@ def test_a_candidate_counts_as_many_samples_as_a_log_on_top_of_what_is_known(two
     question = pose_question(usual(two), ["elbow.Fv"], None)
     known = gather_known(question.along([samples(two)]))
     objective = Objective(question, known, Series(find_limits(two), 2.0, 2), 40)
-    x = objective.series.draw(3, np.random.default_rng(0))
+    x = objective.series.draw(3, default_rng(0))
     expected = []
     for one in x:
         q, v, a = (part[0] for part in objective.series.motion(one, 40))
@@ -140,7 +141,7 @@ def test_a_candidate_counts_as_many_samples_as_a_log_on_top_of_what_is_known(two
         covariance = np.linalg.inv(G)
         k = question.names.index("elbow.Fv")
         expected.append(0.5 * np.log(covariance[k, k]))
-    np.testing.assert_allclose(objective(x), expected, rtol=1e-6)
+    assert_allclose(objective(x), expected, rtol=1e-6)
     cost, slope = objective.gradient(x[1])
     assert cost == pytest.approx(expected[1])
     h = 1e-4
@@ -148,7 +149,7 @@ def test_a_candidate_counts_as_many_samples_as_a_log_on_top_of_what_is_known(two
         (objective(x[[1]] + h * e)[0] - objective(x[[1]] - h * e)[0]) / (2 * h)
         for e in np.eye(x.shape[1])
     ]
-    np.testing.assert_allclose(slope, central, atol=2e-3)
+    assert_allclose(slope, central, atol=2e-3)
 
 
 def test_a_candidate_that_asks_too_much_of_a_drive_pays_for_it(five_bar):
@@ -198,7 +199,7 @@ class Bowl:
 def test_the_search_improves_its_best_starts_and_orders_what_it_found():
     told = []
     found = search(
-        Bowl(), np.random.default_rng(0), evaluations=1e5,
+        Bowl(), default_rng(0), evaluations=1e5,
         say=lambda cost, share: told.append((cost, share)),
     )  # fmt: skip
     costs = [cost for cost, _ in found.found]
@@ -207,7 +208,7 @@ def test_the_search_improves_its_best_starts_and_orders_what_it_found():
     assert costs[0] == pytest.approx(-0.5, abs=1e-3)
     assert found.found[0][1][0] == pytest.approx(-3.0, abs=1e-3)
     assert costs[0] <= found.costs.min()
-    np.testing.assert_allclose(found.costs, Bowl()(found.draws))
+    assert_allclose(found.costs, Bowl()(found.draws))
     assert len(found.draws) == DRAWS
     assert found.evaluations > DRAWS
     assert all(0 <= share <= 1 for _, share in told)
@@ -218,13 +219,13 @@ def test_where_no_candidate_closes_there_is_nothing_to_improve():
         def __call__(self, x):
             return np.full(len(x), OPEN * 1.5)
 
-    found = search(Open(), np.random.default_rng(0), evaluations=99, say=print)
+    found = search(Open(), default_rng(0), evaluations=99, say=print)
     assert found.found == ()
     assert found.evaluations == DRAWS
 
 
 def test_a_search_looks_at_no_more_candidates_than_it_may():
-    found = search(Bowl(), np.random.default_rng(0), evaluations=12, say=lambda cost, share: None)
+    found = search(Bowl(), default_rng(0), evaluations=12, say=lambda cost, share: None)
     assert DRAWS <= found.evaluations <= DRAWS + 12
     assert found.found[0][0] <= found.costs.min()
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.regression.regression import Model
-from identifiability.regression.structure import find_base_parameters
-from identifiability.robot import Robot, complete_motion
+from identifiability import IdentifiabilityError, Model, Robot, find_base_parameters
+from identifiability.robot import complete_motion
 from identifiability.robot.floating import BASE_JOINTS, base_acceleration
 
 RIGID = Model.of("rigid_body")
@@ -93,7 +93,7 @@ def test_the_regressor_is_inverse_dynamics_of_mujoco(name, tmp_path):
     text = machine(ROBOTS[name])
     robot, m = load(tmp_path, text), bare(text)
     data = mujoco.MjData(m)
-    (q, v, a), ours, turn = states(m, np.random.default_rng(1))
+    (q, v, a), ours, turn = states(m, default_rng(1))
     W = RIGID.regressor(robot, complete_motion(robot, np.arange(25.0), *ours))
     found = W @ np.array([robot.nominal[p.name] for p in RIGID.parameters(robot)])
     other = np.empty_like(found)
@@ -103,7 +103,7 @@ def test_the_regressor_is_inverse_dynamics_of_mujoco(name, tmp_path):
         other[k] = data.qfrc_inverse
     other[:, :3] = turn.apply(other[:, :3])  # along the axes of the base
     size = np.abs(other).max()
-    np.testing.assert_allclose(found, other, atol=1e-12 * size)
+    assert_allclose(found, other, atol=1e-12 * size)
 
 
 def test_of_a_body_that_floats_ten_parameters_are_seen_and_of_trees_the_known_groupings(tmp_path):
@@ -135,7 +135,7 @@ def test_no_force_at_a_contact_enters_the_projected_rows_and_no_other_row_is_los
     text = machine(ROBOTS[name])
     robot, m = load(tmp_path, text, extra), bare(text)
     data = mujoco.MjData(m)
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     (q, v, _), ours, turn = states(m, rng)
     contacts = robot.base.contacts
     touch = np.hstack([turn.apply([0, 0, 1.0]), np.ones((25, len(contacts)))])
@@ -160,12 +160,12 @@ def test_no_force_at_a_contact_enters_the_projected_rows_and_no_other_row_is_los
     assert (motion.silent | ~lost).all()
     model = Model.of("rigid_body")  # of which columns are projected as its torque is
     W = model.regressor(robot, replace(motion, free=None))
-    np.testing.assert_allclose(model.regressor(robot, motion), motion.freed(W), atol=1e-9)
+    assert_allclose(model.regressor(robot, motion), motion.freed(W), atol=1e-9)
 
 
 def test_rows_change_as_little_as_the_motion_does(tmp_path):
     robot = load(tmp_path, machine(HUMANOID), CONTACTS["a heel of six joints"][1])
-    rng, s = np.random.default_rng(3), np.linspace(0, 1, 400)[:, None]
+    rng, s = default_rng(3), np.linspace(0, 1, 400)[:, None]
     q = np.hstack([np.zeros((400, 6)), np.sin(2 * s + rng.uniform(0, 6, 18))])
     free = complete_motion(robot, s[:, 0], q, 0 * q, 0 * q).free
     assert np.abs(np.diff(free, axis=0)).max() < 0.05

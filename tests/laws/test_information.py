@@ -2,12 +2,16 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
-from identifiability.estimation.estimate import estimate
-from identifiability.logs.prepare import prepare_log
-from identifiability.regression.information import Information, gather_information
-from identifiability.regression.regression import Regression
-from identifiability.regression.structure import find_base_parameters
+from identifiability import (
+    Information,
+    Regression,
+    estimate,
+    find_base_parameters,
+    gather_information,
+    prepare_log,
+)
 
 
 @pytest.fixture
@@ -35,15 +39,15 @@ def test_values_are_least_squares_on_all_rows_and_sigma_is_that_of_khalil_and_do
     flat = W.reshape(-1, W.shape[2])
     expected, rss, _, _ = np.linalg.lstsq(flat, tau.ravel(), rcond=None)
     fit = estimate(gather_information(regression), "ols")
-    np.testing.assert_allclose(fit.value, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+    assert_allclose(fit.value, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
     assert fit.rss.sum() == pytest.approx(rss[0], rel=1e-10)
     residual = tau.ravel() - flat @ fit.value
     count = gather_information(regression).rows  # torque of joints that dwell is no data
     assert fit.dof == count - flat.shape[1]
     variance = residual @ residual / fit.dof
     sigma = np.sqrt(variance * np.diag(np.linalg.inv(flat.T @ flat)))
-    np.testing.assert_allclose(fit.sigma, sigma, rtol=1e-6)
-    np.testing.assert_allclose(fit.sigma_percent, 100 * sigma / np.abs(fit.value), rtol=1e-6)
+    assert_allclose(fit.sigma, sigma, rtol=1e-6)
+    assert_allclose(fit.sigma_percent, 100 * sigma / np.abs(fit.value), rtol=1e-6)
 
 
 def test_chunks_and_blocks_do_not_matter(regression):
@@ -51,7 +55,7 @@ def test_chunks_and_blocks_do_not_matter(regression):
     few = gather_information(regression, blocks=7)
     assert len(few.counts) <= 7
     grams = [R.T @ R for R in (few.factor(), whole.factor())]
-    np.testing.assert_allclose(*grams, rtol=1e-10, atol=1e-10 * np.abs(grams[1]).max())
+    assert_allclose(*grams, rtol=1e-10, atol=1e-10 * np.abs(grams[1]).max())
     # What is slow is seen from blocks, so weights may differ a little; not as much as matters.
     a, b = estimate(whole), estimate(gather_information(regression, blocks=75))
     assert (np.abs(a.value - b.value) < 0.1 * a.sigma).all()
@@ -93,15 +97,15 @@ def test_every_view_of_blocks_over_seen_columns_equals_the_rows(size, instrument
         expected = np.einsum("a,tai,taj->ij", weights, Z, Z)
         scale = {"rtol": 1e-10, "atol": 1e-9 * np.abs(expected).max()}
         R = found.factor(weights)
-        np.testing.assert_allclose(R.T @ R, expected, **scale)
-        np.testing.assert_array_equal(np.tril(R, -1), 0.0)
+        assert_allclose(R.T @ R, expected, **scale)
+        assert_array_equal(np.tril(R, -1), 0.0)
         blocks = found.products(weights, every, every)
         ends = np.cumsum(found.counts)
         sums = [part.sums @ own for part, own in found.of_actuators(every)]
         for k, (stop, count) in enumerate(zip(ends, found.counts, strict=True)):
             own = Z[stop - count : stop]
             inside = np.einsum("a,tai,taj->ij", weights, own, own)
-            np.testing.assert_allclose(blocks[k], inside, **scale)
-            np.testing.assert_allclose([x[k] for x in sums], own.sum(0), **scale)
+            assert_allclose(blocks[k], inside, **scale)
+            assert_allclose([x[k] for x in sums], own.sum(0), **scale)
         squares = np.einsum("tai,tai->ai", Z, Z)
-        np.testing.assert_allclose(found.squares(every), squares, **scale)
+        assert_allclose(found.squares(every), squares, **scale)

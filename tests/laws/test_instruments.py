@@ -2,11 +2,15 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
-from identifiability.logs.prepare import prepare_log
-from identifiability.regression.information import Information, gather_information
-from identifiability.regression.regression import Regression
-from identifiability.regression.structure import find_base_parameters
+from identifiability import (
+    Information,
+    Regression,
+    find_base_parameters,
+    gather_information,
+    prepare_log,
+)
 
 WEIGHTS = np.array([1.0, 0.1, 4.0])
 M = np.array([[1, 0], [1, 0], [0, 1.0], [0, 0], [0, 1]])
@@ -47,13 +51,13 @@ def test_the_solution_with_instruments_equals_that_of_the_rows(rows, size):
     assert np.abs(direct - plain).max() > 0.3  # noisy columns pull least squares towards zero
     merged = information.merge(np.arange(0, 600 // size, 3))
     for found in (information, merged):
-        np.testing.assert_allclose(from_information(found, WEIGHTS), direct, rtol=1e-9)
+        assert_allclose(from_information(found, WEIGHTS), direct, rtol=1e-9)
     first = information.take(information.log == 0)
     expected = from_rows(V[:300], W[:300], tau[:300], WEIGHTS)
-    np.testing.assert_allclose(from_information(first, WEIGHTS), expected, rtol=1e-9)
+    assert_allclose(from_information(first, WEIGHTS), expected, rtol=1e-9)
     reduced = information.reduce(M, "xy", HELD)
     expected = from_rows(V @ M, W @ M, tau - W @ HELD, WEIGHTS)
-    np.testing.assert_allclose(from_information(reduced, WEIGHTS), expected, rtol=1e-9)
+    assert_allclose(from_information(reduced, WEIGHTS), expected, rtol=1e-9)
 
 
 @pytest.fixture
@@ -77,7 +81,7 @@ def test_chunks_with_instruments_are_the_whole_and_every_chunk_keeps_its_own(
     )
     direct = from_rows(V, W, tau, weights)
     for found in (whole, gather_information(regression), gather_information(regression, blocks=7)):
-        np.testing.assert_allclose(
+        assert_allclose(
             from_information(found, weights), direct, rtol=1e-6, atol=1e-8 * np.abs(direct).max()
         )
 

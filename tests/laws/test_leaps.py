@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability.robot import complete_motion
 from identifiability.workflows.excite.limits import Workspace, find_limits, survey
@@ -23,7 +24,7 @@ def test_a_far_sample_in_a_crowd_has_the_assembly_that_it_has_alone(five_bar):
     crowd[17] = far
     alone, among = still(five_bar, far), still(five_bar, crowd)
     assert len(among) == 3000
-    np.testing.assert_allclose(among.q[17], alone.q[0], atol=1e-9)
+    assert_allclose(among.q[17], alone.q[0], atol=1e-9)
     other = [1.41619394, 2.29455727, 2.35436576, 1.14744038]  # closes the loop as well
     assert np.abs(np.array(other) - alone.q[0]).max() > 2.9
 
@@ -53,7 +54,7 @@ def test_loops_that_do_not_close_are_counted_for_their_candidate(five_bar):
     part = motion[np.array([0, 1, 2, 3, 4, 6, 8, 9])]
     found = survey(five_bar, find_limits(five_bar), part, 4, 3, 0.01)
     assert found.open.tolist() == [0, 2, 2]
-    np.testing.assert_allclose(found.condition, part.condition)
+    assert_allclose(found.condition, part.condition)
 
 
 def test_what_is_kept_and_what_it_costs():
@@ -67,8 +68,8 @@ def test_what_is_kept_and_what_it_costs():
     assert space.kept(100.0).tolist() == [True, False, True, False, False, True, True]
     near = 20 * np.log(np.array([100.0, 100.1, 95.0]) / 90) ** 2
     expected = [0, 0, near[0], near[1], 5, near[2], 0]
-    np.testing.assert_allclose(space.cost(100.0), expected, atol=1e-12)
+    assert_allclose(space.cost(100.0), expected, atol=1e-12)
     asked = replace(space, load=np.array([0.9, 0.5, 1.0, 1.0, 1.0, 1.1, 0.0]))
     assert asked.kept(100.0).tolist() == [True, False, True, False, False, False, True]
     heavy = 20 * np.log(np.array([1.0, 1.0, 1 / 0.9, 1 / 0.9, 1 / 0.9, 1.1 / 0.9, 1.0]))
-    np.testing.assert_allclose(asked.cost(100.0), expected + heavy, atol=1e-12)
+    assert_allclose(asked.cost(100.0), expected + heavy, atol=1e-12)

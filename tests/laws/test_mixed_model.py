@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal, norm
 
-from identifiability import Log, Robot, simulate
+from identifiability import Log, Robot, prepare_log, simulate
 from identifiability.effects import find_families
 from identifiability.effects.friction import REVERSALS
 from identifiability.estimation.groups import Missing, find_missing, with_reversals
@@ -19,7 +21,6 @@ from identifiability.estimation.mixed_model import (
     whitened_information,
 )
 from identifiability.estimation.noise import JointNoise, JointRuns, split_runs, whiten
-from identifiability.logs.prepare import prepare_log
 from identifiability.regression.reduction import default_ladder, ladder_model
 from identifiability.regression.structure import Structure
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
@@ -40,7 +41,7 @@ NOISE = noise_of(PACF, SIGMA)
 
 
 def draw_rows(seed, rows=N):
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     Z = rng.standard_normal((rows, 2, FIXED + RANDOM))
     Z[:, 0, -1] = 0.0  # a column that acts in one joint alone
     return Z, rng.standard_normal((rows, 2))
@@ -108,8 +109,8 @@ def test_solving_is_generalised_least_squares_under_the_marginal_covariance(rows
     W = np.linalg.inv(whole)
     covariance = np.linalg.inv(X.T @ W @ X)
     s, bare = model.solve(terms), model.solve()
-    np.testing.assert_allclose(s.value[:FIXED], covariance @ X.T @ W @ y, rtol=1e-6)
-    np.testing.assert_allclose(s.covariance[:FIXED, :FIXED], covariance, rtol=1e-6)
+    assert_allclose(s.value[:FIXED], covariance @ X.T @ W @ y, rtol=1e-6)
+    assert_allclose(s.covariance[:FIXED, :FIXED], covariance, rtol=1e-6)
     gain = restricted(X, y, whole) - restricted(X, y, V)
     assert s.log_likelihood - bare.log_likelihood == pytest.approx(gain, rel=1e-6)
 
@@ -145,7 +146,7 @@ def test_products_add_up_over_blocks(rows):
     whole = products_of(*rows)
     every = np.arange(whole.size + 1)
     halves = sum(whole.take(np.array([k])).between(every[:, None], every) for k in (0, 1))
-    np.testing.assert_allclose(halves, whole.between(every[:, None], every))
+    assert_allclose(halves, whole.between(every[:, None], every))
 
 
 def test_evidence_is_the_density_of_unseen_rows_given_fitted_ones(rows):
@@ -198,7 +199,7 @@ def drawn(arm, seed, rho, effect=None, until=1.0):
     f = frame.copy()
     for k, joint in enumerate(robot.joints):
         sd = 0.03 * frame[f"{joint}.tau"].std()
-        f[f"{joint}.tau"] += sd * ar1((len(f), 1), rho, np.random.default_rng([seed, k]))[:, 0]
+        f[f"{joint}.tau"] += sd * ar1((len(f), 1), rho, default_rng([seed, k]))[:, 0]
     if effect is not None:
         joint, size, curve = effect
         x = curve(*(frame[f"{joint}.{k}"].to_numpy() for k in ("q", "dq", "tau")))
@@ -212,7 +213,7 @@ def missing_in(arm, seed, rho, effect=None, gone=0.0):
     """What may be missing in a drawn log, of which some rows are gone."""
     found = Missing.of(drawn(arm, seed, rho, effect), find_families(None), arm[2].present)
     if gone:
-        rng, data = np.random.default_rng(seed), found.seen.data.copy()
+        rng, data = default_rng(seed), found.seen.data.copy()
         length = int(gone * len(data) / 20)
         for a in rng.integers(len(data) - length, size=20):
             data[a : a + length] = False
@@ -305,4 +306,4 @@ def test_weights_of_rows_multiply_products():
     root = np.sqrt(weights)
     heavier = products_of(Z * root[:, None], y * root)
     found = whole.weigh(weights[:, None]).between(every[:, None], every)
-    np.testing.assert_allclose(found, heavier.between(every[:, None], every), atol=1e-12)
+    assert_allclose(found, heavier.between(every[:, None], every), atol=1e-12)

@@ -1,13 +1,12 @@
 """Values that are known to be random: rows of a prior beside those of the logs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
+from numpy.random import default_rng
 
+from identifiability import Information
 from identifiability.estimation.estimate import with_known
 from identifiability.estimation.estimator import Estimator
-from identifiability.regression.information import Information
 from identifiability.regression.structure import known_rows
 
 K = 4
@@ -21,7 +20,7 @@ def made(rng, *, instruments=False):
 
 
 def test_a_random_value_is_the_mean_of_its_posterior():
-    W, tau, information = made(np.random.default_rng(0))
+    W, tau, information = made(default_rng(0))
     sd, free = np.array([0.01, 0.05, np.inf, np.inf]), Estimator().fit(information)
     believed = with_known(information, known_rows(np.eye(K), sd))
     fit = Estimator(noise=None).fit(believed)
@@ -33,7 +32,7 @@ def test_a_random_value_is_the_mean_of_its_posterior():
 
 
 def test_what_is_known_of_sums_is_the_least_that_makes_them():
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     C, sd = rng.standard_normal((5, 6)), np.array([np.inf, 0.3, 2.0, np.inf, 1.0, 0.5])
     rows, random = known_rows(C, sd), np.isfinite(sd)
     beta = C @ rng.standard_normal(6)
@@ -49,7 +48,7 @@ def test_what_is_known_of_sums_is_the_least_that_makes_them():
 
 @pytest.mark.parametrize("instruments", [False, True])
 def test_refits_know_as_much_as_the_fit_and_a_prior_goes_with_its_columns(instruments):
-    *_, information = made(np.random.default_rng(2), instruments=instruments)
+    *_, information = made(default_rng(2), instruments=instruments)
     known = known_rows(np.eye(K), np.array([0.02, np.inf, 0.1, np.inf]))
     believed = with_known(information, known)
     estimator = Estimator(instruments=instruments)
@@ -57,6 +56,6 @@ def test_refits_know_as_much_as_the_fit_and_a_prior_goes_with_its_columns(instru
     assert fit.value == pytest.approx(plain.value, rel=1e-6)
     once = np.ones((1, len(information.counts)))
     assert estimator.refit(believed, fit, once)[0] == pytest.approx(fit.value, rel=1e-6)
-    M = np.random.default_rng(3).standard_normal((K, K))
+    M = default_rng(3).standard_normal((K, K))
     turned = estimator.fit(believed.reduce(M, [f"y{k}" for k in range(K)]))
     assert M @ turned.value == pytest.approx(fit.value, rel=1e-6)

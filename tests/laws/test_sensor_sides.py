@@ -4,9 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability import analyze, export
+from identifiability import Robot, analyze, export
 from identifiability.foundation.errors import LogError
-from identifiability.robot import Robot
 from identifiability.simulation.mujoco_robot import MujocoRobot
 
 ARM = """<mujoco><compiler angle="radian"/><worldbody><body name="upper">

@@ -3,8 +3,9 @@
 import mujoco
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
-from identifiability.regression.regression import Model
+from identifiability import Model
 from identifiability.regression.structure import random_motion
 from identifiability.simulation import MujocoRobot
 
@@ -51,4 +52,4 @@ def test_the_regressor_equals_inverse_dynamics_at_random_states_and_parameters(r
         motion.actuated_q, motion.actuated_v, motion.actuated_a
     ).tau
     scale = np.abs(expected).max()
-    np.testing.assert_allclose(W @ np.concatenate(phi), expected, rtol=0, atol=1e-9 * scale)
+    assert_allclose(W @ np.concatenate(phi), expected, rtol=0, atol=1e-9 * scale)

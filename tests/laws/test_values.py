@@ -1,7 +1,5 @@
 """What passes between stages is frozen in fact, equal by identity where arrays are, and short."""
 
-from __future__ import annotations
-
 from dataclasses import FrozenInstanceError
 
 import numpy as np
@@ -27,7 +25,7 @@ class Held:
     x: Array
     maybe: Array | None = None
 
-    def __post_init__(self) -> None:
+    def __post_init__(self):
         if len(self.x) == 0:
             raise ValueError("empty")
 

@@ -3,6 +3,8 @@
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_array_equal
 
 from identifiability import Log
 from identifiability.quality.recordings import read_recordings
@@ -20,7 +22,7 @@ def sign_bit(counts, bits):
 
 def counted(bits, seed=0):
     """Return a log in counts: torque and positions that cross zero, with noise."""
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     t = np.arange(0.0, 4.0, 0.01)
     most = 2 ** (bits - 1) - 1
     values = {"t": t}
@@ -44,7 +46,7 @@ def test_a_code_is_read_as_the_signed_numbers_that_it_stands_for(bits, code, kin
     log = counted(bits)
     read = Log.from_frame(encoded(log, code, bits, kind))
     names = [f"{joint}.{kind}" for joint in read.joints]
-    np.testing.assert_array_equal(getattr(read, kind), log[names])
+    assert_array_equal(getattr(read, kind), log[names])
     word = "sign in bit" if code is sign_bit else "two's complement"
     assert any(word in note for note in read.notes)
 
@@ -54,7 +56,7 @@ def test_a_column_that_is_always_negative_has_the_code_of_its_kind():
     log["elbow.tau"] = -3000.0 - np.abs(log["elbow.tau"])
     log["elbow.tau"] = np.maximum(log["elbow.tau"], -32768)
     read = Log.from_frame(encoded(log, two_complement, 16, "tau"))
-    np.testing.assert_array_equal(read.tau[:, 1], log["elbow.tau"])
+    assert_array_equal(read.tau[:, 1], log["elbow.tau"])
 
 
 def test_a_joint_that_passes_zero_ticks_leaves_ticks_of_other_joints_as_they_are():
@@ -65,8 +67,8 @@ def test_a_joint_that_passes_zero_ticks_leaves_ticks_of_other_joints_as_they_are
         log[f"{joint}.cmd"] = log[f"{joint}.q"] - 10
     wrapped = {name: log[name] % 4096 for name in ("shoulder.q", "shoulder.cmd")}
     read = Log.from_frame(log.assign(**wrapped))
-    np.testing.assert_array_equal(read.q, log[["shoulder.q", "elbow.q"]])
-    np.testing.assert_array_equal(read.q_ref, log[["shoulder.cmd", "elbow.cmd"]])
+    assert_array_equal(read.q, log[["shoulder.q", "elbow.q"]])
+    assert_array_equal(read.q_ref, log[["shoulder.cmd", "elbow.cmd"]])
 
 
 def test_torque_that_is_always_negative_is_known_by_the_end_of_its_register():
@@ -74,7 +76,7 @@ def test_torque_that_is_always_negative_is_known_by_the_end_of_its_register():
     log["elbow.tau"] = -500.0 - np.abs(log["elbow.tau"]) // 8
     log["shoulder.tau"] = np.abs(log["shoulder.tau"]) // 8
     read = Log.from_frame(encoded(log, two_complement, 16, "tau"))
-    np.testing.assert_array_equal(read.tau, log[["shoulder.tau", "elbow.tau"]])
+    assert_array_equal(read.tau, log[["shoulder.tau", "elbow.tau"]])
 
 
 @pytest.mark.parametrize("bits", BITS)
@@ -84,15 +86,15 @@ def test_numbers_that_are_no_codes_stay_as_they_are(bits):
     unsigned = log.assign(**{"shoulder.tau": log["shoulder.tau"] + half})  # an offset of a counter
     for frame in (log, unsigned, log / 7.0, log.abs()):
         read = Log.from_frame(frame)
-        np.testing.assert_array_equal(read.tau, frame[["shoulder.tau", "elbow.tau"]])
+        assert_array_equal(read.tau, frame[["shoulder.tau", "elbow.tau"]])
         assert not any("numbers" in note for note in read.notes)
 
 
 def test_noise_of_a_coarse_sensor_is_no_code():
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     log = counted(8)
     log["elbow.tau"] = rng.integers(0, 8, len(log))
-    np.testing.assert_array_equal(Log.from_frame(log).tau[:, 1], log["elbow.tau"])
+    assert_array_equal(Log.from_frame(log).tau[:, 1], log["elbow.tau"])
 
 
 @pytest.mark.parametrize(("code", "fitted"), [(two_complement, 2), (sign_bit, 2), (sign_bit, 1)])
@@ -104,7 +106,7 @@ def test_a_log_that_shows_no_code_is_read_by_the_code_of_the_logs_before(code, f
     logs = [shows, encoded(silent, code, 11, "tau")]
     recordings = read_recordings(logs[:fitted], logs[fitted:])
     read = (*recordings.fitted, *recordings.held_out)[1]
-    np.testing.assert_array_equal(read.tau, silent[torque])
+    assert_array_equal(read.tau, silent[torque])
 
 
 def test_a_code_that_only_a_held_out_log_shows_does_not_change_the_fitted_logs():
@@ -113,4 +115,4 @@ def test_a_code_that_only_a_held_out_log_shows_does_not_change_the_fitted_logs()
     silent["shoulder.tau"] = np.abs(silent["shoulder.tau"])
     silent = encoded(silent, sign_bit, 11, "tau")
     recordings = read_recordings(silent, encoded(counted(11), sign_bit, 11, "tau"))
-    np.testing.assert_array_equal(recordings.fitted[0].tau, silent[["shoulder.tau", "elbow.tau"]])
+    assert_array_equal(recordings.fitted[0].tau, silent[["shoulder.tau", "elbow.tau"]])

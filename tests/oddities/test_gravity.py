@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError, Robot, analyze, prepare_log
 from identifiability.effects.nominal import gravity_torque
@@ -39,7 +40,7 @@ def test_what_is_said_of_compensated_effort_mends_it(good, tmp_path):
     mended = with_sidecar(structure, tmp_path, "compensated = true")
     assert not any("compensated" in x for x in analyze(mended.robot, light, replicates=0).hints)
     ours, plain = (prepare_log(s.robot, x) for s, x in ((mended, light), (structure, log)))
-    np.testing.assert_allclose(ours.tau, plain.tau, atol=1e-3 * np.abs(log.tau).max())
+    assert_allclose(ours.tau, plain.tau, atol=1e-3 * np.abs(log.tau).max())
     assert any("was added to the measured torque" in note for note in ours.notes)
     said = with_sidecar(structure, tmp_path, "compensated = false").robot
     assert not any("compensated" in x for x in analyze(said, light, replicates=0).hints)

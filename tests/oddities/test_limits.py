@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 
 from identifiability.logs.contradictions import contradictions, looks_like_degrees
 from identifiability.logs.spectrum import Band, BandAdvice
@@ -16,7 +17,7 @@ from identifiability.report.answers.common import grade_of
 from identifiability.workflows.analyze import workflow
 
 N = 4000
-RNG = np.random.default_rng(0)
+RNG = default_rng(0)
 #: At right angles to one another and to a constant, of unit rms.
 WAVES = np.sqrt(N) * np.linalg.qr(np.column_stack([np.ones(N), RNG.normal(size=(N, 6))]))[0][:, 1:]
 
@@ -66,7 +67,7 @@ def written_again(length, alike=1.0):
 def derived(scale=1.0, unexplained=0.0, stands_out=1e9):
     """A velocity so many times too small, with as much of another motion, of a noisy position."""
     t = 0.01 * np.arange(N)
-    noise = np.random.default_rng(1).normal(size=N) / np.sqrt(max(stands_out**2 - 1, 1e-300))
+    noise = default_rng(1).normal(size=N) / np.sqrt(max(stands_out**2 - 1, 1e-300))
     q = np.sqrt(2) * np.sin(2 * np.pi * t) + noise
     other = np.sqrt(unexplained / (1 - unexplained))
     v = np.cos(2 * np.pi * t) - 2 * other * np.sin(4 * np.pi * t)

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from paper_study.index import write_index
 from paper_study.page import write_study
-from paper_study.result import StudyCheck, StudyResult, StudyTable, check_holds, check_range
+from paper_study.result import StudyResult, StudyTable, check_holds, check_range
 
 from identifiability.report import check_cell
 
@@ -17,7 +17,7 @@ FAILS = check_holds("a law", "not so", passed=False, tolerance="so")
 CELL = check_cell("cannot be compared: 3 … 4000", None, "paper 52")
 
 
-def study(*checks: StudyCheck, cell=None) -> StudyResult:
+def study(*checks, cell=None):
     tables = () if cell is None else (StudyTable("Numbers", pd.DataFrame({"ours": [cell]})),)
     return StudyResult("table_0", "Table 0", "Is it so?", "It is.", checks, tables)
 

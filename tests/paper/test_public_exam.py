@@ -9,8 +9,7 @@ import pytest
 from exam import contract
 from exam.score import Case, score
 
-from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.robot import Robot
+from identifiability import IdentifiabilityError, Robot
 from identifiability.workflows.case_file import CaseFile
 
 WRITE = "import sys, pathlib\npathlib.Path(sys.argv[2], 'result.json').write_text({!r})\n"

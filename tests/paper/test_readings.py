@@ -7,9 +7,8 @@ import pytest
 from readings import Truths, as_right, examine, is_right
 from readings_faults import FAULTS, draw, folder_name, plant, plant_fault
 
-from identifiability import Log, analyze
+from identifiability import Log, Model, analyze
 from identifiability.reading import Reading
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 
 NUMBER, ARM = 2, "two-link"

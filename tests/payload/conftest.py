@@ -1,7 +1,5 @@
 """A fitted arm, and logs of it with and without planted loads."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from functools import cache
@@ -24,7 +22,7 @@ MOTIONS = {"six-dof-arm": ("a", "b"), "two-link": ("a", "b"), "3-rps": ("601", "
 
 
 @cache
-def campaign(name: str, scale: float = 1.0) -> Campaign:
+def campaign(name, scale=1.0):
     robot = Robot.load(name)
     moves = [PrescribedMotion.of(shipped_trajectory(robot, m), 400) for m in MOTIONS[name]]
     wider = [replace(m, q=scale * m.q, dq=scale * m.dq, ddq=scale * m.ddq) for m in moves]
@@ -32,7 +30,7 @@ def campaign(name: str, scale: float = 1.0) -> Campaign:
 
 
 @cache
-def units(name: str) -> np.ndarray:
+def units(name):
     return unit_loads(campaign(name), BODY[name])
 
 
@@ -72,7 +70,7 @@ def moves():
 
 
 @cache
-def fitted(name: str):
+def fitted(name):
     return analyze(name, logs(name, seed=1)[0], replicates=50, cad_prior=0.0)
 
 

@@ -1,17 +1,12 @@
 """A load planted on a body of a simulated robot: its torque by MuJoCo, for studies and tests."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
-from identifiability import Robot
 from identifiability.foundation.names import GROUPED_KINDS, Array
-from identifiability.simulation.motion import PrescribedMotion
 from identifiability.simulation.mujoco_robot import MujocoRobot
-from identifiability.simulation.simulator import Campaign
 
 
 @dataclass(frozen=True)
@@ -23,7 +18,7 @@ class PlantedLoad:
     inertia: Array
 
     @staticmethod
-    def draw(mass: float, rng: np.random.Generator) -> PlantedLoad:
+    def draw(mass, rng):
         """Return a body of some mass: a few points about a centre that is up to 0.1 m away."""
         centre = rng.uniform(-0.1, 0.1, 3)
         points = rng.normal(size=(8, 3)) * rng.uniform(0.03, 0.1, 3)
@@ -31,13 +26,13 @@ class PlantedLoad:
         return PlantedLoad(mass, centre, np.trace(second) * np.eye(3) - second)
 
     @property
-    def quantities(self) -> Array:
+    def quantities(self):
         """Mass, centre, Ixx, Iyy, Izz, Ixy, Ixz, Iyz, (10,)."""
         at = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
         return np.array([self.mass, *self.centre, *(self.inertia[k] for k in at)])
 
     @property
-    def parameters(self) -> Array:
+    def parameters(self):
         """Ten parameters about the origin of the frame, in the order of `GROUPED_KINDS`."""
         about = self.inertia + self.mass * _square(self.centre)
         first = self.mass * self.centre
@@ -46,14 +41,11 @@ class PlantedLoad:
         return np.array([found[kind] for kind in GROUPED_KINDS])
 
 
-def _square(r: Array) -> Array:
-    found: Array = r @ r * np.eye(3) - np.outer(r, r)
-    return found
+def _square(r):
+    return r @ r * np.eye(3) - np.outer(r, r)
 
 
-def load_torque(
-    robot: Robot, body: str, load: PlantedLoad, move: PrescribedMotion, bare: Array
-) -> Array:
+def load_torque(robot, body, load, move, bare):
     """Return what MuJoCo's torque grows by with a load on a body, (N, n) [N·m or N].
 
     `bare` (N, n) is its torque without.
@@ -73,11 +65,10 @@ def load_torque(
     axes[:, 0] *= np.sign(np.linalg.det(axes))
     model.body_mass[k], model.body_ipos[k], model.body_inertia[k] = mass, centre, moments
     mujoco.mju_mat2Quat(model.body_iquat[k], axes.ravel())
-    found: Array = other.inverse_dynamics(move.q, move.dq, move.ddq).tau - bare
-    return found
+    return other.inverse_dynamics(move.q, move.dq, move.ddq).tau - bare
 
 
-def unit_loads(campaign: Campaign, body: str) -> Array:
+def unit_loads(campaign, body):
     """Return the torque of a unit of each of a load's ten parameters, (N, n, 10).
 
     Ten loads that can be tell it: torque is linear in the parameters.
@@ -87,5 +78,4 @@ def unit_loads(campaign: Campaign, body: str) -> Array:
     known = campaign.robot, body
     torque = [load_torque(*known, load, campaign.move, campaign.rigid.tau) for load in loads]
     theta = np.stack([load.parameters for load in loads], -1)
-    found: Array = np.stack(torque, -1) @ np.linalg.inv(theta)
-    return found
+    return np.stack(torque, -1) @ np.linalg.inv(theta)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 
 from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
 from identifiability.physical.pseudo_inertia import natural_scale
@@ -68,7 +69,7 @@ def compress(W, tau):
 
 def make_robot(seed=0, bodies=7, joints=6, samples=250):
     """Bodies that mostly turn about one axis, as legs do, seen through constant Jacobians."""
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     blocks = []
     for k in range(bodies):
         spin, turn, lift = rng.normal(0, (1.0, 4.0, 5.0), (samples, 3, 3)).transpose(2, 0, 1)
@@ -109,4 +110,4 @@ def pair():
 
 @pytest.fixture
 def rng():
-    return np.random.default_rng(20240501)
+    return default_rng(20240501)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError, Model, Noise, Robot, analyze, simulate
 from identifiability.physical.feasibility import certify
@@ -122,7 +123,7 @@ def test_the_nearest_real_robot_keeps_to_its_bounds(problem):
     assert np.sum(slack[region.bounded] < 1e-4) > 2  # of the arm, of both, of the tip's centre
     assert {f"[bounds] of {name}" for name in ("arm", "tip", "arm + tip")} <= {*found.active}
     other = project(LeastSquares(data.R, data.R @ found.phi, 1.0, 60.0), region)
-    np.testing.assert_allclose(other.phi, found.phi, atol=1e-4)
+    assert_allclose(other.phi, found.phi, atol=1e-4)
     free = project(data, PhysicalSet(region.bodies, region.nonnegative))
     assert free.rss < found.rss
 

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability.physical.feasibility import certify
 from identifiability.physical.project import project
@@ -27,7 +28,7 @@ def test_real_base_parameters_come_with_a_real_robot_that_has_them(robot, rng):
         assert 0 <= found.margin <= 1.0 + 1e-6
         assert robot.region.contains(found.phi, tolerance=1e-6)
         scale = np.abs(G) @ np.abs(found.phi)
-        np.testing.assert_allclose(G @ found.phi, G @ phi, atol=1e-6 * scale.max())
+        assert_allclose(G @ found.phi, G @ phi, atol=1e-6 * scale.max())
         assert found.sentence(["b"] * len(G)).startswith("A real robot has these")
 
 

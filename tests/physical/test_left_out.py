@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import analyze
 from identifiability.physical.fitted_model import FittedModel, find_fixed
@@ -54,7 +55,7 @@ def test_the_stated_error_of_the_nearest_real_robot_is_that_of_all_its_parameter
     result = fit(simulated, zero=["elbow.Ia", "link2.mx"])  # the bodies need some of the latter
     physical = result.models[-1].physical
     phi = np.array([physical.parameters()[p.name] for p in result.base.parameters])
-    np.testing.assert_allclose(physical.base, result.base.G @ phi)
+    assert_allclose(physical.base, result.base.G @ phi)
     rows = list(result.base.names).index("link2.mx")
     assert physical.base[rows] == pytest.approx(0.0, abs=0.02)
 
@@ -91,7 +92,7 @@ def test_what_a_model_leaves_out_holds_or_ties_is_so_in_every_draw_of_the_poster
     draws = {name: x.ravel() for name, x in belief.standard.items()}
     assert (draws["elbow.Fc"] == 0.0).all()
     assert (draws["elbow.Ia"] == 0.05).all()
-    np.testing.assert_allclose(draws["shoulder.Fv"], draws["elbow.Fv"], rtol=1e-9)
+    assert_allclose(draws["shoulder.Fv"], draws["elbow.Fv"], rtol=1e-9)
     base = np.column_stack(list(draws.values())) @ found.base.G.T
     mz = base[:, list(found.base.names).index("link1.mz")]
     full = found.models[0].estimate

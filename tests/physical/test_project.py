@@ -1,6 +1,7 @@
 import cvxpy as cp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability.foundation.linalg import NEARLY
 from identifiability.physical.cad_prior import CadPrior
@@ -58,7 +59,7 @@ def test_units_do_not_change_the_answer(pair, rng):
     data = pair.data(rng, 0.3)
     a = project(data, pair.region)
     b = project(LeastSquares(1e3 * data.R, 1e3 * data.z, 1e6 * data.rss_min, data.dof), pair.region)
-    np.testing.assert_allclose(data.R @ a.phi, data.R @ b.phi, atol=1e-3 * data.unit)
+    assert_allclose(data.R @ a.phi, data.R @ b.phi, atol=1e-3 * data.unit)
     assert b.excess == pytest.approx(a.excess, abs=1e-4)
 
 
@@ -69,4 +70,4 @@ def test_a_badly_conditioned_problem_is_solved_where_its_square_could_not(rng):
     R = U * np.geomspace(1e7, 1, 6) @ V.T
     truth = rng.uniform(1, 2, 6)
     found = project(LeastSquares(R, R @ truth, 1.0, 1.0), region)
-    np.testing.assert_allclose(found.phi, truth, rtol=1e-4)
+    assert_allclose(found.phi, truth, rtol=1e-4)

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_less
 
 from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
 from identifiability.posterior.target import Prior, Target
@@ -26,7 +27,7 @@ def assert_same_distribution(a, b, sigmas=4.5):
     centre, size = b.mean(axis=(0, 1)), b.std(axis=(0, 1))
     for power in (1, 2):
         (one, e1), (two, e2) = (standard_error(((x - centre) / size) ** power) for x in (a, b))
-        np.testing.assert_array_less(np.abs(one - two), sigmas * np.hypot(e1, e2))
+        assert_array_less(np.abs(one - two), sigmas * np.hypot(e1, e2))
 
 
 def sign_target(rng, size=6, signs=3, dof=40.0, prior_sd=np.inf, **options):

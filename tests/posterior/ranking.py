@@ -1,18 +1,14 @@
 """Is a posterior right: are planted values ranked uniformly among its draws?"""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import scipy
 
 from identifiability.foundation.engines import one_thread
-from identifiability.foundation.names import Array
 from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
-from identifiability.posterior.exact import ExactSampler, build_sampler, interior
-from identifiability.posterior.target import Diagonal, Prior, Target
+from identifiability.posterior.exact import build_sampler, interior
+from identifiability.posterior.target import Prior, Target
 
 # Is the posterior right? Simulation-based calibration, on sufficient statistics and all at once.
 #
@@ -28,14 +24,14 @@ NOISE_DOF = 10.0
 
 
 def calibrate_posterior(
-    target: Target,
-    start: Array,
-    rng: np.random.Generator,
+    target,
+    start,
+    rng,
     *,
-    replicates: int = 1000,
-    draws: int = 31,
-    bins: int = 8,
-) -> Array:
+    replicates=1000,
+    draws=31,
+    bins=8,
+):
     """Rank true parameters among draws of their posterior, over replicates of the experiment.
 
     Parameters
@@ -71,7 +67,7 @@ def calibrate_posterior(
     return np.asarray(scipy.stats.chisquare(counts, axis=1).pvalue)
 
 
-def _draw_prior(sampler: ExactSampler, start: Array, count: int, rng: np.random.Generator) -> Array:
+def _draw_prior(sampler, start, count, rng):
     blind = replace(
         sampler.model,
         gain=np.zeros_like(sampler.model.gain),
@@ -86,9 +82,7 @@ def _draw_prior(sampler: ExactSampler, start: Array, count: int, rng: np.random.
     return eta
 
 
-def _observe(
-    sampler: ExactSampler, target: Target, eta: Array, rng: np.random.Generator
-) -> Diagonal:
+def _observe(sampler, target, eta, rng):
     """Data of each replicate, and the posterior that knows how their noise variance was drawn."""
     model, count = sampler.model, len(eta)
     rank = np.count_nonzero(model.gain)
@@ -109,7 +103,7 @@ def _observe(
 WIDTH = 3.0
 
 
-def build_target(result: Any, information: Any) -> tuple[Target, Array]:
+def build_target(result, information):
     """Return the posterior that is checked, and a point inside it."""
     fit = result.estimate
     data = LeastSquares.likelihood(information, fit)

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy import stats
 
 from identifiability.posterior.exact import Cone, Flight, travel
@@ -30,5 +31,5 @@ def test_a_transition_can_be_taken_back(rng):
     push = np.linalg.solve(root, -there.v.T).T
     back = fly(Flight(region, root, there.x, mean, sd, push, turn))
     assert (there.x != x).all()
-    np.testing.assert_allclose(back.x, x, atol=1e-9)
-    np.testing.assert_allclose(back.energy() - back.start, there.start - there.energy(), atol=1e-9)
+    assert_allclose(back.x, x, atol=1e-9)
+    assert_allclose(back.energy() - back.start, there.start - there.energy(), atol=1e-9)

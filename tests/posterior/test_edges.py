@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from scipy import integrate, stats
 
 from identifiability.physical.fitted_model import PhysicalSet
@@ -19,14 +21,14 @@ def sway(draws):
 
 def test_an_exponential_moves_by_half_of_its_sd():
     """Times the distance to a power ε it is a gamma law of mean 1 + ε."""
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     x, other = rng.exponential(size=160_000), rng.standard_normal(160_000)
-    np.testing.assert_allclose(
+    assert_allclose(
         sway(np.column_stack([x, other])), [POSTERIOR_RULES.prior_power, 0.0], atol=0.015
     )
     # What goes with it moves with it, and half as far where half of its variance is its own.
     both = np.column_stack([x, x + other])
-    np.testing.assert_allclose(
+    assert_allclose(
         sway(both),
         [POSTERIOR_RULES.prior_power, POSTERIOR_RULES.prior_power / np.sqrt(2)],
         atol=0.015,
@@ -45,7 +47,7 @@ def test_a_truncated_normal_moves_as_its_mean_under_another_power(mean):
         return top / bottom
 
     moved = POSTERIOR_RULES.prior_power * (under(eps) - under(-eps)) / (2 * eps) / law.std()
-    draws = law.ppf(np.random.default_rng(1).uniform(size=(160_000, 2)))
+    draws = law.ppf(default_rng(1).uniform(size=(160_000, 2)))
     found = sway(draws)[0]
     assert found == pytest.approx(moved, abs=0.015)
     assert (found > POSTERIOR_RULES.prior_sensitivity) == (mean < 2.5)

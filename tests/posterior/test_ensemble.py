@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 from identifiability.posterior.diagnostics import diagnose_convergence
 from identifiability.posterior.ensemble import ROUND, sample_posterior
@@ -31,9 +32,9 @@ def test_the_same_seed_gives_the_same_draws_and_the_global_state_is_not_touched(
         np.random.seed(seed + 40 * len(runs))  # noqa: NPY002 - must not matter
         before = np.random.get_state()[1].copy()  # noqa: NPY002
         found = sample_posterior(target, start, np.random.default_rng(seed), draws=5, walkers=8)
-        np.testing.assert_array_equal(np.random.get_state()[1], before)  # noqa: NPY002
+        assert_array_equal(np.random.get_state()[1], before)  # noqa: NPY002
         runs.append(found.draws)
-    np.testing.assert_array_equal(runs[0], runs[1])
+    assert_array_equal(runs[0], runs[1])
     assert (runs[0] != runs[2]).any()
 
 

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy import stats
 
 from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
@@ -53,7 +54,7 @@ def test_the_density_is_likelihood_times_prior(variance, rng):
     likelihood = -(nu + 5) / 2 * np.log(rss) if variance is None else -rss / (2 * variance * 3.0)
     expected = likelihood - 0.5 * np.sum(((phi - prior.mean) / prior.sd) ** 2, axis=1)
     found = target.diagonal.log_density(target.to_eta(phi))
-    np.testing.assert_allclose(found - found[0], expected - expected[0], rtol=1e-9, atol=1e-9)
+    assert_allclose(found - found[0], expected - expected[0], rtol=1e-9, atol=1e-9)
 
 
 def test_what_the_data_do_not_see_keeps_its_prior(posteriors, rng):

@@ -1,7 +1,5 @@
 """Results on a small robot, and logs of it with planted noise."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -14,11 +12,11 @@ from ..conftest import simulated_log
 SHARE = 0.05
 
 
-def clean(name: str, trajectory: str) -> Log:
+def clean(name, trajectory):
     return simulated_log(name, trajectory, 0, Noise(), 400)
 
 
-def noisy(name: str, trajectory: str, seed: int, rho: float = 0.0) -> Log:
+def noisy(name, trajectory, seed, rho=0.0):
     """A log with noise of 5 % of the torque of trajectory a, alike in all logs."""
     log, rng = clean(name, trajectory), np.random.default_rng(seed)
     variance = (SHARE * clean(name, "a").tau.std(0)) ** 2

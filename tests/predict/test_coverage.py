@@ -58,7 +58,8 @@ def test_intervals_of_analyze_cover_planted_torque(name, rho, make_log, without_
     mean, new = [], []
     truth = without_noise(name, "b").select(Robot.load(name).joints).tau
     for seed in range(20):
-        found = analyze(name, make_log(name, "a", seed, rho), replicates=100)
+        # All rows are fitted: the larger error, on unseen motion, would widen intervals further.
+        found = analyze(name, make_log(name, "a", seed, rho), "none", replicates=100)
         along = found.predict(make_log(name, "b", 100 + seed, rho))
         mean.append((np.abs(truth - along.predicted) <= along.mean).mean())
         new.append((np.abs(along.tau - along.predicted) <= along.low).mean())

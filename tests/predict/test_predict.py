@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import (
     Analysis,
@@ -19,7 +20,7 @@ from identifiability import (
 from identifiability.foundation.rounding import REACH
 
 
-def held_still(log: Log, joint: str) -> Log:
+def held_still(log, joint):
     """The log of a robot that holds one joint still."""
     at = {f"{joint}.q": 0.3, f"{joint}.dq": 0.0, f"{joint}.ddq": 0.0}
     return Log.from_frame(log.to_frame().assign(**at), "still")
@@ -28,7 +29,7 @@ def held_still(log: Log, joint: str) -> Log:
 def test_a_result_predicts_its_own_log_as_it_fitted_it(analysis, make_log):
     found = analysis.predict(make_log("two-link", "a", 1))
     assert found.error_ra == pytest.approx(analysis.chosen.error_ra, rel=1e-9)
-    frame = found.to_frame()
+    frame = found.to_frame(details=True)
     frame = {name: frame[name].to_numpy() for name in frame}
     own = analysis.fitted.predicted[:, :, 0]
     for k, joint in enumerate(analysis.robot.joints):
@@ -172,10 +173,10 @@ def test_motion_alone_is_enough_to_predict_torque(analysis, make_log, tmp_path):
     bare.to_csv(tmp_path / "bare.csv", index=False)
     for given in (bare, called, numbers, tmp_path / "bare.csv"):
         found = analysis.predict(given)
-        np.testing.assert_allclose(found.predicted, whole.predicted, rtol=1e-12, atol=1e-12)
-        np.testing.assert_allclose(found.low, whole.low, rtol=1e-9)  # of decimals as pandas reads
+        assert_allclose(found.predicted, whole.predicted, rtol=1e-12, atol=1e-12)
+        assert_allclose(found.low, whole.low, rtol=1e-9)  # of decimals as pandas reads
         assert np.isnan(found.tau).all()
-        assert np.isnan(found.to_frame()["elbow.residual"]).all()
+        assert np.isnan(found.to_frame(details=True)["elbow.residual"]).all()
         assert np.isnan([found.error_ra, found.error_ra_raw, *found.inside]).all()
         assert "Nothing was measured that could tell" in found.statement
         assert "tau" not in " ".join(found.hints)
@@ -199,7 +200,7 @@ def test_motion_alone_is_enough_to_predict_torque(analysis, make_log, tmp_path):
     with pytest.raises(IdentifiabilityError, match=r"no column shoulder\.q"):
         analysis.predict(bare.drop(columns="shoulder.q"))
     half = analysis.predict(frame.drop(columns="shoulder.tau"))
-    np.testing.assert_allclose(half.predicted, whole.predicted, rtol=1e-12)
+    assert_allclose(half.predicted, whole.predicted, rtol=1e-12)
     assert not half.known[:, 0].any()
     assert np.isfinite(half.error_ra)
 

@@ -5,6 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_array_equal
 
 from identifiability import Analysis, Noise, Robot, analyze, simulate
 from identifiability.foundation.rounding import percent
@@ -13,7 +15,7 @@ from identifiability.simulation import random_trajectory, shipped_trajectory
 
 @pytest.fixture(scope="module")
 def found():
-    robot, rng = Robot.load("six-dof-arm"), np.random.default_rng(2)
+    robot, rng = Robot.load("six-dof-arm"), default_rng(2)
     fitted, unseen = (
         simulate(robot, random_trajectory(robot, r, samples=400), noise=Noise(torque=0.05), rng=r)
         for r in rng.spawn(2)
@@ -36,12 +38,12 @@ def test_the_values_that_are_used_are_predicted_with_and_said(found, as_good, tm
     chosen = replace(found.chosen, physical=physical, unseen=free)
     result = replace(found, models=tuple(chosen if m is found.chosen else m for m in found.models))
     expected = chosen.physical.value if as_good else chosen.estimate.value
-    np.testing.assert_array_equal(result.fit.values, expected)
+    assert_array_equal(result.fit.values, expected)
     content = json.loads(result.to_json(tmp_path / "result.json").read_text())
     assert content["physical"]["used"] is as_good
     assert ("Predictions and exports use" in result.statement) == as_good
     read = Analysis.from_json(tmp_path / "result.json", result.robot)
-    np.testing.assert_array_equal(read.values, expected)
+    assert_array_equal(read.values, expected)
     low, high = chosen.verdicts[0].interval95
     assert low < chosen.verdicts[0].value < high  # labels stay those of the data
 
@@ -49,7 +51,7 @@ def test_the_values_that_are_used_are_predicted_with_and_said(found, as_good, tm
 @pytest.mark.parametrize("name", ["six-dof-arm", "3-rps"])
 def test_what_is_stated_written_and_predicted_is_the_same(name, tmp_path):
     """One value of each parameter and one error: headline, JSON, real robot and predictions."""
-    robot, rng = Robot.load(name), np.random.default_rng(4)
+    robot, rng = Robot.load(name), default_rng(4)
     names = ("601", "595") if name == "3-rps" else ("a", "b")
     fitted, unseen = (
         simulate(robot, shipped_trajectory(robot, motion), noise=Noise(torque=0.05), rng=r)

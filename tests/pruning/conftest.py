@@ -1,7 +1,5 @@
 """Linear regressions with planted truth, and one pruned robot."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -11,14 +9,14 @@ from identifiability.simulation.simulator import ar1
 from identifiability.workflows.prune.elimination import good_steps
 
 
-def gather(W, tau, blocks: int = 256, log=None) -> Information:
+def gather(W, tau, blocks=256, log=None):
     """Return the information of a regressor (N, n, k) and torque (N, n)."""
     N, _, k = W.shape
     log = np.zeros(N, int) if log is None else log
     return Information.of_rows([f"p{j}" for j in range(k)], W, tau, log, -(-N // blocks))
 
 
-def plant(rng, rho: float = 0.0, precision: float = 10.0, samples: int = 1000):
+def plant(rng, rho=0.0, precision=10.0, samples=1000):
     """Return 20 correlated columns (N, n, k), torque (N, n), and the names of the 7 that act.
 
     `precision` is the smallest |φ|/σ of a true parameter if the noise were white and the other
@@ -34,13 +32,13 @@ def plant(rng, rho: float = 0.0, precision: float = 10.0, samples: int = 1000):
     return W, W @ phi + noise, {f"p{j}" for j in true}
 
 
-def gather_whitened(W, tau, noise) -> Information:
+def gather_whitened(W, tau, noise):
     """Return the information of rows that are whitened by the noise of each joint."""
     runs = tuple([(0, len(W))] for _ in noise)
     return gather(whiten_joints(W, runs, noise), whiten_joints(tau, runs, noise))
 
 
-def chosen_set(search) -> set[str]:
+def chosen_set(search):
     partition = search.steps[good_steps(search.steps)[0]].partition
     return {partition.columns[g] for g in partition.leaders}
 

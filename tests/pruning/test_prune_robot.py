@@ -3,8 +3,8 @@
 import json
 from itertools import pairwise
 
-import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError, Noise, Robot, analyze, prune
 from identifiability.estimation.evidence import LEVELS
@@ -84,7 +84,7 @@ def test_the_chosen_model_is_a_ladder_that_analyze_reads(pruned, simulated, tmp_
     again = analyze("3-rps", simulated("3-rps", "601", 0), "none", path, replicates=20)
     model = again.models[1]
     assert set(model.submodel.columns) == set(pruned.chosen.columns)
-    np.testing.assert_allclose(
+    assert_allclose(
         model.estimate.value, pruned.chosen.estimate.value, rtol=1e-6
     )  # fmt: skip
 
@@ -138,7 +138,7 @@ def test_other_robots_prune_without_special_cases(simulated, name):
     out = prune(name, simulated(name, "a", 0, Noise(torque=0.02)), replicates=5)
     assert len(out.chosen) < len(out.full)
     assert out.chosen.error_ra_unseen < 1.05 * out.full.error_ra_unseen
-    assert out.chosen.feasible
+    assert out.chosen.feasible or out.chosen.physical_used  # of the nearest physical robot
 
 
 def test_the_same_inputs_give_the_same_result(simulated):

@@ -1,6 +1,7 @@
 """Planted truth, collinear columns, cost: pruning on random linear problems."""
 
 import numpy as np
+from numpy.random import default_rng
 
 from identifiability.estimation.noise import JointNoise, rich_noise
 from identifiability.workflows.prune.elimination import find_path, good_steps
@@ -11,7 +12,7 @@ from .conftest import chosen_set, gather, gather_whitened, plant
 
 def test_planted_parameters_are_recovered_under_white_noise_with_few_of_thirteen_nulls():
     # What predicts best keeps a null at times: 54 % of the problems have none of them.
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     kept, more = [], []
     for _ in range(24):
         W, tau, true = plant(rng, 0.0, 10.0)
@@ -24,7 +25,7 @@ def test_planted_parameters_are_recovered_under_white_noise_with_few_of_thirteen
 
 def test_under_autocorrelated_noise_as_much_is_recovered_as_by_an_oracle_that_knows_it():
     """Rows as measured alone recover .8 of these problems, whose effective z is 10 and more."""
-    rng, problems = np.random.default_rng(2), 32
+    rng, problems = default_rng(2), 32
     known = (JointNoise(np.array([0.9]), 1.0),) * 2
     found, oracle = [], []
     for _ in range(problems):
@@ -41,7 +42,7 @@ def test_under_autocorrelated_noise_as_much_is_recovered_as_by_an_oracle_that_kn
 
 def test_rows_as_measured_refute_a_noise_that_hides_what_the_torque_needs():
     """Differences of a slow column are drowned by noise that is white."""
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     W = rng.normal(size=(1000, 1, 4))
     W[:, 0, 0] = np.sin(np.linspace(0, 20, 1000))
     tau = W @ np.array([1.0, 1.0, 0.0, 0.0]) + rng.normal(size=(1000, 1))
@@ -51,7 +52,7 @@ def test_rows_as_measured_refute_a_noise_that_hides_what_the_torque_needs():
 
 
 def test_of_two_equal_columns_one_stands_for_both():
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     W = rng.normal(size=(600, 1, 4))
     W[:, :, 3] = 2 * W[:, :, 2]
     tau = W @ np.array([3.0, 1.0, 2.0, 0.0]) + rng.normal(size=(600, 1))
@@ -61,7 +62,7 @@ def test_of_two_equal_columns_one_stands_for_both():
 
 
 def test_nothing_is_pruned_that_is_identifiable():
-    rng = np.random.default_rng(5)
+    rng = default_rng(5)
     W = rng.normal(size=(1000, 2, 8))
     phi = rng.choice([-1, 1], 8) * rng.uniform(0.3, 3, 8)
     search = find_path(gather(W, W @ phi + rng.normal(size=(1000, 2))))
@@ -69,7 +70,7 @@ def test_nothing_is_pruned_that_is_identifiable():
 
 
 def test_a_tie_that_holds_is_made_and_one_that_does_not_is_refused():
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     W = rng.normal(size=(800, 1, 4))
     tau = W @ np.array([2.0, 2.0, 1.0, -3.0]) + rng.normal(size=(800, 1))
     ties = [Move(Kind.TIE, tie=((a, b),)) for a, b in (("p0", "p1"), ("p2", "p3"))]

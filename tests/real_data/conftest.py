@@ -21,7 +21,7 @@ def study():
 def data(study):
     """A function name -> data folder; without the data the test is skipped, in CI it fails."""
 
-    def find(name: str) -> Path:
+    def find(name):
         shared = study("shared")
         folder = shared.data_folder(name)
         if not folder.is_dir():

@@ -1,27 +1,23 @@
 """Analyses to report on: the paper's robot, chains of any length, and logs that show little."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
-import numpy as np
 import pytest
+from numpy.random import default_rng
 
-from identifiability import Analysis, Noise, Robot, analyze, simulate
+from identifiability import Noise, Robot, analyze, simulate
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.regression.reduction import LadderEntry, ModelEntry
 from identifiability.simulation import random_trajectory
-from identifiability.workflows.analyze.belief import Summary, form_belief
+from identifiability.workflows.analyze.belief import form_belief
 
 EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inertia")
 
 HOSTILE = ('<script>alert("x")</script>', "a$b$c_{d}", "</svg><img src=x onerror=alert(1)>")
 
 
-def write_chain(path: Path, joints: Sequence[str]) -> Path:
+def write_chain(path, joints):
     """Write an MJCF chain of hinges with alternating axes, one for each name."""
     text = ""
     for k, joint in enumerate(joints):
@@ -43,52 +39,50 @@ def write_chain(path: Path, joints: Sequence[str]) -> Path:
 
 
 @pytest.fixture
-def one_model() -> LadderEntry:
+def one_model():
     return LadderEntry(models=[ModelEntry(name="only", effects=list(EFFECTS))])
 
 
 @pytest.fixture
-def hostile_names() -> tuple[str, ...]:
+def hostile_names():
     return HOSTILE
 
 
 @pytest.fixture(scope="session")
-def paper_analysis(simulated_session) -> Analysis:
+def paper_analysis(simulated_session):
     logs = [simulated_session("3-rps", t, seed) for t, seed in (("601", 0), ("595", 1))]
     return analyze("3-rps", logs[0], logs[1], replicates=200)
 
 
-def believe(analysis: Analysis, effort: dict[str, int]) -> Analysis:
+def believe(analysis, effort):
     """Add posteriors, shown whatever so few draws are worth."""
     chosen = analysis.chosen
     model = FittedModel.of(
         analysis.structure, chosen.submodel, analysis.information, chosen.estimate.estimator
     )
-    belief = form_belief(model, np.random.default_rng(0), effort)
+    belief = form_belief(model, default_rng(0), effort)
     return replace(analysis, belief=replace(belief, physical=trust(belief.physical)))
 
 
-def trust(summary: Summary | None) -> Summary | None:
+def trust(summary):
     if summary is None:
         return None
     return replace(summary, convergence=replace(summary.convergence, reasons=()))
 
 
 @pytest.fixture(scope="session")
-def believed_analysis(paper_analysis) -> Analysis:
+def believed_analysis(paper_analysis):
     return believe(paper_analysis, {"walkers": 4, "draws": 12, "warmup": 8})
 
 
 @pytest.fixture(scope="session")
-def chain_analysis(tmp_path_factory) -> Callable[..., Analysis]:
+def chain_analysis(tmp_path_factory):
     """A function that analyses a chain: (names, how many logs are held out, ladder)."""
 
-    def build(joints: Sequence[str], held: int = 0, ladder: LadderEntry | None = None) -> Analysis:
+    def build(joints, held=0, ladder=None):
         path = write_chain(tmp_path_factory.mktemp("chain") / "robot.xml", joints)
         robot, noise = Robot.load(path), Noise(torque=0.02)
-        moves = [
-            random_trajectory(robot, np.random.default_rng(k), samples=300) for k in range(1 + held)
-        ]
+        moves = [random_trajectory(robot, default_rng(k), samples=300) for k in range(1 + held)]
         made = [simulate(robot, move, noise=noise, seed=k) for k, move in enumerate(moves)]
         return analyze(robot, made[:1], made[1:], ladder, replicates=100)
 

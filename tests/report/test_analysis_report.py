@@ -16,7 +16,7 @@ SECTIONS = (
 
 
 @pytest.fixture(scope="module")
-def html(paper_analysis, tmp_path_factory) -> str:
+def html(paper_analysis, tmp_path_factory):
     path = tmp_path_factory.mktemp("report") / "report.html"
     assert write_result(paper_analysis, path) == path
     return path.read_text(encoding="utf-8")

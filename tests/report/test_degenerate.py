@@ -5,7 +5,7 @@ import pytest
 from identifiability.report import build_page, render_page
 
 
-def render(analysis) -> str:
+def render(analysis):
     return render_page(build_page(analysis))
 
 

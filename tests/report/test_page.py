@@ -32,7 +32,7 @@ pytestmark = pytest.mark.pictures
 EVIL = '<img src=x onerror="alert(1)">'
 
 
-def everything(text: str) -> Page:
+def everything(text):
     figure = Figure()
     figure.subplots().plot([1, 2])
     table = Table(

@@ -1,7 +1,5 @@
 """Results hold numbers; `report/answers` says and shows them."""
 
-from __future__ import annotations
-
 import ast
 from pathlib import Path
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import Model, Robot, simulate
 from identifiability.robot import complete_motion
@@ -55,9 +56,9 @@ def agrees(load_text):
         expected = project(robot, motion, in_mujoco(robot.path, robot, motion))
         size = np.abs(expected).max()
         assert size > 1e-3
-        np.testing.assert_allclose(torque, expected, rtol=0, atol=1e-9 * size)
+        assert_allclose(torque, expected, rtol=0, atol=1e-9 * size)
         move = PrescribedMotion(motion.t, motion.actuated_q, motion.actuated_v, motion.actuated_a)
-        np.testing.assert_allclose(simulate(robot, move).tau, expected, rtol=0, atol=1e-9 * size)
+        assert_allclose(simulate(robot, move).tau, expected, rtol=0, atol=1e-9 * size)
         return robot
 
     return check

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 from made_robots import CABLE, CLOSURES, LOOP_CABLE, arm, parallelogram
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
 from identifiability import Log, Model, Robot
 from identifiability.effects import default_effects
@@ -34,14 +36,12 @@ def test_a_sidecar_says_the_same_axis_as_a_tendon_of_the_file(load_text, tmp_pat
     assert {k: v for k, v in ours.nominal.items() if v} == pytest.approx(
         {k: v for k, v in theirs.nominal.items() if v}
     )
-    motion = random_motion(ours, np.random.default_rng(0), 20)
+    motion = random_motion(ours, default_rng(0), 20)
     model = Model.of("viscous_friction", "coulomb_friction", "joint_stiffness", "actuator_inertia")
     names = [p.name for p in model.parameters(ours)]
     own = [n.removeprefix("cable.") for n in names if n.startswith("cable")]
     assert own == ["Fv", "Fc", "K", "Ia"]
-    np.testing.assert_allclose(
-        model.regressor(ours, motion), model.regressor(theirs, motion), atol=1e-12
-    )
+    assert_allclose(model.regressor(ours, motion), model.regressor(theirs, motion), atol=1e-12)
 
 
 def test_an_axis_through_passive_joints_of_a_loop_is_what_mujoco_makes_of_it(agrees):
@@ -73,7 +73,7 @@ def test_locked_joints_of_an_axis_stretch_its_spring_alone(agrees, tmp_path):
 
 def test_every_effect_along_an_axis_is_that_of_its_coordinate(load_text):
     robot = load_text(arm(), sidecar=SIDECAR)
-    motion = random_motion(robot, np.random.default_rng(1), 40)
+    motion = random_motion(robot, default_rng(1), 40)
     row = np.array([1.3, -0.5])
     s, v = motion.actuated_q @ row, motion.actuated_v @ row
     forces = {
@@ -89,7 +89,7 @@ def test_every_effect_along_an_axis_is_that_of_its_coordinate(load_text):
         assert {p.owner for p in model.parameters(robot)} == {"cable"}, text
         W = model.regressor(robot, motion)
         wanted = np.stack([f[:, None] * row for f in expected], axis=2)
-        np.testing.assert_allclose(W, wanted, atol=1e-12, err_msg=text)
+        assert_allclose(W, wanted, atol=1e-12, err_msg=text)
     span = measure_spans(robot, [motion])["cable"]
     assert span.position_range == pytest.approx(np.ptp(s))
     assert span.rms_speed == pytest.approx(np.sqrt(np.mean(v**2)))
@@ -98,13 +98,13 @@ def test_every_effect_along_an_axis_is_that_of_its_coordinate(load_text):
 def test_passive_joints_can_have_what_is_placed_there(load_text):
     text = parallelogram(CLOSURES["site on the root"]).replace("</mujoco>", LOOP_CABLE)
     robot = load_text(text)
-    motion = random_motion(robot, np.random.default_rng(0), 20)
+    motion = random_motion(robot, default_rng(0), 20)
     model = Model.of("joint_stiffness@knee", "viscous_friction@knee", "load_dependent_friction")
     assert [p.name for p in model.parameters(robot)][:2] == ["knee.K", "knee.Fv"]
     W, k = model.regressor(robot, motion), robot.passive.index("knee")
     stretch = robot.dof_position(motion.q, "knee") - robot.dof_position(robot.home[None], "knee")
-    np.testing.assert_allclose(W[:, 0, 0], -motion.X[:, k, 0] * stretch)
-    np.testing.assert_allclose(W[:, 0, 1], motion.X[:, k, 0] ** 2 * motion.actuated_v[:, 0])
+    assert_allclose(W[:, 0, 0], -motion.X[:, k, 0] * stretch)
+    assert_allclose(W[:, 0, 1], motion.X[:, k, 0] ** 2 * motion.actuated_v[:, 0])
     assert np.isfinite(W).all()
 
 
@@ -138,7 +138,7 @@ def test_more_motors_than_joints_agree_in_the_least_squares_and_add_their_torque
         '[transmission]\nmotors = ["shoulder", "c2", "c3"]\ncoupling = [[1, 0], [1, 1], [0, 2]]\n'
         "ratio = [2, -3, 1]\noffset = [0.1, -0.2]\n"
     ))  # fmt: skip
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     (q, dq, ddq), tau = rng.normal(size=(3, 50, 2)), rng.normal(size=(50, 3))
     R = np.array([[2, 0], [-3, -3], [0, 2.0]])
     left = np.linalg.svd(R)[0][:, 2]  # what no joint does
@@ -147,8 +147,8 @@ def test_more_motors_than_joints_agree_in_the_least_squares_and_add_their_torque
     motors = Log("log", names, t, at, tau, dq @ R.T, ddq @ R.T, sha256="")
     joints = joint_log(robot, motors)
     motors.write(tmp_path / "motors.csv")
-    np.testing.assert_allclose(find_motion(robot, str(tmp_path / "motors.csv")).q, q, atol=1e-12)
-    np.testing.assert_allclose(joints.q, q, atol=1e-12)
-    np.testing.assert_allclose(joints.dq, dq, atol=1e-12)
-    np.testing.assert_allclose(joints.tau, tau @ R, atol=1e-12)
+    assert_allclose(find_motion(robot, str(tmp_path / "motors.csv")).q, q, atol=1e-12)
+    assert_allclose(joints.q, q, atol=1e-12)
+    assert_allclose(joints.dq, dq, atol=1e-12)
+    assert_allclose(joints.tau, tau @ R, atol=1e-12)
     assert [a.name for a in robot.axes] == ["shoulder", "elbow", "c2"]

@@ -3,6 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError, Model, Robot, find_base_parameters
 from identifiability.foundation.documents import toml_text
@@ -82,7 +83,7 @@ def test_links_are_where_the_product_of_matrices_puts_them(convention, angles, t
         q = dict(zip(robot.joints, rng.uniform(-3, 3, 7), strict=True))
         for body, expected in chain(table, q).items():
             at = in_pinocchio(robot, q, tip(table, body))
-            np.testing.assert_allclose(at, expected, atol=1e-12)
+            assert_allclose(at, expected, atol=1e-12)
 
 
 def rows(parameters, standard):
@@ -105,7 +106,7 @@ def test_the_puma_reaches_where_its_book_says_and_has_its_36_parameters(tmp_path
     robot = Robot.from_dh(PUMA, tmp_path / "robot.urdf")
     at = dict(zip(robot.joints, [0, PI / 4, PI, 0, PI / 4, 0], strict=True))
     reached = in_pinocchio(robot, at, "link6_end")[:3, 3]
-    np.testing.assert_allclose(reached, [0.5963, -0.1501, -0.0143], atol=6e-5)  # [Corke 2011]
+    assert_allclose(reached, [0.5963, -0.1501, -0.0143], atol=6e-5)  # [Corke 2011]
     base = find_base_parameters(robot, Model.of("rigid_body"))
     assert len(base) == 36  # [Gautier & Khalil 1990]
 

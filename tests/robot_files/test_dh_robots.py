@@ -5,6 +5,7 @@ Two dVRK arms, a SCARA and a differential wrist came from tables; the mechanisms
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import (
     Model,
@@ -58,16 +59,16 @@ def test_the_counter_spring_and_the_cable_are_the_published_ones():
     r_s, h, rest, angle = 0.0075, 0.1035, 0.0613, np.pi + np.radians(23) - q[:, 4]
     length = np.sqrt(r_s**2 + h**2 - 2 * r_s * h * np.cos(angle))
     arm = r_s * h * np.sin(angle) / length
-    np.testing.assert_allclose(W[:, 4, 0], -arm * (length - rest), rtol=0, atol=1e-12)
+    assert_allclose(W[:, 4, 0], -arm * (length - rest), rtol=0, atol=1e-12)
     assert robot.nominal["counter_spring.K"] == 271
     x = q[:, 3]
     cable = (0.0004877 * x**7 - 0.0037149 * x**6 + 0.0067497 * x**5 + 0.008519 * x**4
              - 0.0201475 * x**3 - 0.025265 * x**2 + 0.048095 * x + 0.00255)  # fmt: skip
     (known,) = robot.known_torque
     assert known.along == "m4"
-    np.testing.assert_allclose(known.force(x), cable, atol=1e-12)
+    assert_allclose(known.force(x), cable, atol=1e-12)
     (m4,) = (a for a in robot.axes if a.name == "m4")
-    np.testing.assert_allclose(m4.row, [0, -0.6697, 0.6697, 1, 0, 0, 0])
+    assert_allclose(m4.row, [0, -0.6697, 0.6697, 1, 0, 0, 0])
     low, high = robot.limits.T
     reach = np.abs(m4.row) @ (high - low) / 2
     middle = m4.row @ (low + high) / 2
@@ -77,7 +78,7 @@ def test_the_counter_spring_and_the_cable_are_the_published_ones():
 def test_the_motors_of_the_other_arm_mix_its_wrist_as_published():
     robot = Robot.load("dvrk-psm")
     M = np.array([[1.0186, 0, 0], [-0.8306, 1.2178, 0], [-0.8306, 0, 1.2178]])
-    np.testing.assert_allclose(robot.transmission.coupling[4:, 4:] @ M, np.eye(3), atol=1e-12)
+    assert_allclose(robot.transmission.coupling[4:, 4:] @ M, np.eye(3), atol=1e-12)
     assert {n: dict(c) for n, c in robot.combinations.items()} == {
         "jaws": {"jaw2": 1.0, "jaw1": -1.0}
     }
@@ -101,6 +102,6 @@ def test_the_values_of_the_files_come_back_from_torque_without_noise(name):
     truth = base.G @ [robot.nominal.get(p.name, 0.0) for p in base.parameters]
     W = model.regressor(robot, samples.motion)[:, :, list(base.kept)]
     size = np.abs(W @ truth).max()
-    np.testing.assert_allclose(W * fit.value, W * truth, rtol=1e-5, atol=1e-8 * size)
+    assert_allclose(W * fit.value, W * truth, rtol=1e-5, atol=1e-8 * size)
     friction = [n for n in base.names if n.endswith(".Fc")]
     assert len(friction) >= len(robot.joints)

@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 from made_robots import CLOSURES, parallelogram
+from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError, inspect
 from identifiability.robot import complete_motion
@@ -38,18 +39,18 @@ def test_the_position_that_closes_a_drawing_is_used_and_said(load_text, rng):
     for body, at in zip(("crank", "coupler", "rocker"), offset, strict=True):
         drawn = drawn.replace(f'<body name="{body}"', f'<body name="{body}" euler="0 {-at} 0"')
     robot, other = load_text(text), load_text(drawn)
-    np.testing.assert_allclose(other.home, [0.0, -0.2, 0.1], atol=1e-9)
+    assert_allclose(other.home, [0.0, -0.2, 0.1], atol=1e-9)
     assert other.identity["home"] == other.home_table
     assert "home" not in robot.identity
     need = inspect(other).needs[0]
     assert "states no home position: the nearest one that closes its loops" in need.text
     stated = load_text(drawn, sidecar=f"{need.line}\n")
-    np.testing.assert_allclose(stated.home, other.home, atol=1e-5)
+    assert_allclose(stated.home, other.home, atol=1e-5)
     assert not stated.describe_assembly()
     q = rng.uniform(0.2, 1.4, (100, 1))
     moved = [complete_motion(r, np.arange(100.0), x, q, q)
              for r, x in ((robot, q), (other, q - offset[0]))]  # fmt: skip
-    np.testing.assert_allclose(moved[1].q + offset, moved[0].q, atol=1e-9)
+    assert_allclose(moved[1].q + offset, moved[0].q, atol=1e-9)
 
 
 def test_positions_of_actuated_joints_that_a_sidecar_states_stay(load_text):
@@ -57,7 +58,7 @@ def test_positions_of_actuated_joints_that_a_sidecar_states_stay(load_text):
     for body, at in (("crank", 0.6), ("coupler", -0.5), ("rocker", 0.5)):
         text = text.replace(f'<body name="{body}"', f'<body name="{body}" euler="0 {-at} 0"')
     robot = load_text(text, sidecar="[home]\ndrive = 0.1")
-    np.testing.assert_allclose(robot.home, [0.1, -0.2, 0.2], atol=1e-9)
+    assert_allclose(robot.home, [0.1, -0.2, 0.2], atol=1e-9)
     with pytest.raises(
         IdentifiabilityError, match=r"open by 0\.\d+ m .* such as knee = -0\.1000, heel"
     ):

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import (
     IdentifiabilityError,
@@ -46,14 +47,14 @@ def log_of(robot, samples=200):
 def test_a_table_is_read_between_its_points_as_it_says():
     x = np.linspace(-1, 2, 40)
     line = KnownTorque(along="j", table=[(1, 3), (0, 1), (3, -1)])
-    np.testing.assert_allclose(line.force(np.array([0.25, 2.0, 3.0])), [1.5, 1.0, -1.0])
-    np.testing.assert_allclose(KnownTorque(along="j", polynomial=[1, 0, 2]).force(x), 1 + 2 * x**2)
+    assert_allclose(line.force(np.array([0.25, 2.0, 3.0])), [1.5, 1.0, -1.0])
+    assert_allclose(KnownTorque(along="j", polynomial=[1, 0, 2]).force(x), 1 + 2 * x**2)
 
 
 def test_a_curve_that_was_used_can_be_sent_to_a_worker():
     known = KnownTorque(along="j", polynomial=[1, 2])
     known.force(np.zeros(2))
-    np.testing.assert_array_equal(pickle.loads(pickle.dumps(known)).force(np.ones(2)), [3, 3])
+    assert_array_equal(pickle.loads(pickle.dumps(known)).force(np.ones(2)), [3, 3])
 
 
 def test_a_known_torque_is_simulated_and_taken_off_again(tmp_path):
@@ -64,10 +65,10 @@ def test_a_known_torque_is_simulated_and_taken_off_again(tmp_path):
     elbow = list(robot.joints).index("elbow")
     added = np.zeros_like(bare.tau)
     added[:, elbow] = table.force(bare.q[:, elbow])
-    np.testing.assert_allclose(log.tau, bare.tau + added, atol=1e-12)
+    assert_allclose(log.tau, bare.tau + added, atol=1e-12)
     how = Preparation(keep_rest=True)
     samples = prepare_log(robot, log, how)
-    np.testing.assert_allclose(samples.tau, prepare_log(plain, bare, how).tau, atol=1e-9)
+    assert_allclose(samples.tau, prepare_log(plain, bare, how).tau, atol=1e-9)
     assert any(
         "known torque was taken off" in note and "4 points" in note for note in samples.notes
     )
@@ -97,11 +98,11 @@ def test_a_line_is_the_spring_of_the_robot_file(tmp_path, joint):
     )  # fmt: skip
     assert spring.rest[joint] == pytest.approx(0.3)
     log = log_of(robot)
-    np.testing.assert_allclose(log.tau, log_of(spring).tau, atol=1e-10)
+    assert_allclose(log.tau, log_of(spring).tau, atol=1e-10)
     assert np.abs(log.tau - log_of(Robot.load("five-bar")).tau).max() > 0.1
     how = Preparation(keep_rest=True)
     bare = prepare_log(Robot.load("five-bar"), log_of(Robot.load("five-bar")), how)
-    np.testing.assert_allclose(prepare_log(robot, log, how).tau, bare.tau, atol=1e-7)
+    assert_allclose(prepare_log(robot, log, how).tau, bare.tau, atol=1e-7)
 
 
 def test_nothing_is_extrapolated(tmp_path):
@@ -116,7 +117,7 @@ def test_nothing_is_extrapolated(tmp_path):
     with pytest.raises(IdentifiabilityError, match="nothing is extrapolated"):
         log_of(robot)
     edge = KnownTorque(along="j", table=[(0, 1), (1, 2)])
-    np.testing.assert_allclose(edge.force(np.array([0.0, 1.0])), [1, 2])
+    assert_allclose(edge.force(np.array([0.0, 1.0])), [1, 2])
     for outside in (-1e-9, 1 + 1e-9):
         with pytest.raises(IdentifiabilityError):
             edge.force(np.array([0.5, outside]))

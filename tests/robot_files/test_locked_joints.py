@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from made_robots import CLOSURES, arm, parallelogram
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError, Robot, analyze, export, simulate
 from identifiability.foundation.names import INERTIAL_KINDS
@@ -38,7 +40,7 @@ def inertias(robot):
 def same_inertias(robot, other, atol=1e-12):
     assert robot.bodies == other.bodies
     for body, theta in inertias(robot).items():
-        np.testing.assert_allclose(theta, inertias(other)[body], rtol=0, atol=atol)
+        assert_allclose(theta, inertias(other)[body], rtol=0, atol=atol)
 
 
 @pytest.mark.parametrize("held", ["f1=0.03", "f1"])
@@ -101,7 +103,7 @@ def test_a_gripper_with_loops_of_its_own_is_locked_by_patterns_and_its_loops_wit
     motors = '<actuator><motor joint="shoulder"/><motor joint="elbow"/></actuator>'
     text = arm(inside=inside, actuator=f"{tie}{motors}")
     with pytest.raises(
-        IdentifiabilityError, match=r"such as a gripper: --lock grip_0 .*--lock pad_1 \("
+        IdentifiabilityError, match=r"such as a gripper: .*lock=\['grip_0', .*'pad_1'\]"
     ):
         load_text(text)
     robot = load_text(text, lock=["grip_*", "pad_?"])
@@ -203,7 +205,7 @@ def test_a_locked_robot_is_written_and_read_back_with_its_locks(form, mass, load
 def test_a_robot_with_a_locked_gripper_moves_as_the_welded_one(load_text):
     joints = HAND.replace("<joint", "<!--").replace('springref="0.03"/>', "-->").replace(
         'ref="0.01"/>', "-->")  # fmt: skip
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     q, dq = 0.3 * rng.normal(size=(2, 3, 2))
     tau = rng.normal(size=(3, 30, 2))
     other = load_text(arm(inside=joints))
@@ -212,16 +214,16 @@ def test_a_robot_with_a_locked_gripper_moves_as_the_welded_one(load_text):
     same_inertias(locked, other)
     one = ForwardRobot(locked, {}).run(q, dq, tau, 0.01)
     assert np.abs(one - q[:, None]).max() > 0.05
-    np.testing.assert_allclose(one, two, rtol=0, atol=1e-7)
+    assert_allclose(one, two, rtol=0, atol=1e-7)
 
 
 def test_a_result_is_exported_under_the_locks_it_was_made_with(load_text, tmp_path):
     robot = load_text(fingers(), "urdf", lock=["f1=0.02"])
-    path = random_trajectory(robot, np.random.default_rng(0))
+    path = random_trajectory(robot, default_rng(0))
     log = simulate(robot, PrescribedMotion.of(path, 600))
     result = analyze(robot, log, replicates=0).to_json(tmp_path / "result.json")
     out = tmp_path / "fitted.urdf"
-    with pytest.raises(IdentifiabilityError, match=r"made with f1 = 0\.02, f2 = .*\(--lock"):
+    with pytest.raises(IdentifiabilityError, match=r"made with f1 = 0\.02, f2 = .*lock="):
         export(Robot.load(robot.path), result, out)
     export(robot, result, out)
     assert Robot.load(out).locked == pytest.approx(robot.locked)

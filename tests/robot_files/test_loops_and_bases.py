@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from made_robots import CLOSURES, LINKS, MOTORS, arm, parallelogram
+from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError
 from identifiability.robot.floating import BASE_JOINTS
@@ -42,7 +43,7 @@ def test_couplings_follow_each_other_and_inactive_equalities_are_none(agrees):
     assert robot.passive == ("elbow",)
     x = np.linspace(-1, 1, 5)  # MuJoCo counts from where joints are drawn
     expected = 0.2 + 0.1 - 2 * x + 0.3 * x**2 + 0.1 * x**3
-    np.testing.assert_allclose(np.polyval(robot.couplings[0].polynomial[::-1], x), expected)
+    assert_allclose(np.polyval(robot.couplings[0].polynomial[::-1], x), expected)
     off = text.replace("<worldbody>", '<option><flag equality="disable"/></option><worldbody>')
     assert agrees(off.replace("</actuator>", '<motor joint="elbow"/></actuator>')).loops == ()
 

@@ -6,6 +6,7 @@ Sources: J. D. Bennett, A new mechanism, Engineering 76 (1903).
 import numpy as np
 import pytest
 from made_loops import bennett, turntable, two_rockers
+from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError
 from identifiability.robot import complete_motion
@@ -71,7 +72,7 @@ def test_redundant_cranks_must_agree_at_every_sample(load_text):
     q = np.linspace(0.6, 2.0, 50)[:, None]
     motion = still(robot, q)
     assert newton(robot, motion.q, most=0).error.max() < 1e-12
-    np.testing.assert_allclose(motion.q[:, 2:], q.repeat(2, 1), atol=1e-9)
+    assert_allclose(motion.q[:, 2:], q.repeat(2, 1), atol=1e-9)
     with pytest.raises(IdentifiabilityError, match="the loops are open by"):
         load_text(two_rockers(0.405))
     # It closes upright, with cranks of another length; nowhere else.
@@ -90,4 +91,4 @@ def test_a_bennett_linkage_moves(closure, agrees):
     assert motion.singular == 0
     assert newton(robot, motion.q, most=0).error.max() < 1e-12
     half = np.tan(motion.q[:, :2] / 2).prod(1)  # constant in Bennett's linkage
-    np.testing.assert_allclose(half, half[0], rtol=1e-9)
+    assert_allclose(half, half[0], rtol=1e-9)

@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError, Robot, inspect, simulate
 from identifiability.foundation.findings import of_key
@@ -59,7 +60,7 @@ def test_looks_of_a_link_never_refuse_a_file(what, load):
     torque = simulated(plain)
     robot = load(ARM.replace(LINK, LINK + LOOKS[what]))
     assert dict(robot.nominal) == dict(plain.nominal)
-    np.testing.assert_allclose(simulated(robot), torque)
+    assert_allclose(simulated(robot), torque)
 
 
 @pytest.mark.parametrize("color", ["1 1 1 1", "white", ""])

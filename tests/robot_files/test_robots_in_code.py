@@ -1,16 +1,15 @@
 """Robots that are changed or built in code obey Pinocchio and MuJoCo as files of them would."""
 
-from __future__ import annotations
-
 import pickle
 
 import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError, Robot
-from identifiability.regression.regression import Model as Effects
+from identifiability import Model as Effects
 from identifiability.robot import complete_motion
 
 MASS, CENTRE, INERTIA = 1.7, (0.03, -0.05, 0.11), (0.004, 0.006, 0.005)
@@ -52,7 +51,7 @@ def test_a_payload_is_that_of_pinocchio(name, rng):
             *rng.uniform(-1, 1, (2, theirs.nv)),
         )
         ours = pin.rnea(loaded.model, loaded.model.createData(), q, v, a)
-        np.testing.assert_allclose(ours, pin.rnea(theirs, data, q, v, a), rtol=1e-10, atol=1e-10)
+        assert_allclose(ours, pin.rnea(theirs, data, q, v, a), rtol=1e-10, atol=1e-10)
     assert robot.nominal != loaded.nominal
     assert Robot.load(name).nominal == robot.nominal  # the shipped file is as it was
 
@@ -62,7 +61,7 @@ def test_a_changed_body_weighs_in_mujoco_what_was_asked_for(tmp_path):
     made = mujoco.MjModel.from_xml_path(str(robot.save(tmp_path / "arm.xml")))
     at = mujoco.mj_name2id(made, mujoco.mjtObj.mjOBJ_BODY, "link2")
     assert made.body_mass[at] == pytest.approx(3.5, rel=1e-12)
-    np.testing.assert_allclose(made.body_ipos[at], (0.1, 0.02, 0.0), atol=1e-12)
+    assert_allclose(made.body_ipos[at], (0.1, 0.02, 0.0), atol=1e-12)
     before = Robot.load("two-link")
     grown = before.with_body("link2", mass=2 * before.nominal["link2.m"])  # the same shape
     for kind in ("mx", "my", "Ixx", "Iyy", "Izz"):
@@ -154,7 +153,7 @@ def test_a_robot_of_links_moves_as_pinocchio_and_mujoco_say(ending, rng, tmp_pat
     ours = torques(robot, q, v, a)
     data = theirs.createData()
     want = np.array([pin.rnea(theirs, data, *row) for row in zip(q, v, a, strict=True)])
-    np.testing.assert_allclose(ours, want, rtol=1e-9, atol=1e-9)
+    assert_allclose(ours, want, rtol=1e-9, atol=1e-9)
     if ending == ".xml":
         made = mujoco.MjModel.from_xml_path(str(robot.path))
         made.opt.disableflags |= (
@@ -164,7 +163,7 @@ def test_a_robot_of_links_moves_as_pinocchio_and_mujoco_say(ending, rng, tmp_pat
         for k in range(len(q)):
             world.qpos, world.qvel, world.qacc = q[k], v[k], a[k]
             mujoco.mj_inverse(made, world)
-            np.testing.assert_allclose(world.qfrc_inverse, want[k], rtol=1e-9, atol=1e-9)
+            assert_allclose(world.qfrc_inverse, want[k], rtol=1e-9, atol=1e-9)
 
 
 def test_a_table_of_denavit_and_hartenberg_needs_no_file():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from made_robots import LINKS, MOTORS, arm
+from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError, inspect
 from identifiability.effects.nominal import rigid_torque
@@ -49,10 +50,10 @@ def test_what_no_motor_reaches_is_left_out_on_both_roads_and_said(after, load_te
     assert robot.joints == plain.joints == ("shoulder", "elbow")
     assert robot.bodies == plain.bodies
     if "qpos" in after:
-        np.testing.assert_allclose(robot.home, [0.7, -0.7])
-    np.testing.assert_allclose(torque(robot, q), bare, atol=1e-14)
+        assert_allclose(robot.home, [0.7, -0.7])
+    assert_allclose(torque(robot, q), bare, atol=1e-14)
     other = MujocoRobot(robot).inverse_dynamics(q, np.ones_like(q), -np.ones_like(q))
-    np.testing.assert_allclose(torque(robot, q), other.tau, atol=1e-10)
+    assert_allclose(torque(robot, q), other.tau, atol=1e-10)
     roles = {j.name: j.role for j in inspect(robot).joints}
     assert (roles["cup"], roles["elbow"]) == ("left out", "actuated")
     assert robot.identity["left_out"] == ["cup", "door"]

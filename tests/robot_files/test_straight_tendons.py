@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 from made_robots import arm
+from numpy.testing import assert_allclose
 
 from identifiability import Model, Robot, simulate
 from identifiability.effects.registry import default_effects
@@ -91,9 +92,9 @@ def test_a_platform_on_legs_that_are_tendons_is_what_mujoco_makes_of_it(legs, mo
     phi = np.array([robot.nominal.get(p.name, 0.0) for p in model.parameters(robot)])
     torque = model.regressor(robot, motion) @ phi
     size = np.abs(expected).max()
-    np.testing.assert_allclose(torque, expected, rtol=0, atol=1e-9 * size)
+    assert_allclose(torque, expected, rtol=0, atol=1e-9 * size)
     log = simulate(robot, PrescribedMotion(0.01 * np.arange(20), q, v, a))
-    np.testing.assert_allclose(log.tau, expected, rtol=0, atol=1e-9 * size)
+    assert_allclose(log.tau, expected, rtol=0, atol=1e-9 * size)
 
 
 CABLE = """<tendon><spatial name="cable" {}><site site="start"/><site site="middle"/>

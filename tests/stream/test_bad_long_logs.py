@@ -19,13 +19,13 @@ def cell(frame, row, column, value):
     return frame
 
 
-def refusal(action) -> str:
+def refusal(action):
     with pytest.raises(IdentifiabilityError) as caught:
         action()
     return str(caught.value)
 
 
-def same_refusal(path, read_long) -> str:
+def same_refusal(path, read_long):
     streamed, whole = refusal(lambda: read_long(path)), refusal(lambda: Log.read(path))
     assert streamed == whole
     return streamed

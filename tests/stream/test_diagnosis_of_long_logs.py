@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import Log, Robot
 from identifiability.logs.prepare import excerpt
@@ -25,12 +26,12 @@ def test_the_same_stretches_are_looked_at(derivatives, few, sizes, frame_of, sav
     parts = prepare_excerpt(robot, Log.read(path), None, MOST)
     assert MOST / 2 < parts.outputs == whole.outputs <= MOST
     assert parts.notes == whole.notes
-    np.testing.assert_array_equal(parts.motion.kept, whole.motion.kept)
+    assert_array_equal(parts.motion.kept, whole.motion.kept)
     for name in ("actuated_q", "actuated_v", "actuated_a"):
         wanted = getattr(whole.motion, name)
         found = getattr(parts.motion, name)
-        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-8 * np.abs(wanted).max())
-    np.testing.assert_array_equal(parts.tau, whole.tau)
+        assert_allclose(found, wanted, rtol=0, atol=1e-8 * np.abs(wanted).max())
+    assert_array_equal(parts.tau, whole.tau)
 
 
 @pytest.mark.parametrize("derivatives", [True, False])

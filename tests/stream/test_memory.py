@@ -10,7 +10,7 @@ from identifiability.estimation.prediction import predict
 from identifiability.foundation.engines import Serial
 
 
-def peak(robot, path) -> int:
+def peak(robot, path):
     """The largest memory [bytes] from the file to the prediction errors."""
     model = Model.of("rigid_body", "viscous_friction")
     tracemalloc.start()

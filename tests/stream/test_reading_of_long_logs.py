@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability import Log, Model, Robot, analyze, predict
 from identifiability.foundation.findings import of_key
@@ -67,4 +68,4 @@ def test_columns_are_corrected_alike_in_pieces_and_in_memory(sizes, frame_of, sa
     sizes()
     long = Log.read(path)
     assert long.long
-    np.testing.assert_allclose(reading.read(long, structure).tau, whole.tau, atol=1e-12)
+    assert_allclose(reading.read(long, structure).tau, whole.tau, atol=1e-12)

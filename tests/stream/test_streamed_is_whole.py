@@ -4,6 +4,7 @@ import mmap
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability import (
     IdentifiabilityError,
@@ -48,13 +49,13 @@ def assert_same(whole, parts):
     assert whole[-1] == 1 < parts[-1]
     for found, wanted in zip(parts[0], whole[0], strict=True):
         assert found.shape == wanted.shape
-        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-8 * np.abs(wanted).max())
+        assert_allclose(found, wanted, rtol=0, atol=1e-8 * np.abs(wanted).max())
     assert parts[1] == whole[1]
     for name, wanted in vars(whole[2]).items():
-        np.testing.assert_allclose(getattr(parts[2], name), wanted, rtol=1e-8, err_msg=name)
-    np.testing.assert_array_equal(parts[3].counts, whole[3].counts)
+        assert_allclose(getattr(parts[2], name), wanted, rtol=1e-8, err_msg=name)
+    assert_array_equal(parts[3].counts, whole[3].counts)
     R, other = (x / np.linalg.norm(whole[4], axis=0) for x in (whole[4], parts[4]))
-    np.testing.assert_allclose(other.T @ other, R.T @ R, rtol=0, atol=1e-8)
+    assert_allclose(other.T @ other, R.T @ R, rtol=0, atol=1e-8)
     expected, found = whole[6], parts[6]
     assert found.relative_error() == pytest.approx(expected.relative_error(), rel=1e-7)
     assert found.joint_error() == pytest.approx(expected.joint_error(), rel=1e-7)
@@ -128,7 +129,7 @@ def test_only_rows_of_long_logs_stay_on_the_disk(frame_of, saved, monkeypatch):
     for log in long:
         assert log.long
         assert isinstance(log.q.base.base.obj, mmap.mmap)
-        np.testing.assert_allclose(log.q[1500:], long[0].q[1500:], rtol=1e-12)
+        assert_allclose(log.q[1500:], long[0].q[1500:], rtol=1e-12)
     assert analyze("two-link", long[1], "none", replicates=0).information.samples == len(frame)
 
 

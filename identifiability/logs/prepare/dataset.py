@@ -27,6 +27,7 @@ from identifiability.logs.base import AFTER, UP
 from identifiability.logs.rows import WINDOW, divide_rows, find_range, forget, gather, is_long
 from identifiability.logs.rules import RULES
 from identifiability.logs.signals import is_constant, never_moves
+from identifiability.logs.spectrum import noise_level
 from identifiability.robot import KnownRobot, Motion, Robot, complete_motion
 from identifiability.robot.closure import known_torque, project
 from identifiability.robot.floating import SIX, closed_contacts, wrench_torque
@@ -281,6 +282,15 @@ class Dataset:
         """The samples along the second record of the motion."""
         other = self.instrument
         return None if other is None else replace(self, motion=other, instrument=None)
+
+    @cached_property
+    def torque_noise(self) -> Array:
+        """Standard deviation of white noise on the torque after decimation, (n,) [N·m or N].
+
+        Of the first rows of a long log.
+        """
+        level = noise_level(self.tau[:WINDOW], self.motion.t[:WINDOW])
+        return level if self.decimation is None else level * np.linalg.norm(self.decimation.taps)
 
     @cached_property
     def outputs(self) -> int:

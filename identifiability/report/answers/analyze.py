@@ -52,6 +52,7 @@ from .common import (
     note,
     sentence,
     state_contradicted,
+    torque_noise,
 )
 from .profiles import answer_profiles
 from .tables import make_table
@@ -144,6 +145,15 @@ class LadderedPresenter(PredictingPresenter):
         result = self.result
         each = result.held_out.by_joint()
         return result.chosen.error_ra_validation, each["error"], each["rms"]
+
+    def noise(self) -> Array | None:
+        """Return the noise of each joint's torque; None where torque was computed."""
+        result = self.result
+        return (
+            None
+            if result.recordings.commanded
+            else torque_noise(result.validation or result.samples)
+        )
 
     def statement(self) -> str:
         """Return the answers in plain words, with warnings and remarks."""

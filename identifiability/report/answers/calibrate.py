@@ -9,6 +9,7 @@ import pandas as pd
 
 from identifiability.foundation.answers import Answer, Table
 from identifiability.foundation.keyed import Row
+from identifiability.foundation.presenter import present
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import REACH, rough_percent
 from identifiability.workflows.calibrate.rules import RULES
@@ -65,7 +66,7 @@ class CalibrationPresenter(AnsweringPresenter):
 
     def warnings(self) -> tuple[str, ...]:
         """Return the findings of the analysis that change a decision."""
-        found: tuple[str, ...] = self.result.analysis.warnings
+        found: tuple[str, ...] = present(self.result.analysis, "warnings")
         return found
 
     def rows_by_name(self) -> Iterator[Row]:
@@ -83,7 +84,7 @@ class CalibrationPresenter(AnsweringPresenter):
                 details=vars(covered),
             )
 
-    def to_frame(self) -> pd.DataFrame:
+    def frame(self) -> pd.DataFrame:
         """Return one row a parameter, the worst first: coverage with its Monte-Carlo interval."""
         cell = self.result.cell
         pairs = zip(cell.names, cell.each, strict=True)

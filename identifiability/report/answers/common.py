@@ -22,6 +22,7 @@ from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.rounding import error_text, format_number, stated_text
 from identifiability.foundation.rules import Tolerance
+from identifiability.logs.prepare import Dataset
 from identifiability.regression.reduction import Submodel
 from identifiability.regression.structure import BaseParameters
 
@@ -156,10 +157,21 @@ class PredictingPresenter(AnsweringPresenter):
     def errors(self) -> tuple[float, Array, Array]:
         """Return the errors on unseen motion: ε_RA of all joints, of each, and its rms, (n,)."""
 
+    def noise(self) -> Array | None:
+        """Return the noise of each joint's torque in the band of the model, (n,) [N·m or N].
+
+        None where the logs are not at hand.
+        """
+        return None
+
     def warnings(self) -> tuple[str, ...]:
-        """Return the findings on the logs, and on one joint that errs far more than others."""
-        error, each, _ = self.errors()
-        return (*super().warnings(), *state_uneven(error, self.result.robot.joints, each))
+        """Return the findings on the logs, and on one joint that errs far more than others.
+
+        Nothing is wrong with a joint whose error is mainly noise of its torque.
+        """
+        error, each, rms = self.errors()
+        unexplained = np.where(is_noise(rms, self.noise()), np.nan, each)
+        return (*super().warnings(), *state_uneven(error, self.result.robot.joints, unexplained))
 
     def answer_error(self, more: str, **known: Any) -> Answer:
         """Return the error of the predictions; arguments as of `answer_quality`."""
@@ -168,7 +180,14 @@ class PredictingPresenter(AnsweringPresenter):
         pairs = zip(sizes.tolist(), robot.torque_units, strict=True)
         rms = [f"{format_number(size, 2)} {unit}" for size, unit in pairs]
         known["warnings"] = result.warnings
-        return answer_quality(error, robot.joints, each, rms, more, **known)
+        stated = answer_quality(error, robot.joints, each, rms, more, **known)
+        joint, worst = worst_joint(robot.joints, each)
+        if not (joint and errs_unevenly(error, worst)):
+            return stated
+        if not is_noise(sizes, self.noise())[robot.joints.index(joint)]:
+            return stated
+        noisy = sentence("quality", "noisy", joint=joint)
+        return replace(stated, short=f"{stated.short} {noisy}")
 
 
 def answer_quality(
@@ -238,6 +257,28 @@ def worst_joint(joints: Sequence[str], each: Array) -> tuple[str, float]:
         return "", math.nan
     worst = int(known[np.argmax(each[known])])
     return joints[worst], float(each[worst])
+
+
+def is_noise(rms: Array, noise: Array | None) -> Array:
+    """Return at which joints noise is at least half of the mean square error, (n,) bool.
+
+    Parameters
+    ----------
+    rms : (n,) [N·m or N]
+        Errors in the band of the model.
+    noise : (n,) [N·m or N] or None
+        White noise of the torque in that band; None where it is not known.
+    """
+    if noise is None:
+        return np.zeros(len(rms), bool)
+    mainly: Array = 2 * noise**2 >= rms**2
+    return mainly
+
+
+def torque_noise(samples: Sequence[Dataset]) -> Array:
+    """Return the noise of each joint's torque in the least noisy of some logs, (n,) [N·m or N]."""
+    least: Array = np.min([s.torque_noise for s in samples], axis=0)
+    return least
 
 
 def state_uneven(error: float, joints: Sequence[str], each: Array) -> list[Finding]:

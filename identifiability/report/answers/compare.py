@@ -38,6 +38,11 @@ class ComparisonPresenter(AnsweringPresenter):
 
     result: Comparison
 
+    brief = (
+        *("what", "place", "change", "low", "high", "unit"),
+        *("share", "torque", "torque_unit", "seen_from"),
+    )
+
     def answer(self) -> str:
         """Return the changes, in one sentence."""
         changes = self.result.changes
@@ -93,7 +98,7 @@ class ComparisonPresenter(AnsweringPresenter):
         rows = tuple(tuple(row[k] for k in shown) for row in table.rows)
         return replace(table, columns=columns, rows=rows), limits
 
-    def to_frame(self) -> pd.DataFrame:
+    def frame(self) -> pd.DataFrame:
         """Return one row a number: its change with interval, or the least that would be seen."""
         frame = frame_changes([p for c in self.result.changes for p in c.parts or (c,)])
         limits = [

@@ -34,6 +34,7 @@ from .common import (
     command,
     sentence,
     state_contradicted,
+    torque_noise,
 )
 from .compare import table_changes
 from .tables import make_table
@@ -55,6 +56,11 @@ class DiagnosisPresenter(PredictingPresenter):
 
     result: Diagnosis
 
+    brief = (
+        *("effect", "joint", "log_odds", "parameter", "value"),
+        *("error", "unit", "or", "before", "after"),
+    )
+
     def asked(self) -> tuple[Answer, ...]:
         """Return the missing effects, their share of the error, and the residual."""
         result = self.result
@@ -70,6 +76,11 @@ class DiagnosisPresenter(PredictingPresenter):
         """Return the errors of the model with the named effects on unseen motion."""
         error, rms = self.result.error_frame()[["after", "rms_after"]].to_numpy().T
         return self.result.held_after, error, rms
+
+    def noise(self) -> Array | None:
+        """Return the noise of each joint's torque; None where torque was computed."""
+        result = self.result
+        return None if result.commanded else torque_noise(result.validation or result.samples)
 
     def commands(self) -> list[Command]:
         """Return lines for the terminal, the most useful first."""
@@ -161,7 +172,7 @@ class DiagnosisPresenter(PredictingPresenter):
                 rows = name_estimates(p.rows, verdict=verdict, reason=reason, details=details)
                 yield from rows
 
-    def to_frame(self) -> pd.DataFrame:
+    def frame(self) -> pd.DataFrame:
         """Return one row for every named effect and place."""
         rows = []
         for e in self.result.effects:
@@ -245,7 +256,7 @@ def _answer_missing(d: Diagnosis) -> Answer:
     short = f"{_capital(join(named, NAMED))}." if named else sentence(about, "nothing")
     odds = max([e.odds for e in d.effects] + [c.odds for c in d.changes], default=0.0)
     unsure = odds < READING_RULES.log_odds and not d.interval[1] < 0
-    weak = unsure or not (d.included or d.changes)
+    weak = unsure or not (d.included or d.problem.left_out)
     if named and weak:
         short = sentence(about, "weak", names=short)
     tone = "grey" if weak else "vermilion"
@@ -256,7 +267,8 @@ def _state_search(d: Diagnosis) -> str:
     """Return the searched model, the omitted rows, and why no effect was named."""
     about, model = "diagnosis.missing", d.alternative.partition(":")[0]
     parts = [f"{model}."] if model else []
-    parts += [sentence(about, "changed", name=_capital(c.called)) for c in d.changes]
+    rows = "restored" if d.problem.restored else "changed"
+    parts += [sentence(about, rows, name=_capital(c.called)) for c in d.changes]
     if not d.effects:
         why = sentence(about, "none") if d.evidence else _state_untried(d)
         part, model = "fixed" if d.fixed else "fitted", d.known.words
@@ -338,7 +350,7 @@ def _state_size(e: NamedEffect) -> str:
 def _answer_gap(d: Diagnosis) -> Answer:
     """Return the error on unseen motion without and with the named effects."""
     about = "diagnosis.explained"
-    if not (d.included or d.changes):
+    if not (d.included or d.problem.left_out):
         text = sentence(about, "measured", verified=d.verified_on)
         text += sentence(about, "useless") if d.effects else ""
         return answer(about, "stays", text, error=d.held_before)

@@ -88,7 +88,7 @@ class ExcitationPresenter(AnsweringPresenter):
             parts.append(sentence(about, "assumed", names=limits.assumed))
         return " ".join(parts)
 
-    def to_frame(self) -> pd.DataFrame:
+    def frame(self) -> pd.DataFrame:
         """Return one row a joint: its range, speed, acceleration, and their limits."""
         _, q, v, a = self.result.motion
         limits = self.result.limits

@@ -42,6 +42,6 @@ class FirstAnswerPresenter(Presenter):
         """Return one row a joint."""
         return (make_table("first_answer", self.result.rows()),)
 
-    def to_frame(self) -> pd.DataFrame:
+    def frame(self) -> pd.DataFrame:
         """Return one row a joint."""
         return by_name(pd.DataFrame(self.result.rows()))

@@ -28,6 +28,14 @@ class InspectionPresenter(AnsweringPresenter):
 
     result: Inspection
 
+    @property
+    def brief(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Columns of a frame of logs without details."""
+        if not self.result.records:
+            return ()
+        measured = ("low", "high", "room", "torque_low", "torque_high", "bandwidth")
+        return ("log", "joint", "unit", "torque_unit", *measured)
+
     def asked(self) -> tuple[Answer, ...]:
         """Return whether logs can be used and their content, or the needs of the robot."""
         result = self.result
@@ -60,13 +68,13 @@ class InspectionPresenter(AnsweringPresenter):
         result = self.result
         if not result.records:
             return (joint_table(result),)
-        frame = result.to_frame()
+        frame = self.frame()
         motion = make_table("commanded" if "kp" in frame else "recorded", frame.itertuples())
         if len(result.records) == 1:
             motion = motion.without("log")
         return make_table("clock", map(_clock_row, result.records)), motion
 
-    def to_frame(self) -> pd.DataFrame:
+    def frame(self) -> pd.DataFrame:
         """Return one row a joint; with logs, one row a joint of each log."""
         result = self.result
         if not result.records:

@@ -25,6 +25,11 @@ class FleetPresenter(Presenter):
 
     result: Fleet
 
+    brief = (
+        *("robot", "held", "model", "parameters", "identifiable"),
+        *("error", "error_unseen", "missing", "warnings", "failed"),
+    )
+
     def heading(self) -> tuple[str, str, str]:
         """Return the title of the page, its kind, and its subject."""
         result = self.result
@@ -55,7 +60,7 @@ class FleetPresenter(Presenter):
         """Return one row a robot."""
         return (make_table("fleet", map(_robot_row, self.result.rows)),)
 
-    def to_frame(self) -> pd.DataFrame:
+    def frame(self) -> pd.DataFrame:
         """Return one row a robot; errors are fractions."""
         rows = self.result.rows
         frame = pd.DataFrame(rows)

@@ -69,7 +69,7 @@ class LoadPresenter(AnsweringPresenter):
         table = frame_table(shown, sentence("payload.tables", part))
         return (with_hints(table, "load"),)
 
-    def to_frame(self) -> pd.DataFrame:
+    def frame(self) -> pd.DataFrame:
         """Return one row a quantity; of a load that is known one row a joint: its gain."""
         result = self.result
         shown = result.quantities if result.known is None else result.gains

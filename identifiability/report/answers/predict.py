@@ -25,6 +25,10 @@ if TYPE_CHECKING:
     from identifiability.workflows.predict import PositionPrediction, TorquePrediction
 
 
+#: Columns of a sample without details.
+SAMPLED = ("tau", "predicted", "from", "to", "residual", "weight")
+
+
 class TorquePredictionPresenter(PredictingPresenter):
     """Answers of `predict` on torque."""
 
@@ -61,7 +65,20 @@ class TorquePredictionPresenter(PredictingPresenter):
         """Return one row a joint."""
         return (make_table("predicted", self.result.error_frame().itertuples()),)
 
-    def to_frame(self) -> pd.DataFrame:
+    def to_frame(self, *, details: bool = False) -> pd.DataFrame:
+        """Return one row a sample and joint; with `details`, one row a sample as files have it."""
+        if details:
+            return self.frame()
+        result, names = self.result.as_logged, np.array(self.result.logs)
+        each = []
+        for k, joint in enumerate(result.robot.joints):
+            samples = _list_samples(result, k)
+            about = {"log": names[result.log], "t": result.t, "joint": joint}
+            about["unit"] = result.robot.torque_units[k]
+            each.append(pd.DataFrame(about | {name: samples[name] for name in SAMPLED}))
+        return pd.concat(each, ignore_index=True)
+
+    def frame(self) -> pd.DataFrame:
         """Return one row a sample, in the columns of the logs."""
         result = self.result.as_logged
         columns: dict[str, Any] = {"log": np.array(result.logs)[result.log], "t": result.t}
@@ -153,7 +170,7 @@ class PositionPredictionPresenter(AnsweringPresenter):
         frame = 1e3 * self.result.to_frame().drop(columns="joint").rename_axis("joint")
         return (frame_table(frame, sentence("rollout.errors", "table")),)
 
-    def to_frame(self) -> pd.DataFrame:
+    def frame(self) -> pd.DataFrame:
         """Return one row a joint: the error of each robot [rad or m]."""
         frame = pd.DataFrame({"joint": list(self.result.robot.joints)})
         for run in self.result.runs:

@@ -2,30 +2,24 @@
 
 from __future__ import annotations
 
-import re
 import shlex
 from collections.abc import Sequence
 from dataclasses import replace
 
 from identifiability.foundation.answers import Answer
-
-#: Options of the command line that are switches.
-SWITCHES = ("quick", "forward", "posterior", "force", "patch")
-
-#: Settings and options that `Robot.load` takes, by the keyword.
-OF_ROBOT = ("sidecar", "map", "lock", "base", "time_unit", "angles")
-
-#: Settings of the preparation of logs.
-OF_PREPARATION = ("derivatives", "cutoff", "decimate")
-
-#: Options whose Python keyword has another name.
-KEYWORDS = {"parameter": "parameters", "format": "form"}
+from identifiability.foundation.wording import (
+    KEYWORDS,
+    OF_PREPARATION,
+    OF_ROBOT,
+    SWITCHES,
+    WRITERS,
+    quoted,
+)
 
 #: Options that name files, also where a name looks like a number.
 FILES = ("validate", "without", "start_from", "before", "after", "ladder", "limits", "model")
 
-#: Methods that write a file, by the option. `--out` depends on the verb.
-WRITERS = {"report": "write_report", "json": "to_json"}
+#: Method that writes the file of `--out`, by the verb.
 OUT = {"diagnose": "write_model", "prune": "write_model", "excite": "write_motion"}
 
 #: Variable that a verb's result gets.
@@ -111,7 +105,7 @@ def _robot(given: Sequence[str], options: dict[str, list[str]]) -> str:
 def _keywords(options: dict[str, list[str]], verb: str) -> list[str]:
     """Return the keywords of a call."""
     told = []
-    prepared = [f"{k}={_value(options[k][0])}" for k in OF_PREPARATION if k in options]
+    prepared = [f"{k}={quoted(options[k][0])}" for k in OF_PREPARATION if k in options]
     if prepared:
         told.append(f"preparation=Preparation({', '.join(prepared)})")
     apart = {*OF_ROBOT, *OF_PREPARATION, *WRITERS, "out", "next", "workers", "rate", "periods"}
@@ -119,7 +113,7 @@ def _keywords(options: dict[str, list[str]], verb: str) -> list[str]:
     for name, values in options.items():
         if name in apart:
             continue
-        value = _value(values[0]) if len(values) == 1 and name not in FILES else _files(values)
+        value = quoted(values[0]) if len(values) == 1 and name not in FILES else _files(values)
         told.append(f"{KEYWORDS.get(name, name)}={value}")
     if verb == "export" and "patch" in options:
         told.append("form='patch'")
@@ -132,7 +126,7 @@ def _writers(verb: str, result: str, options: dict[str, list[str]]) -> list[str]
     if verb in OUT:
         writers["out"] = OUT[verb]
     if verb in ("predict", "simulate"):
-        writers["out"] = "to_frame().to_csv"
+        writers["out"] = "write"
     names = [name for name in writers if name in options]
     return [f"{result}.{writers[name]}({options[name][0]!r})" for name in names]
 
@@ -142,11 +136,3 @@ def _files(names: Sequence[str]) -> str:
     if len(names) == 1:
         return repr(names[0])
     return repr(list(names)) if names else ""
-
-
-def _value(text: str) -> str:
-    """Return a value as Python writes it: a number, a truth value or a text."""
-    if text in ("True", "False"):
-        return text
-    number = re.fullmatch(r"-?\d+(\.\d+)?(e-?\d+)?", text)
-    return text if number else repr(text)

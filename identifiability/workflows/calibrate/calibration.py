@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-import pandas as pd
 
 from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import Engine, Serial
@@ -83,10 +82,6 @@ class Calibration(Result):
     def rows_by_name(self) -> Iterator[Row]:
         """Yield the coverage of each parameter's 95 % interval, a share with its own interval."""
         raise NotImplementedError
-
-    def to_frame(self) -> pd.DataFrame:
-        """Return one row a parameter, the worst first: coverage with its Monte-Carlo interval."""
-        return super().to_frame()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON."""

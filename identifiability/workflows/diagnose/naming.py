@@ -945,13 +945,17 @@ def without_outliers(problem: Problem, outliers: Outliers) -> Problem:
 def judge_all_rows(naming: Naming, problem: Problem) -> Naming:
     """Return a naming that is fitted to all rows of a problem, as in `analyze`.
 
-    The rows that were searched remain those of curves and residuals. Rows of a change stay out.
+    The rows that were searched remain those of curves and residuals.
     """
     searched = naming.problem
-    if searched.changes:
-        return naming
     excerpt = searched.excerpt or searched.samples
-    every = replace(searched, samples=problem.samples, excerpt=excerpt)
+    every = replace(
+        searched,
+        samples=problem.samples,
+        excerpt=excerpt,
+        columns=problem.columns,
+        restored=bool(searched.changes),
+    )
     return with_parts(replace(naming, problem=every), naming.parts)
 
 

@@ -26,8 +26,8 @@ from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.prepare import Dataset, Preparation
 from identifiability.logs.prepare.instruments import add_instrument
-from identifiability.physical.cad_prior import state_rows
-from identifiability.physical.feasibility import PhysicalResult
+from identifiability.physical.cad_prior import WEAK, state_rows
+from identifiability.physical.feasibility import PhysicalResult, choose_prior, find_nearest
 from identifiability.physical.fitted_model import FittedModel
 from identifiability.quality.hints import weigh_rows
 from identifiability.regression.information import Information, gather_information
@@ -35,7 +35,7 @@ from identifiability.regression.reduction import LadderEntry, Submodel, full_mod
 from identifiability.regression.regression import Regression
 from identifiability.regression.structure import OfStructure, Structure
 from identifiability.robot import Robot
-from identifiability.workflows.analyze.ladder import fit_with_robot, hold_folds
+from identifiability.workflows.analyze.ladder import hold_folds
 from identifiability.workflows.predict import Fit, Predicts, find_fit, read_fit
 
 
@@ -98,6 +98,9 @@ class Problem(OfStructure):
         Preparation of the logs, with one cut-off.
     changes : tuple of Change
         Changes in the middle of fitted logs. The time of each change was left out.
+    restored : bool
+        Whether its rows are fitted in spite of that, because unseen motion refutes the values
+        without them.
     commanded : bool
         Whether servos made the torque of commands.
     excerpt, unseen_excerpt : tuple of Dataset
@@ -122,6 +125,7 @@ class Problem(OfStructure):
     verified_on: str = ""
     preparation: Preparation = Preparation()
     changes: tuple[Any, ...] = ()
+    restored: bool = False
     commanded: bool = False
     excerpt: tuple[Dataset, ...] = ()
     unseen_excerpt: tuple[Dataset, ...] = ()
@@ -129,6 +133,11 @@ class Problem(OfStructure):
     recommended: Recommended | None = None
     ladder: LadderEntry | None = None
     columns: tuple[tuple[Structure, Regression], ...] = ()
+
+    @property
+    def left_out(self) -> tuple[Any, ...]:
+        """Changes whose rows are not fitted."""
+        return () if self.restored else self.changes
 
     def regression(
         self, structure: Structure, samples: tuple[Dataset, ...] | None = None
@@ -416,7 +425,7 @@ def nearest_robot(
     fit: Estimate,
     cad_weight: float | None = None,
 ) -> PhysicalResult:
-    """Return the physical robot nearest to a fit, and whether it predicts the logs equally well.
+    """Return the physical robot nearest to a fit.
 
     Parameters
     ----------
@@ -428,8 +437,11 @@ def nearest_robot(
         Weight of the robot file; by default parts of the logs choose it.
     """
     model = FittedModel(structure, full_model(structure.base), information, information, fit)
-    held_out, short = hold_folds(information, fit.estimator)
-    return fit_with_robot(model, held_out, cad_weight, choose=not short).robot
+    if cad_weight is None:
+        held_out, short = hold_folds(information, fit.estimator)
+        chosen = None if short else choose_prior(model, held_out)
+        cad_weight = WEAK if chosen is None else chosen.weight
+    return find_nearest(model, cad_weight)
 
 
 @frozen

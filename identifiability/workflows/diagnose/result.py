@@ -452,13 +452,6 @@ class Diagnosis(Result, Predicts):
         """Return in which combinations a standard parameter is."""
         return self.fit.explain_absence(name)
 
-    def to_frame(self) -> pd.DataFrame:
-        """Return one row for every named effect and place.
-
-        `before` and `after` are ε_RA on unseen motion without and with the whole effect.
-        """
-        return super().to_frame()
-
     @presented
     def error_frame(self) -> pd.DataFrame:
         """Return the errors of each joint on unseen motion before and after.
@@ -513,7 +506,7 @@ class Diagnosis(Result, Predicts):
             "verified": self.verified_on,
             "fitted": list(given_paths(self.samples)),
             "verified_logs": list(given_paths(self.validation)),
-            "left_out": [c.log for c in self.changes if c.whole],
+            "left_out": [c.log for c in self.problem.left_out if c.whole],
             "alternative": self.alternative,
         }
 

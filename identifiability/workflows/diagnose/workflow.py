@@ -560,10 +560,20 @@ def name_effects(
                 hint or f"{where} The search left these rows out. Check the robot and the log then."
             )
             found = _name_between_changes(without_outliers(problem, outliers), effects, run)
-            found = judge_all_rows(found, problem)
+            if not found.problem.changes:
+                found = judge_all_rows(found, problem)
     run.say("verifying", 0.9)
     found = take_loads(found, run.engine)
-    return replace(conclude(found, rng), hints=(hint,) if hint else ())
+    diagnosis = conclude(found, rng)
+    if refutes_omission(diagnosis):
+        # Without the rows of a change too little motion may be left.
+        diagnosis = conclude(judge_all_rows(found, problem), rng)
+    return replace(diagnosis, hints=(hint,) if hint else ())
+
+
+def refutes_omission(d: Diagnosis) -> bool:
+    """Whether unseen motion refutes the values without the rows of a change."""
+    return bool(d.problem.left_out) and not d.included and d.gap.surely_better(0, -1)
 
 
 def take_loads(naming: Naming, engine: Engine) -> Naming:
@@ -679,8 +689,7 @@ def verify_effects(naming: Naming, fits: Sequence[Array], plain: Recommended) ->
     """Return the effects that predict better on folds and that unseen motion does not refute.
 
     Folds of the fitted logs choose the effects, and unseen motion may refute them. The last effect
-    found is removed first, place by place. Unseen motion may also refute values without the rows of
-    a change.
+    found is removed first, place by place.
 
     Parameters
     ----------
@@ -693,17 +702,13 @@ def verify_effects(naming: Naming, fits: Sequence[Array], plain: Recommended) ->
     problem, count = naming.problem, len(naming.parts)
     for n in range(count, -1, -1):
         used = naming if n == count else with_parts(naming, naming.parts[:n])
-        best = used.best if n or problem.changes else plain
+        best = used.best if n or problem.left_out else plain
         last = naming.of(used.completed) @ best.base
         # The best values stand for the fit of all families.
         each = [*fits[: len(fits) - (0 < n == count)], last]
         gap = naming.predict_unseen(each)
         if not n or ((problem.fixed or used.predicts) and not gap.surely_better(0, -1)):
             break
-    if not n and problem.changes and gap.surely_better(0, -1):
-        # Without the rows of a change too little motion may be left: then all rows count.
-        best, last = plain, fits[0]
-        gap = naming.predict_unseen([*fits[:-1], last])
     before, after = naming.predict_fitted([fits[0], last]).relative_error().tolist()
     held = gap.relative_error().tolist()
     return Verified(

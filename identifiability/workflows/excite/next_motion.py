@@ -21,7 +21,7 @@ from identifiability.foundation.defaults import DEFAULTS
 from identifiability.foundation.engines import one_thread
 from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.findings import Finding
-from identifiability.foundation.linalg import TINY
+from identifiability.foundation.linalg import NEARLY, TINY
 from identifiability.foundation.names import Array
 from identifiability.foundation.options import Positive, Seed, at_least, checked, counted
 from identifiability.foundation.output import write_json
@@ -46,8 +46,6 @@ from .result import Excitation
 from .search import Series
 from .workflow import find_motion
 
-#: Similarity from which on two torques are the same one.
-SAME: Tolerance = 1.0 - 1e-6
 #: A motion is logged for the fewest periods, up to so many, that are as likely to decide.
 PERIODS = 32
 LIKELY: Tolerance = 0.95
@@ -215,7 +213,7 @@ class Bench:
         blocks = [G[np.ix_(a.own, a.own)] for a in asks]
         whole = np.array([a.values @ g @ a.values for a, g in zip(asks, blocks, strict=True)])
         left = self.aim.squares(G[None])[:, 0]
-        return np.reshape(left > (1.0 - SAME**2) * whole, (-1, 2))
+        return np.reshape(left > 2 * NEARLY * whole, (-1, 2))
 
     def chance(self, G: Array, told: np.ndarray) -> float:
         """Return the chance of a decision for the least sure of the separable rivals."""

@@ -15,7 +15,7 @@ from identifiability.foundation.errors import LogError, OutputError
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.options import Expected, FilePath, checked
 from identifiability.foundation.output import check_writable, csv_text, write_together
-from identifiability.foundation.presenter import presented
+from identifiability.foundation.presenter import present, presented
 from identifiability.foundation.quoting import for_toml, toml_key
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
@@ -67,10 +67,10 @@ class Study:
     notes: tuple[str, ...] = ()
 
     @property
-    @presented
     def next_line(self) -> str:
         """The first command to type."""
-        raise NotImplementedError
+        line: str = present(self, "next_line")
+        return line
 
     @property
     @presented

@@ -1,7 +1,5 @@
 """A diagnosis of numbers."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from scipy.linalg import block_diag, toeplitz
 from scipy.signal import lfilter
 
@@ -40,23 +42,23 @@ def test_autocovariances_are_those_of_the_recursion_written_out():
     """AR(2): φ1 = r1(1 − r2), φ2 = r2; γ0 = 1/((1 − r1²)(1 − r2²))."""
     r1, r2 = PACF
     phi = [r1 * (1 - r2), r2]
-    np.testing.assert_allclose(levinson(PACF)[0][2], phi)
+    assert_allclose(levinson(PACF)[0][2], phi)
     gamma = [1 / ((1 - r1**2) * (1 - r2**2))]
     gamma.append(r1 * gamma[0])
     for _ in range(4):
         gamma.append(phi[0] * gamma[-1] + phi[1] * gamma[-2])
-    np.testing.assert_allclose(autocovariance(PACF, 5), gamma)
+    assert_allclose(autocovariance(PACF, 5), gamma)
 
 
 def test_whitened_rows_have_unit_covariance():
     V = covariance(PACF, RUNS)
     A = whiten(np.eye(70), RUNS, PACF)
-    np.testing.assert_allclose(A @ V @ A.T, np.eye(70), atol=1e-10)
+    assert_allclose(A @ V @ A.T, np.eye(70), atol=1e-10)
 
 
 def test_the_restricted_likelihood_is_that_of_what_no_column_can_explain():
     """−2 log of the density of contrasts Kᵀy, σ profiled out, up to a constant [Harville 1977]."""
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     basis = np.linalg.qr(rng.standard_normal((70, 5)))[0]
     K = np.linalg.svd(basis, full_matrices=True)[0][:, 5:]
     y = np.cumsum(rng.standard_normal(70))
@@ -72,13 +74,13 @@ def test_the_restricted_likelihood_is_that_of_what_no_column_can_explain():
     points = [PACF, np.array([0.9, 0.1]), np.array([-0.5, 0.7])]
     found = [of(np.arctanh(p))[0] for p in points]
     wanted, sigmas = zip(*(exact(p) for p in points), strict=True)
-    np.testing.assert_allclose(np.diff(found), np.diff(wanted), rtol=1e-6)
+    assert_allclose(np.diff(found), np.diff(wanted), rtol=1e-6)
     sizes = [of(np.arctanh(p))[2] for p in points]
-    np.testing.assert_allclose(sizes, sigmas, rtol=1e-6)
+    assert_allclose(sizes, sigmas, rtol=1e-6)
     # Its slope is that of its differences.
     steps = 1e-5 * np.eye(2)
     ways = [(of(np.arctanh(PACF) + h)[0] - of(np.arctanh(PACF) - h)[0]) / 2e-5 for h in steps]
-    np.testing.assert_allclose(of(np.arctanh(PACF))[1], ways, rtol=1e-4)
+    assert_allclose(of(np.arctanh(PACF))[1], ways, rtol=1e-4)
     # Of white noise: the residual's variance.
     left = K.T @ y
     assert of(np.empty(0))[2] == pytest.approx(np.sqrt(left @ left / 65))
@@ -86,7 +88,7 @@ def test_the_restricted_likelihood_is_that_of_what_no_column_can_explain():
 
 @pytest.mark.parametrize("size", [0.0, 1e-12, 1.0, 1e9])
 def test_rounding_has_no_order(size):
-    rng, t = np.random.default_rng(4), np.linspace(0, 1, 300)
+    rng, t = default_rng(4), np.linspace(0, 1, 300)
     basis = np.linalg.qr(np.sin(np.outer(t, 2 * np.arange(1, 9)) + rng.uniform(0, 6, 8)))[0]
     y = size * basis @ rng.standard_normal(8)
     problem = RestrictedLikelihood(y, basis, [(0, 100), (105, 300)])
@@ -96,12 +98,12 @@ def test_rounding_has_no_order(size):
 
 
 def test_the_order_and_the_coefficients_of_a_long_series_are_found():
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     n = 6000
     x = lfilter([2.0], [1, -levinson(PACF)[0][2][0], -levinson(PACF)[0][2][1]],
                 rng.standard_normal(n + 200))[200:]  # fmt: skip
     noise = fit_residual_noise(x[:, None], np.ones((n, 1, 1)), JointRuns((((0, n),),)))
-    np.testing.assert_allclose(noise[0].pacf, PACF[:2], atol=0.03)
+    assert_allclose(noise[0].pacf, PACF[:2], atol=0.03)
     plain = fit_residual_noise(
         rng.standard_normal((n, 1)), np.ones((n, 1, 1)), JointRuns((((0, n),),))
     )
@@ -118,7 +120,7 @@ def test_slow_drifts_are_held_to_the_slowest_noise_that_there_is():
 @pytest.mark.parametrize("samples", [50, 426])
 def test_what_columns_span_is_orthonormal_however_alike_they_are(samples):
     """And directions below what is told from rounding are left to the noise."""
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     four = rng.standard_normal((samples, 4))
     alike = four @ rng.standard_normal((4, 66))
     noisy = alike + 1e-6 * rng.standard_normal(alike.shape)
@@ -126,6 +128,6 @@ def test_what_columns_span_is_orthonormal_however_alike_they_are(samples):
         np.hstack([four[:, :1], noisy, rng.standard_normal((samples, 5))]), int(0.45 * samples)
     )
     assert basis.shape[1] == 9
-    np.testing.assert_allclose(basis.T @ basis, np.eye(9), atol=1e-8)
-    np.testing.assert_allclose(basis @ (basis.T @ alike), alike, atol=1e-4)
+    assert_allclose(basis.T @ basis, np.eye(9), atol=1e-8)
+    assert_allclose(basis @ (basis.T @ alike), alike, atol=1e-4)
     assert span_columns(rng.standard_normal((samples, samples)), 27).shape[1] == 27

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
-from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.logs import Log
-from identifiability.logs.prepare import Dataset
+from identifiability import Dataset, IdentifiabilityError, Log
 from identifiability.logs.prepare.excerpt import thin
 from identifiability.logs.signals import Decimation
 from identifiability.quality.recordings import Recordings
@@ -74,7 +73,7 @@ def test_long_logs_are_looked_at_in_even_stretches(two):
             assert len(starts) == 10
             length = 300 * 4 + 2 * d.reach
             first = found.motion.kept[starts]
-            np.testing.assert_allclose(first, np.linspace(0, n - length, 10), atol=8)
+            assert_allclose(first, np.linspace(0, n - length, 10), atol=8)
         assert "10 stretches of 300 samples" in found.notes[-1]
 
 

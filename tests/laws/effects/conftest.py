@@ -1,14 +1,12 @@
 """Tiny robots whose equations of motion are written out by hand, and a motion with a gap."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from identifiability.regression.regression import Model
-from identifiability.robot import Robot, complete_motion
+from identifiability import Model, Robot
+from identifiability.robot import complete_motion
 
 G = 9.81
 
@@ -73,7 +71,7 @@ GEAR = """
 def make(tmp_path_factory):
     """A function (MJCF text, sidecar text) -> Robot."""
 
-    def build(text: str, sidecar: str = "") -> Robot:
+    def build(text, sidecar=""):
         path = tmp_path_factory.mktemp("tiny") / "tiny.xml"
         path.write_text(text)
         path.with_suffix(".toml").write_text(sidecar)

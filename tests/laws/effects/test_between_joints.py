@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
+from identifiability import IdentifiabilityError, Model, Robot
 from identifiability.effects.measurement import nominal_torque
-from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.regression.regression import Model
-from identifiability.robot import Robot
 
 T = np.linspace(0, 2.5, 80)
 
@@ -23,7 +22,7 @@ def test_a_leak_is_the_torque_or_the_speed_of_the_other_joint(polar, move, colum
             (f"lift.{kind}_reach", units[0]), (f"reach.{kind}_lift", units[1]),
         ]  # fmt: skip
         for k, (_, column) in enumerate(found.values()):
-            np.testing.assert_allclose(column[:, k], source[:, 1 - k])
+            assert_allclose(column[:, k], source[:, 1 - k])
             assert not column[:, 1 - k].any()
 
 
@@ -46,7 +45,7 @@ def test_a_scale_is_a_share_of_the_joints_own_torque(polar, move, columns):
     for k, joint in enumerate(("lift", "reach")):
         unit, column = found[f"{joint}.scale"]
         assert unit == "1"
-        np.testing.assert_allclose(column[:, k], tau[:, k])
+        assert_allclose(column[:, k], tau[:, k])
         assert not column[:, 1 - k].any()
 
 
@@ -55,6 +54,6 @@ def test_a_clock_that_is_wrong_is_a_delay_that_cannot_be(polar, move):
     m = move(polar, T)
     models = Model.of("time_delay"), Model.of("clock_error")
     W, V = (model.regressor(polar, m) for model in models)
-    np.testing.assert_array_equal(W, -V)
+    assert_array_equal(W, -V)
     every = [p for model in models for p in model.parameters(polar)]
     assert [(p.kind, p.nonnegative) for p in every] == [("delay", True)] * 2 + [("lead", True)] * 2

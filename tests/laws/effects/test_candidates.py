@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
+from identifiability import Dataset, Model
 from identifiability.effects import find_families
 from identifiability.effects.friction import REVERSALS
 from identifiability.estimation.groups import with_reversals
-from identifiability.logs.prepare import Dataset
 from identifiability.logs.signals import Decimation
 from identifiability.regression.columns import list_candidates
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 from identifiability.workflows.diagnose.problem import ResidualRows, know_file, know_nothing
 
@@ -28,10 +28,10 @@ def test_shapes_are_shares_of_the_rms_speed_and_fractions_of_the_range(polar, mo
     reach = [c for c in candidates if c.place == "reach"]
     speed = np.sqrt(np.mean(m.actuated_v[:, 1] ** 2))
     shapes = [c.shape for c in reach if c.family.name == "stribeck_friction"]
-    np.testing.assert_allclose(shapes, np.geomspace(0.04, 1.6, 16) * speed)
+    assert_allclose(shapes, np.geomspace(0.04, 1.6, 16) * speed)
     assert [c.effect.given for c in reach[:16]] == shapes
     periods = [c.shape for c in reach if c.family.name == "position_ripple"]
-    np.testing.assert_allclose(periods, np.ptp(m.actuated_q[:, 1]) / np.arange(2, 16.01, 0.5))
+    assert_allclose(periods, np.ptp(m.actuated_q[:, 1]) / np.arange(2, 16.01, 0.5))
     (spring,) = [c for c in reach if c.family.name == "joint_stiffness"]
     assert np.isnan(spring.shape)
     taken = [k for c in candidates for k in c.columns]
@@ -124,21 +124,21 @@ def test_rows_are_the_model_then_the_dictionary_log_by_log(polar, move):
     rows = ResidualRows.of(structure.regression(logs), know_nothing(structure))
     entries = rows.seen.entries(candidates)
     W = np.concatenate([model.regressor(polar, m) for m in parts])[:, :, structure.base.kept]
-    np.testing.assert_allclose(rows.seen.X, W, atol=1e-12)
+    assert_allclose(rows.seen.X, W, atol=1e-12)
     none = np.zeros(300)
     for c in candidates:
         (k,) = c.columns
         found = np.stack([entries.get((j, k), none) for j in range(2)], axis=1)
         at = [p.name for p in c.effect.parameters(polar)].index(f"{c.place}.{c.kinds[0]}")
         wanted = [Model((c.effect,)).regressor(polar, m)[:, :, at] for m in parts]
-        np.testing.assert_array_equal(found, np.concatenate(wanted))
-    np.testing.assert_array_equal(rows.measured, np.concatenate([s.tau for s in logs]))
+        assert_array_equal(found, np.concatenate(wanted))
+    assert_array_equal(rows.measured, np.concatenate([s.tau for s in logs]))
     assert rows.seen.log.tolist() == [0] * 120 + [1] * 180
     assert list(rows.seen.runs[0]) == [(0, 120), (120, 300)]
     # With the values of the robot file the model's torque is taken off, and no column is left.
     fixed = ResidualRows.of(structure.regression(logs), know_file(structure))
     left = rows.measured - W @ structure.nominal_base
-    np.testing.assert_allclose(fixed.seen.y, left, atol=1e-9)
+    assert_allclose(fixed.seen.y, left, atol=1e-9)
     assert fixed.seen.X.shape[2] == 0
 
 
@@ -154,6 +154,6 @@ def test_no_stretch_of_rows_reaches_across_a_gap(polar, move, factor):
     runs = rows.seen.runs[0]
     assert len(runs) == 4
     for a, b in runs:
-        np.testing.assert_allclose(np.diff(rows.seen.t[a:b]), 0.01 * factor)
-    np.testing.assert_allclose(rows.seen.t, np.tile(log.output_times(), 2))
+        assert_allclose(np.diff(rows.seen.t[a:b]), 0.01 * factor)
+    assert_allclose(rows.seen.t, np.tile(log.output_times(), 2))
     assert len(set(rows.seen.log[: runs[1][1]])) == 1

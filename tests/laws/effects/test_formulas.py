@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
-from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.regression.regression import Model
+from identifiability import IdentifiabilityError, Model
 
 G = 9.81
 T = np.linspace(0, 2.5, 60)
@@ -22,7 +22,7 @@ def check(found, expected):
     assert list(found) == list(expected)
     for name, (unit, column) in expected.items():
         assert found[name][0] == unit, name
-        np.testing.assert_allclose(found[name][1], column, rtol=1e-12, atol=1e-12, err_msg=name)
+        assert_allclose(found[name][1], column, rtol=1e-12, atol=1e-12, err_msg=name)
 
 
 def per_joint(kind, units, force):
@@ -98,15 +98,15 @@ def test_springs_and_rotors_of_passive_joints_are_felt_through_their_gears(
     swing, rise = -2 + 0.6 * q, 0.5 + 0.4 * q
     found = columns(robot, m, "joint_stiffness")
     assert list(found) == ["turn.K", "swing.K"]
-    np.testing.assert_allclose(found["turn.K"][1], q, atol=1e-12)  # home is zero
+    assert_allclose(found["turn.K"][1], q, atol=1e-12)  # home is zero
     stretched = 0.1 - 2 * q + 0.3 * q**2 - 0.2
-    np.testing.assert_allclose(found["swing.K"][1], swing * stretched, atol=1e-9)
+    assert_allclose(found["swing.K"][1], swing * stretched, atol=1e-9)
     found = columns(robot, m, "actuator_inertia")
     assert [(n, unit) for n, (unit, _) in found.items()] == [
         ("turn.Ia", "kg·m²"),
         ("rise.Ia", "kg"),
     ]
-    np.testing.assert_allclose(found["rise.Ia"][1], rise * (rise * a + 0.4 * v**2), atol=1e-9)
+    assert_allclose(found["rise.Ia"][1], rise * (rise * a + 0.4 * v**2), atol=1e-9)
 
 
 def test_ripple_starts_at_home_and_repeats_with_its_period(polar, move, columns):
@@ -135,7 +135,7 @@ def test_the_files_masses_give_the_torque_by_hand(polar, gear, pair, move, by_ha
         m = move(robot, T)
         W = Model.of("rigid_body").regressor(robot, m)
         phi = [robot.nominal[p.name] for p in Model.of("rigid_body").parameters(robot)]
-        np.testing.assert_allclose(W @ np.array(phi), torque(m), atol=1e-9)
+        assert_allclose(W @ np.array(phi), torque(m), atol=1e-9)
 
 
 def test_load_dependent_friction_is_a_share_of_the_rigid_torque(
@@ -192,9 +192,7 @@ def test_a_motor_that_mixes_joints_acts_along_its_own_coordinate(
     x, v, a = (m.actuated_q - home) @ MIXED, m.actuated_v @ MIXED, m.actuated_a @ MIXED
     found = columns(pair, m, effect)
     assert found[f"m2.{kind}"][0] == unit
-    np.testing.assert_allclose(
-        found[f"m2.{kind}"][1], np.outer(law(x, v, a), MIXED), rtol=1e-12, atol=1e-12
-    )
+    assert_allclose(found[f"m2.{kind}"][1], np.outer(law(x, v, a), MIXED), rtol=1e-12, atol=1e-12)
     # The motor that drives one joint alone is that joint, and has no columns of its own.
     assert {n.split(".")[0] for n in found} == {"a", "b", "m2"}
 
@@ -207,9 +205,7 @@ def test_the_load_of_a_mixing_motor_is_the_torque_that_it_alone_would_carry(
     unit, column = columns(pair, m, "load_dependent_friction")["m2.Fl"]
     carried = np.abs(load @ MIXED) / 5.0  # |row|² = 5: of row · f exactly f is carried
     assert unit == "1"
-    np.testing.assert_allclose(
-        column, np.outer(carried * np.sign(m.actuated_v @ MIXED), MIXED), atol=1e-12
-    )
+    assert_allclose(column, np.outer(carried * np.sign(m.actuated_v @ MIXED), MIXED), atol=1e-12)
 
 
 def test_offsets_and_delays_are_at_joints_and_not_at_mixing_motors(pair):
@@ -229,7 +225,7 @@ def test_an_effect_placed_at_some_joints_has_the_columns_that_it_has_there(polar
     names = [p.name for p in placed.parameters(polar)]
     assert names == ["reach.Rc", "lift.Rs", "lift.Rc", "lift.Rs", "lift.Rc"]
     expected = [(fine if k in (0, 3, 4) else coarse)[name][1] for k, name in enumerate(names)]
-    np.testing.assert_array_equal(placed.regressor(polar, m), np.stack(expected, axis=2))
+    assert_array_equal(placed.regressor(polar, m), np.stack(expected, axis=2))
     with pytest.raises(IdentifiabilityError, match=r"acts at lift, reach\."):
         Model.of("viscous_friction@rail").parameters(polar)
 
@@ -239,4 +235,4 @@ def test_the_columns_of_a_model_are_those_of_its_effects_side_by_side(polar, mov
     effects = "joint_stiffness", "rigid_body", "coulomb_asymmetry"
     alone = [Model.of(e).regressor(polar, m) for e in effects]
     W = Model.of(*effects).regressor(polar, m)
-    np.testing.assert_array_equal(W, np.concatenate(alone, axis=2))
+    assert_array_equal(W, np.concatenate(alone, axis=2))

@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
+from identifiability import Model, Robot
 from identifiability.effects import find_families
 from identifiability.effects.base import horizontal_axes
 from identifiability.effects.measurement import nominal_torque
 from identifiability.effects.nominal import reference_values
-from identifiability.regression.regression import Model
-from identifiability.robot import Robot, complete_motion
+from identifiability.robot import complete_motion
 from identifiability.robot.servo import Servo
 
 T = np.linspace(0, 2.5, 60)
@@ -39,7 +40,7 @@ def test_a_payload_is_another_body_fixed_to_the_last_one(make, tables, polar, mo
     assert found["sled.payload_mx"][0] == "kg·m"
     assert found["sled.payload_Iyz"][0] == "kg·m²"
     added = sum(found[f"sled.payload_{k}"][1] * x for k, x in values.items())
-    np.testing.assert_allclose(added, torque(loaded, move(loaded, T)) - torque(polar, m), atol=1e-7)
+    assert_allclose(added, torque(loaded, move(loaded, T)) - torque(polar, m), atol=1e-7)
 
 
 def test_every_body_that_carries_no_other_can_have_a_payload(pair, polar):
@@ -67,16 +68,16 @@ def test_a_tilt_turns_gravity_about_a_horizontal_axis_by_the_right_hand(polar, m
     }
     for name, g in turned.items():
         change = (torque(with_gravity(polar, g), m) - torque(polar, m)) / angle
-        np.testing.assert_allclose(found[name][1], change, atol=1e-4)
-    np.testing.assert_allclose(found["base.tilt1"][1], 0, atol=1e-9)  # out of the arm's plane
+        assert_allclose(found[name][1], change, atol=1e-4)
+    assert_allclose(found["base.tilt1"][1], 0, atol=1e-9)  # out of the arm's plane
 
 
 @pytest.mark.parametrize("down", [(0, 0, -9.81), (0, -9.81, 0), (3.0, -4.0, 1.0)])
 def test_a_tilt_has_two_axes_at_right_angles_to_gravity(down):
     first, second = horizontal_axes(np.array(down, float))
     up = -np.array(down) / np.linalg.norm(down)
-    np.testing.assert_allclose(np.cross(first, second), up, atol=1e-12)
-    np.testing.assert_allclose(np.cross(up, first), second, atol=1e-12)
+    assert_allclose(np.cross(first, second), up, atol=1e-12)
+    assert_allclose(np.cross(up, first), second, atol=1e-12)
 
 
 def test_without_gravity_nothing_tilts(polar):
@@ -95,7 +96,7 @@ def test_a_wrong_zero_is_the_torque_at_another_position(polar, move, columns):
             polar, m.t, m.actuated_q - b * np.eye(2)[k], m.actuated_v, m.actuated_a
         )
         change = (torque(polar, true) - torque(polar, m)) / b
-        np.testing.assert_allclose(column, change, atol=1e-4)
+        assert_allclose(column, change, atol=1e-4)
 
 
 def test_a_late_servo_makes_torque_of_the_commands_before(polar, by_hand, columns):
@@ -115,7 +116,7 @@ def test_a_late_servo_makes_torque_of_the_commands_before(polar, by_hand, column
 
     change = (kp * (command(t + late) - q) - kv * v - nominal_torque(robot, m)) / late
     both = sum(column for _, column in found.values())
-    np.testing.assert_allclose(both[5:-5], change[5:-5], rtol=1e-3, atol=1e-2)
+    assert_allclose(both[5:-5], change[5:-5], rtol=1e-3, atol=1e-2)
     assert not Model.of("command_delay").parameters(polar)
 
 
@@ -157,9 +158,7 @@ def test_a_delay_is_minus_the_slope_of_its_own_joints_torque(polar, by_hand, col
         unit, column = found[f"{joint}.delay"]
         assert unit == "s"
         assert not column[:, 1 - k].any()
-        np.testing.assert_allclose(
-            column[1:-1, k], -slope[1:-1, k], atol=1e-5 * np.abs(slope[:, k]).max()
-        )
+        assert_allclose(column[1:-1, k], -slope[1:-1, k], atol=1e-5 * np.abs(slope[:, k]).max())
 
 
 def test_a_delay_does_not_look_across_gaps(polar, by_hand):
@@ -169,10 +168,10 @@ def test_a_delay_does_not_look_across_gaps(polar, by_hand):
     W = Model.of("time_delay").regressor(polar, motion[rows])
     whole = Model.of("time_delay").regressor(polar, motion)
     inner = np.r_[1:10, 21:39]  # with both neighbours
-    np.testing.assert_allclose(W[np.searchsorted(rows, inner)], whole[inner], atol=1e-12)
+    assert_allclose(W[np.searchsorted(rows, inner)], whole[inner], atol=1e-12)
     for a, b in ((0, 11), (20, 40)):
         alone = Model.of("time_delay").regressor(polar, motion[np.arange(a, b)])
-        np.testing.assert_array_equal(W[np.isin(rows, np.arange(a, b))], alone)
+        assert_array_equal(W[np.isin(rows, np.arange(a, b))], alone)
     assert not W[np.isin(rows, [13, 14])].any()  # too few to have a slope
     for few in (1, 2):
         assert not Model.of("time_delay").regressor(polar, motion[np.arange(few)]).any()
@@ -180,18 +179,18 @@ def test_a_delay_does_not_look_across_gaps(polar, by_hand):
 
 def test_a_delay_differentiates_no_step_of_dry_friction(make, tables, polar, move):
     pair = polar, make(tables.POLAR.replace('frictionloss="1.3"', 'frictionloss="130"'))
-    np.testing.assert_array_equal(*(Model.of("time_delay").regressor(r, move(r, T)) for r in pair))
+    assert_array_equal(*(Model.of("time_delay").regressor(r, move(r, T)) for r in pair))
     scaled = replace(polar, reference={**polar.nominal, "lift.scale": 0.08})  # late and too large
     W, own = (Model.of("time_delay").regressor(r, move(r, T)) for r in (scaled, polar))
-    np.testing.assert_allclose(W, own * [1.08, 1.0], rtol=1e-9)
+    assert_allclose(W, own * [1.08, 1.0], rtol=1e-9)
 
 
 def test_the_delayed_torque_holds_the_files_springs(make, tables, polar, move):
     robot = make(tables.POLAR.replace('name="reach"', 'name="reach" stiffness="40" springref="1"'))
     m = move(robot, T)
     change = nominal_torque(robot, m) - nominal_torque(polar, m)
-    np.testing.assert_allclose(change[:, 0], 0.0, atol=1e-9)
-    np.testing.assert_allclose(change[:, 1], 40 * (m.actuated_q[:, 1] - 1.0), atol=1e-9)
+    assert_allclose(change[:, 0], 0.0, atol=1e-9)
+    assert_allclose(change[:, 1], 40 * (m.actuated_q[:, 1] - 1.0), atol=1e-9)
 
 
 def test_the_delayed_torque_holds_the_springs_of_a_fit(polar, move):
@@ -201,7 +200,7 @@ def test_the_delayed_torque_holds_the_springs_of_a_fit(polar, move):
         nominal_torque(replace(polar, reference=known | own), m)
         for own in ({}, {f"{joint}.k": 5.0, f"{joint}.kq0": 2.0})
     )
-    np.testing.assert_allclose((held - plain)[:, 0], 5.0 * m.actuated_q[:, 0] - 2.0, atol=1e-9)
+    assert_allclose((held - plain)[:, 0], 5.0 * m.actuated_q[:, 0] - 2.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("forward", [2.5, None])
@@ -216,4 +215,4 @@ def test_the_delayed_torque_has_a_level_for_each_direction_where_the_file_states
     dry = np.where(v[:, 0] > 0, levels[0], np.where(v[:, 0] < 0, -levels[1], 0.0))
     expected = by_hand.polar(m.t, m.actuated_q, v, m.actuated_a)[:, 0]
     expected = expected + dry + 0.7 * v[:, 0] + 0.11 * m.actuated_a[:, 0]
-    np.testing.assert_allclose(nominal_torque(robot, m)[:, 0], expected, atol=1e-9)
+    assert_allclose(nominal_torque(robot, m)[:, 0], expected, atol=1e-9)

@@ -4,9 +4,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
-from identifiability import Robot, simulate
-from identifiability.foundation.errors import IdentifiabilityError
+from identifiability import IdentifiabilityError, Noise, Robot, simulate
 from identifiability.simulation import shipped_trajectory
 from identifiability.simulation.forces import (
     HIDDEN,
@@ -19,7 +20,7 @@ from identifiability.simulation.forces import (
     stribeck,
 )
 from identifiability.simulation.mujoco_robot import RigidTorque
-from identifiability.simulation.simulator import Noise, ar1
+from identifiability.simulation.simulator import ar1
 
 T = np.linspace(0, 2.5, 400)
 HOME = np.array([0.3, -0.15])
@@ -70,7 +71,7 @@ def u(x):
 )
 def test_each_law_is_written_out_and_sized_by_its_joints_torque(polar, move, name, law):
     assert name in HIDDEN
-    load = np.random.default_rng(0).standard_normal((400, 2))
+    load = default_rng(0).standard_normal((400, 2))
     tau = load * [3.0, 50.0] + 1.0
     none = np.empty((400, 0))
     rigid = RigidTorque(
@@ -79,9 +80,9 @@ def test_each_law_is_written_out_and_sized_by_its_joints_torque(polar, move, nam
     force = law(move.dq, move.q - HOME, load)
     expected = 0.05 * force * rms(tau) / rms(force)
     found = hidden_torque(polar, move, rigid, tau, Hidden(name, 0.05))
-    np.testing.assert_allclose(found, expected, atol=1e-12)
+    assert_allclose(found, expected, atol=1e-12)
     only = hidden_torque(polar, move, rigid, tau, Hidden(name, 0.1, ("reach",)))
-    np.testing.assert_allclose(only, 2 * expected * [0, 1], atol=1e-12)
+    assert_allclose(only, 2 * expected * [0, 1], atol=1e-12)
     with pytest.raises(IdentifiabilityError, match="did you mean 'reach'"):
         hidden_torque(polar, move, rigid, tau, Hidden(name, 0.1, ("reech",)))
 
@@ -99,7 +100,7 @@ def test_a_late_a_leaking_and_a_drifting_sensor(polar, move):
     slope = np.r_[2 * T[:200], -np.ones(200)] * h  # a change a sample; none of the pause
     inner = np.r_[1:199, 200:400]  # on a straight line to its ends
     ratio = late[inner] / -slope[inner]
-    np.testing.assert_allclose(ratio, ratio[0], rtol=1e-6)
+    assert_allclose(ratio, ratio[0], rtol=1e-6)
     assert ratio[0] > 0  # later, not earlier
     since = np.r_[T[:200], T[200:] - T[200]]  # the time of each motion by itself
     warming = -np.exp(-(t - t[0]) / (0.5 * np.ptp(t)))
@@ -114,7 +115,7 @@ def test_a_late_a_leaking_and_a_drifting_sensor(polar, move):
         "thermal_drift": warming - warming.mean(),
     }.items():
         expected = 0.2 * force * rms(tau[:, 0]) / rms(force)
-        np.testing.assert_allclose(found(name, 0.2), expected, atol=1e-12)
+        assert_allclose(found(name, 0.2), expected, atol=1e-12)
 
 
 def test_presliding_and_play_follow_a_reversal():
@@ -123,8 +124,8 @@ def test_presliding_and_play_follow_a_reversal():
     v = np.gradient(x)
     z = HIDDEN["hysteresis"](v, x, x)
     way = np.minimum(x, 1.0)[:2001]
-    np.testing.assert_allclose(z[:2001], 1 - np.exp(-50 * way), atol=0.01)  # Dahl, from rest
-    np.testing.assert_allclose(z[2000:], 2 * np.exp(-50 * (1 - x[2000:])) - 1, atol=0.02)
+    assert_allclose(z[:2001], 1 - np.exp(-50 * way), atol=0.01)  # Dahl, from rest
+    assert_allclose(z[2000:], 2 * np.exp(-50 * (1 - x[2000:])) - 1, atol=0.02)
     load = np.full(4001, 3.0)
     lost = HIDDEN["backlash"](v, x, load)
     assert set(np.round(np.unique(lost), 12)) == {-3.0, 0.0}
@@ -141,7 +142,7 @@ def test_hidden_friction_of_passive_joints_is_dry_and_viscous_alike(gear, move):
     found = hidden_torque(gear, one, rigid, tau, Hidden("passive_joint_friction", 0.1, ("rise",)))
     force = np.sign(speed[:, 1]) + speed[:, 1] / rms(speed[:, 1])
     at_motor = -force * X[:, 1, 0]
-    np.testing.assert_allclose(found[:, 0], 0.1 * 7.0 * at_motor / rms(at_motor), rtol=1e-9)
+    assert_allclose(found[:, 0], 0.1 * 7.0 * at_motor / rms(at_motor), rtol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["gravity_tilt", "payload"])
@@ -162,7 +163,7 @@ def test_what_is_hidden_is_said_with_joints_and_share():
 
 def test_a_force_that_is_zero_stays_zero():
     assert not scaled(np.zeros(5), np.ones(5), 0.1).any()
-    np.testing.assert_allclose(scaled(np.array([3.0, -3.0]), np.array([4.0, 4.0]), 0.5), [2, -2])
+    assert_allclose(scaled(np.array([3.0, -3.0]), np.array([4.0, 4.0]), 0.5), [2, -2])
 
 
 def test_the_simulators_own_friction_has_a_level_for_each_direction():
@@ -171,36 +172,34 @@ def test_the_simulators_own_friction_has_a_level_for_each_direction():
     for more, expected in (({}, [-24, 0, 34]), ({"j.Fc+": 1.0}, [-24, 0, 31]),
                            ({"j.Fc-": 1.0}, [-21, 0, 34])):  # fmt: skip
         terms = JointTerms.of(values | more, "j", ("Ia",))
-        np.testing.assert_allclose(terms.friction(v), expected)
+        assert_allclose(terms.friction(v), expected)
     assert both_directions({"j.Fc": 4.0, "j.Fc-": 1.0}) == {
         "j.Fc": 4.0, "j.Fc+": 4.0, "j.Fc-": 1.0,
     }  # fmt: skip
-    np.testing.assert_allclose(stribeck(np.array([-0.2, 0.0, 0.2]), 3.0, 0.1, 2.0),
+    assert_allclose(stribeck(np.array([-0.2, 0.0, 0.2]), 3.0, 0.1, 2.0),
                                3 * np.exp(-4) * np.array([-1, 0, 1]))  # fmt: skip
 
 
 def test_simulated_noise_is_relative_on_motion_and_a_share_of_the_rms_on_torque():
     tau = np.array([3.0, -40.0]) * np.ones((200_000, 2))
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     assert np.std(Noise(motion=0.04).on_motion(tau, rng) / tau) == pytest.approx(0.04, rel=0.02)
     added = Noise(additive=0.1, correlation=0.6).on_torque(tau, rng) - tau
-    np.testing.assert_allclose(np.std(added, axis=0), [0.3, 4.0], rtol=0.02)
+    assert_allclose(np.std(added, axis=0), [0.3, 4.0], rtol=0.02)
     level = Noise(additive=0.1).on_torque(tau, rng, np.array([1.0, 1.0])) - tau
-    np.testing.assert_allclose(np.std(level, axis=0), [0.1, 0.1], rtol=0.02)
+    assert_allclose(np.std(level, axis=0), [0.1, 0.1], rtol=0.02)
     x = ar1((200_000,), 0.6, rng)
     for lag in (1, 2, 3):
         assert np.mean(x[lag:] * x[:-lag]) == pytest.approx(0.6**lag, abs=0.02)
     many = ar1((2, 50_000), 0.6, rng)  # stationary from the first sample
-    np.testing.assert_allclose(np.std(many, axis=1), 1.0, rtol=0.02)
-    np.testing.assert_allclose(Noise(encoder=0.1).on_encoder(np.array([0.14, -0.27])), [0.1, -0.3])
+    assert_allclose(np.std(many, axis=1), 1.0, rtol=0.02)
+    assert_allclose(Noise(encoder=0.1).on_encoder(np.array([0.14, -0.27])), [0.1, -0.3])
 
 
 def test_dry_friction_sticks_where_a_prescribed_motion_stands():
     terms = JointTerms(viscous=0.5, forward=2.0, backward=3.0, inertia=0.0, stiffness=0.0, offset=0)
     speed = np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, -1.0, 0.0, -2.0, 0.0, 0.0])
     found = terms.friction(speed) - 0.5 * speed
-    np.testing.assert_allclose(
-        found, [0, 1, 2, 2, 0.75, -0.5, -1.75, -3, 0, -3, -1.5, 0], atol=1e-12
-    )
+    assert_allclose(found, [0, 1, 2, 2, 0.75, -0.5, -1.75, -3, 0, -3, -1.5, 0], atol=1e-12)
     assert (found <= 2.0).all()
     assert (found >= -3.0).all()

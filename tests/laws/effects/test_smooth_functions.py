@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
+from identifiability import Model
 from identifiability.effects import FAMILIES
 from identifiability.effects.functions import splines, straight_beyond
 from identifiability.regression.columns import list_candidates
-from identifiability.regression.regression import Model
 
 T = np.linspace(0, 2.5, 400)
 
@@ -23,9 +24,9 @@ def test_splines_add_up_to_one_contain_every_parabola_and_return_to_zero(pieces)
     B = splines(u, pieces)
     assert B.shape == (101, pieces + 2)
     assert (B >= 0).all()
-    np.testing.assert_allclose(B.sum(1), 1.0)
+    assert_allclose(B.sum(1), 1.0)
     parabola = 0.3 - u + 2 * u**2
-    np.testing.assert_allclose(B @ np.linalg.lstsq(B, parabola, rcond=None)[0], parabola)
+    assert_allclose(B @ np.linalg.lstsq(B, parabola, rcond=None)[0], parabola)
     assert not splines(np.array([-9.0, 9.0]), pieces).any()
     assert 0 < splines(np.array([1.1]), pieces).sum() < 1
 
@@ -33,12 +34,12 @@ def test_splines_add_up_to_one_contain_every_parabola_and_return_to_zero(pieces)
 @pytest.mark.parametrize("pieces", [2, 4])
 def test_splines_that_go_straight_on_do_so_at_the_slope_of_their_ends(pieces):
     u = np.linspace(-1, 1, 101)
-    np.testing.assert_array_equal(straight_beyond(u, pieces), splines(u, pieces))
+    assert_array_equal(straight_beyond(u, pieces), splines(u, pieces))
     c = np.linalg.lstsq(splines(u, pieces), 0.3 - u + 2 * u**2, rcond=None)[0]
     far = np.array([-3.0, -1.5, 1.5, 4.0])
     tangent = np.where(far > 0, 1.3 + 3 * (far - 1), 3.3 - 5 * (far + 1))
-    np.testing.assert_allclose(straight_beyond(far, pieces) @ c, tangent)
-    np.testing.assert_allclose(straight_beyond(far, pieces).sum(1), 1.0)
+    assert_allclose(straight_beyond(far, pieces) @ c, tangent)
+    assert_allclose(straight_beyond(far, pieces).sum(1), 1.0)
 
 
 def spanned(columns, target):
@@ -50,7 +51,7 @@ def test_a_function_of_velocity_is_odd_or_even(polar, move):
     m = move(polar, T)
     model = function_of("velocity", 0.8)
     W, again = (model.regressor(polar, x) for x in (m, replace(m, v=-m.v)))
-    np.testing.assert_allclose(again[:, 0], W[:, 0] * np.repeat([-1.0, 1.0], [4, 3]), atol=1e-12)
+    assert_allclose(again[:, 0], W[:, 0] * np.repeat([-1.0, 1.0], [4, 3]), atol=1e-12)
 
 
 def test_each_function_is_one_of_what_its_name_says(polar, move, by_hand):
@@ -74,7 +75,7 @@ def test_each_function_is_one_of_what_its_name_says(polar, move, by_hand):
         assert W.shape[2] == count
         assert not W[:, 1].any()
         whole = W[:, 0, 4:] if count == 7 else W[:, 0, : 5 if count == 15 else 6]
-        np.testing.assert_allclose(whole.sum(1), 1.0)
+        assert_allclose(whole.sum(1), 1.0)
         assert spanned(W[:, 0], target) < 1e-9 * np.abs(target).max(), model
         assert spanned(W[:, 0], np.sin(40 * T)) > 0.5
 
@@ -120,11 +121,11 @@ def test_a_function_of_the_session_goes_on_from_log_to_log(polar, move):
         model.regressor(polar, replace(m, start=start))[:, 0] for start in (0.0, 10.0, 20.0)
     )
     assert first.shape[1] == 4
-    np.testing.assert_array_equal(first, model.regressor(polar, m)[:, 0])  # where none is known
+    assert_array_equal(first, model.regressor(polar, m)[:, 0])  # where none is known
     time = np.concatenate([m.t, 10.0 + m.t])
     c, left, *_ = np.linalg.lstsq(np.concatenate([first, last]), 3 - time, rcond=None)
     assert left < 1e-20
-    np.testing.assert_allclose(later @ c, 3 - (20.0 + m.t))
+    assert_allclose(later @ c, 3 - (20.0 + m.t))
 
 
 def test_a_model_with_a_function_has_its_constant_once():

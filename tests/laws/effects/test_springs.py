@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
+from identifiability import IdentifiabilityError, Model
 from identifiability.effects import find_family
 from identifiability.effects.effect import measure_spans
-from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.regression.columns import list_candidates
-from identifiability.regression.regression import Model
 from identifiability.robot.closure import known_torque
 from identifiability.robot.sidecar import KnownTorque
 
@@ -23,8 +23,8 @@ def test_a_free_spring_is_its_position_and_a_constant(polar, pair, move, columns
     }  # fmt: skip
     m, row = move(pair, T), np.array([2.0, -1.0])
     mixed = columns(pair, m, "free_spring")
-    np.testing.assert_allclose(mixed["m2.k"][1], np.outer(m.actuated_q @ row, row))
-    np.testing.assert_allclose(mixed["m2.kq0"][1], np.tile(-row, (len(m), 1)))
+    assert_allclose(mixed["m2.k"][1], np.outer(m.actuated_q @ row, row))
+    assert_allclose(mixed["m2.kq0"][1], np.tile(-row, (len(m), 1)))
 
 
 def test_a_gravity_spring_is_a_sine_about_what_turns(polar, gear, move, columns):
@@ -33,13 +33,13 @@ def test_a_gravity_spring_is_a_sine_about_what_turns(polar, gear, move, columns)
     assert list(found) == ["lift.ks", "lift.kc"]  # a slide has no angle
     k, rest = 7.0, 0.6
     torque = k * np.cos(rest) * found["lift.ks"][1] - k * np.sin(rest) * found["lift.kc"][1]
-    np.testing.assert_allclose(torque[:, 0], k * np.sin(m.actuated_q[:, 0] - rest))
+    assert_allclose(torque[:, 0], k * np.sin(m.actuated_q[:, 0] - rest))
     m = move(gear, T)
     turn = m.actuated_q[:, 0]
     swing, ratio = 0.1 - 2 * turn + 0.3 * turn**2, -2 + 0.6 * turn
     found = columns(gear, m, "gravity_spring")
     assert list(found) == ["turn.ks", "turn.kc", "swing.ks", "swing.kc"]
-    np.testing.assert_allclose(found["swing.kc"][1][:, 0], ratio * np.cos(swing), atol=1e-9)
+    assert_allclose(found["swing.kc"][1][:, 0], ratio * np.cos(swing), atol=1e-9)
 
 
 def test_a_constant_force_is_for_passive_joints_alone(gear):
@@ -58,7 +58,7 @@ def test_columns_are_what_a_known_torque_of_the_same_law_is(gear, move, joint):
     ):
         W = Model.of(f"{effect}@{joint}").regressor(gear, m)
         stated = known_torque(replace(gear, known_torque=(known,)), m)
-        np.testing.assert_allclose(W @ value, stated, atol=1e-12)
+        assert_allclose(W @ value, stated, atol=1e-12)
 
 
 def test_splines_add_up_to_one_and_contain_every_cubic(polar, move, columns):
@@ -67,13 +67,13 @@ def test_splines_add_up_to_one_and_contain_every_cubic(polar, move, columns):
     lift = np.stack([c[:, 0] for n, (_, c) in found.items() if n.startswith("lift.")], 1)
     # −1.5 … 2.1 about the home 0.3: knots from −8 · 0.25 to 8 · 0.25, three splines more than gaps.
     assert lift.shape[1] == 8 + 8 + 3
-    np.testing.assert_allclose(lift.sum(1), 1.0)
+    assert_allclose(lift.sum(1), 1.0)
     assert lift.min() >= 0
     assert (np.count_nonzero(lift, axis=1) <= 4).all()
     q = m.actuated_q[:, 0]
     curve = 1 - q + 3 * q**2 - 2 * q**3
     value = np.linalg.lstsq(lift, curve, rcond=None)[0]
-    np.testing.assert_allclose(lift @ value, curve, atol=1e-10)
+    assert_allclose(lift @ value, curve, atol=1e-10)
     assert not any(c[:, 1].any() for n, (_, c) in found.items() if n.startswith("lift."))
 
 
@@ -83,8 +83,8 @@ def test_beyond_the_limits_a_curve_goes_on_as_at_the_end(polar, move, columns):
     q = np.tile(m.actuated_q[:1], (4, 1))
     q[:, 0] = ends
     out = np.stack([c[:4, 0] for _, c in columns(polar, _at(m, q), effect).values()], 1)
-    np.testing.assert_allclose(out[2], out[1])
-    np.testing.assert_allclose(out[3], out[0])
+    assert_allclose(out[2], out[1])
+    assert_allclose(out[3], out[0])
     assert not np.allclose(out[0], out[1])
 
 
@@ -104,7 +104,7 @@ def test_shapes_are_distances_of_knots_and_only_reached_splines_are_tried(polar,
     candidates, _ = list_candidates(polar, [family], (), [m], fixed=False)
     lift = [c for c in candidates if c.place == "lift"]
     reach = np.ptp(m.actuated_q[:, 0])
-    np.testing.assert_allclose([c.shape for c in lift], [reach / k for k in (2, 3, 4, 6, 8, 12)])
+    assert_allclose([c.shape for c in lift], [reach / k for k in (2, 3, 4, 6, 8, 12)])
     for c in lift:
         W = Model((c.effect,)).regressor(polar, m)
         names = [p.name for p in c.effect.parameters(polar)]

@@ -3,16 +3,13 @@
 import numpy as np
 import pytest
 
-from identifiability import analyze, prune, simulate
+from identifiability import Log, Model, Robot, analyze, prune, simulate
 from identifiability.effects import FAMILIES, AlongAxes, Family, forget, register
 from identifiability.effects.vocabulary import stated_numbers, values_in_file
 from identifiability.foundation.names import INERTIAL_KINDS
-from identifiability.logs import Log
 from identifiability.physical.fitted_model import physical_set
 from identifiability.regression.columns import list_candidates
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot
 from identifiability.robot.description import name_numbers
 from identifiability.simulation import PrescribedMotion, shipped_trajectory
 

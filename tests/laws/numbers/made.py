@@ -1,16 +1,14 @@
 """Regressions, estimates and prediction errors made of numbers: no robot, no log."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.signal import lfilter
 
-from identifiability.estimation.estimator import Estimate, Estimator
+from identifiability import Estimate, Information
+from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.fit import Fit
-from identifiability.regression.information import Information
 
 
-def gather(W, tau, size: int = 8, logs=(), columns=()) -> Information:
+def gather(W, tau, size=8, logs=(), columns=()):
     """Return the information of a regressor (N, n, k) and torque (N, n).
 
     Blocks have `size` samples; `logs` are the numbers of samples of each log.
@@ -21,7 +19,7 @@ def gather(W, tau, size: int = 8, logs=(), columns=()) -> Information:
     return Information.of_rows(names, W, tau, log, size)
 
 
-def fit_of(value, sigma, determined=None, weights=(1.0,), rss=(100.0,), columns=()) -> Estimate:
+def fit_of(value, sigma, determined=None, weights=(1.0,), rss=(100.0,), columns=()):
     """Return an estimate with these values and white-noise standard deviations."""
     value, sigma = np.asarray(value, float), np.asarray(sigma, float)
     k = len(value)
@@ -44,7 +42,7 @@ def fit_of(value, sigma, determined=None, weights=(1.0,), rss=(100.0,), columns=
     )
 
 
-def fit_known(estimate, scores=None, *, noise=1.0, **terms) -> Fit:
+def fit_known(estimate, scores=None, *, noise=1.0, **terms):
     """Return what is known of an estimate, of columns of rms 3 and of so much of the residual."""
     k = len(estimate.columns)
     each = np.broadcast_to(noise, k).astype(float)
@@ -57,7 +55,7 @@ def score_of(held, fit, M=None):
     return held.score(held.refit(fit, M), held.roots(fit, M))
 
 
-def ar1(rng, rho: float, samples: int, columns: int = 1):
+def ar1(rng, rho, samples, columns=1):
     """Return first-order autoregressive noise of unit variance, (samples, columns)."""
     noise = rng.standard_normal((samples, columns))
     noise[1:] *= np.sqrt(1 - rho**2)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy import stats
 
 from identifiability.workflows.analyze.belief import believed_interval
@@ -18,5 +19,5 @@ def test_intervals_hold_the_truth_at_the_edge_of_the_possible_too(truth, signed)
     low, high = believed_interval(draws, np.full(1500, signed)).T
     held = np.mean((low <= truth) & (truth <= high))
     assert held == pytest.approx(0.977 if truth == 0 else 0.95, abs=0.025)
-    np.testing.assert_allclose(law.cdf(high) - law.cdf(low), 0.95, atol=2e-3)
+    assert_allclose(law.cdf(high) - law.cdf(low), 0.95, atol=2e-3)
     assert (high - low <= np.ptp(law.ppf([[0.025], [0.975]]), axis=0) + 1e-3).all()

@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from identifiability import Robot
 from identifiability.logs.prepare import instruments as closing
 from identifiability.logs.prepare.instruments import complete_along
-from identifiability.robot import Robot, complete_motion
+from identifiability.robot import complete_motion
 
 
 def test_where_a_loop_stays_open_the_measured_motion_stands(monkeypatch):

@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 
-from identifiability.estimation.estimate import estimate
+from identifiability import estimate
 
 from .made import gather
 
@@ -11,7 +13,7 @@ from .made import gather
 @pytest.fixture(scope="module")
 def rows():
     """Three columns, two actuators of which the second is ten times noisier."""
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     W = rng.normal(size=(160, 2, 3))
     return W, W @ [1.0, -2.0, 0.5] + rng.normal(size=(160, 2)) * [0.1, 1.0]
 
@@ -30,19 +32,19 @@ def test_actuators_are_weighted_by_their_own_residual_variance(rows):
     # Each of two actuators pays for half of three parameters.
     variance = (residual**2).sum(0) / (160 - 1.5)
     few = estimate(gather(*rows, size=40))  # of four blocks of time nobody knows what is slow
-    np.testing.assert_allclose(few.variance, variance, rtol=1e-9)
-    np.testing.assert_allclose(few.weights, variance.mean() / variance, rtol=1e-9)
+    assert_allclose(few.variance, variance, rtol=1e-9)
+    assert_allclose(few.weights, variance.mean() / variance, rtol=1e-9)
     density = fit.variance * fit.times
-    np.testing.assert_allclose(fit.weights, density.mean() / density, rtol=1e-9)
+    assert_allclose(fit.weights, density.mean() / density, rtol=1e-9)
     # Times that do not differ are one; of 20 blocks white noise's is known to 30 %.
     assert fit.times[0] == pytest.approx(fit.times[1])
     assert 1.0 <= fit.times[0] < 1.6
-    np.testing.assert_allclose(fit.variance, [0.01, 1.0], rtol=0.35)
+    assert_allclose(fit.variance, [0.01, 1.0], rtol=0.35)
     x, residual, flat = weighted(*rows, fit.weights)
-    np.testing.assert_allclose(fit.value, x, rtol=1e-9)
+    assert_allclose(fit.value, x, rtol=1e-9)
     sigma2 = residual @ residual / (320 - 3 * fit.times[0])
-    np.testing.assert_allclose(fit.covariance, sigma2 * np.linalg.inv(flat.T @ flat), rtol=1e-8)
-    np.testing.assert_allclose(fit.rss, ((rows[1] - rows[0] @ x) ** 2).sum(0), rtol=1e-9)
+    assert_allclose(fit.covariance, sigma2 * np.linalg.inv(flat.T @ flat), rtol=1e-8)
+    assert_allclose(fit.rss, ((rows[1] - rows[0] @ x) ** 2).sum(0), rtol=1e-9)
     assert abs(fit.value[0] - 1) < abs(plain.value[0] - 1)
 
 
@@ -62,9 +64,9 @@ def test_dependent_columns_are_dropped_and_have_no_variance_that_could_be_believ
     fit = estimate(gather(more, tau), "ols")
     alone = estimate(gather(W, tau), "ols")
     assert fit.kept == (0, 1, 2)
-    np.testing.assert_array_equal(fit.determined, [True, False, True, False, False])
-    np.testing.assert_allclose(fit.value, [*alone.value, 0, 0], rtol=1e-7)
-    np.testing.assert_allclose(fit.sigma[[0, 2]], alone.sigma[[0, 2]], rtol=1e-7)
+    assert_array_equal(fit.determined, [True, False, True, False, False])
+    assert_allclose(fit.value, [*alone.value, 0, 0], rtol=1e-7)
+    assert_allclose(fit.sigma[[0, 2]], alone.sigma[[0, 2]], rtol=1e-7)
     assert np.isinf(fit.sigma[[1, 3, 4]]).all()
     assert np.isinf(fit.sigma_percent[[1, 3, 4]]).all()
 
@@ -74,7 +76,7 @@ def test_a_column_that_enters_a_dropped_one_ever_so_little_is_not_told_apart(row
     W, tau = rows
     mixed = W[:, :, :1] + share * W[:, :, 1:2]
     fit = estimate(gather(np.concatenate([W, mixed], axis=2), tau), "ols")
-    np.testing.assert_array_equal(fit.determined, [False, False, True, False])
+    assert_array_equal(fit.determined, [False, False, True, False])
 
 
 def test_dependence_is_counted_in_columns_of_unit_length(rows):
@@ -82,12 +84,12 @@ def test_dependence_is_counted_in_columns_of_unit_length(rows):
     W = np.concatenate([W, 2 * W[:, :, :1] + 0 * W[:, :, 1:2], 0 * W[:, :, :1]], axis=2)
     W[:, :, 1] *= 1e3
     leans = estimate(gather(W, tau), "ols").open
-    np.testing.assert_allclose(leans, [[-1, 0], [0, 0], [0, 0], [1, 0], [0, 1]], atol=1e-7)
+    assert_allclose(leans, [[-1, 0], [0, 0], [0, 0], [1, 0], [0, 1]], atol=1e-7)
 
 
 def test_columns_that_lean_on_each_other_to_the_eighth_digit_count_as_one(rows):
     W, tau = rows
     for apart, count in ((1e-6, 4), (1e-9, 3)):
-        near = W[:, :, :1] + apart * np.random.default_rng(1).normal(size=(160, 2, 1))
+        near = W[:, :, :1] + apart * default_rng(1).normal(size=(160, 2, 1))
         fit = estimate(gather(np.concatenate([W, near], axis=2), tau), "ols")
         assert len(fit.kept) == count

@@ -1,11 +1,11 @@
 """An estimator is known by its name, and its loss is least at its values."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
-from identifiability.estimation.estimate import estimate, find_estimator
+from identifiability import estimate
+from identifiability.estimation.estimate import find_estimator
 from identifiability.foundation.options import OptionError
 
 from .made import gather
@@ -27,7 +27,7 @@ def test_a_wrong_name_lists_all():
 def test_the_loss_of_an_estimator_is_least_at_its_values(rows, method):
     fit = estimate(rows, method)
     F = fit.estimator.loss(rows, fit)
-    np.testing.assert_allclose(np.linalg.solve(F[:-1, :-1], F[:-1, -1]), fit.value, rtol=1e-8)
+    assert_allclose(np.linalg.solve(F[:-1, :-1], F[:-1, -1]), fit.value, rtol=1e-8)
 
 
 @pytest.mark.parametrize("method", ["ols", "wls"])
@@ -36,4 +36,4 @@ def test_what_a_fit_finds_of_columns_is_what_it_finds_of_their_torque(rows, meth
     fit = estimate(rows.reduce(M, "ab"), method)
     R = rows.factor(fit.weights)[:, :-1]
     expected = np.linalg.lstsq(R @ M, R, rcond=None)[0]
-    np.testing.assert_allclose(fit.estimator.project(rows, fit, M), expected, atol=1e-12)
+    assert_allclose(fit.estimator.project(rows, fit, M), expected, atol=1e-12)

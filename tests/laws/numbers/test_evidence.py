@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal, nct, t
 
-from identifiability.estimation.estimate import estimate
+from identifiability import IdentifiabilityError, estimate
 from identifiability.estimation.evidence import Evidence, Folds, Gain, HeldOut, Score, near_best
 from identifiability.estimation.noise import Noise
-from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.workflows.prune.elimination import weigh_models
 
 from .made import ar1, gather, score_of
@@ -18,7 +19,7 @@ WHITE = Noise(np.array([0.25, 4.0]), np.ones(2))
 
 
 def rows(seed=0, N=240, k=4, n=2):
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     W = rng.normal(size=(N, n, k))
     return W, W @ np.arange(1.0, k + 1) + rng.normal(size=(N, n)) * [0.5, 2.0]
 
@@ -48,9 +49,9 @@ def test_densities_are_those_of_the_normal_distribution_of_a_fold():
         noise = np.diag(np.tile(WHITE.variance, own.sum()))
         law = multivariate_normal(A @ value, noise + A @ covariance @ A.T)
         constant = -0.5 * np.linalg.slogdet(2 * np.pi * noise)[1]
-        np.testing.assert_allclose(found.density[f], law.logpdf(e) - constant, rtol=1e-7)
+        assert_allclose(found.density[f], law.logpdf(e) - constant, rtol=1e-7)
         left = (tau[own] - W[own] @ value) ** 2
-        np.testing.assert_allclose(found.squares[f], left.sum(0), rtol=1e-8)
+        assert_allclose(found.squares[f], left.sum(0), rtol=1e-8)
 
 
 def test_folds_leave_out_the_memory_on_both_sides_and_do_not_cross_logs():
@@ -91,7 +92,7 @@ def test_a_log_too_short_for_five_folds_is_refused_in_one_sentence(memory):
 @pytest.mark.parametrize("rho", [pytest.param(0.0, marks=pytest.mark.everything), 0.9])
 def test_of_models_that_are_equally_good_few_are_called_better_or_worse(rho):
     """Each has one column that acts and another that does not: they are exchangeable."""
-    rng, called, trials = np.random.default_rng(5), 0, 120
+    rng, called, trials = default_rng(5), 0, 120
     for _ in range(trials):
         W = np.stack([ar1(rng, 0.95, 300, 3) for _ in range(2)], 1)
         tau = W[:, :, 0] + ar1(rng, rho, 300, 2)
@@ -105,7 +106,7 @@ def test_of_models_that_are_equally_good_few_are_called_better_or_worse(rho):
 @pytest.mark.parametrize("off", [0.05, 0.1])
 def test_a_planted_gain_is_found_as_often_as_theory_says(off):
     """A value that is wrong by d costs d² Σx² ± 2 d σ √Σx²: the rest is Student's t."""
-    rng, trials, N = np.random.default_rng(2), 150, 1200
+    rng, trials, N = default_rng(2), 150, 1200
     W = rng.normal(size=(N, 1, 1))
     noise = Noise(np.ones(1), np.ones(1))
     found = 0
@@ -132,13 +133,13 @@ def test_nothing_depends_on_units_or_on_how_rows_are_cut_into_blocks_and_ordered
     plain = judged(W, tau, WHITE, 8)
     other = Noise(WHITE.variance * unit**2, WHITE.times)
     moved = judged(W * unit[:, None] * scale, tau * unit, other, 8)
-    np.testing.assert_allclose(moved, plain, rtol=1e-6)
-    np.testing.assert_allclose(judged(W, tau, WHITE, 4), plain, rtol=1e-6)
-    np.testing.assert_allclose(judged(W[order], tau[order], WHITE, 8), plain, rtol=1e-6)
+    assert_allclose(moved, plain, rtol=1e-6)
+    assert_allclose(judged(W, tau, WHITE, 4), plain, rtol=1e-6)
+    assert_allclose(judged(W[order], tau[order], WHITE, 8), plain, rtol=1e-6)
 
 
 def test_standard_errors_know_that_folds_share_data():
-    squares = np.random.default_rng(0).uniform(1, 2, (8, 1))
+    squares = default_rng(0).uniform(1, 2, (8, 1))
     plain, wide = (
         Evidence.of(
             *(Score(-x[:, 0], x, np.ones(1), r) for x in (squares, squares[::-1] + 1))
@@ -146,7 +147,7 @@ def test_standard_errors_know_that_folds_share_data():
         for r in (0.0, 1 / 7)
     )
     assert plain.value == wide.value
-    np.testing.assert_allclose(wide.se / plain.se, np.sqrt((1 / 8 + 1 / 7) / (1 / 8)))
+    assert_allclose(wide.se / plain.se, np.sqrt((1 / 8 + 1 / 7) / (1 / 8)))
 
 
 def test_one_fold_tells_nothing_and_what_errs_little_more_may_stand():
@@ -170,7 +171,7 @@ def test_models_within_two_nats_or_as_good_may_stand_for_the_best_and_equal_ones
     assert near(squares) == [True, True, True, False]
     # Of many samples ten nats are no error that anybody would see.
     light = np.array([squares[0], squares[0], squares[0] + 2.0])
-    squares[1:] = 6.0 * np.random.default_rng(0).normal(1.004, 0.004, (3, 10))
+    squares[1:] = 6.0 * default_rng(0).normal(1.004, 0.004, (3, 10))
     assert near(squares, 0.01) == [True, True, True, True]
-    weights = weigh_models(-0.5 * light, np.random.default_rng(0))
-    np.testing.assert_allclose(weights, [0.5, 0.5, 0.0], atol=1e-3)
+    weights = weigh_models(-0.5 * light, default_rng(0))
+    assert_allclose(weights, [0.5, 0.5, 0.0], atol=1e-3)

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 
 from identifiability.foundation.names import Parameter
 from identifiability.regression.structure import group_columns
@@ -17,16 +19,16 @@ def parameters(*kinds):
 
 def columns(*combinations):
     """Return columns that are combinations of independent ones."""
-    free = np.random.default_rng(0).normal(size=(50, len(combinations[0])))
+    free = default_rng(0).normal(size=(50, len(combinations[0])))
     return free @ np.array(combinations, float).T
 
 
 def test_a_group_is_the_kept_column_and_what_acts_like_it():
     W = columns([1, 0], [0, 1], [2, 0], [0, -3])
     base = group_columns(W, parameters("m", "mx", "Ixx", "my"))
-    np.testing.assert_array_equal(base.kept, [0, 1])
-    np.testing.assert_allclose(base.G, [[1, 0, 2, 0], [0, 1, 0, -3]], atol=1e-12)
-    np.testing.assert_allclose(W[:, base.kept] @ base.G, W, atol=1e-12)
+    assert_array_equal(base.kept, [0, 1])
+    assert_allclose(base.G, [[1, 0, 2, 0], [0, 1, 0, -3]], atol=1e-12)
+    assert_allclose(W[:, base.kept] @ base.G, W, atol=1e-12)
     assert base.labels == ("m(0) + 2·Ixx(2)", "mx(1) − 3·my(3)")
 
 
@@ -34,7 +36,7 @@ def test_the_users_preference_says_which_column_stands_for_a_group():
     W = columns([1, 0], [0, 1], [2, 0], [0, -3])
     base = group_columns(W, parameters("m", "mx", "Ixx", "my"), [3, 2, 1, 0])
     assert sorted(base.kept) == [2, 3]
-    np.testing.assert_allclose(W[:, base.kept] @ base.G, W, atol=1e-12)
+    assert_allclose(W[:, base.kept] @ base.G, W, atol=1e-12)
 
 
 def test_the_gap_is_the_last_singular_value_kept_and_the_first_dropped():
@@ -46,7 +48,7 @@ def test_the_gap_is_the_last_singular_value_kept_and_the_first_dropped():
     assert base.rank == 2
     assert kept == pytest.approx(s[1] / s[0], rel=1e-9)
     assert dropped < 1e-12
-    weak = W + [0, 0, 1e-9] * np.random.default_rng(1).normal(size=W.shape)
+    weak = W + [0, 0, 1e-9] * default_rng(1).normal(size=W.shape)
     kept, dropped = group_columns(weak, parameters("m", "mx", "my")).gap
     s = np.linalg.svd(weak / np.linalg.norm(weak, axis=0), compute_uv=False)
     assert dropped == pytest.approx(s[2] / s[0], rel=1e-3)
@@ -67,7 +69,7 @@ def test_the_gap_is_the_last_singular_value_kept_and_the_first_dropped():
 )
 def test_a_sum_of_what_cannot_be_negative_cannot_be_negative(second, kinds, forbidden):
     base = group_columns(columns([1.0], second), parameters(*kinds))
-    np.testing.assert_array_equal(base.nonnegative, [forbidden])
+    assert_array_equal(base.nonnegative, [forbidden])
 
 
 def test_what_never_acts_is_in_no_group():

@@ -1,6 +1,8 @@
 """A posterior of what a model leaves free: that of all parameters, given what it holds."""
 
 import numpy as np
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
 from identifiability.physical.fitted_model import Fixed, LeastSquares, PhysicalSet
 from identifiability.posterior.target import Prior, Target
@@ -10,7 +12,7 @@ FIXED = Fixed(np.array([[0, 1.0, 0, 0, 0], [0, 0, 2.0, 0, -2.0]]), np.array([0.7
 
 
 def target(nonnegative=(False,) * 5, variance=0.3):
-    rng = np.random.default_rng(4)
+    rng = default_rng(4)
     data = LeastSquares(rng.normal(size=(4, 5)), rng.normal(size=4), 9.0, 30.0)
     prior = Prior(rng.normal(size=5), rng.uniform(0.5, 2.0, 5))
     region = PhysicalSet(np.empty((0, 10), int), np.array(nonnegative))
@@ -27,27 +29,27 @@ def test_what_is_held_conditions_the_normal_of_data_and_prior():
     expected = mean + gain @ (FIXED.value - FIXED.rows @ mean)
     left = covariance - gain @ FIXED.rows @ covariance
     centre, sd = t.diagonal.conditional(np.array([t.variance]))
-    np.testing.assert_allclose(t.to_phi(centre[0]), expected, rtol=1e-9)
+    assert_allclose(t.to_phi(centre[0]), expected, rtol=1e-9)
     assert t.data.variance == t.variance
     for root in (t.basis * sd[0], t.root):
-        np.testing.assert_allclose(root @ root.T, left, atol=1e-12)
+        assert_allclose(root @ root.T, left, atol=1e-12)
 
 
 def test_coordinates_and_parameters_of_the_plane_are_one_to_one():
     t = target()
-    eta = np.random.default_rng(1).normal(size=(7, 3))
+    eta = default_rng(1).normal(size=(7, 3))
     phi = t.to_phi(eta)
-    np.testing.assert_allclose(phi @ FIXED.rows.T, np.broadcast_to(FIXED.value, (7, 2)), atol=1e-12)
-    np.testing.assert_allclose(t.to_eta(phi), eta, atol=1e-12)
+    assert_allclose(phi @ FIXED.rows.T, np.broadcast_to(FIXED.value, (7, 2)), atol=1e-12)
+    assert_allclose(t.to_eta(phi), eta, atol=1e-12)
 
 
 def test_directions_that_the_data_do_not_see_have_no_gain_and_take_no_residual():
     """Three parameters, two of whose combinations are seen in four rows."""
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     R, z = rng.normal(size=(4, 2)) @ [[1.0, 0.0, 2.0], [0.0, 1.0, -1.0]], rng.normal(size=4)
     region = PhysicalSet(np.empty((0, 10), int), np.zeros(3, bool))
     data, prior = LeastSquares(R, z, 7.0, 50.0), Prior(np.zeros(3), np.arange(1.0, 4.0))
     found = Target(data, prior, region).diagonal
     assert np.count_nonzero(found.gain) == 2
     outside = z - R @ np.linalg.lstsq(R, z, rcond=None)[0]
-    np.testing.assert_allclose(found.rss_min, 7.0 + outside @ outside)
+    assert_allclose(found.rss_min, 7.0 + outside @ outside)

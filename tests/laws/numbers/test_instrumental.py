@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 
-from identifiability.estimation.estimate import estimate
+from identifiability import Information, estimate
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.fit import bootstrap, scatter_scores, spread_of
 from identifiability.estimation.noise import Noise
-from identifiability.regression.information import Information
 from identifiability.workflows.prune.elimination import Refits
 
 TRUTH = np.array([1.0, -2.0, 0.5, 3.0])
@@ -38,7 +39,7 @@ def compress(V, W, tau, size=20):
 
 @pytest.fixture
 def rows():
-    return planted(np.random.default_rng(5))
+    return planted(default_rng(5))
 
 
 def weighted(fit, *arrays):
@@ -52,16 +53,16 @@ def test_strong_instruments_solve_their_own_equations(rows):
     V, W, tau = rows
     fit = KNOWN.fit(compress(*rows))
     Z, X, y = weighted(fit, V, W, tau)
-    np.testing.assert_allclose(fit.value, np.linalg.solve(Z.T @ X, Z.T @ y)[:, 0], rtol=1e-9)
+    assert_allclose(fit.value, np.linalg.solve(Z.T @ X, Z.T @ y)[:, 0], rtol=1e-9)
     assert not len(fit.bias)
     bread = np.linalg.inv(Z.T @ X)
     sigma2 = float(((y[:, 0] - X @ fit.value) ** 2).sum()) / fit.dof
-    np.testing.assert_allclose(fit.covariance, sigma2 * bread @ Z.T @ Z @ bread.T, rtol=1e-8)
+    assert_allclose(fit.covariance, sigma2 * bread @ Z.T @ Z @ bread.T, rtol=1e-8)
     # What instruments leave more than least squares is noise.
     squares = replace(KNOWN, instruments=False).fit(compress(*rows))
     more = fit.variance - squares.variance
     assert (more > 0.001 * squares.variance).all()
-    np.testing.assert_allclose(more, (fit.rss - squares.rss) / len(W), rtol=1e-6)
+    assert_allclose(more, (fit.rss - squares.rss) / len(W), rtol=1e-6)
 
 
 def test_without_instruments_it_is_least_squares(rows):
@@ -70,7 +71,7 @@ def test_without_instruments_it_is_least_squares(rows):
     fit = IV.fit(information)
     assert fit.bias is None
     assert fit.estimator.name == "wls"
-    np.testing.assert_array_equal(fit.value, estimate(information).value)
+    assert_array_equal(fit.value, estimate(information).value)
 
 
 def test_what_is_not_determined_has_no_variance(rows):
@@ -84,10 +85,10 @@ def test_what_is_not_determined_has_no_variance(rows):
 @pytest.mark.parametrize("idle", [False, True])
 @pytest.mark.parametrize("size", [3, 20])
 def test_refits_are_those_of_the_rows(idle, size):
-    V, W, tau = planted(np.random.default_rng(7), 240, idle=idle)
+    V, W, tau = planted(default_rng(7), 240, idle=idle)
     information = compress(V, W, tau, size)
     fit = IV.fit(information)
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     B = len(information.counts)
     counts = rng.multinomial(B, np.full(B, 1 / B), 4).astype(float)
     found = fit.estimator.refit(information, fit, counts)
@@ -99,23 +100,19 @@ def test_refits_are_those_of_the_rows(idle, size):
     for row, values in zip(counts, found, strict=True):
         w = np.repeat(np.repeat(row, size), 2)[:, None]
         direct = np.linalg.solve(T.T @ (w * X), T.T @ (w * y))[:, 0]
-        np.testing.assert_allclose(values, direct, rtol=1e-7)
-    np.testing.assert_allclose(
-        fit.estimator.refit(information, fit, np.ones((1, B)))[0], fit.value, rtol=1e-9
-    )
+        assert_allclose(values, direct, rtol=1e-7)
+    assert_allclose(fit.estimator.refit(information, fit, np.ones((1, B)))[0], fit.value, rtol=1e-9)
 
 
 @pytest.mark.parametrize("idle", [False, True])
 def test_the_loss_is_least_at_the_fit_and_measures_in_its_covariance(idle):
-    information = compress(*planted(np.random.default_rng(5), idle=idle))
+    information = compress(*planted(default_rng(5), idle=idle))
     fit = KNOWN.fit(information)
     F = fit.estimator.loss(information, fit)
     assert np.allclose(np.tril(F, -1), 0)
-    np.testing.assert_allclose(np.linalg.solve(F[:4, :4], F[:4, 4]), fit.value, rtol=1e-9)
+    assert_allclose(np.linalg.solve(F[:4, :4], F[:4, 4]), fit.value, rtol=1e-9)
     sigma2 = float(fit.weights @ fit.rss) / fit.dof
-    np.testing.assert_allclose(
-        sigma2 * np.linalg.inv(F[:4, :4].T @ F[:4, :4]), fit.covariance, rtol=1e-8
-    )
+    assert_allclose(sigma2 * np.linalg.inv(F[:4, :4].T @ F[:4, :4]), fit.covariance, rtol=1e-8)
     assert F[4, 4] ** 2 == pytest.approx(float(fit.weights @ fit.rss))
 
 
@@ -126,11 +123,11 @@ def test_moments_refit_without_some_blocks(rows):
     counts = np.ones((1, len(information.counts)))
     counts[0, ::5] = 0.0
     found = Refits.of(information, fit, R, counts)
-    np.testing.assert_allclose(found.grams[0], np.eye(4), atol=1e-9)
-    np.testing.assert_allclose(found.right[0] / R[4, 4], 0.0, atol=1e-9)
+    assert_allclose(found.grams[0], np.eye(4), atol=1e-9)
+    assert_allclose(found.right[0] / R[4, 4], 0.0, atol=1e-9)
     y = found.centre + np.linalg.solve(found.grams[1], found.right[1])
     direct = fit.estimator.refit(information, fit, counts)[0]
-    np.testing.assert_allclose(
+    assert_allclose(
         np.linalg.solve(R[:4, :4], y), direct, atol=0.02 * np.abs(direct - fit.value).max()
     )
 
@@ -146,7 +143,7 @@ def faint(rng, samples=400):
 def test_intervals_hold_what_weak_directions_leave_biased():
     trials, held = 40, []
     for seed in range(trials):
-        rows = planted(np.random.default_rng([seed, 17]), 400, idle=True)
+        rows = planted(default_rng([seed, 17]), 400, idle=True)
         fit = PLAIN.fit(compress(*rows))
         held.append(np.abs(fit.value - TRUTH) <= 1.96 * fit.sigma)
     assert np.mean(held, 0).min() > 0.95 - 4 * np.sqrt(0.95 * 0.05 / trials)
@@ -155,7 +152,7 @@ def test_intervals_hold_what_weak_directions_leave_biased():
 def test_intervals_hold_a_motion_that_is_half_noise():
     trials, held, short = 60, [], []
     for seed in range(trials):
-        rng = np.random.default_rng([seed, 13])
+        rng = default_rng([seed, 13])
         information = compress(*faint(rng), size=5)
         fit = IV.fit(information)
         drawn = spread_of(bootstrap(information, fit, rng, replicates=100))
@@ -170,7 +167,7 @@ def test_intervals_hold_a_motion_that_is_half_noise():
 def test_the_mean_of_many_estimates_is_the_truth_and_intervals_hold_it():
     trials, held, values, plain, means = 80, [], [], [], []
     for seed in range(trials):
-        rng = np.random.default_rng([seed, 11])
+        rng = default_rng([seed, 11])
         information = compress(*planted(rng, 240, 0.2), size=4)
         fit = IV.fit(information)
         scores = scatter_scores(information, fit, 1.0)
@@ -187,12 +184,12 @@ def test_the_mean_of_many_estimates_is_the_truth_and_intervals_hold_it():
     share = np.mean(held)
     assert abs(share - 0.95) < 4 * np.sqrt(0.95 * 0.05 / trials)
     for one in np.mean(means, 0):  # by formula, by scores, by resampling
-        np.testing.assert_allclose(one, error, rtol=4 / np.sqrt(2 * trials))
+        assert_allclose(one, error, rtol=4 / np.sqrt(2 * trials))
 
 
 def test_a_fold_that_does_not_determine_all_says_what_it_does():
     """A column that says nothing there has no weight, and ends in no traceback."""
-    rng = np.random.default_rng(8)
+    rng = default_rng(8)
     V = rng.standard_normal((300, 1, 3))
     W, tau = V + 0.1 * rng.standard_normal(V.shape), V @ np.array([1.0, 2.0, 3.0])
     fit = IV.fit(compress(V, W, tau))

@@ -4,9 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import t
 
-from identifiability.estimation.estimate import estimate, estimate_noise, find_estimator
+from identifiability import estimate
+from identifiability.estimation.estimate import estimate_noise, find_estimator
 from identifiability.estimation.estimator import measure_memory, weigh
 from identifiability.foundation.rounding import ENDS
 from identifiability.logs.spectrum import autocorrelation_time
@@ -33,19 +36,19 @@ def noise_of(rng, samples, *rho):
 @pytest.mark.parametrize("size", [pytest.param(3, marks=pytest.mark.everything), 20, 100])
 @pytest.mark.parametrize("logs", [(), (9000, 15_000)])
 def test_times_are_those_of_the_noise_whatever_the_blocks(size, logs):
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     W = slow_columns(rng, 24_000, 3)
     tau = W @ [1.0, 2.0, 3.0] + noise_of(rng, 24_000, 0.9, 0.0) * [3.0, 1.0]
     fit = estimate(gather(W, tau, size, logs))
-    np.testing.assert_allclose(fit.times, [SLOW, 1.0], rtol=0.25)
-    np.testing.assert_allclose(fit.variance, [9.0, 1.0], rtol=0.15)
-    np.testing.assert_allclose(fit.weights[1] / fit.weights[0], 9 * SLOW, rtol=0.3)
-    np.testing.assert_array_equal(estimate(gather(W, tau, size, logs), "ols").times, fit.times)
+    assert_allclose(fit.times, [SLOW, 1.0], rtol=0.25)
+    assert_allclose(fit.variance, [9.0, 1.0], rtol=0.15)
+    assert_allclose(fit.weights[1] / fit.weights[0], 9 * SLOW, rtol=0.3)
+    assert_array_equal(estimate(gather(W, tau, size, logs), "ols").times, fit.times)
 
 
 def test_what_the_columns_swallow_is_counted():
     """Of 750 samples 30 slow columns take the slow noise first: what is left seems to forget."""
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     seen, left, size = [], [], []
     for _ in range(30):
         W, noise = slow_columns(rng, 750, 30, 1), noise_of(rng, 750, 0.9)
@@ -60,7 +63,7 @@ def test_what_the_columns_swallow_is_counted():
 
 def test_slow_noise_of_one_actuator_is_not_taken_for_that_of_another():
     """All columns act at both; of large slow noise at the first they carry some to the second."""
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     times = []
     for _ in range(20):
         W, noise = slow_columns(rng, 750, 12), noise_of(rng, 750, 0.98, 0.0)
@@ -70,30 +73,30 @@ def test_slow_noise_of_one_actuator_is_not_taken_for_that_of_another():
 
 
 def test_what_rounding_left_remembers_nothing():
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     W = slow_columns(rng, 400, 3)
     fit = estimate(gather(W, W @ [1.0, 2.0, 3.0]))
-    np.testing.assert_array_equal(fit.times, 1.0)
+    assert_array_equal(fit.times, 1.0)
     noise = measure_memory(gather(W, W @ [1.0, 2.0, 3.0]), fit)
     assert np.isfinite(noise.variance).all()
-    np.testing.assert_array_equal(noise.times, 1.0)
+    assert_array_equal(noise.times, 1.0)
 
 
 def test_times_that_do_not_differ_are_one_and_leave_the_weights_to_the_variances():
-    rng = np.random.default_rng(7)
+    rng = default_rng(7)
     W = slow_columns(rng, 1500, 4, 3)
     same = W @ np.ones(4) + noise_of(rng, 1500, 0.8, 0.8, 0.8) * [1.0, 2.0, 3.0]
     apart = W @ np.ones(4) + noise_of(rng, 1500, 0.8, 0.0, 0.0) * [1.0, 2.0, 3.0]
     one, own = estimate(gather(W, same, 6)), estimate(gather(W, apart, 6))
     assert one.times[0] == pytest.approx(9.0, rel=0.4)
-    np.testing.assert_allclose(one.times, one.times[0], rtol=1e-12)
-    np.testing.assert_allclose(one.weights * one.variance, one.weights[0] * one.variance[0])
+    assert_allclose(one.times, one.times[0], rtol=1e-12)
+    assert_allclose(one.weights * one.variance, one.weights[0] * one.variance[0])
     assert own.times[0] > 5 > 2 > own.times[1:].max()
 
 
 def test_white_deviations_stay_those_of_independent_residuals():
     """Weights by memory are not those of white noise: the covariance is the sandwich's."""
-    rng = np.random.default_rng(4)
+    rng = default_rng(4)
     W = slow_columns(rng, 4000, 3)
     tau = W @ [1.0, 2.0, 3.0] + noise_of(rng, 4000, 0.95, 0.0) * [1.0, 2.0]
     fit = estimate(gather(W, tau))
@@ -101,15 +104,15 @@ def test_white_deviations_stay_those_of_independent_residuals():
     bread = np.linalg.inv(np.tensordot(fit.weights, G, 1))
     scale = fit.weights @ fit.rss / ((4000 / fit.times).sum() - 3)
     white = bread @ np.tensordot(scale * fit.weights / fit.times, G, 1) @ bread
-    np.testing.assert_allclose(fit.covariance, white, rtol=1e-8)
+    assert_allclose(fit.covariance, white, rtol=1e-8)
     meat = np.tensordot(fit.weights**2 * [1.0, 4.0], G, 1)
-    np.testing.assert_allclose(fit.sigma, np.sqrt(np.diag(bread @ meat @ bread)), rtol=0.1)
+    assert_allclose(fit.sigma, np.sqrt(np.diag(bread @ meat @ bread)), rtol=0.1)
 
 
 @pytest.mark.parametrize("rho", [(0.0, 0.0), (0.9, 0.9), (0.98, 0.0)])
 def test_the_posterior_covers_every_parameter_and_weights_do_no_harm(rho):
     """60 logs of 750 samples; limits are three Monte-Carlo errors below what the study finds."""
-    rng = np.random.default_rng(6)
+    rng = default_rng(6)
     W = slow_columns(rng, 750, 6)
     W[:, 0, :2] = W[:, 1, 2:4] = 0.0
     W[:, 0, 4] = 1.0  # an offset, which slow noise hurts most
@@ -135,7 +138,7 @@ def test_the_posterior_covers_every_parameter_and_weights_do_no_harm(rho):
 
 def test_a_model_that_leaves_a_constant_out_has_the_memory_of_the_whole_one():
     """What a model leaves out looks like noise that remembers for ever, and is none."""
-    rng = np.random.default_rng(5)
+    rng = default_rng(5)
     W = rng.normal(size=(400, 3, 5))
     W[:, :, 4] = [0.0, 0.0, 1.0]  # a constant torque at the last actuator
     tau = W @ [1.0, -1.0, 2.0, 0.5, 2.0] + rng.standard_normal((400, 3))
@@ -145,14 +148,14 @@ def test_a_model_that_leaves_a_constant_out_has_the_memory_of_the_whole_one():
     settled = estimate_noise(find_estimator("wls"), whole).fit(small)
     assert own.times[2] > 20  # the model by itself takes it for slow noise,
     assert own.weights[2] < 0.1 * own.weights[0]  # and does not fit that actuator any more
-    np.testing.assert_allclose(settled.times, 1.0, atol=0.8)
-    np.testing.assert_allclose(settled.variance, [1.0, 1.0, 1.0 + 2.0**2], rtol=0.3)
-    np.testing.assert_allclose(settled.weights[2] / settled.weights[0], 1 / 5, rtol=0.4)
+    assert_allclose(settled.times, 1.0, atol=0.8)
+    assert_allclose(settled.variance, [1.0, 1.0, 1.0 + 2.0**2], rtol=0.3)
+    assert_allclose(settled.weights[2] / settled.weights[0], 1 / 5, rtol=0.4)
 
 
 def test_an_actuator_that_a_model_cannot_explain_does_not_decide_what_others_need():
     """The quietest of three actuators has a torque that looks like what all three share."""
-    rng, off = np.random.default_rng(9), {"settled": [], "noise alone": [], "own": []}
+    rng, off = default_rng(9), {"settled": [], "noise alone": [], "own": []}
     for _ in range(40):
         W = rng.normal(size=(200, 3, 5))
         W[:, :2, 4] = 0.0
@@ -172,7 +175,7 @@ def test_an_actuator_that_a_model_cannot_explain_does_not_decide_what_others_nee
 
 
 def test_too_few_outputs_for_all_columns_say_nothing_of_the_noise():
-    rng = np.random.default_rng(7)
+    rng = default_rng(7)
     W = rng.normal(size=(30, 1, 12))
     whole = gather(W, W @ np.ones(12) + rng.standard_normal((30, 1)), 1)
     assert estimate_noise(find_estimator("wls"), whole).noise is None

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from scipy.stats import ttest_ind_from_stats
 
-from identifiability.estimation.estimate import estimate
+from identifiability import Information, Thresholds, estimate
 from identifiability.estimation.fit import ScoreScatter, _differ, compare_motions
-from identifiability.estimation.rules import Thresholds
-from identifiability.regression.information import Information
 
 from .made import ar1, fit_known, fit_of
 
@@ -31,7 +31,7 @@ def ask(information, time=TIME):
 
 def compare(values, seed, noise=0.5, rho=0.8, change=None, names=("j.a", "j.b", "j.c", "j.d")):
     """Return what logs with these values (L, 4) say, and the fit to all of them."""
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     W = [motion(rng) for _ in values]
     tau = [w @ x + noise * ar1(rng, rho, len(w), 2) for w, x in zip(W, values, strict=True)]
     W, log = np.concatenate(W), np.repeat(np.arange(len(values)), SAMPLES)
@@ -60,7 +60,7 @@ def test_logs_of_one_robot_are_seldom_said_to_differ_and_then_add_nothing(logs):
 def test_the_interval_holds_another_motions_values_where_motions_scatter():
     held, plain = [], []
     for seed in range(40):
-        rng = np.random.default_rng([8, seed])
+        rng = default_rng([8, seed])
         scatter = 0.25 * rng.standard_normal((5, 4)) * [1.0, 3.0, 0.5, 1.0]
         m, fit = compare(VALUES + scatter[:4], [9, seed], names=("a.x", "b.x", "c.x", "d.x"))
         sigma = np.sqrt(1.0 / (m.sd**-2.0).sum(0))
@@ -109,7 +109,7 @@ def test_one_log_short_logs_and_rounding_say_nothing():
     assert one is None
     exact, _ = compare(np.tile(VALUES, (2, 1)), 0, noise=0.0)
     assert exact is None
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     W = motion(rng, 80)[::8]
     log = np.repeat([0, 1], 5)
     tau = W @ VALUES + 0.1 * rng.standard_normal((10, 2))
@@ -121,12 +121,12 @@ def test_what_scatters_between_logs_is_in_the_robust_deviation():
     m, _ = compare(shifted(2, 1, [0, 0, 2.0, 0]), 0)
     own = np.full(4, 0.1)
     found = fit_known(fit_of(VALUES, own), ScoreScatter(own, 1, np.full(4, 1e9)), motions=m)
-    np.testing.assert_allclose(found.robust, np.hypot(own, m.between), rtol=1e-5)
+    assert_allclose(found.robust, np.hypot(own, m.between), rtol=1e-5)
     assert found.robust[2] > 0.9  # both values, two apart, are within 1.96 of it
 
 
 def test_a_log_of_fewer_rows_than_parameters_says_nothing():
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     W = np.concatenate([motion(rng), motion(rng), motion(rng)[:2]])
     log = np.repeat([0, 1, 2], [SAMPLES, SAMPLES, 2])  # four rows for four parameters
     tau = W @ VALUES + 0.5 * rng.normal(size=(len(W), 2))

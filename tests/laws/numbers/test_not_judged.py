@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
-from identifiability.estimation.estimate import estimate
+from identifiability import Thresholds, estimate
 from identifiability.estimation.fit import Fit, count_freedom, scatter_scores
 from identifiability.estimation.groups import LabelAlternatives
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
-from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import judge
 
 from .made import ar1, fit_known, fit_of, gather
@@ -17,7 +18,7 @@ from .made import ar1, fit_known, fit_of, gather
 
 def assess(samples, columns=4, *, rho=0.0, actuators=2, size=1, replicates=100, seed=0):
     """Return the estimate of a regression with noise of 1 %, and its uncertainty."""
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     W = rng.standard_normal((samples, actuators, columns))
     noise = 0.01 * ar1(rng, rho, samples, actuators)
     tau = W @ np.arange(1.0, columns + 1) + noise
@@ -46,7 +47,7 @@ def test_a_long_log_is_judged_unless_more_is_asked_of_it(least, judges):
 
 def test_a_direction_that_a_few_outputs_decide_is_not_judged_and_others_are():
     """The second column acts in two short stretches, the third in a fifth of the log."""
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     W = rng.standard_normal((600, 1, 3))
     W[:, 0, 1] *= (np.arange(600) % 300) < 8
     W[:, 0, 2] *= np.arange(600) < 120
@@ -63,7 +64,7 @@ def test_a_direction_that_a_few_outputs_decide_is_not_judged_and_others_are():
 
 def test_degrees_of_freedom_are_those_of_simulated_scatter():
     """Mean squared over half the variance of the sum of squares of what blocks do to values."""
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     W = rng.standard_normal((240, 1, 4)) * np.array([1, 1, 1, 1]) ** 2
     W[:, 0, 3] *= np.exp(-np.arange(240) / 40)
     squares = []
@@ -76,7 +77,7 @@ def test_degrees_of_freedom_are_those_of_simulated_scatter():
         squares.append((turned**2).sum(0) / np.diag(fit.covariance) ** 1)
     squares = np.array(squares)
     expected = 2 * squares.mean(0) ** 2 / squares.var(0)
-    np.testing.assert_allclose(count_freedom(information, fit), expected, rtol=0.25)
+    assert_allclose(count_freedom(information, fit), expected, rtol=0.25)
 
 
 def test_there_is_no_cliff_as_a_log_gets_shorter():
@@ -97,7 +98,7 @@ def test_without_a_bootstrap_verdicts_are_those_of_scores():
     _, drawn = assess(150)
     assert [v.reason for v in verdicts] == [v.reason for v in judged(fit, drawn)]
     assert np.isnan([v.sigma_bootstrap for v in verdicts]).all()
-    np.testing.assert_allclose([v.sigma_bootstrap for v in judged(fit, drawn)], drawn.bootstrap)
+    assert_allclose([v.sigma_bootstrap for v in judged(fit, drawn)], drawn.bootstrap)
 
 
 def test_a_log_of_few_memories_is_not_judged_with_a_bootstrap_or_without():
@@ -117,7 +118,7 @@ def test_values_that_no_verdict_stands_on_are_those_of_the_fit():
 @pytest.mark.parametrize("logs", [(20,), (43,), (20, 23), (17, 13, 13)])
 def test_short_logs_have_scores_as_long_as_there_are_rows_for_twelve_stretches(logs):
     """Stretches end with their log, so fewer of them fit than all samples would make."""
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     W = rng.standard_normal((sum(logs), 2, 3))
     tau = W @ np.ones(3) + ar1(rng, 0.8, sum(logs), 2)
     information = gather(W, tau, 1, logs)

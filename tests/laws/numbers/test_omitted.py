@@ -4,11 +4,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
+from identifiability import Thresholds
 from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.fit import LeftOut, ScoreScatter, body_scatter, find_left_out
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
-from identifiability.estimation.rules import Thresholds
 from identifiability.estimation.verdict import judge
 from identifiability.foundation.names import GROUPED_KINDS
 from identifiability.foundation.rounding import REACH
@@ -43,7 +45,7 @@ def submodel_of(kept, fixed=None):
 
 @pytest.fixture(scope="module")
 def motion():
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     return rng.normal(size=(400, 2, 12)) @ rng.normal(size=(12, 12))
 
 
@@ -58,28 +60,26 @@ def left_out(motion, nominal, submodel, tau=None):
 def test_bodies_scatter_by_mass_and_the_rms_distance_of_their_mass():
     scatter = body_scatter(structure_of(FILE))
     mass, second = 4.0, (2.0 + 1.5 + 1.1) / 2
-    np.testing.assert_allclose(scatter[9], ESTIMATION_RULES.body_share * mass)
-    np.testing.assert_allclose(
-        scatter[6:9], ESTIMATION_RULES.body_share * np.sqrt(mass * second)
-    )  # m r
-    np.testing.assert_allclose(scatter[:6], ESTIMATION_RULES.body_share * second)
+    assert_allclose(scatter[9], ESTIMATION_RULES.body_share * mass)
+    assert_allclose(scatter[6:9], ESTIMATION_RULES.body_share * np.sqrt(mass * second))  # m r
+    assert_allclose(scatter[:6], ESTIMATION_RULES.body_share * second)
     assert not scatter[10:].any()
 
 
 def test_what_the_fit_would_find_on_the_files_robot_is_what_it_finds_there(motion):
     found, fit = left_out(motion, FILE, submodel_of([0, 5, 9, 10]))
-    np.testing.assert_allclose(found.projected, fit.value, rtol=1e-8)
+    assert_allclose(found.projected, fit.value, rtol=1e-8)
 
 
 def test_sigma_is_the_rms_distance_of_noise_free_fits_from_their_labels(motion):
     kept = [0, 5, 9, 10]
-    submodel, rng = submodel_of(kept), np.random.default_rng(1)
+    submodel, rng = submodel_of(kept), default_rng(1)
     found, _ = left_out(motion, FILE, submodel)
     flat = motion.reshape(-1, 12)
     draws = FILE + body_scatter(structure_of(FILE)) * rng.standard_normal((4000, 12))
     fits = np.linalg.lstsq(flat[:, kept], flat @ draws.T, rcond=None)[0].T
     rms = np.sqrt(np.mean((fits - draws[:, kept]) ** 2, axis=0))
-    np.testing.assert_allclose(found.sigma, rms, rtol=0.06)  # 4 Monte-Carlo errors of an sd
+    assert_allclose(found.sigma, rms, rtol=0.06)  # 4 Monte-Carlo errors of an sd
 
 
 def test_nothing_left_out_nothing_added(motion):
@@ -92,7 +92,7 @@ def test_nothing_left_out_nothing_added(motion):
 def test_what_is_held_at_the_files_value_errs_by_its_scatter_alone(motion):
     fixed = np.where(np.isin(np.arange(12), [10, 11]), FILE, 0.0)
     found, _ = left_out(motion, FILE, submodel_of(range(10), fixed))
-    np.testing.assert_allclose(found.sigma, 0.0, atol=1e-9)  # friction does not scatter
+    assert_allclose(found.sigma, 0.0, atol=1e-9)  # friction does not scatter
 
 
 def test_a_file_without_inertias_says_that_nothing_is_known(motion):
@@ -104,7 +104,7 @@ def test_a_file_without_inertias_says_that_nothing_is_known(motion):
 
 
 def test_the_largest_of_what_a_number_stands_for_is_named():
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     W = rng.normal(size=(400, 1, 12))
     W[:, 0, 9] += 0.5 * W[:, 0, 0]  # a mass that moves with an inertia
     found, _ = left_out(W, FILE, submodel_of([0, *range(1, 9), 10, 11]))
@@ -134,8 +134,8 @@ def out(sigma, *, unknown=False, disputed=np.nan):
 def test_the_interval_of_the_label_and_the_verdict_know_what_is_left_out():
     sure = verdict_of(out(0.1))
     assert sure.verdict == "identifiable"
-    np.testing.assert_allclose(np.diff(sure.interval95), 2 * 1.96 * np.hypot(0.01, 0.1), rtol=1e-4)
-    np.testing.assert_allclose(np.diff(sure.data_interval95), 2 * 1.96 * 0.01, rtol=1e-4)
+    assert_allclose(np.diff(sure.interval95), 2 * 1.96 * np.hypot(0.01, 0.1), rtol=1e-4)
+    assert_allclose(np.diff(sure.data_interval95), 2 * 1.96 * 0.01, rtol=1e-4)
     assert "p + 0.5·q, known to ±1 %" in sure.reason
     assert (sure.terms["omitted"], sure.projected, sure.nominal) == (0.1, 1.05, 1.1)
     assert verdict_of(out(0.3)).verdict == "sign only"
@@ -150,7 +150,7 @@ def test_a_verdict_says_what_nobody_knows_and_what_the_unpruned_model_finds_inst
 
 
 def quiet(motion, seed=0, size=1e-6):
-    return size * np.random.default_rng(seed).standard_normal(motion.shape[:2])
+    return size * default_rng(seed).standard_normal(motion.shape[:2])
 
 
 def known_by_logs(motion, submodel, theta, noise, nominal=FILE):
@@ -179,8 +179,8 @@ def test_what_no_file_states_is_noticed_by_the_unpruned_model(motion, size):
     assert (reach >= (apart - own) * (1 - 1e-6)).all()
     told = np.isfinite(found.disputed)
     assert told.any()
-    np.testing.assert_allclose(reach[told], (apart - own)[told], rtol=1e-6)
-    np.testing.assert_allclose(found.disputed[told], label[told])
+    assert_allclose(reach[told], (apart - own)[told], rtol=1e-6)
+    assert_allclose(found.disputed[told], label[told])
 
 
 def test_a_label_that_the_unpruned_model_leaves_open_is_not_disputed(motion):
@@ -191,22 +191,22 @@ def test_a_label_that_the_unpruned_model_leaves_open_is_not_disputed(motion):
 
 
 def test_logs_that_tell_all_leave_the_distance_from_the_label_itself(motion):
-    kept, rng = [0, 5, 9, 10], np.random.default_rng(3)
+    kept, rng = [0, 5, 9, 10], default_rng(3)
     theta = FILE + body_scatter(structure_of(FILE)) * rng.standard_normal(12)
     found, fit = known_by_logs(motion, submodel_of(kept), theta, quiet(motion))
-    np.testing.assert_allclose(found.sigma, np.abs(fit.value - theta[kept]), rtol=1e-4)
+    assert_allclose(found.sigma, np.abs(fit.value - theta[kept]), rtol=1e-4)
 
 
 def test_logs_that_tell_nothing_leave_what_the_file_knows(motion):
     kept, noise = [0, 5, 9, 10, 11], quiet(motion, size=1e7)
     found, _ = known_by_logs(motion, submodel_of(kept), FILE, noise)
     alone, _ = left_out(motion, FILE, submodel_of(kept))
-    np.testing.assert_allclose(found.sigma, alone.sigma, rtol=1e-3)
+    assert_allclose(found.sigma, alone.sigma, rtol=1e-3)
 
 
 def test_sigma_is_the_rms_distance_whatever_the_noise_and_follows_the_robot():
     """Robots drawn as the file allows, logs of them with noise that leaves some things open."""
-    rng, kept, size = np.random.default_rng(4), [0, 5, 9, 10], 5.0
+    rng, kept, size = default_rng(4), [0, 5, 9, 10], 5.0
     W = rng.normal(size=(60, 2, 12)) @ rng.normal(size=(12, 12))
     submodel, P = submodel_of(kept), np.linalg.pinv(W.reshape(-1, 12)[:, kept])
     noise_variance = size**2 * (P**2).sum(1)

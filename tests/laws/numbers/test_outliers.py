@@ -4,11 +4,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
+from identifiability import Information
 from identifiability.estimation.estimate import find_estimator, weigh_outliers
 from identifiability.foundation.rounding import REACH
 from identifiability.quality.hints import weigh_rows
-from identifiability.regression.information import Information
 
 from .made import ar1
 
@@ -28,7 +29,7 @@ def rows(seed=0, rho=0.0):
     return W, W @ TRUTH + 0.05 * ar1(rng, rho, ROWS, 2)
 
 
-def gathered(W, tau, size=SIZE) -> Information:
+def gathered(W, tau, size=SIZE):
     return Information.of_rows(["a", "b", "c"], W, tau, np.repeat([0, 1], [400, 200]), size)
 
 
@@ -81,8 +82,8 @@ def test_one_actuator_is_weighed_down_where_it_lies_out_and_no_other():
     assert (found.beyond[:, 0] > 100).all()
     found_weights = weights(kept, W, tau)
     assert (found_weights[0, [100, 101]] < 0.01).all()
-    np.testing.assert_allclose(np.delete(found_weights[0], [100, 101]), 1.0)
-    np.testing.assert_allclose(found_weights[1], 1.0)
+    assert_allclose(np.delete(found_weights[0], [100, 101]), 1.0)
+    assert_allclose(found_weights[1], 1.0)
     assert found.moved[0] > REACH
     assert kept.samples == ROWS
 
@@ -93,14 +94,14 @@ def test_an_outlier_that_is_hidden_by_a_larger_one_is_found():
     tau[520:525, 1] += 3.0
     kept, _ = weigh_outliers(gathered(W, tau), WLS)
     assert weights(kept, W, tau)[1, 104] < 0.05
-    np.testing.assert_allclose(WLS.fit(kept).value, TRUTH, atol=0.02)
+    assert_allclose(WLS.fit(kept).value, TRUTH, atol=0.02)
 
 
 def test_what_is_too_much_of_the_logs_for_an_accident_decides_no_more_either():
     W, tau = rows()
     tau[440:520, 0] += 50.0 * W[440:520, 0, 0]
     kept, _ = weigh_outliers(gathered(W, tau), WLS)
-    np.testing.assert_allclose(WLS.fit(kept).value, TRUTH, atol=0.02)
+    assert_allclose(WLS.fit(kept).value, TRUTH, atol=0.02)
 
 
 def test_what_the_model_leaves_out_again_and_again_is_no_outlier():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from identifiability.physical.feasibility import certify
 from identifiability.physical.fitted_model import LeastSquares, PhysicalSet
@@ -38,8 +39,8 @@ def data_on(phi, sigma=1e-3):
 
 def test_the_matrix_of_points_is_the_integral_of_r_r():
     r = np.column_stack([PLACE, np.ones(4)])
-    np.testing.assert_allclose(to_matrix(body()), r.T @ (MASS[:, None] * r), atol=1e-15)
-    np.testing.assert_allclose(to_vector(to_matrix(body())), body(), atol=1e-15)
+    assert_allclose(to_matrix(body()), r.T @ (MASS[:, None] * r), atol=1e-15)
+    assert_allclose(to_vector(to_matrix(body())), body(), atol=1e-15)
 
 
 def test_the_natural_scale_is_mass_and_radius_of_gyration():
@@ -53,7 +54,7 @@ def test_the_margin_is_the_smallest_eigenvalue_of_the_dimensionless_matrix():
     root = np.sqrt(2.0) * np.array([0.1, 0.1, 0.1, 1.0])
     expected = np.linalg.eigvalsh(to_matrix(body()) / np.outer(root, root))[0]
     assert margin(body(), 2.0, 0.1) == pytest.approx(expected)
-    np.testing.assert_allclose(region(mass=2.0, length=0.1).margins(np.append(body(), 0)), expected)
+    assert_allclose(region(mass=2.0, length=0.1).margins(np.append(body(), 0)), expected)
 
 
 @pytest.mark.parametrize(
@@ -91,7 +92,7 @@ def test_a_body_that_cannot_exist_is_moved_to_the_edge_but_for_a_millionth():
     phi = np.append(body(), -0.5)
     phi[0] = 1.0
     found = project(data_on(phi), region(mass=2.0, length=0.1))
-    np.testing.assert_allclose(found.margins, 1e-6, rtol=0.1)
+    assert_allclose(found.margins, 1e-6, rtol=0.1)
     assert found.active == ("arm", "10 ≥ 0")
     assert found.phi[10] == pytest.approx(0.0, abs=1e-6)
     data = data_on(phi)
@@ -106,7 +107,7 @@ def test_the_margin_that_a_body_keeps_can_be_asked_for():
     phi[0] = 1.0
     for wanted in (1e-3, 0.1):
         found = project(data_on(phi), region(mass=2.0, length=0.1), margin=wanted)
-        np.testing.assert_allclose(found.margins, wanted, rtol=0.01)
+        assert_allclose(found.margins, wanted, rtol=0.01)
 
 
 def test_what_the_data_do_not_say_goes_to_the_reference():
@@ -114,7 +115,7 @@ def test_what_the_data_do_not_say_goes_to_the_reference():
     R = np.eye(11)[10:]
     data = LeastSquares(R=R, z=R @ (2 * phi), rss_min=1e-4, dof=100.0)
     found = Projection(region(mass=2.0, length=0.1), reference=phi).solve(data)
-    np.testing.assert_allclose(found.phi[:10], phi[:10], rtol=1e-5, atol=1e-7)
+    assert_allclose(found.phi[:10], phi[:10], rtol=1e-5, atol=1e-7)
     assert found.phi[10] == pytest.approx(1.0, rel=1e-3)
 
 
@@ -124,3 +125,5 @@ def test_the_residual_that_counts_as_one_is_the_noise_but_no_less_than_rounding(
     assert data.unit == 0.5
     assert LeastSquares(R=np.eye(2), z=data.z, rss_min=0.0, dof=1.0).unit == pytest.approx(5e-9)
     assert data.rss(np.array([3.0, 2.0])) == pytest.approx(4.0 + 4.0)
+    one = LeastSquares.of_normal(np.array([1e6]), np.eye(1), np.zeros((1, 0)))
+    assert one.unit == 1.0  # its rows count standard deviations

@@ -5,10 +5,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
-from identifiability import analyze
+from identifiability import Noise, Robot, analyze, prepare_log, simulate
 from identifiability.estimation.evidence import Score
-from identifiability.logs.prepare import prepare_log
 from identifiability.physical.cad_prior import CadPrior
 from identifiability.physical.feasibility import choose_prior
 from identifiability.physical.fitted_model import FittedModel, Fixed, LeastSquares, PhysicalSet
@@ -16,8 +17,7 @@ from identifiability.physical.project import Projection
 from identifiability.physical.pseudo_inertia import to_matrix
 from identifiability.regression.reduction import default_ladder, ladder_model
 from identifiability.regression.structure import Structure
-from identifiability.robot import Robot
-from identifiability.simulation import Noise, random_trajectory, simulate
+from identifiability.simulation import random_trajectory
 from identifiability.workflows.analyze.ladder import hold_folds
 
 BODY = np.array([0.2, 0.01, 0.0, 0.3, 0.02, 0.25, 0.3, 0.1, -0.2, 2.0])
@@ -30,14 +30,14 @@ REGION = PhysicalSet(
 FILE = np.r_[BODY, 0.5 * BODY, 0.4, 0.1]
 
 
-def problem(seed: int, rows: int) -> LeastSquares:
+def problem(seed, rows):
     """Data that see some combinations of two bodies and two levels of friction."""
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     R = rng.normal(size=(rows, 22))
     return LeastSquares(R, R @ (1.3 * FILE) + rng.normal(size=rows), 400.0, 400.0)
 
 
-def cost(data: LeastSquares, phi: np.ndarray, weight: float) -> float:
+def cost(data, phi, weight):
     """What the projection makes least, without its ridge."""
     J, J0 = (to_matrix(x[REGION.bodies]) for x in (phi, FILE))
     ratio = np.linalg.solve(J0, J)
@@ -55,8 +55,8 @@ def test_newton_keeps_what_is_held_and_stops_friction_at_zero(monkeypatch):
     pushed = LeastSquares(np.eye(22)[20:], np.array([-3.0, 2.0]), 1.0, 1.0)
     stopped = Projection(REGION, prior=CadPrior(FILE, 1.0)).solve(pushed)
     assert 0 <= stopped.phi[20] < 1e-7
-    np.testing.assert_allclose(stopped.phi[20:], [0.0, 2.0], atol=1e-4)
-    np.testing.assert_allclose(stopped.phi[:20], FILE[:20], rtol=1e-4, atol=1e-5)
+    assert_allclose(stopped.phi[20:], [0.0, 2.0], atol=1e-4)
+    assert_allclose(stopped.phi[:20], FILE[:20], rtol=1e-4, atol=1e-5)
 
 
 def test_a_path_of_priors_passes_each_ones_optimum():
@@ -83,9 +83,9 @@ def logs_of(robot, seeds, samples=300):
     return [
         simulate(
             robot,
-            random_trajectory(robot, np.random.default_rng(seed), samples=samples),
+            random_trajectory(robot, default_rng(seed), samples=samples),
             noise=Noise(torque=0.05),
-            rng=np.random.default_rng(100 + seed),
+            rng=default_rng(100 + seed),
         )
         for seed in seeds
     ]
@@ -125,7 +125,7 @@ def test_the_heaviest_prior_within_two_nats_is_taken_and_a_surely_better_fit_sta
     how = kept.estimate.estimator
     model = FittedModel.of(first.structure, kept.submodel, first.information, how)
     real, _ = hold_folds(first.information, how)
-    F, rng = real.folds.count, np.random.default_rng(2)
+    F, rng = real.folds.count, default_rng(2)
     squares = rng.uniform(0.9, 1.1, (F, 2))
 
     def score(total, times=1.0):
@@ -159,7 +159,7 @@ def plant(robot, at, noise):
     structure = Structure.of(robot, ladder_model(default_ladder(robot)))
     parts = structure.regression([prepare_log(robot, log)]).parts()
     rows = np.concatenate([chunk.W for part in parts for chunk in part.chunks()])
-    tau = rows @ at(structure) + noise * np.random.default_rng(3).normal(size=log.tau.shape)
+    tau = rows @ at(structure) + noise * default_rng(3).normal(size=log.tau.shape)
     return analyze(robot, replace(log, tau=tau), replicates=0).models[0]
 
 
@@ -191,4 +191,4 @@ def test_a_hundred_kinds_of_friction_do_not_keep_newton_from_its_end(monkeypatch
     data = LeastSquares(R, aim, 1e-2, 1.0)
     found = Projection(region, prior=CadPrior(np.r_[FILE[:20], np.zeros(many)], 1.0)).solve(data)
     assert found.accurate
-    np.testing.assert_allclose(found.phi[20:], np.maximum(aim[20:], 0.0), atol=1e-4)
+    assert_allclose(found.phi[20:], np.maximum(aim[20:], 0.0), atol=1e-4)

@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
-from identifiability.estimation.estimate import estimate
+from identifiability import Information, estimate
 from identifiability.estimation.estimator import Estimator
 from identifiability.estimation.evidence import HeldOut
-from identifiability.regression.information import Information
 from identifiability.workflows.prune.elimination import Remaining, whiten_regression
 from identifiability.workflows.prune.moves import Kind, Move
 
@@ -19,7 +20,7 @@ WEIGHTS = np.array([4.0, 0.25])
 
 @pytest.fixture(scope="module")
 def rows():
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     W = rng.normal(size=(320, 2, 3))
     W[:, 0, 0] = 0.0  # in a tree a joint does not feel every column
     return W, W @ [1.0, -2.0, 0.1] + rng.normal(size=(320, 2)) * [0.5, 2.0]
@@ -69,12 +70,12 @@ def test_densities_are_the_judges(rows, moves):
     M = matrix_of(fit.partition)
     own = estimate(information.reduce(M, [f"c{j}" for j in range(M.shape[1])]), "ols")
     expected = score_of(fixed, replace(own, weights=WEIGHTS), M)
-    np.testing.assert_allclose(fit.score.density, expected.density, rtol=1e-6)
-    np.testing.assert_allclose(fit.score.squares, expected.squares, rtol=1e-6)
+    assert_allclose(fit.score.density, expected.density, rtol=1e-6)
+    assert_allclose(fit.score.squares, expected.squares, rtol=1e-6)
 
 
 def test_fits_by_instruments_are_the_estimators_own():
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     V = rng.normal(size=(200, 2, 20))
     W = V + 1.5 * rng.normal(size=V.shape)
     tau = V @ np.linspace(-2.0, 2.0, 20) + 0.3 * rng.normal(size=V.shape[:2])
@@ -83,10 +84,10 @@ def test_fits_by_instruments_are_the_estimators_own():
     information = Information.of_rows(names, W, tau, log, 4, V)
     full = estimator.fit(information)
     folds = whiten_regression(information, full)
-    np.testing.assert_allclose(after(folds).values[0], full.value, rtol=1e-6)
+    assert_allclose(after(folds).values[0], full.value, rtol=1e-6)
     assert np.linalg.eigvalsh(folds.refits.grams[0]).min() > 0
     dropped = after(folds, Move(Kind.DROP, ("p0",)))
-    np.testing.assert_allclose(dropped.values[0][0], 0.0, atol=1e-9)
+    assert_allclose(dropped.values[0][0], 0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("move", [DROP, TIE, Move(Kind.DROP, ("p0", "p2"))])
@@ -96,11 +97,11 @@ def test_a_constraint_costs_what_refitting_with_it_costs(rows, move):
     fit = after(folds, move)
     M = matrix_of(fit.partition)
     x = M @ solve(W @ M, tau)
-    np.testing.assert_allclose(fit.values[0], x, atol=1e-7)
+    assert_allclose(fit.values[0], x, atol=1e-7)
     start = Remaining.of(folds)
     left, found = start.after(move)
     rise = sums(W, tau, x) - sums(W, tau, solve(W, tau))
-    np.testing.assert_allclose(left.values, x, atol=1e-7)
+    assert_allclose(left.values, x, atol=1e-7)
     assert found == pytest.approx(rise, rel=1e-6)
     assert start.cost(move) == pytest.approx(rise / (3 - len(fit.partition)), rel=1e-6)
 
@@ -111,14 +112,14 @@ def test_what_holds_already_costs_nothing_and_changes_nothing(rows):
     chain = Move(Kind.TIE, tie=(("p0", "p1", "p2"),))
     folds = folds_of(rows)
     start = Remaining.of(folds)
-    np.testing.assert_allclose(start.cost(ring), start.cost(chain), rtol=1e-9)
-    np.testing.assert_allclose(after(folds, ring).values, after(folds, chain).values, rtol=1e-9)
+    assert_allclose(start.cost(ring), start.cost(chain), rtol=1e-9)
+    assert_allclose(after(folds, ring).values, after(folds, chain).values, rtol=1e-9)
 
 
 @pytest.mark.parametrize(("seed", "drawn"), [(0, 40), (1, 40), (2, 24)])
 def test_fits_along_a_whole_path_are_those_from_the_rows(seed, drawn):
     """40 columns, nearly alike in tens, of up to 80 samples, few of which hardly determine them."""
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     k, names = 40, tuple(f"p{j}" for j in range(40))
     n = 2 * drawn
     W = rng.normal(size=(n, 1, k)) + 1e3 * np.repeat(rng.normal(size=(n, 1, 4)), 10, 2)
@@ -141,6 +142,6 @@ def test_fits_along_a_whole_path_are_those_from_the_rows(seed, drawn):
             ):  # its rows do not determine it
                 continue
             x = M @ np.linalg.lstsq(A, tau[mine, 0], rcond=None)[0]
-            np.testing.assert_allclose(fit.values[f + 1], x, atol=1e-8 * np.abs(x).max())
+            assert_allclose(fit.values[f + 1], x, atol=1e-8 * np.abs(x).max())
             compared += 1
     assert compared > 200

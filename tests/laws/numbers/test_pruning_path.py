@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
-from identifiability.estimation.estimate import estimate
+from identifiability import estimate
 from identifiability.estimation.evidence import LEVELS, Score
 from identifiability.workflows.prune.elimination import (
     Plan,
@@ -28,18 +29,18 @@ PAIR = Move(Kind.MERGE, tie=(("a.Fc+", "a.Fc-"),), why="Friction of the same siz
 def test_moves_zero_and_tie_columns_and_later_moves_act_on_the_leaders():
     start = Partition.of("abcde")
     tied = start.apply(Move(Kind.TIE, tie=(("b", "d", "e"),)))
-    np.testing.assert_array_equal(tied.group, [0, 1, 2, 1, 1])
+    assert_array_equal(tied.group, [0, 1, 2, 1, 1])
     assert len(tied) == 3
     assert tied.members(1) == ("b", "d", "e")
     assert tied.ties() == {"*": ["b", "d", "e"]}
     gone = tied.apply(Move(Kind.DROP, ("d",)))  # one of equal columns: all of them
-    np.testing.assert_array_equal(gone.group, [0, ZERO, 2, ZERO, ZERO])
+    assert_array_equal(gone.group, [0, ZERO, 2, ZERO, ZERO])
     assert gone.zeroed() == ["b", "d", "e"]
-    np.testing.assert_array_equal(gone.group != ZERO, [True, False, True, False, False])
+    assert_array_equal(gone.group != ZERO, [True, False, True, False, False])
     wider = tied.apply(Move(Kind.TIE, tie=(("a", "d"),)))  # whom it led before comes along
-    np.testing.assert_array_equal(wider.group, [0, 0, 2, 0, 0])
+    assert_array_equal(wider.group, [0, 0, 2, 0, 0])
     again = gone.apply(Move(Kind.TIE, tie=(("a", "b", "c"),)))  # what is zero stays so
-    np.testing.assert_array_equal(again.group, [0, ZERO, 0, ZERO, ZERO])
+    assert_array_equal(again.group, [0, ZERO, 0, ZERO, ZERO])
 
 
 # Which step is used

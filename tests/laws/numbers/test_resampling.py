@@ -4,16 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import norm, t
 
-from identifiability.estimation.estimate import estimate
+from identifiability import estimate
 from identifiability.estimation.fit import Fit, bootstrap, merge_blocks, scatter_scores, spread_of
 
 from .made import ar1, gather
 
 
 def rows(samples=192, seed=0, noise=(0.1, 1.0)):
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     W = rng.normal(size=(samples, len(noise), 3))
     tau = W @ [1.0, -2.0, 0.5] + rng.normal(size=(samples, len(noise))) * noise
     return W, tau
@@ -25,14 +27,14 @@ def test_blocks_are_joined_to_equal_ones_of_the_length_that_is_wanted():
                            (48, [48] * 4), (64, [64] * 3), (96, [96] * 2), (192, [192]),
                            (1e9, [192])):  # fmt: skip
         merged = merge_blocks(information, length)
-        np.testing.assert_array_equal(merged.counts, counts)
+        assert_array_equal(merged.counts, counts)
 
 
 def test_blocks_of_several_logs_are_joined_within_each():
     information = gather(*rows(), size=8, logs=(64, 128))
     merged = merge_blocks(information, 40)
-    np.testing.assert_array_equal(merged.log, [0, 1, 1, 1])
-    np.testing.assert_array_equal(merged.counts, [64, 48, 40, 40])
+    assert_array_equal(merged.log, [0, 1, 1, 1])
+    assert_array_equal(merged.counts, [64, 48, 40, 40])
     assert merge_blocks(information, 1e9).log.tolist() == [0, 1]
 
 
@@ -40,15 +42,15 @@ def test_refits_are_weighted_least_squares_on_the_drawn_rows():
     W, tau = rows()
     information = gather(W, tau, size=8)
     weights = np.array([30.0, 0.1])
-    counts = np.random.default_rng(1).multinomial(24, np.full(24, 1 / 24), size=5)
+    counts = default_rng(1).multinomial(24, np.full(24, 1 / 24), size=5)
     fit = replace(estimate(information), weights=weights)
-    values = bootstrap(information, fit, np.random.default_rng(1), replicates=5)
+    values = bootstrap(information, fit, default_rng(1), replicates=5)
     for value, drawn in zip(values, counts, strict=True):
         repeat = np.sqrt(np.repeat(drawn, 8))[:, None] * np.sqrt(weights)
         expected = np.linalg.lstsq(
             (W * repeat[..., None]).reshape(-1, 3), (tau * repeat).ravel(), rcond=None
         )[0]
-        np.testing.assert_allclose(value, expected, rtol=1e-8)
+        assert_allclose(value, expected, rtol=1e-8)
 
 
 def test_columns_that_the_fit_dropped_stay_zero_in_every_replicate():
@@ -56,14 +58,14 @@ def test_columns_that_the_fit_dropped_stay_zero_in_every_replicate():
     information = gather(np.concatenate([W[:, :, :1], W], axis=2), tau, size=8)
     fit = estimate(information)
     assert fit.kept == (0, 2, 3)
-    found = bootstrap(information, fit, np.random.default_rng(0), replicates=20)
-    np.testing.assert_array_equal(found[:, 1], 0.0)
+    found = bootstrap(information, fit, default_rng(0), replicates=20)
+    assert_array_equal(found[:, 1], 0.0)
     assert (spread_of(found)[[0, 2, 3]] > 0).all()
 
 
 def test_seven_blocks_say_nothing_and_eight_do():
     information = gather(*rows(), size=8)
-    fit, rng = estimate(information), np.random.default_rng(0)
+    fit, rng = estimate(information), default_rng(0)
     few, enough = (
         Fit.of(information, replace(fit, times=np.full(2, 95.9 / n)), rng, 20) for n in (7, 8)
     )
@@ -74,11 +76,11 @@ def test_seven_blocks_say_nothing_and_eight_do():
 
 
 def test_deviations_are_those_of_the_replicates():
-    values = np.random.default_rng(0).normal(size=(4001, 2)) @ [[1.0, 0.6], [0.0, 0.8]]
+    values = default_rng(0).normal(size=(4001, 2)) @ [[1.0, 0.6], [0.0, 0.8]]
     found = spread_of(values)
-    np.testing.assert_allclose(found, np.std(values, axis=0, ddof=1), rtol=0.03)
+    assert_allclose(found, np.std(values, axis=0, ddof=1), rtol=0.03)
     one_wild = np.vstack([values, [[1e6, -1e6]]])
-    np.testing.assert_allclose(spread_of(one_wild), found, rtol=1e-2)
+    assert_allclose(spread_of(one_wild), found, rtol=1e-2)
 
 
 def single(residual, size, column=1.0):
@@ -102,15 +104,15 @@ def by_hand(residual, length):
 @pytest.mark.parametrize("rho", [0.0, 0.99])
 def test_the_scatter_of_scores_is_that_of_sums_over_stretches(rho):
     """Of slow noise a column that alternates sees next to nothing, and a constant one much."""
-    residual = ar1(np.random.default_rng(7), rho, 960)[:, 0]
+    residual = ar1(default_rng(7), rho, 960)[:, 0]
     for column in (1.0, np.tile([1.0, -1.0], 480)):
         found = scatter_scores(*single(residual, 8, column), time=8.0)
         assert found.stretches == 24
-        np.testing.assert_allclose(found.sd, [by_hand(column * residual, 40)], rtol=1e-6)
+        assert_allclose(found.sd, [by_hand(column * residual, 40)], rtol=1e-6)
 
 
 def test_a_stretch_is_five_memories_long_while_twelve_are_left():
-    residual = np.random.default_rng(0).normal(size=960)
+    residual = default_rng(0).normal(size=960)
     for time, stretches in ((1.6, 120), (8.0, 24), (16.0, 12), (1e4, 12)):
         assert scatter_scores(*single(residual, 8), time).stretches == stretches
     # Eleven say nothing.
@@ -119,11 +121,11 @@ def test_a_stretch_is_five_memories_long_while_twelve_are_left():
 
 
 def test_intervals_of_few_stretches_are_students():
-    residual = np.random.default_rng(0).normal(size=960)
+    residual = default_rng(0).normal(size=960)
     found = scatter_scores(*single(residual, 8), 16.0)
     factor = t.ppf(0.975, 11) / norm.ppf(0.975)
     assert factor == pytest.approx(1.123, abs=1e-3)
-    np.testing.assert_allclose(found.widened, found.sd * factor)
+    assert_allclose(found.widened, found.sd * factor)
 
 
 def test_scores_weigh_actuators_as_the_fit_does():
@@ -133,11 +135,11 @@ def test_scores_weigh_actuators_as_the_fit_does():
     one = gather(W[:, :1], tau[:, :1], size=8)
     many, few = (scatter_scores(i, estimate(i), 1.0) for i in (both, one))
     # The white variance that both are compared with is known to √(2/960) = 4.6 %.
-    np.testing.assert_allclose(many.sd, few.sd, rtol=0.05)
+    assert_allclose(many.sd, few.sd, rtol=0.05)
 
 
 def test_scores_of_what_is_not_determined_are_infinitely_uncertain():
     W, tau = rows()
     information = gather(np.concatenate([W, W[:, :, :1]], axis=2), tau, size=8)
     found = scatter_scores(information, estimate(information), 1.0)
-    np.testing.assert_array_equal(np.isfinite(found.sd), [False, True, True, False])
+    assert_array_equal(np.isfinite(found.sd), [False, True, True, False])

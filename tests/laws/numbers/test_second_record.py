@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
-from identifiability.logs import Log
-from identifiability.logs.prepare import prepare_log
+from identifiability import Log, prepare_log
 from identifiability.logs.prepare.instruments import add_instrument
 from identifiability.logs.spectrum import noise_level, resolution
 
@@ -46,7 +46,7 @@ def record(two, log, how=None, **options):
 def test_noise_is_what_high_differences_leave(two):
     log, _ = noisy(two, periodic=False)
     for x, level in zip((log.q, log.dq, log.ddq), NOISE, strict=True):
-        np.testing.assert_allclose(noise_level(x), level, rtol=0.1)
+        assert_allclose(noise_level(x), level, rtol=0.1)
     assert noise_level(motion(True)[1]).max() < 1e-9
 
 
@@ -55,7 +55,7 @@ def test_encoders_of_any_step_have_the_noise_of_their_step(two, step):
     log, _ = noisy(two, periodic=True, level=0.0)
     coarse = replace(log, q=step * np.rint(log.q / step), dq=None, ddq=None)
     if step > 1e-3:  # of finer ones differences see the noise
-        np.testing.assert_allclose(resolution(coarse.q), step, rtol=1e-6)
+        assert_allclose(resolution(coarse.q), step, rtol=1e-6)
     assert not resolution(motion(True)[1]).any()
     assert record(two, coarse, always=True) is not None
 
@@ -63,7 +63,7 @@ def test_encoders_of_any_step_have_the_noise_of_their_step(two, step):
 def test_a_closed_chain_closes_along_the_second_record(rps, noisy_log):
     samples = record(rps, noisy_log, always=True)
     assert len(samples.instrument) == len(samples.motion)
-    np.testing.assert_array_equal(samples.instrument.kept, samples.motion.kept)
+    assert_array_equal(samples.instrument.kept, samples.motion.kept)
     passive = [k for k in range(rps.nv) if k not in rps.actuated]
     moved = np.abs(samples.instrument.v - samples.motion.v)[:, passive]
     assert 0 < moved.max() < np.abs(samples.motion.v[:, passive]).max()
@@ -77,7 +77,7 @@ def test_commands_are_read_unless_they_have_gaps(two, tmp_path):
     frame.to_csv(tmp_path / "run.csv", index=False)
     found = Log.read(tmp_path / "run.csv")
     assert found.channels == ("q", "dq", "ddq", "tau", "q_ref")
-    np.testing.assert_allclose(found.rows(5, 9).q_ref, log.q[5:9] + 1.0)
+    assert_allclose(found.rows(5, 9).q_ref, log.q[5:9] + 1.0)
     frame.loc[:3, f"{two.joints[0]}.q_ref"] = np.nan  # no command yet
     frame.to_csv(tmp_path / "late.csv", index=False)
     late = Log.read(tmp_path / "late.csv")

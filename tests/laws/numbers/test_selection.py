@@ -5,6 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
 from identifiability.estimation.estimate import find_estimator
 from identifiability.estimation.fit import column_noise, column_rms, merge_blocks
@@ -124,7 +126,7 @@ class Physics:
 
 @pytest.fixture(scope="module")
 def ladder():
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     W = rng.normal(size=(1920, 2, 4)) * [1.0, 2.0, 1.0, 1.0]
     W[:, :, 3] = W[:, :, 2]  # c and d are never told apart
     tau = W @ [1.0, -0.5, -0.3, 0.0] + rng.normal(size=(1920, 2)) * [0.1, 0.2]
@@ -141,7 +143,7 @@ def ladder():
     made = [
         Prediction.of([np.arange(960.0)], tau[h], W[h] @ values, np.zeros(960, int)) for h in half
     ]
-    rng, physics = np.random.default_rng(0), [Physics(0.1), Physics(-0.1)]
+    rng, physics = default_rng(0), [Physics(0.1), Physics(-0.1)]
     pairs = zip(models, physics, strict=True)
     ladder_fits = [LadderFit(model, real, None, None, np.empty(0)) for model, real in pairs]
     found = SimpleNamespace(fits=ladder_fits, fitted=made[0], unseen=made[1], shared=None)
@@ -200,8 +202,8 @@ def test_verdicts_say_what_a_column_cannot_be_told_from(ladder):
 def test_a_columns_size_is_its_root_mean_square_over_all_rows(ladder):
     W, _, every, *_ = ladder
     expected = np.sqrt((W**2).mean((0, 1)))
-    np.testing.assert_allclose(column_rms(every), expected, rtol=1e-5)
-    np.testing.assert_allclose(column_rms(merge_blocks(every, 1e9)), expected, rtol=1e-5)
+    assert_allclose(column_rms(every), expected, rtol=1e-5)
+    assert_allclose(column_rms(merge_blocks(every, 1e9)), expected, rtol=1e-5)
 
 
 def test_a_columns_effect_is_told_at_the_joint_that_feels_it_most(ladder):
@@ -209,5 +211,5 @@ def test_a_columns_effect_is_told_at_the_joint_that_feels_it_most(ladder):
     residual = tau - W @ fits[0].value
     each = np.sqrt((W**2).sum(0) / (residual**2).sum(0)[:, None])
     found = column_noise(every, fits[0])
-    np.testing.assert_allclose(found, each.max(0), rtol=1e-5)
+    assert_allclose(found, each.max(0), rtol=1e-5)
     assert (found > 1.5 * each.min(0)).all()

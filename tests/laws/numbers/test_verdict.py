@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
+from identifiability import Thresholds, Verdict
 from identifiability.estimation.fit import ScoreScatter
-from identifiability.estimation.rules import Thresholds
-from identifiability.estimation.verdict import Verdict, judge
+from identifiability.estimation.verdict import judge
 
 from .made import fit_known, fit_of
 
@@ -92,7 +93,7 @@ def test_a_value_without_spread_is_certain_and_zero_is_not():
 
 def test_the_ninety_five_percent_interval_is_so_many_robust_deviations():
     found = verdict(3.0, 0.5, white=0.1)
-    np.testing.assert_allclose(found.interval95, [3 - 0.98, 3 + 0.98], rtol=1e-4)
+    assert_allclose(found.interval95, [3 - 0.98, 3 + 0.98], rtol=1e-4)
     assert found.data_interval95 == found.interval95
     row = found.to_row()
     assert row["interval95"] == list(found.interval95)

@@ -6,9 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identifiability.foundation.errors import IdentifiabilityError
+from identifiability import IdentifiabilityError, Log
 from identifiability.foundation.names import Renames
-from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.names import DIMENSIONS, SIZES, WORDS, find_unit, guess_column, words_of
 
@@ -84,12 +83,12 @@ REFUSED = {
     "two torques": (
         ["t", *each("{j}_{k}", PAIR, ("pos", "torque", "effort"))],
         PAIR,
-        r"several columns that may be 'shoulder\.tau'.*--map '\(\.\+\)_torque=\\1\.tau'\.",
+        r"several columns that may be 'shoulder\.tau'.*columns={'\(\.\+\)_torque': '\\+1\.tau'}",
     ),
     "more numbers": (
         ["t", *each("{k}{j}", (1, 2, 3), ("q", "tau"))],
         PAIR,
-        r"numbers its joints differently .* the robot has 2: .*--map 'q1=shoulder\.q'",
+        r"numbers its joints differently .* the robot has 2: .*columns={'q1': 'shoulder\.q'}",
     ),
     "other order": (
         ["t", *each("{k}{j}", (1, 2), ("q", "tau"))],
@@ -99,7 +98,7 @@ REFUSED = {
     "commands": (
         ["t", *each("{k}_{j}", (0, 1), ("actual_q", "target_moment"))],
         PAIR,
-        r"no column shoulder\.tau, .* If one of target_moment_0, .*--map 'OLD=shoulder\.tau'",
+        r"no column shoulder.* If one of target_moment_0, .*columns={'OLD': 'shoulder\.tau'}",
     ),
 }
 
@@ -118,7 +117,7 @@ def test_a_rule_of_the_form_that_is_proposed_helps(form):
     columns = ["t", *each(form, (*fer, "fer_finger_joint1"), kinds)]
     with pytest.raises(IdentifiabilityError) as refusal:
         read(columns, ARM)
-    assert "--map 'OLD=panda_joint1'" in str(refusal.value)
+    assert "columns={'OLD': 'panda_joint1'}" in str(refusal.value)
     rules = dict(zip(fer, ARM, strict=True))
     assert all(name in str(refusal.value) for name in fer)
     log = read(columns, ARM, Renames.of(rules))

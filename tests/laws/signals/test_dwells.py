@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 
-from identifiability.logs import Log
-from identifiability.logs.prepare import Preparation, prepare_log
+from identifiability import Log, Model, Preparation, gather_information, prepare_log
 from identifiability.logs.prepare.preparation import choose_cutoff
-from identifiability.regression.information import gather_information
-from identifiability.regression.regression import Model
 from identifiability.regression.structure import Structure
 
 RATE = 500.0
@@ -22,7 +21,7 @@ ERRORS = {
 }
 
 
-def stop_and_go(rest: float = 0.6):
+def stop_and_go(rest=0.6):
     """Return times (N,), the positions of a joint, and where it stands: a stop at each reversal."""
     move, still = np.arange(0, 0.8, 1 / RATE), round(rest * RATE)
     swing = 0.5 * (1 - np.cos(np.pi * move / 0.8))
@@ -56,7 +55,7 @@ def beside_turns(motion, reach):
 @pytest.mark.parametrize("error", ERRORS)
 def test_beside_a_joint_that_stands_all_reversals_are_no_data(two, error):
     t, q, stands = stop_and_go()
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     make = ERRORS[error]
     s = samples_of(two, t, make(q, rng), make(swing(t), rng))
     found, other = (s.weight == 0)[s.motion.kept].T
@@ -68,7 +67,7 @@ def test_beside_a_joint_that_stands_all_reversals_are_no_data(two, error):
     assert found[np.convolve(stands, np.ones(mixed), "same") > 0.5].mean() > 0.98
     assert not found[~beside].any()
     near = beside_turns(s.motion, round(np.ceil(0.5 * RATE / s.cutoff)))[:, 1]
-    np.testing.assert_array_equal(other, near)
+    assert_array_equal(other, near)
     assert 0 < near.mean() < 0.2
 
 
@@ -93,7 +92,7 @@ def test_reversals_are_data_where_no_joint_ever_stands(two):
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 def test_recorded_speeds_tell_without_positions(two, noise):
     t, q, stands = stop_and_go(1.5)
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     both = np.stack([q, swing(t)])
     dq = np.gradient(both, t, axis=1)
     ddq = np.gradient(dq, t, axis=1)
@@ -106,7 +105,7 @@ def test_recorded_speeds_tell_without_positions(two, noise):
 
 
 def test_fourier_motion_has_no_dwells_whatever_its_errors(two):
-    t, rng = np.arange(0, 20, 0.01), np.random.default_rng(3)
+    t, rng = np.arange(0, 20, 0.01), default_rng(3)
     w = 2 * np.pi * np.arange(1, 6) / 10
     shares, masked = [], []
     for error in ERRORS.values():
@@ -135,15 +134,15 @@ def test_a_log_that_is_cut_in_two_has_the_same_data(two):
     first, second = (prepare_log(two, part, ways[1]) for part in parts)
     away = int(RATE)  # the filters of the parts end at the cut
     assert 0.01 < (one.weight == 0)[len(q) + away :].mean() < 0.5
-    np.testing.assert_array_equal(second.weight[away:], one.weight[len(q) + away :])
-    np.testing.assert_array_equal(first.weight[:-away, 1], one.weight[: len(q) - away, 1])
+    assert_array_equal(second.weight[away:], one.weight[len(q) + away :])
+    assert_array_equal(first.weight[:-away, 1], one.weight[: len(q) - away, 1])
 
 
 @pytest.mark.parametrize("decimated", [False, True])
 def test_torque_of_a_dwelling_joint_is_in_no_row_and_that_of_others_is(two, decimated):
     t, q, _ = stop_and_go()
     structure = Structure.of(two, Model.of("rigid_body", "viscous_friction", "coulomb_friction"))
-    rng = np.random.default_rng(4)
+    rng = default_rng(4)
     found = []
     for size in (0.0, 50.0):
         s = samples_of(two, t, q, swing(t))
@@ -153,7 +152,7 @@ def test_torque_of_a_dwelling_joint_is_in_no_row_and_that_of_others_is(two, deci
         s = replace(s, tau=tau) if decimated else replace(s, tau=tau, decimation=None)
         found.append(gather_information(structure.regression([s])))
     plain, spoilt = found
-    np.testing.assert_allclose(spoilt.factor(), plain.factor(), rtol=1e-9, atol=1e-9)
+    assert_allclose(spoilt.factor(), plain.factor(), rtol=1e-9, atol=1e-9)
     moving, every = plain.data.sum(0)
     assert plain.samples >= every > moving > 0  # the other joint reverses, no more
     assert every > 0.95 * plain.samples

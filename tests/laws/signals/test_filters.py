@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
 from identifiability.logs import rows, signals
 from identifiability.logs.spectrum import Spectrum, bandwidth_of_windows, choose_band
@@ -34,28 +36,28 @@ def test_the_low_pass_leaves_straight_lines_alone_to_their_ends():
     t = DT * np.arange(3000)
     x = np.stack([np.ones_like(t), 3 * t - 1], 1)
     y = signals.lowpass(x, DT, 10.0)
-    np.testing.assert_allclose(y[:, 0], 1.0, atol=1e-9)
-    np.testing.assert_allclose(y[300:-300], x[300:-300], atol=1e-9)
+    assert_allclose(y[:, 0], 1.0, atol=1e-9)
+    assert_allclose(y[300:-300], x[300:-300], atol=1e-9)
     # What is put before the start lasts three periods of the cut-off: not all of it is forgotten.
-    np.testing.assert_allclose(y, x, atol=3 * 10 * 1e-5)
+    assert_allclose(y, x, atol=3 * 10 * 1e-5)
 
 
 def test_derivatives_are_exact_for_parabolas_and_for_sinusoids_up_to_a_fifth_of_the_rate():
     t = DT * np.arange(400) + 5.0
     x = np.stack([np.ones_like(t), 2 * t, 3 * t**2 - t], 1)
     exact = np.stack([np.zeros_like(t), np.full_like(t, 2.0), 6 * t - 1], 1)
-    np.testing.assert_allclose(signals.differentiate(x, DT), exact, atol=1e-8)
+    assert_allclose(signals.differentiate(x, DT), exact, atol=1e-8)
     for share, error in ((1 / 20, 1e-12), (1 / 7, 2e-6), (1 / 5, 1e-4)):
         w = 2 * np.pi * share / DT
         slope = signals.differentiate(np.sin(w * t)[:, None], DT)[:, 0]
         inside = slice(signals.REACH, -signals.REACH)
-        np.testing.assert_allclose(slope[inside], w * np.cos(w * t)[inside], atol=error * w)
+        assert_allclose(slope[inside], w * np.cos(w * t)[inside], atol=error * w)
     ends = signals.differentiate(np.sin(0.05 * t / DT)[:, None], DT)[:, 0]
-    np.testing.assert_allclose(ends, 0.05 / DT * np.cos(0.05 * t / DT), atol=1e-8 / DT)
+    assert_allclose(ends, 0.05 / DT * np.cos(0.05 * t / DT), atol=1e-8 / DT)
 
 
 def test_the_filter_has_forgotten_its_start_after_its_settling_rows():
-    x = np.random.default_rng(0).standard_normal((4000, 1))
+    x = default_rng(0).standard_normal((4000, 1))
     other = x.copy()
     other[:200] += 100.0
     for cutoff in (5.0, 50.0):
@@ -111,10 +113,10 @@ def test_decimation_is_a_symmetric_average_of_20_neighbours_a_sample(factor):
     assert d.reach == 10 * factor
     assert len(d.taps) == 2 * d.reach + 1
     assert d.taps.sum() == pytest.approx(1.0)
-    np.testing.assert_allclose(d.taps, d.taps[::-1], atol=1e-15)
-    x = np.random.default_rng(0).standard_normal((2 * d.reach + 1 + 3 * factor + 1, 2, 3))
+    assert_allclose(d.taps, d.taps[::-1], atol=1e-15)
+    x = default_rng(0).standard_normal((2 * d.reach + 1 + 3 * factor + 1, 2, 3))
     by_hand = [sum(h * x[k * factor + i] for i, h in enumerate(d.taps)) for k in range(4)]
-    np.testing.assert_allclose(d.apply(x), by_hand, atol=1e-12)
+    assert_allclose(d.apply(x), by_hand, atol=1e-12)
     assert d.outputs(len(x)) == 4
     assert [d.outputs(2 * d.reach + k) for k in (0, 1, factor, factor + 1)] == [0, 1, 1, 2]
     # Half of a wave at the new Nyquist frequency is left, nothing of one at twice that.
@@ -127,7 +129,7 @@ def test_decimation_is_a_symmetric_average_of_20_neighbours_a_sample(factor):
 
 def test_measured_derivatives_are_fitted_with_the_positions_by_how_noisy_they_are():
     """Generalised least squares with the noise known is what the joint fit should come to."""
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     t = DT * np.arange(6000)
     exact = [np.stack([x, 2 * x], 1) for x in series(t, 1.5)]
     sizes = (0.2, 0.1, 3.0)
@@ -142,8 +144,8 @@ def test_measured_derivatives_are_fitted_with_the_positions_by_how_noisy_they_ar
     b = np.vstack([x / sd for x, sd in zip(noisy, sizes, strict=True)])
     best = np.linalg.lstsq(A, b, rcond=None)[0]
     fit = signals.fit_fourier(t, noisy[0], 1.5, H, noisy[1], noisy[2])
-    np.testing.assert_allclose(fit.coefficients, best, atol=1e-3)
+    assert_allclose(fit.coefficients, best, atol=1e-3)
     # Exact channels are no division by nothing.
     whole = signals.fit_fourier(t, exact[0], 1.5, H, *exact[1:])
     for found, true in zip(whole.motion(t), exact, strict=True):
-        np.testing.assert_allclose(found, true, atol=1e-6)
+        assert_allclose(found, true, atol=1e-6)

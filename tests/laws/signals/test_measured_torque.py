@@ -3,12 +3,10 @@
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
-from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.logs import Log
+from identifiability import IdentifiabilityError, Log, Model, Robot
 from identifiability.logs.conventions import Conventions
-from identifiability.regression.regression import Model
-from identifiability.robot import Robot
 
 #: Two hinges and nothing else.
 ARM = """
@@ -48,21 +46,21 @@ def test_torque_is_the_value_times_gain_ratio_and_sign(load):
     robot = load("[torque]\ngain = {a = 0.5}\nratio = {a = 100, b = 50}\nsign = {b = -1}\n")
     tau, notes = torques(table(), robot)
     given = table()[["a.tau", "b.tau"]].to_numpy()
-    np.testing.assert_allclose(tau, given * [0.5 * 100, -50])
+    assert_allclose(tau, given * [0.5 * 100, -50])
     assert notes == ("torques were multiplied by their gain, ratio and sign (a: 50, b: -50)",)
-    np.testing.assert_allclose(torques(table(), load("[torque]\ngain = 0.001\n"))[0], 1e-3 * given)
+    assert_allclose(torques(table(), load("[torque]\ngain = 0.001\n"))[0], 1e-3 * given)
     same, quiet = torques(table(), load())
-    np.testing.assert_array_equal(same, given)
+    assert_array_equal(same, given)
     assert quiet == ()
 
 
 def test_currents_stand_for_torques_where_their_gain_is_known(load):
     robot = load("[torque]\ngain = {a = 11, b = 7}\n")
     tau, notes = torques(table("current"), robot)
-    np.testing.assert_allclose(tau, table().filter(like="tau").to_numpy() * [11, 7])
+    assert_allclose(tau, table().filter(like="tau").to_numpy() * [11, 7])
     assert notes == ("torques are currents times their gain, ratio and sign (a: 11, b: 7)",)
     both = table().assign(**{"a.current": 1.0, "b.current": 1.0})
-    np.testing.assert_allclose(torques(both, load())[0], table().filter(like="tau").to_numpy())
+    assert_allclose(torques(both, load())[0], table().filter(like="tau").to_numpy())
     with pytest.raises(
         IdentifiabilityError, match=r"currents and no torques of b\. .*gain = {b = …}"
     ):
@@ -75,7 +73,7 @@ def test_torque_of_the_motor_needs_the_ratio_of_its_gear(load):
     ):
         torques(table(), load('[torque]\nside = "motor"\nratio = {a = 100}\n'))
     tau, _ = torques(table(), load('[torque]\nside = "motor"\nratio = 100\n'))
-    np.testing.assert_allclose(tau, 100 * table().filter(like="tau").to_numpy())
+    assert_allclose(tau, 100 * table().filter(like="tau").to_numpy())
 
 
 def test_neither_rotor_nor_friction_is_seen_by_a_sensor_behind_the_gear(load):
@@ -93,10 +91,10 @@ def test_columns_of_motor_and_link_are_told_apart(load):
     frame = frame.assign(motor_torque_b=0.25, motor_position_b=100.0)
     log = Log.from_frame(frame, "log", Conventions.of(robot))
     links, drives = log.split_sensors(["b"])
-    np.testing.assert_allclose(links.tau[:, 1], table()["b.tau"])
-    np.testing.assert_allclose(drives.tau[:, 1], 25 - table()["b.tau"])
-    np.testing.assert_allclose(drives.q[:, 1], 1.0)
+    assert_allclose(links.tau[:, 1], table()["b.tau"])
+    assert_allclose(drives.tau[:, 1], 25 - table()["b.tau"])
+    assert_allclose(drives.q[:, 1], 1.0)
     assert drives.unmeasured[:, 0].all()
     assert not drives.unmeasured[:, 1].any()
-    with pytest.raises(IdentifiabilityError, match=r"has no b\.tau_m.*--map"):
+    with pytest.raises(IdentifiabilityError, match=r"has no b\.tau_m.*columns="):
         torques(table(), robot)

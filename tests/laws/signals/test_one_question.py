@@ -10,13 +10,11 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+from identifiability import IdentifiabilityError, Log, Robot
 from identifiability.cli import app
-from identifiability.foundation.errors import IdentifiabilityError
 from identifiability.foundation.names import Renames, find_named
-from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.report.answers.commands import source_name
-from identifiability.robot import Robot
 
 ARM = ("shoulder", "elbow", "wrist")
 
@@ -44,7 +42,7 @@ def asked(frame, known):
     """Return the question about a table."""
     with pytest.raises(IdentifiabilityError) as refused:
         Log.from_frame(frame, "run", known)
-    return str(refused.value)
+    return refused.value.args[0]
 
 
 def answered(frame, joints):

@@ -3,9 +3,9 @@
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
-from identifiability.foundation.errors import IdentifiabilityError
-from identifiability.logs import Log
+from identifiability import IdentifiabilityError, Log
 from identifiability.logs.table_reader import unify_rates
 
 W = 2 * np.pi * np.array([0.8, 1.1])
@@ -39,7 +39,7 @@ def deviation(log, kind):
 def test_fast_positions_are_taken_at_the_times_of_slow_torques():
     q, tau = 0.002 * np.arange(4000) + 0.0007, 0.01 * np.arange(790) + 0.0031
     log = Log.from_frame(merged(topic(q, "q"), topic(tau, "tau")), "log")
-    np.testing.assert_array_equal(log.t, tau)
+    assert_array_equal(log.t, tau)
     assert deviation(log, "q") < 1e-9
     assert deviation(log, "tau") == 0.0
     assert "q in 4000, tau in 790 of" in log.notes[-1]
@@ -50,7 +50,7 @@ def test_fast_positions_are_taken_at_the_times_of_slow_torques():
 def test_fast_torques_are_taken_at_the_times_of_slow_positions():
     q, tau = 0.01 * np.arange(800), 0.002 * np.arange(4000) + 0.0007
     log = Log.from_frame(merged(topic(q, "q"), topic(tau, "tau")), "log")
-    np.testing.assert_array_equal(log.t, q[1:])  # between the first torque and the last
+    assert_array_equal(log.t, q[1:])  # between the first torque and the last
     assert deviation(log, "q") == 0.0
     assert 0 < deviation(log, "tau") < 1e-4
 
@@ -69,8 +69,8 @@ def test_torque_does_not_overshoot_a_step_and_a_cubic_is_a_cubic():
     }
     found, note = unify_rates(values)
     assert note
-    np.testing.assert_allclose(found["t"], at)
-    np.testing.assert_allclose(found["b.q"], at**3 - at, rtol=0, atol=1e-12)
+    assert_allclose(found["t"], at)
+    assert_allclose(found["b.q"], at**3 - at, rtol=0, atol=1e-12)
     assert np.abs(found["a.tau"]).max() == 1.0
 
 
@@ -103,7 +103,7 @@ def test_values_that_are_written_again_until_new_ones_come_count_once(factor, ki
     for kind in ("q", "tau"):
         frame = frame.join(topic(last if kind in kinds else t, kind).drop(columns="t"))
     log = Log.from_frame(frame, "log")
-    np.testing.assert_array_equal(log.t, t[::factor])
+    assert_array_equal(log.t, t[::factor])
     assert deviation(log, "q") == 0.0
     assert deviation(log, "tau") == 0.0
     assert "written again until new ones came" in log.notes[-1]
@@ -122,7 +122,7 @@ def test_logs_of_one_rate_stay_as_they_are():
     for table in (frame, coarse, stale, rest):
         log = Log.from_frame(table, "log")
         assert log.notes == ()
-        np.testing.assert_array_equal(log.q[:, 0], table["a.q"])
+        assert_array_equal(log.q[:, 0], table["a.q"])
 
 
 def test_single_empty_cells_are_broken_rows_still_but_of_torque_they_leave_an_equation_out():
@@ -148,4 +148,4 @@ def test_a_long_file_of_several_rates_is_read_as_a_short_one(tmp_path, read_long
     merged(topic(q, "q"), topic(tau, "tau")).to_parquet(path)
     short, long = Log.read(path), read_long(path)
     assert long.notes == short.notes
-    np.testing.assert_array_equal(long.q, short.q)
+    assert_array_equal(long.q, short.q)

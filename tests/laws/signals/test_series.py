@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
 from identifiability import IdentifiabilityError, Log
 from identifiability.logs.series import find_series, resample, smooth_log, with_series
@@ -23,12 +25,7 @@ def move(periods, period=4.0, *, repeats=True, samples=None):
     rates = 2 * np.pi / period * RATES
     if not repeats:
         rates = rates * [0.31, 0.83, 1.13, 1.0]
-    angle = np.multiply.outer(t, rates)[:, :, None] + [
-        [0.1, 2.0],
-        [1.0, 0.5],
-        [2.5, 0.3],
-        [0.7, 1.7],
-    ]
+    angle = np.multiply.outer(t, rates)[:, :, None] + PHASES
     q = (SIZES * np.sin(angle)).sum(1)
     dq = (SIZES * rates[:, None] * np.cos(angle)).sum(1)
     ddq = -(SIZES * rates[:, None] ** 2 * np.sin(angle)).sum(1)
@@ -37,7 +34,7 @@ def move(periods, period=4.0, *, repeats=True, samples=None):
 
 def measure(t, exact, seed=0, correlation=0.0):
     """Return a log with noise of its own on each channel."""
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     q, dq, ddq = (x + NOISE * x.std(0) * ar1(x.shape, correlation, rng) for x in exact)
     return Log("run", ("a", "b"), t, q, np.ones_like(q), dq, ddq, "")
 
@@ -116,11 +113,11 @@ def test_a_series_knows_how_well_it_knows_speeds():
 
 @pytest.mark.parametrize("correlation", [0.0, 0.9])
 def test_resampled_noise_is_as_large_and_remembers_as_long(correlation):
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     size = np.linspace(0.2, 2.0, 4000)[:, None]
     left = size * ar1((4000, 3), correlation, rng)
     again = resample(left, rng)
-    np.testing.assert_allclose(np.abs(again), np.abs(left))
+    assert_allclose(np.abs(again), np.abs(left))
     one_later = np.mean(again[1:] * again[:-1], axis=0) / np.mean(again**2, axis=0)
     assert np.abs(one_later - correlation).max() < 0.1
     assert np.abs(np.mean(again * left, axis=0) / np.mean(left**2, axis=0)).max() < 0.3

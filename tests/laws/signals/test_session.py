@@ -5,12 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identifiability.logs import Log
+from identifiability import Log, Robot, prepare_log
 from identifiability.logs.log import share_clock
-from identifiability.logs.prepare import prepare_log
 from identifiability.logs.prepare.excerpt import prepare_excerpt
 from identifiability.quality.recordings import read_recordings
-from identifiability.robot import Robot
 from identifiability.simulation import Campaign, random_trajectory
 
 T = 0.01 * np.arange(200)
