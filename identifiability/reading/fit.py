@@ -123,6 +123,13 @@ def away_from_ends(excerpt: Excerpt) -> np.ndarray:
     return inside
 
 
+def constant_torque(excerpt: Excerpt) -> Array:
+    """Return rows of a constant torque of each joint in each log, (n, N, L)."""
+    ones = [replace(piece, tau=np.ones_like(piece.tau)).torque for piece in excerpt.pieces]
+    member = excerpt.log[:, None] == np.unique(excerpt.log)
+    return np.asarray(np.concatenate(ones)[excerpt.seen].T[..., None] * member)
+
+
 def _key(numbers: Array) -> bytes:
     """Return a key of equal numbers; zeros of both signs are equal."""
     return np.asarray(numbers + 0.0).tobytes()
@@ -270,18 +277,20 @@ class TorqueRows:
             weight = 1.0 / residual
         return value, residual / scale
 
-    def least_shares(self, reading: Reading) -> Array:
+    def least_shares(self, reading: Reading, *, any_gravity: bool = False) -> Array:
         """Return the least residual share of `solve` that base parameters may leave, (n,).
 
-        Each joint has base parameters of its own, of any sign.
+        Each joint has base parameters of its own, of any sign; under `any_gravity` its columns
+        without gravity and along each axis have their own as well.
         """
         left = []
         for j, weight in enumerate(self.weights(reading)):
             key = j, float(reading.delay[j])
             column = reading.order[j]
+            mix = np.eye(len(weight)) if any_gravity else weight[:, None]
             torque = self.torque(*key, adjusted=False)[:, column]
-            cross = self.crosses(*key, adjusted=False)[column] @ weight
-            explained = self._root(j, weight) @ cross
+            cross = self.crosses(*key, adjusted=False)[column] @ mix
+            explained = self._root(j, mix) @ cross.ravel()
             left.append(torque @ torque - explained @ explained)
         return np.asarray(left) / self._scale(reading)
 
@@ -291,13 +300,15 @@ class TorqueRows:
         # Torque of a floating base need not be measured.
         return np.where(scale > 0.0, scale, 1.0)
 
-    def _root(self, joint: int, weight: Array) -> Array:
-        """Return the inverse factor (c, c) of the products of a joint's columns."""
-        key = joint, weight.tobytes()
+    def _root(self, joint: int, mix: Array) -> Array:
+        """Return the inverse factor of the products of a joint's columns, mixed by (k, m)."""
+        key = joint, mix.tobytes()
         if key not in self._roots:
-            gram = self.squares(joint, adjusted=False) @ weight @ weight
+            products = mix.T @ self.squares(joint, adjusted=False) @ mix
+            count = len(products) * mix.shape[1]
+            gram = products.swapaxes(1, 2).reshape(count, count)
             size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-            fit = Normal.ridged(gram / np.outer(size, size), np.zeros(len(size)))
+            fit = Normal.ridged(gram / np.outer(size, size), np.zeros(count))
             self._roots[key] = fit.root / size
         return self._roots[key]
 
@@ -457,29 +468,16 @@ class TorqueRows:
     def _rows_of(self, joint: int, rows: Array, adjusted: bool) -> Array:
         """Return rows (N, m) of a joint, minus their projection on offsets and smooth functions."""
         data = self.data[:, [joint]]
-        rows = self._adjust(joint, data * rows, adjusted)
+        rows = data * rows
         if self.separate_offsets:
-            constant = self._adjust(joint, data * self.constant[joint], adjusted)
+            constant = data * constant_torque(self.excerpt)[joint]
             rows -= constant @ (np.linalg.pinv(constant) @ rows)
-        return rows
-
-    def _adjust(self, joint: int, rows: Array, adjusted: bool) -> Array:
-        """Return rows (N, m) of a joint, minus their projection on smooth functions if adjusted."""
         if not adjusted:
             return rows
         functions = self._smooth[joint]
         share = np.linalg.norm(functions, axis=0)
         basis = functions / np.maximum(share, 1e-300)
         return np.asarray(rows - basis @ (share[:, None] * (basis.T @ rows)))
-
-    @cached_property
-    def constant(self) -> Array:
-        """Rows of a constant torque of each joint in each log, (n, N, L)."""
-        pieces = self.excerpt.pieces
-        ones = [replace(piece, tau=np.ones_like(piece.tau)).torque for piece in pieces]
-        log = self.excerpt.log
-        member = log[:, None] == np.unique(log)
-        return np.asarray(np.concatenate(ones)[self.excerpt.seen].T[..., None] * member)
 
     @cached_property
     def functions(self) -> list[Array]:
@@ -531,6 +529,13 @@ class TorqueRows:
         weight = self.parts[..., 1:] @ self.robot.gravity @ self.structure.G[:, places]
         parts = np.append(self.parts[..., 0], weight, axis=2)
         return TorqueRows(self.structure, self.excerpt, parts[..., None])
+
+    def with_column(self, columns: Mapping[int, Array]) -> TorqueRows:
+        """Return the rows with one column more: the torque (N,) of each joint in which it acts."""
+        parts = np.pad(self.parts, ((0, 0), (0, 0), (0, 1), (0, 0)))
+        for joint, torque in columns.items():
+            parts[:, joint, -1, 0] = torque
+        return TorqueRows(self.structure, self.excerpt, parts)
 
     def halves(self) -> tuple[TorqueRows, TorqueRows]:
         """Return the rows of two parts: every other block of each log."""
