@@ -262,7 +262,7 @@ class Diagnosis(Result, Predicts):
     weighed : WeighedFit or None
         Its fit to weighted rows, if the values have no prior.
     included : int
-        Number of effects in the model; these are the first ones.
+        Number of places whose effects are in the model; these are the first ones.
     moved : PositionPrediction or None
         Position errors of rollouts of the nearest physical robot, for logs of commands.
     forward : ForwardGap or None

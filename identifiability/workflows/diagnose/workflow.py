@@ -698,32 +698,28 @@ class Verified:
     weighed: WeighedFit | None
 
 
-def verify_effects(
-    naming: Naming, ends: Sequence[int], fits: Sequence[Array], plain: Recommended
-) -> Verified:
+def verify_effects(naming: Naming, fits: Sequence[Array], plain: Recommended) -> Verified:
     """Return the effects that predict better on folds and that unseen motion does not refute.
 
     Folds of the fitted logs choose the effects, and unseen motion may refute them. The last effect
-    found is removed first.
+    found is removed first, place by place.
 
     Parameters
     ----------
     naming : Naming
-    ends : sequence of int
-        End of the parts of each family, after a first 0.
     fits : sequence of (b,)
         Base parameters without any family, then with one more family each.
     plain : Recommended
         The plain model.
     """
     problem = naming.problem
-    families = len(ends) - 1
-    for n in range(families, -1, -1):
-        used = naming if n == families else with_parts(naming, naming.parts[: ends[n]])
+    count = len(naming.parts)
+    for n in range(count, -1, -1):
+        used = naming if n == count else with_parts(naming, naming.parts[:n])
         best = used.best if n or problem.left_out else plain
         last = naming.of(used.completed) @ best.base
         # The best values stand for the fit of all families.
-        each = [*fits[: len(fits) - (0 < n == families)], last]
+        each = [*fits[: len(fits) - (0 < n == count)], last]
         gap = naming.predict_unseen(each)
         if not n or ((problem.fixed or used.predicts) and not gap.surely_better(0, -1)):
             break
@@ -765,9 +761,9 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     plain = _recommend_plain(naming)
     fits = [naming.of(problem.plain) @ plain.base, *(naming.fit(range(n)) for n in ends[1:])]
     residual = naming.predict_excerpt(fits[-1]).residual[:, :, 0]
-    found = verify_effects(naming, ends, fits, plain)
-    if 0 < found.included < len(counts):
-        return conclude(without_last(naming, ends[found.included]), rng)
+    found = verify_effects(naming, fits, plain)
+    if 0 < found.included < len(parts):
+        return conclude(without_last(naming, found.included), rng)
     placed = [_place(naming, k) for k in range(len(parts))]
     return Diagnosis(
         problem=problem,
