@@ -1,5 +1,6 @@
 """The answer of a calibration, in planted worlds: yes where all is well, no with its cause."""
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -30,7 +31,7 @@ def test_yes_where_intervals_hold(log):
     found = calibrate(analyze("two-link", log(Noise(torque=0.05)), replicates=60), **ONE)
     assert found.word == "yes"
     first, second, third = found.statement.splitlines()
-    assert first.startswith("Yes. Of 95 % intervals of no torque offset, ")
+    assert re.match(r"Yes: \S+ ± \S+ % of the 95 % intervals hold the true value\.", first)
     assert second.startswith(
         "None of the parameters called identifiable are off by more than half."
     )

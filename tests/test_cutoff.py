@@ -51,7 +51,7 @@ def test_a_cut_off_that_was_set_is_compared_with_the_best_one(positions, encoder
     assert said.numbers["error"] < said.numbers["given"]
     chosen = analyze("two-link", log, replicates=0)
     better = f"{chosen.samples[0].cutoff:.3g} Hz"
-    assert f"Set it to {better} (--set cutoff)" in said
+    assert f"Set it to {better} (--set cutoff={better.removesuffix(' Hz')})" in said
     # The advice takes its own: nothing better is known then.
     how = Preparation(cutoff=said.numbers["better"])
     assert about_cutoff(analyze("two-link", log, preparation=how, replicates=0)) == []

@@ -527,6 +527,8 @@ class Share:
     term : Term
     weight : float
         Its probability; 1 of what is named.
+    own : float
+        The same for friction of its joint, which may be nonlinear without a name.
     columns : (k,) int
         Among the u columns of all.
     value : (k,)
@@ -537,9 +539,16 @@ class Share:
 
     term: Term
     weight: float
+    own: float
     columns: np.ndarray
     value: Array
     root: Array
+
+    def weigh(self, names: Sequence[str]) -> list[float]:
+        """Return its probability for each of some parameters."""
+        place = self.term.group.place
+        friction = {f"{place}.Fc", f"{place}.Fv"}
+        return [self.own if name in friction else self.weight for name in names]
 
 
 @frozen
@@ -598,7 +607,7 @@ class MissingEffects:
         own = [(T[:, s.columns], s) for s in self.shares]
         moved = np.array([A @ s.value for A, s in own])
         error = np.array([((A @ s.root.T) ** 2).sum(1) for A, s in own])
-        weight = np.array([[s.weight] for s in self.shares])
+        weight = np.array([s.weigh([submodel.columns[k] for k in kept]) for s in self.shares])
         sure = np.arange(len(own)) < len(self.named)
         each = weight * (moved**2 + error)
         open_ = weight * (error + moved**2 * ~sure[:, None])
@@ -738,20 +747,26 @@ NONLINEAR_FRICTION = (
 
 
 def _share_of(
-    model: MixedModel, used: np.ndarray, term: Term, weight: float, terms: Terms
+    model: MixedModel,
+    used: np.ndarray,
+    term: Term,
+    weight: float,
+    own: float,
+    terms: Terms,
 ) -> Share:
     """Return the contribution of one of some terms; columns are among those that are used."""
     s = model.solve(terms)
     unit = model.scale[term.columns]
     at = np.isin(s.columns, term.columns)
     columns = np.searchsorted(used, term.columns)
-    return Share(term, weight, columns, s.value[at] / unit, s.root[:, at] / unit)
+    return Share(term, weight, own, columns, s.value[at] / unit, s.root[:, at] / unit)
 
 
 def _conclude(missing: Missing, model: MixedModel, terms: Terms) -> MissingEffects:
-    groups = [(t, 1.0, terms) for t in terms]
+    groups = [(t, 1.0, 1.0, terms) for t in terms]
     groups += [
-        (t, weight, (*terms, t)) for t, weight in model.alternatives(terms, NONLINEAR_FRICTION)
+        (t, weight, own, (*terms, t))
+        for t, weight, own in model.alternatives(terms, NONLINEAR_FRICTION)
     ]
     used = np.unique(np.concatenate([np.empty(0, int), *(t.columns for t, *_ in groups)]))
     shares = [_share_of(model, used, *group) for group in groups]

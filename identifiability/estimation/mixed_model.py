@@ -13,7 +13,7 @@ any number of rows.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -484,32 +484,44 @@ class MixedModel:
 
     def alternatives(
         self, terms: Terms = (), unpriced: Collection[str] = ()
-    ) -> list[tuple[Term, float]]:
-        """Return groups of which one more may be present, each with its probability.
+    ) -> list[tuple[Term, float, float]]:
+        """Return groups of which one more may be present, with two probabilities each.
+
+        The first is that of any parameter, the second that of friction of the group's own joint.
 
         Parameters
         ----------
         terms : tuple of Term
         unpriced : collection of str
             Families of which each joint may have one more, without the price of a name: those
-            that the rows make likelier than nothing.
+            whose odds without it would name them. For friction of the same joint, those that
+            the rows make likelier than nothing.
         """
         gains = self.gains(terms)
         found = [t for t in gains if t.odds > RULES.unlikely]
-        weights = dict(zip([t.key for t in found], one_of([t.odds for t in found]), strict=True))
-        free = [
-            t
-            for t in gains
-            if t.group.family in unpriced
-            and t.group.place != EVERYWHERE
-            and t.odds + t.group.price > 0.0
-        ]
-        for place in {t.group.place for t in free}:
-            here = [t for t in free if t.group.place == place]
-            each = one_of([t.odds + t.group.price for t in here])
-            for t, weight in zip(here, each, strict=True):
-                weights[t.key] = max(weight, weights.get(t.key, 0.0))
-        return [(t, weights[t.key]) for t in gains if t.key in weights]
+        priced = dict(zip([t.key for t in found], one_of([t.odds for t in found]), strict=True))
+        free = [t for t in gains if t.group.family in unpriced and t.group.place != EVERYWHERE]
+        named = [t for t in free if t.odds + t.group.price >= RULES.name]
+        likely = [t for t in free if t.odds + t.group.price > 0.0]
+        usual = weigh_each_place(named, priced)
+        own = weigh_each_place(likely, usual)
+        return [(t, usual.get(t.key, 0.0), own[t.key]) for t in gains if t.key in own]
+
+
+def weigh_each_place(
+    terms: Sequence[Term], known: Mapping[tuple[str, str], float]
+) -> dict[tuple[str, str], float]:
+    """Return probabilities of terms, of which each place has at most one, without their prices.
+
+    Known probabilities of the same terms stay where they are larger.
+    """
+    weights = dict(known)
+    for place in {t.group.place for t in terms}:
+        here = [t for t in terms if t.group.place == place]
+        each = one_of([t.odds + t.group.price for t in here])
+        for t, weight in zip(here, each, strict=True):
+            weights[t.key] = max(weight, weights.get(t.key, 0.0))
+    return weights
 
 
 def one_of(odds: Sequence[float]) -> list[float]:

@@ -109,7 +109,7 @@ def widened(found: Differences, terms: Terms, at: slice) -> tuple[Array, Array]:
     """
     value, covariance = (x[at] for x in found.solve(terms))
     out = covariance[:, at]
-    for term, weight in found.model.alternatives(terms):
+    for term, weight, _ in found.model.alternatives(terms):
         other, wider = (x[at] for x in found.solve((*terms, term)))
         out = out + weight * (
             np.outer(other - value, other - value) + wider[:, at] - covariance[:, at]

@@ -184,8 +184,8 @@ def test_what_is_everywhere_comes_once(rows):
 def test_one_group_more_is_as_likely_as_its_odds_beside_none(rows):
     found = model_of(products_of(*rows)).alternatives()
     assert found
-    total = 1.0 + sum(np.exp(term.odds) for term, _ in found)
-    for term, weight in found:
+    total = 1.0 + sum(np.exp(term.odds) for term, *_ in found)
+    for term, weight, _ in found:
         assert weight == pytest.approx(np.exp(term.odds) / total)
 
 
