@@ -84,6 +84,7 @@ def _combine(values: Array, rows: Array, first: int, terms: int) -> Combination 
         each = np.append(1.0, weights)
         value = each @ values[members]
         sigma = np.linalg.norm(rows[:, members] @ each)
-        if sigma <= limit * abs(value):
+        size = abs(value)  # of dropped parameters alone it is zero, and tells nothing
+        if size > 0 and sigma <= limit * size:
             return Combination(tuple(members), tuple(each.tolist()), float(value), float(sigma))
     return None
