@@ -116,7 +116,8 @@ def test_a_result_about_nothing_is_not_exported(arm, tmp_path):
 
 def test_torque_without_relation_to_motion_prunes_to_nothing(arm, tmp_path):
     out = prune("two-link", arm("noise"), replicates=10)
-    page, content = words(out, tmp_path / "out.html"), out.to_dict()
+    page = words(out, tmp_path / "out.html")
+    content = out.to_dict()
     assert out.statement.startswith(f"Nothing is identifiable, because {WORSE}.")
     assert content["statement"] == out.statement
     assert content["nothing"] == WORSE

@@ -320,7 +320,9 @@ def _unmeasured(
     missing = [f"{j}.tau" for j in lacking]
     spelt = [n for n in _free(names, taken) if _kind(n) not in SPELLED or _kind(n) == "tau"]
     misspelt = any(nearest(name, spelt) is not None for name in missing)
-    return [] if len(lacking) == len(joints) or misspelt else missing
+    if len(lacking) == len(joints) or misspelt:
+        return []
+    return missing
 
 
 def _free(names: Mapping[str, str], taken: Mapping[str, Column]) -> list[str]:
@@ -862,7 +864,9 @@ def as_times(given: pd.Series, time: Column) -> pd.Series:
     if time.factor == 1.0 and not time.offset:
         return given
     times = to_floats(given)
-    return given if np.isnan(times).any() else pd.Series(time.scale(times))
+    if np.isnan(times).any():
+        return given
+    return pd.Series(time.scale(times))
 
 
 def _find_unit(t: Array, source: str) -> tuple[str, str]:

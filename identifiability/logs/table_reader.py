@@ -219,7 +219,8 @@ class TableReader:
         raw = {key: values.pop(key) for key in self._base}
         times = values["t"]
         values, note = self._unify(values)
-        notes += [note] if note else []
+        if note:
+            notes += [note]
         self.naming = replace(self.naming, notes=tuple(notes))
         if any(not x.usable for c, x in self._numbers.items() if c.endswith(".q_ref")):
             values.pop("q_ref", None)  # no command before the first one

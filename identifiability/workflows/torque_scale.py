@@ -134,7 +134,8 @@ def compare_gravity(fitted: Array, covariance: Array, stated: Array, errors: Arr
     evidence, best, variance = np.empty((3, len(FILE_ERRORS)))
     for k, error in enumerate(FILE_ERRORS):
         size, axes = np.linalg.eigh(covariance + error**2 * errors)
-        towards, seen = axes.T @ stated, axes.T @ fitted
+        towards = axes.T @ stated
+        seen = axes.T @ fitted
         variance[k] = 1.0 / np.sum(towards**2 / size)
         best[k] = variance[k] * np.sum(towards * seen / size)
         rest = np.sum((seen - best[k] * towards) ** 2 / size) + np.sum(np.log(size))

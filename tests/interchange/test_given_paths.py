@@ -44,7 +44,8 @@ def folder(tmp_path, simulated, states, write_bag, monkeypatch):
     for seed, name in enumerate(names):
         log = simulated("two-link", "ab"[seed % 2], seed=seed, samples=200)
         if name.startswith("bag"):
-            frame, other = log.to_frame(), [f"{j}.tau" for j in log.joints]
+            frame = log.to_frame()
+            other = [f"{j}.tau" for j in log.joints]
             without = frame.drop(columns=other)
             topics = {"/a": states(without, log.joints), "/joint_states": states(frame, log.joints)}
             write_bag(topics, name=name)

@@ -68,7 +68,8 @@ def test_a_linkage_that_moves_in_a_level_plane_is_read_as_it_was_logged():
 @pytest.mark.parametrize("row", ["columns exchanged", "sign of one", "unit of one", "delay of one"])
 def test_the_reading_that_is_right_gives_the_logs_without_the_fault(drawn, row):
     logged = plant_fault(drawn, row)
-    right, robot = logged.right, logged.robot
+    right = logged.right
+    robot = logged.robot
     names = ("order", "factor", "delay", "compensated", "gravity")
     reading = replace(Reading.literal(robot), **{name: getattr(right, name) for name in names})
     assert is_right(as_right(reading, robot), logged, FAULTS[row])
