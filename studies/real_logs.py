@@ -5,7 +5,8 @@
 The model that an analysis of the fitted logs alone would use: as estimated, as the nearest
 physically consistent values, and as it recommends; with `--prune` the unpruned and the pruned
 model, too. `--diagnose` lists the effects that are named on some logs and stand on the other, with
-the error there before and after. It also lists the effects that the other log refutes, and
+the error there before and after, and that of the model that `analyze` recommends. It fails if the
+diagnosed model errs more by 1 %. It also lists the effects that the other log refutes, and
 conflicts between parts of a robot's data. `--readings` compares errors with those of columns that
 are read as they are named. It fails if another reading is in use and errs more by 2 %.
 `--written` compares the values that files get with all candidates: each model of the ladder, as
@@ -50,6 +51,8 @@ Case = tuple[str, Robot, list[Log], Log]
 #: Largest error under a reading in use, over the error of literal columns.
 MOST_OVER_LITERAL = 1.02
 
+#: Largest error of the diagnosed model over that of the one that `analyze` recommends.
+MOST_OVER_ANALYZED = 1.01
 
 #: Largest error of the written values over the best candidate's: median, and nine cases of ten.
 MOST_OVER_BEST = (1.03, 1.10)
@@ -148,6 +151,11 @@ def main(argv: Sequence[str] | None = None) -> pd.DataFrame:
     write_answer(asked.out, "Real arms, unseen motion", statement, {"Cases": frame}, __doc__)
     if asked.readings and (frame["over literal"] > MOST_OVER_LITERAL).any():
         raise SystemExit("A reading in use errs more on unseen motion than literal columns.")
+    if asked.diagnose:
+        worse = frame["after [%]"] > MOST_OVER_ANALYZED * frame["analyze [%]"]
+        if worse.any():
+            names = ", ".join(frame["case"][worse])
+            raise SystemExit(f"The diagnosed model errs more than that of analyze: {names}.")
     if written:
         require_written(frame)
     return frame
@@ -264,10 +272,12 @@ def state_diagnosed(
     contrary += [f"{k} ({earlier[k]} there)" for k in earlier.keys() & stand]
     names |= stand
     earlier |= falls
+    analyzed = analyze(robot, fitted, other, replicates=0).chosen
     return {
         "named": ", ".join(sorted(stand)) or "none",
         "not kept": ", ".join(f"{k} {said}" for k, said in sorted(falls.items())) or "none",
         "named by one part and not kept by another": ", ".join(sorted(contrary)) or "none",
+        "analyze [%]": 100 * analyzed.error_ra_validation,
         "before [%]": 100 * found.held_before,
         "after [%]": 100 * found.held_after,
     }

@@ -41,7 +41,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from identifiability.foundation.errors import LogError
-from identifiability.foundation.linalg import ROUNDOFF, TINY
+from identifiability.foundation.linalg import ROUNDOFF
 from identifiability.foundation.names import Array
 from identifiability.foundation.values import frozen
 from identifiability.regression.information import Information
@@ -365,10 +365,12 @@ class HeldOut:
         density = -0.5 * squares @ (1.0 / self.noise)
         for f, (L, x) in enumerate(zip([] if roots is None else roots, left, strict=False)):
             half = L.T @ self.products[f, :-1]
-            curve = half[:, :-1] @ L
-            # Values below are rounding, of exact data.
-            curve.ravel()[:: len(curve) + 1] += 1.0 + TINY**1.25 * np.trace(curve)
-            density[f] += Normal.of(curve, half @ x).evidence
+            # No Cholesky factor: roots of a joint that never moves are long, and rounding of their
+            # products leaves the sum indefinite.
+            sizes, turn = np.linalg.eigh(half[:, :-1] @ L)
+            sizes = 1.0 + np.maximum(sizes, 0.0)
+            towards = turn.T @ (half @ x)
+            density[f] += 0.5 * (towards**2 / sizes - np.log(sizes)).sum()
         ratio = self.folds.ratio if values.ndim > 1 else 0.0
         return Score(density, squares, self.information.variation, ratio)
 

@@ -44,7 +44,13 @@ from identifiability.regression.columns import (
 )
 from identifiability.regression.information import Information
 from identifiability.regression.reduction import Submodel
-from identifiability.regression.regression import REACHES, Chunk, Regression, choose_windows, inside
+from identifiability.regression.regression import (
+    REACHES,
+    LogPart,
+    Regression,
+    choose_windows,
+    inside,
+)
 from identifiability.regression.structure import Structure
 from identifiability.robot import Robot
 
@@ -105,30 +111,8 @@ class Excerpt:
     @staticmethod
     def of(regression: Regression, most: tuple[int, int, int] | None = None) -> Excerpt:
         """Return the rows of a regression, without instruments; an excerpt if there are many."""
-        plain = regression
-        if regression.instruments is not None:
-            plain = replace(regression, instruments=None)
-        windows = choose_windows([s.outputs for s in plain.samples], most or EXCERPT)
-        chunks = list[Chunk]()
-        pieces = list[Piece]()
-        seen = [np.empty(0, int)]
-        outputs = 0
-        for part in (replace(part, windows=windows[part.log]) for part in plain.parts()):
-            if not part.is_shown:
-                continue
-            chunks += part.shown()
-            start = part.start
-            decimation = part.samples.decimation
-            # Pieces overlap by the width of the decimation filter.
-            reach = 1 if decimation is None else decimation.reach
-            for piece in part.samples.pieces(max(PIECE, REACHES * reach)):
-                stop = start + len(piece.motion.t[piece.at])
-                found = [rows for _, rows in inside(windows[part.log], start, stop)]
-                if found:
-                    pieces.append(piece)
-                    seen += [outputs + np.arange(rows.start, rows.stop) for rows in found]
-                    outputs += stop - start
-                start = stop
+        parts, pieces, seen = _look_at(regression, most or EXCERPT)
+        chunks = [chunk for part in parts for chunk in part.shown()]
         t = np.concatenate([c.t for c in chunks])
         log = np.concatenate([np.full(len(c.t), c.log) for c in chunks])
         each = [t[log == k] for k in np.unique(log)]
@@ -137,8 +121,7 @@ class Excerpt:
         kinds = ("W", "tau", "raw", "data")
         X, y, raw, data = (np.concatenate([getattr(c, k) for c in chunks]) for k in kinds)
         own = split_runs(runs, data)
-        rows = np.concatenate(seen)
-        return Excerpt(plain.robot, X, y, raw, data, t, log, own, tuple(pieces), rows)
+        return Excerpt(regression.robot, X, y, raw, data, t, log, own, pieces, seen)
 
     @cached_property
     def centre(self) -> Array:
@@ -171,6 +154,37 @@ class Excerpt:
         return {at: x * self.data[:, at[0]] for at, x in found.items()}
 
 
+def _look_at(
+    regression: Regression, most: tuple[int, int, int]
+) -> tuple[list[LogPart], tuple[Piece, ...], np.ndarray]:
+    """Return parts of a regression without instruments, their pieces, and outputs (N,) to see."""
+    plain = regression
+    if regression.instruments is not None:
+        plain = replace(regression, instruments=None)
+    windows = choose_windows([s.outputs for s in plain.samples], most)
+    parts = list[LogPart]()
+    pieces = list[Piece]()
+    seen = [np.empty(0, int)]
+    outputs = 0
+    for part in (replace(part, windows=windows[part.log]) for part in plain.parts()):
+        if not part.is_shown:
+            continue
+        parts.append(part)
+        start = part.start
+        decimation = part.samples.decimation
+        # Pieces overlap by the width of the decimation filter.
+        reach = 1 if decimation is None else decimation.reach
+        for piece in part.samples.pieces(max(PIECE, REACHES * reach)):
+            stop = start + len(piece.motion.t[piece.at])
+            found = [rows for _, rows in inside(windows[part.log], start, stop)]
+            if found:
+                pieces.append(piece)
+                seen += [outputs + np.arange(rows.start, rows.stop) for rows in found]
+                outputs += stop - start
+            start = stop
+    return parts, tuple(pieces), np.concatenate(seen)
+
+
 @frozen
 class Missing:
     """Candidates that a model may lack, along some logs.
@@ -198,15 +212,15 @@ class Missing:
     @staticmethod
     def of(regression: Regression, families: Sequence[Family], present: Present) -> Missing:
         """Return the candidates of families that a model does not have."""
-        seen = Excerpt.of(regression)
-        motions = [piece.motion for piece in seen.pieces]
-        listed, _ = list_candidates(seen.robot, families, present, motions, fixed=False)
-        candidates = with_reversals(seen.robot, listed, present)
+        robot = regression.robot
+        _, pieces, rows = _look_at(regression, EXCERPT)
+        motions = [piece.motion for piece in pieces]
+        listed, _ = list_candidates(robot, families, present, motions, fixed=False)
+        candidates = with_reversals(robot, listed, present)
         columns = sum(len(c.columns) for c in candidates)
-        most = max(NUMBERS // (columns * seen.y.shape[1] or 1), EXCERPT[1])
-        if len(seen.y) > most:
-            seen = Excerpt.of(regression, (most, EXCERPT[1], most // EXCERPT[1]))
-        return Missing(candidates, seen)
+        most = max(NUMBERS // (columns * len(robot.actuated) or 1), EXCERPT[1])
+        few = (most, EXCERPT[1], most // EXCERPT[1])
+        return Missing(candidates, Excerpt.of(regression, few if len(rows) > most else EXCERPT))
 
     @cached_property
     def entries(self) -> Entries:

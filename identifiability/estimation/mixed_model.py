@@ -227,6 +227,11 @@ class MixedModel:
         p = self.products
         return p.between(np.arange(p.size), np.array(p.size)) / self.scale
 
+    @cached_property
+    def plain(self) -> Solution:
+        """Values and likelihood without any term."""
+        return self.solve()
+
     def _between(self, some: np.ndarray, others: np.ndarray) -> Array:
         return self.products.between(some, others) / (self.scale[some] * self.scale[others])
 
@@ -293,6 +298,7 @@ class MixedModel:
         along = s.root @ self._between(s.columns[:, None], every)
         left = self.target[every] - along.T @ s.half
         widths = np.array([len(at) for at in sets])
+        positive = np.repeat([g.positive for g in asked], [len(g.members) for g in asked])
         rises, signs = np.zeros((2, len(sets), len(self.sizes)))
         for width in np.unique(widths):
             own = np.flatnonzero(widths == width)
@@ -300,7 +306,7 @@ class MixedModel:
             where = np.searchsorted(every, some)
             scale = self.scale[some]
             S = self.products.among(some) / (scale[:, :, None] * scale[:, None, :])
-            rises[own], signs[own] = self.rise(S, along[:, where], left[where])
+            rises[own], signs[own] = self.rise(S, along[:, where], left[where], positive[own])
         out = []
         stop = 0
         for g in asked:
@@ -317,7 +323,9 @@ class MixedModel:
         # Ties keep their order in spite of rounding.
         return sorted(out, key=lambda t: -round(t.odds, 6))
 
-    def rise(self, S: Array, part: Array, left: Array) -> tuple[Array, Array]:
+    def rise(
+        self, S: Array, part: Array, left: Array, signed: np.ndarray | None = None
+    ) -> tuple[Array, Array]:
         """Return the rise of the log-likelihood by sets of columns, and the gain by their signs.
 
         Both by size, (s, sizes).
@@ -328,6 +336,8 @@ class MixedModel:
             Products of the columns of each set.
         part, left : (c, s, k), (s, k)
             What of them is along the model, and their products with what it leaves.
+        signed : (s,) bool, optional
+            Sets whose sign counts; others gain nothing by it.
         """
         outside = S - np.einsum("csk,csl->skl", part, part, optimize=True)
         e, U = np.linalg.eigh(0.5 * (outside + outside.transpose(0, 2, 1)))
@@ -336,10 +346,13 @@ class MixedModel:
         v = self.sizes[:, None] ** 2
         shrunk = v / (1.0 + v * e[:, None])
         rise = 0.5 * (z[:, None] ** 2 * shrunk + np.log(shrunk / v)).sum(2)
-        towards = U.sum(1)[:, None]
-        mean = (towards * z[:, None] * shrunk).sum(2)
-        variance = (towards**2 * shrunk).sum(2)
-        return rise, np.log(2.0) + log_ndtr(mean / np.sqrt(variance))
+        gain = np.zeros(rise.shape)
+        if signed is not None and signed.any():
+            towards, shrunk = U[signed].sum(1)[:, None], shrunk[signed]
+            mean = (towards * z[signed, None] * shrunk).sum(2)
+            variance = (towards**2 * shrunk).sum(2)
+            gain[signed] = np.log(2.0) + log_ndtr(mean / np.sqrt(variance))
+        return rise, gain
 
     def least_named(self, terms: Terms, group: Group, towards: Array) -> float:
         """Return the smallest amount of a group that is named with 95 % probability.
@@ -479,7 +492,7 @@ class MixedModel:
         terms : tuple of Term
         unpriced : collection of str
             Families of which each joint may have one more, without the price of a name: those
-            whose odds without it would name them.
+            that the rows make likelier than nothing.
         """
         gains = self.gains(terms)
         found = [t for t in gains if t.odds > RULES.unlikely]
@@ -489,7 +502,7 @@ class MixedModel:
             for t in gains
             if t.group.family in unpriced
             and t.group.place != EVERYWHERE
-            and t.odds + t.group.price >= RULES.name
+            and t.odds + t.group.price > 0.0
         ]
         for place in {t.group.place for t in free}:
             here = [t for t in free if t.group.place == place]

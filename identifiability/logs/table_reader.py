@@ -288,6 +288,9 @@ class TableReader:
         columns = [c for c in columns if c not in unset]
         naming = name_columns(columns, self.source, self.known, units, first)
         naming = resolve_codes(naming, frame, self.known)
+        commands = [c for c in naming.columns if c.kind == "q_ref" and c.name in naming.commands]
+        empty = [c.name for c in commands if np.isnan(to_floats(frame[c.source])).all()]
+        naming = naming.without_commands(empty)
         self.naming = resolve_time(naming, frame, self.source, self.known)
         self._numbers = {c.name: Numbers(c.name, self.source) for c in self.naming.columns}
         torque = {f"{j}.tau": np.nan for j in naming.joints} | dict.fromkeys(naming.made, 0.0)

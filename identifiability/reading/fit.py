@@ -277,18 +277,20 @@ class TorqueRows:
             weight = 1.0 / residual
         return value, residual / scale
 
-    def least_shares(self, reading: Reading) -> Array:
+    def least_shares(self, reading: Reading, *, any_gravity: bool = False) -> Array:
         """Return the least residual share of `solve` that base parameters may leave, (n,).
 
-        Each joint has base parameters of its own, of any sign.
+        Each joint has base parameters of its own, of any sign; under `any_gravity` its columns
+        without gravity and along each axis have their own as well.
         """
         left = []
         for j, weight in enumerate(self.weights(reading)):
             key = j, float(reading.delay[j])
             column = reading.order[j]
+            mix = np.eye(len(weight)) if any_gravity else weight[:, None]
             torque = self.torque(*key, adjusted=False)[:, column]
-            cross = self.crosses(*key, adjusted=False)[column] @ weight
-            explained = self._root(j, weight) @ cross
+            cross = self.crosses(*key, adjusted=False)[column] @ mix
+            explained = self._root(j, mix) @ cross.ravel()
             left.append(torque @ torque - explained @ explained)
         return np.asarray(left) / self._scale(reading)
 
@@ -298,13 +300,15 @@ class TorqueRows:
         # Torque of a floating base need not be measured.
         return np.where(scale > 0.0, scale, 1.0)
 
-    def _root(self, joint: int, weight: Array) -> Array:
-        """Return the inverse factor (c, c) of the products of a joint's columns."""
-        key = joint, weight.tobytes()
+    def _root(self, joint: int, mix: Array) -> Array:
+        """Return the inverse factor of the products of a joint's columns, mixed by (k, m)."""
+        key = joint, mix.tobytes()
         if key not in self._roots:
-            gram = self.squares(joint, adjusted=False) @ weight @ weight
+            products = mix.T @ self.squares(joint, adjusted=False) @ mix
+            count = len(products) * mix.shape[1]
+            gram = products.swapaxes(1, 2).reshape(count, count)
             size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-            fit = Normal.ridged(gram / np.outer(size, size), np.zeros(len(size)))
+            fit = Normal.ridged(gram / np.outer(size, size), np.zeros(count))
             self._roots[key] = fit.root / size
         return self._roots[key]
 

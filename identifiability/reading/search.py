@@ -243,8 +243,10 @@ class ReadingSearch:
         def misfits(gravity: Array) -> Array:
             return self.rows.fit(replace(self.literal, gravity=gravity))
 
-        most = RULES.error_ratio * np.linalg.norm(np.exp(misfits(self.robot.gravity)))
-        for gravity in find_directions(self.robot.gravity, misfits, EVEN, float(most)):
+        most = RULES.error_ratio * float(np.linalg.norm(np.exp(misfits(self.robot.gravity))))
+        if self.rows.least_shares(self.literal, any_gravity=True).sum() > most**2:
+            return
+        for gravity in find_directions(self.robot.gravity, misfits, EVEN, most):
             reading = self.candidates.turned(self.rows.acting_gravity(gravity))
             if reading.description:
                 yield reading

@@ -33,6 +33,11 @@ def encoder_noise(log: Log) -> Array:
     return np.maximum(noise_level(log.q, log.t), resolution(log.q))
 
 
+def recording_error(log: Log) -> Array:
+    """Return the error of recorded positions (rms), (n,) [rad or m]: noise, or rounding."""
+    return np.maximum(noise_level(log.q, log.t), resolution(log.q) / np.sqrt(12))
+
+
 def record(q: Array, log: Log, rng: np.random.Generator) -> Array:
     """Return positions as the encoders of a log would record them.
 

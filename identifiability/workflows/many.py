@@ -22,6 +22,7 @@ from identifiability.foundation.output import temporary_folder, write_bytes
 from identifiability.foundation.result import Result
 from identifiability.foundation.runs import Progress, quiet, running
 from identifiability.foundation.values import frozen
+from identifiability.foundation.wording import at_terminal
 from identifiability.logs.formats.bags import BAGS, is_bag
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.tables import write_table
@@ -120,7 +121,8 @@ def run_task(
             page = result.write_report(Path(folder, f"{name}.html")).read_bytes()
         return row | _state(json.loads(told)) | {"page": f"{ROBOTS}/{name}.html"}, told, page
     except IdentifiabilityError as error:
-        said = str(error)
+        with at_terminal():  # the table is a file
+            said = str(error)
     except MemoryError:  # of all that run at once: the whole run says so
         raise
     except Exception as error:  # noqa: BLE001 - one robot does not end the others

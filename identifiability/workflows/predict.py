@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict
 
 from identifiability.effects import title_of
 from identifiability.effects.base import apply_tilt
-from identifiability.effects.vocabulary import complete_values
+from identifiability.effects.vocabulary import complete_values, drop_follower_friction
 from identifiability.estimation.groups import MissingEffects, place_of
 from identifiability.estimation.prediction import Prediction, TorqueUncertainty
 from identifiability.foundation import handed
@@ -941,9 +941,13 @@ class PositionPrediction(Result):
 
     @cached_property
     def alike(self) -> np.ndarray:
-        """Joints whose errors are averaged, (n,) bool: revolute ones or, without any, all."""
+        """Joints whose errors are averaged, (n,) bool: revolute ones or, without any, all.
+
+        Joints that do not follow their commands are not among them.
+        """
         slides = self.robot.slides
-        return slides if slides.all() else ~slides
+        follows = ~np.all([log.is_unmeasured for log in self.logs], axis=0)
+        return follows & (slides if slides.all() else ~slides)
 
     @property
     def unit(self) -> str:
@@ -1062,7 +1066,8 @@ def move_fitted(
     if not (own and values):
         return None
     try:
-        pairs = {"the file's": {}, "the fitted robot": values}
+        fitted_values = {**drop_follower_friction(robot), **values}
+        pairs = {"the file's": {}, "the fitted robot": fitted_values}
         rolled = logs.rolled
         if rolled and beside:
             pairs |= {"one without what was named": rolled.parameters}

@@ -2,8 +2,10 @@
 
 Wrong torque constants make the fitted robot and a load heavier by one factor. Nobody knows it
 before: it has a prior. The gravity torque of the fitted robot over that of the file measures it.
-How far each body of the file errs is not known either: the scatter of its gravity parameters about
-one factor tells. A file of placeholders scatters much, and then the prior remains.
+How far each body of the file errs is not known either. It has a prior, and the scatter of the
+gravity parameters about one factor tells it. Centres of bodies may err as well, by another size: if
+they are right, this must not make the masses look right. A file of placeholders scatters much, and
+then the prior of the factor remains.
 """
 
 from __future__ import annotations
@@ -15,9 +17,9 @@ from scipy.special import softmax
 
 from identifiability.effects.nominal import has_masses
 from identifiability.estimation.rules import RULES
+from identifiability.foundation.linalg import NEARLY
 from identifiability.foundation.names import INERTIAL_KINDS, Array
 from identifiability.foundation.rounding import REACH
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.regression.structure import Structure
 from identifiability.robot import Motion, complete_motion
@@ -26,10 +28,10 @@ from .predict import Fit
 
 #: Logs of the factor that are summed over: four standard deviations of the prior.
 FACTORS: Array = np.linspace(-4.0, 4.0, 801) * RULES.constants_within
-#: Errors of the file's bodies, as shares of each: a file's masses are right to 2.5 % at best.
-FILE_ERRORS: Array = np.geomspace(0.025, 2.0, 25)
-#: Such a share in directions that the fitted logs leave open.
-OPEN: Tolerance = 20.0
+#: Errors that bodies of a file may have, as shares of each, and how likely each is: half of all
+#: files err by less than 4.5 %, and a factor of 1.5 is one standard deviation.
+FILE_ERRORS: Array = np.geomspace(0.01, 2.0, 20)
+LOG_PRIOR: Array = -0.5 * (np.log(FILE_ERRORS / 0.045) / np.log(1.5)) ** 2
 #: Poses at which gravity torque is computed.
 POSES = 200
 
@@ -92,10 +94,15 @@ def measure_torque_scale(fit: Fit, motions: Sequence[Motion]) -> TorqueScale:
     values, covariance = fit.of_labels
     unknown = unit[:, None] * fit.base_unknown[heavy]
     spread = np.outer(unit, unit) * covariance[np.ix_(heavy, heavy)]
-    spread += OPEN**2 * (unknown @ unknown.T)
-    bodies = unit * _gravity_of_bodies(structure)[:, heavy]
-    errors = bodies.T @ bodies + np.eye(len(heavy)) / len(heavy)
-    return compare_gravity(unit * values[heavy], spread, stated / typical, errors)
+    # Only in directions that the fitted logs determine.
+    share, axes = np.linalg.eigh(unknown @ unknown.T)
+    towards = axes[:, share < NEARLY].T
+    if not len(towards):
+        return TorqueScale()
+    fitted = towards @ (unit * values[heavy])
+    bodies = towards @ (unit * _gravity_of_bodies(structure)[:, heavy]).T
+    spread = towards @ spread @ towards.T
+    return compare_gravity(fitted, spread, towards @ stated / typical, bodies @ bodies.T)
 
 
 def _gravity_of_bodies(structure: Structure) -> Array:
@@ -119,8 +126,8 @@ def _gravity_sizes(structure: Structure, motions: Sequence[Motion]) -> Array:
 def compare_gravity(fitted: Array, covariance: Array, stated: Array, errors: Array) -> TorqueScale:
     """Return the factor between gravity parameters (k,) that were fitted and those of a file.
 
-    ``fitted ~ N(factor * stated, covariance + error² errors)``, where the logarithm of the factor
-    is normal about zero, and that of the error is uniform.
+    ``fitted ~ N(factor * stated, covariance + error² errors + other² I / k)``, where the logarithms
+    of the factor and of the error are normal, and that of the other error is uniform.
 
     Parameters
     ----------
@@ -130,24 +137,25 @@ def compare_gravity(fitted: Array, covariance: Array, stated: Array, errors: Arr
     errors : (k, k)
         Covariance of the stated parameters where each body errs by its own size.
     """
-    log_density = np.empty((len(FILE_ERRORS), len(FACTORS)))
-    evidence, best, variance = np.empty((3, len(FILE_ERRORS)))
-    for k, error in enumerate(FILE_ERRORS):
-        size, axes = np.linalg.eigh(covariance + error**2 * errors)
-        towards = axes.T @ stated
-        seen = axes.T @ fitted
-        variance[k] = 1.0 / np.sum(towards**2 / size)
-        best[k] = variance[k] * np.sum(towards * seen / size)
-        rest = np.sum((seen - best[k] * towards) ** 2 / size) + np.sum(np.log(size))
-        off = (np.exp(FACTORS) - best[k]) ** 2 / variance[k]
-        log_density[k] = -0.5 * (rest + off + (FACTORS / RULES.constants_within) ** 2)
-        evidence[k] = 0.5 * (np.log(variance[k]) - rest)
+    error, other = np.meshgrid(FILE_ERRORS, FILE_ERRORS, indexing="ij")
+    log_prior = np.repeat(LOG_PRIOR, len(FILE_ERRORS))
+    apart = np.eye(len(stated)) / len(stated)
+    size, axes = np.linalg.eigh(
+        covariance + error.reshape(-1, 1, 1) ** 2 * errors + other.reshape(-1, 1, 1) ** 2 * apart
+    )
+    towards, seen = stated @ axes, fitted @ axes
+    variance = 1.0 / np.sum(towards**2 / size, axis=1)
+    best = variance * np.sum(towards * seen / size, axis=1)
+    rest = np.sum((seen - best[:, None] * towards) ** 2 / size + np.log(size), axis=1)
+    off = (np.exp(FACTORS) - best[:, None]) ** 2 / variance[:, None]
+    likely = log_prior - 0.5 * rest
+    log_density = likely[:, None] - 0.5 * (off + (FACTORS / RULES.constants_within) ** 2)
     weight = softmax(log_density).sum(axis=0)
     mode = float(FACTORS[np.argmax(weight)])
     sd = float(np.sqrt(weight @ (FACTORS - mode) ** 2))
-    likely = softmax(evidence)
-    ratio = float(likely @ best)
-    ratio_sd = float(np.sqrt(likely @ (variance + (best - ratio) ** 2)))
+    share = softmax(likely + 0.5 * np.log(variance))
+    ratio = float(share @ best)
+    ratio_sd = float(np.sqrt(share @ (variance + (best - ratio) ** 2)))
     if not ratio > 0:
         return TorqueScale(factor=float(np.exp(mode)), sd=sd)
     return TorqueScale(factor=float(np.exp(mode)), sd=sd, ratio=ratio, ratio_sd=ratio_sd / ratio)

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from identifiability import analyze, payload
+from identifiability.foundation.rounding import REACH
+from identifiability.workflows.torque_scale import compare_gravity
 
 ARM = "six-dof-arm"
 
@@ -40,12 +42,10 @@ def test_the_prior_of_torque_constants_is_in_the_interval_where_the_file_is_no_w
     kept = fit(ARM)
     log = make_logs(ARM, planted, seed=3)[1]
     rng = np.random.default_rng(0)
-    nominal = kept.robot.nominal
+    heavy = (".m", ".mx", ".my", ".mz")
     placeholders = {
-        name: (
-            value * rng.uniform(0.1, 4.0) if name.endswith((".m", ".mx", ".my", ".mz")) else value
-        )
-        for name, value in nominal.items()
+        name: value * (rng.uniform(0.1, 4.0) if name.endswith(heavy) else 1.0)
+        for name, value in kept.robot.nominal.items()
     }
     other = replace(kept.robot, nominal=placeholders)
     vague = replace(kept, structure=replace(kept.structure, robot=other))
@@ -55,3 +55,13 @@ def test_the_prior_of_torque_constants_is_in_the_interval_where_the_file_is_no_w
     assert 0.05 < unsure.scale.sd < 0.11
     assert unsure.mass.half > 0.1 * planted.mass
     assert "torque constants" in unsure.statement
+
+
+def test_the_factor_is_as_sure_as_files_whose_bodies_err_by_5_percent_allow():
+    held = []
+    for rng in np.random.default_rng(0).spawn(150):
+        bodies = rng.standard_normal((10, 6))
+        fitted = bodies @ (1.0 + 0.05 * rng.standard_normal(6))
+        found = compare_gravity(fitted, 1e-4 * np.eye(10), bodies.sum(1), bodies @ bodies.T)
+        held.append(abs(np.log(found.factor)) < REACH * found.sd)
+    assert np.mean(held) > 0.91

@@ -886,7 +886,7 @@ def _beside_model(
         Columns of a candidate.
     weights : (s, P)
     """
-    solution, own = model.solve(), products[:, at]
+    solution, own = model.plain, products[:, at]
     others = own[:, :, [*range(model.fixed), -1]]
     S, P = (np.tensordot(w, x, 1) for w, x in ((weights**2, own[:, :, at]), (weights, others)))
     part = np.einsum("ij,wkj->iwk", solution.root, P[:, :, :-1], optimize=True)

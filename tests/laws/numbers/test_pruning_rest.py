@@ -48,5 +48,5 @@ def test_of_a_long_path_the_best_and_some_others_are_measured(rows, monkeypatch)
     kept = sorted({0, 1, *best, 3})  # before the search, what must go, the best, and the chosen one
     assert [steps.index(s) for s in thinned.steps] == kept
     assert kept[chosen] == 3
-    assert said.startswith(f"Of the 5 models of the path the {len(kept)} that predict best")
+    assert said.startswith(f"Of the 5 models that prune made, the {len(kept)} that predict best")
     assert hint_note(said).level == "note"  # no caveat
