@@ -70,7 +70,7 @@ def test_what_is_missing_reaches_the_card_the_labels_and_the_next_command(logs, 
         .short.startswith(f"Only if nothing is missing, and {name} (probability ")
     )
     assert "Only if nothing is missing" in found.statement
-    assert "identifiability diagnose" in found.next()[0][1]
+    assert "diagnose(" in found.next()[0][1]
     assert found.to_dict()["missing_functions"][0]["joint"] == "elbow"
     few = {"replicates": 20, "refits": 40}
     asked = calibrate(found, **few)
