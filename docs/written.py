@@ -194,7 +194,7 @@ def write_effects() -> tuple[str, dict[str, str]]:
                 "- Its shape is searched" + (" continuously" if family.continuous else " on a grid")
             )
         if family.told_by:
-            out.append(f"- How to separate it from similar effects: {family.told_by.rstrip(',')}")
+            out.append(f"- How to separate it from similar effects: {family.told_by}")
         if effect.source:
             out.append(f"- Source: {effect.source}")
         out.append("")

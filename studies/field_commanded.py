@@ -35,6 +35,8 @@ import floating_bases as bases
 
 #: Keys of remarks on all logs of a kind, for any content.
 ALWAYS = ("reading", "commands", "assembly", "outside")
+#: A warning that stands among what is always said of commands.
+EARLY = "Commands seem to act before their rows"
 #: Remarks that something is wrong, without a cause.
 HEDGED = re.compile(
     "The logs .* disagree: |The cut-off of |Below the cut-off of |.* from t = .* farther"
@@ -47,7 +49,8 @@ def told(a: Analysis) -> list[str]:
     Remarks on reading and preparation are left out, as is the remark that results hold under an
     alternative.
     """
-    hints = [x for x in a.hints if getattr(x, "key", "") not in ALWAYS and x != SO]
+    hints = [x for x in a.hints if getattr(x, "key", "") not in ALWAYS or EARLY in x]
+    hints = [x for x in hints if x != SO]
     missing = [x.strip() for x in re.split(r"\), | and (?=a)", a.missing.statement) if x]
     return [*filter(None, (a.mass_warning, *hints, *missing))]
 

@@ -237,11 +237,15 @@ def state_readings(robot: Robot, fitted: list[Log], other: Log) -> dict[str, Any
 def state_pruned(robot: Robot, fitted: list[Log], other: Log) -> dict[str, Any]:
     """Return errors of the unpruned and the pruned model, and those over joints' own scales."""
     found = prune(robot, fitted, other, replicates=0)
-    return {
-        f"{name} [%]": f"{len(r)} parameters: {100 * r.error_ra_validation:.2f} "
-        f"({100 * float(r.unseen.error_over_joints()[0]):.2f})"
-        for name, r in (("unpruned", found.full), ("pruned", found.chosen))
-    }
+    said = {}
+    for name, model in (("unpruned", found.full), ("pruned", found.chosen)):
+        each = model.unseen.joint_error()[:, 0]
+        over_joints = np.sqrt(np.nanmean(each**2))
+        said[f"{name} [%]"] = (
+            f"{len(model)} parameters: {100 * model.error_ra_validation:.2f} "
+            f"({100 * over_joints:.2f})"
+        )
+    return said
 
 
 @dataclass

@@ -99,7 +99,8 @@ def _remember(simulator, *motion):
 
     What one runner of this run has simulated the others read.
     """
-    robot, model = simulator.robot, np.empty(mujoco.mj_sizeModel(simulator.model), np.uint8)
+    robot = simulator.robot
+    model = np.empty(mujoco.mj_sizeModel(simulator.model), np.uint8)
     mujoco.mj_saveModel(simulator.model, None, model)
     parts = (robot.joints, robot.loops, robot.couplings, robot.cables, robot.locked)
     known = hashlib.sha256(f"{robot.sha256} {parts} {[len(x) for x in motion]}".encode())
@@ -155,7 +156,8 @@ def at_once():
     """
 
     def spend(turns):
-        start, total = time.process_time(), 0
+        start = time.process_time()
+        total = 0
         for turn in range(turns):
             total += turn
         return time.process_time() - start

@@ -81,7 +81,8 @@ def read_sources(root=ROOT):
 
 def find_mistakes(mutants, sources):
     """Return what is wrong with the lists: names, texts, tests."""
-    out, names = [], set[str]()
+    out = []
+    names = set[str]()
     for mutant in mutants:
         try:
             find_anchor(mutant.old, sources)
@@ -100,7 +101,8 @@ def find_mistakes(mutants, sources):
 def copy_checkout(folder):
     """Return a copy of what the tests need."""
     for part in PARTS:
-        source, target = ROOT / part, folder / part
+        source = ROOT / part
+        target = folder / part
         if source.is_dir():
             shutil.copytree(source, target)
         else:
@@ -130,7 +132,8 @@ def try_one(mutant, copies):
     """Put a mutant into a copy that nobody uses, test it, and take it out again."""
     copy = copies.get()
     path = copy / find_anchor(mutant.old, read_sources(copy))
-    clean, times = path.read_text(encoding="utf-8"), path.stat()
+    clean = path.read_text(encoding="utf-8")
+    times = path.stat()
     path.write_text(clean.replace(mutant.old, mutant.new), encoding="utf-8")
     ended, said = run(copy, mutant.tests, write=False)
     path.write_text(clean, encoding="utf-8")
@@ -141,7 +144,9 @@ def try_one(mutant, copies):
 
 def try_all(mutants, jobs):
     """Say of each mutant how it ends; return how many end otherwise than they may."""
-    copies, survived, wrong = SimpleQueue[Path](), 0, 0
+    copies = SimpleQueue[Path]()
+    survived = 0
+    wrong = 0
     with tempfile.TemporaryDirectory(prefix="mutants-") as folder, ThreadPoolExecutor(jobs) as pool:
         for k in range(jobs):
             copies.put(copy_checkout(Path(folder) / str(k)))

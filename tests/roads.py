@@ -51,7 +51,8 @@ def in_mujoco(path, robot, motion):
     """Return the torque of the tree (N, nv) by MuJoCo from the file alone, in the robot's order."""
     model = load_mujoco(path)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-    data, out = mujoco.MjData(model), np.zeros((len(motion), robot.nv))
+    data = mujoco.MjData(model)
+    out = np.zeros((len(motion), robot.nv))
     where = places(model, robot)
     with quiet():
         for k in range(len(motion)):
@@ -72,7 +73,8 @@ def _dry_tendons(model, data):
     places = model if hasattr(model, "ten_J_rowadr") else data  # by the version of MuJoCo
     for t in np.flatnonzero(model.tendon_frictionloss):
         row = np.zeros(model.nv)
-        start, count = int(places.ten_J_rowadr[t]), int(places.ten_J_rownnz[t])
+        start = int(places.ten_J_rowadr[t])
+        count = int(places.ten_J_rownnz[t])
         row[places.ten_J_colind[start : start + count]] = data.ten_J[start : start + count]
         force += model.tendon_frictionloss[t] * np.sign(row @ data.qvel) * row
     return force
@@ -90,7 +92,8 @@ def in_pinocchio(path, robot, motion):
     for option in ET.parse(path).iter("option"):  # which Pinocchio's reader of MJCF passes over
         if option.get("gravity"):
             model.gravity.linear = np.array(option.get("gravity").split(), float)
-    data, out = model.createData(), np.zeros((len(motion), robot.nv))
+    data = model.createData()
+    out = np.zeros((len(motion), robot.nv))
     positions = _positions(model, robot, motion)
     friction = np.where(np.isfinite(model.upperDryFrictionLimit), model.upperDryFrictionLimit, 0.0)
     for k in range(len(motion)):

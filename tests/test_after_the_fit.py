@@ -29,7 +29,8 @@ def prediction(result):
 
 
 def test_covariance_and_correlation_bear_names(result):
-    covariance, correlation = result.covariance_frame(), result.correlation_frame()
+    covariance = result.covariance_frame()
+    correlation = result.correlation_frame()
     names = list(result.to_frame()["name"])
     for frame in (covariance, correlation):
         assert list(frame.columns) == list(frame.index) == names

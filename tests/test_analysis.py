@@ -66,7 +66,8 @@ def test_every_verdict_has_a_reason_and_says_why_the_10x_rule_differs(result):
 def test_where_nothing_is_held_out_the_error_is_cross_validated(simulated):
     out = analyze("3-rps", simulated("3-rps", "601", 0), "none", replicates=50)
     assert "cross-validation" in out.validation_kind
-    full, small = out.models[0], out.models[3]
+    full = out.models[0]
+    small = out.models[3]
     assert full.error_ra_validation > full.error_ra
     assert small.error_ra_validation < 0.055
 

@@ -34,7 +34,8 @@ def two_link():
 @pytest.fixture(scope="module")
 def coarse(two_link):
     """The elbow goes to and fro slowly on a coarse encoder; its even steps look like 17 Hz."""
-    robot, rng = two_link[0], np.random.default_rng(1)
+    robot = two_link[0]
+    rng = np.random.default_rng(1)
     motion = PrescribedMotion.of(random_trajectory(robot, rng, samples=4000, period=20.0))
     q, dq, ddq = (np.array(x) for x in (motion.q, motion.dq, motion.ddq))
     dq[:, 1] = SPEED * np.tanh(60 * np.sin(2 * np.pi * 0.2 * motion.t))

@@ -71,7 +71,8 @@ def test_a_shaking_wrist_changes_no_other_joint_by_more_than_two_percent(make_lo
 
 
 def test_twice_as_long_logs_have_smaller_errors_that_hold(make_logs):
-    ratios, held = [], []
+    ratios = []
+    held = []
     for seed in range(3):
         log = make_logs(seed, samples=3000)[0]
         short, long = (

@@ -45,7 +45,8 @@ def unpruned(analysis):
 
 
 def test_all_draws_belong_to_a_real_robot(analysis):
-    chosen, structure = analysis.chosen, analysis.structure
+    chosen = analysis.chosen
+    structure = analysis.structure
     to_x = np.linalg.pinv(chosen.submodel.M) @ structure.G
     for x in analysis.belief.physical.chains[0, 0, :5]:
         assert certify(to_x, x, physical_set(structure)).feasible

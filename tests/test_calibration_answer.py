@@ -83,7 +83,8 @@ def test_true_robots_are_possible_and_scatter_around_what_file_and_log_say(log):
     submodels = [ModelEntry(name="two levels", effects=effects), ModelEntry(name="one", tie=ties)]
     ladder = LadderEntry(models=submodels)
     analysis = analyze("two-link", log(Noise(torque=0.02)), ladder=ladder, replicates=60)
-    robots, rng = TrueRobots.of(analysis.structure, analysis.chosen), default_rng(0)
+    robots = TrueRobots.of(analysis.structure, analysis.chosen)
+    rng = default_rng(0)
     structure = analysis.structure
     like = structure.nominal[structure.inertial]
     for body in like + robots.scatter[structure.inertial] * rng.standard_normal((200, *like.shape)):

@@ -91,7 +91,8 @@ def errors_in_columns(found, log, folder):
 
 @pytest.mark.parametrize("fault", [name for name in FAULTS if name != "none"])
 def test_torque_is_predicted_in_the_columns_of_the_log(fault, results, tmp_path):
-    clean, log = record("none", 4), record(fault, 4)
+    clean = record("none", 4)
+    log = record(fault, 4)
     best = errors_in_columns(predict(ROBOT, results("none"), clean), clean, tmp_path)
     found = predict(ROBOT, results(fault), log)
     units = [1.0, 1e-3] if fault == "unit of one" else [1.0, 1.0]
@@ -116,7 +117,8 @@ def test_a_log_that_contradicts_the_logs_before_is_named(fault):
 @pytest.mark.parametrize("verb", [diagnose, prune])
 @pytest.mark.parametrize("fault", ["signs", "gravity"])
 def test_the_results_of_all_verbs_keep_the_reading(fault, verb, results):
-    path, log = results(fault, verb), record(fault, 4)
+    path = results(fault, verb)
+    log = record(fault, 4)
     assert predict(ROBOT, path, log).error_ra_raw == pytest.approx(
         predict(ROBOT, results(fault), log).error_ra_raw, rel=0.05
     )
@@ -126,7 +128,8 @@ def test_the_results_of_all_verbs_keep_the_reading(fault, verb, results):
 def test_a_load_is_weighed_and_a_file_is_judged_under_the_reading(fault, results, tmp_path):
     load = payload(ROBOT, results(fault), record(fault, 5, LOADED))
     assert load.mass.low < 1.0 < load.mass.high
-    path, log = results(fault), record(fault, 4)
+    path = results(fault)
+    log = record(fault, 4)
     written = export(ROBOT, path, tmp_path / "fitted.xml", validate=log)
     assert written.unseen.both <= 1.05 * predict(ROBOT, path, log).error_ra
 
@@ -160,7 +163,8 @@ def test_a_result_belongs_to_a_robot_file_and_not_to_a_name(verb, results, tmp_p
     copy = tmp_path / "robot.xml"
     text = ROBOT.path.read_text("utf-8")
     copy.write_text(text.replace("<mujoco", "<!-- another --><mujoco", 1), "utf-8")
-    say, log = SAYS[verb], record("none", 4)
+    say = SAYS[verb]
+    log = record("none", 4)
     (said,) = of_key(say(copy, results("none"), log, tmp_path), "robot_changed")
     assert "have changed since" in said
     assert not of_key(say(ROBOT, results("none"), log, tmp_path), "robot_changed")

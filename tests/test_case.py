@@ -35,7 +35,8 @@ VERBS = {"analyze": analyze, "diagnose": diagnose, "prune": prune}
 @pytest.fixture(scope="module")
 def two_logs():
     """A robot with a spring that its model lacks, and two logs of it."""
-    robot, rng = Robot.load("two-link"), default_rng(0)
+    robot = Robot.load("two-link")
+    rng = default_rng(0)
     logs = [
         simulate(
             robot,
@@ -54,7 +55,8 @@ def loaded(two_logs):
     """A log of the same robot with a load of half a kilogram."""
     robot, _ = two_logs
     motion = PrescribedMotion.of(shipped_trajectory(robot, "b"), 500)
-    noise, rng = Noise(torque=0.03), default_rng(1)
+    noise = Noise(torque=0.03)
+    rng = default_rng(1)
     return replace(
         simulate(
             robot.with_payload(mass=0.5), motion, noise=noise, rng=rng, hide=["joint_stiffness=0.1"]
@@ -187,7 +189,8 @@ def test_a_prediction_of_a_case_is_of_all_its_logs(two_logs):
     robot, logs = two_logs
     case = Case(robot, logs[:1], logs[1])
     result = analyze(case)
-    found, alone = predict(case, result), predict(robot, result, logs)
+    found = predict(case, result)
+    alone = predict(robot, result, logs)
     assert found.logs == alone.logs == ("a", "b")
     assert_allclose(found.predicted, alone.predicted)
     forward = predict(case, result, forward=True)
@@ -198,14 +201,16 @@ def test_verbs_of_a_case_answer_as_verbs_of_robot_and_logs(two_logs):
     robot, logs = two_logs
     case = Case(robot, logs[:1], logs[1])
     for verb in VERBS.values():
-        shared, alone = verb(case), verb(robot, logs[:1], logs[1])
+        shared = verb(case)
+        alone = verb(robot, logs[:1], logs[1])
         assert shared.statement == alone.statement
     assert str(shared.to_dict()["models"]) == str(alone.to_dict()["models"])
 
 
 def test_without_a_held_out_log_all_verbs_set_the_same_part_aside(two_logs):
     robot, logs = two_logs
-    one, both = Case(robot, logs[0]), Case(robot, logs)
+    one = Case(robot, logs[0])
+    both = Case(robot, logs)
     for case, words in ((one, ["part 2"]), (both, [logs[1].name])):
         for verb in VERBS.values():
             held_out = verb(case).validation

@@ -11,11 +11,13 @@ import identifiability
 
 
 def test_simulate_then_analyze_writes_report_and_json(succeeds, few_draws, tmp_path):
-    train, test = tmp_path / "train.csv", tmp_path / "test.parquet"
+    train = tmp_path / "train.csv"
+    test = tmp_path / "test.parquet"
     for path, name, seed in ((train, "601", 1), (test, "595", 2)):
         succeeds("simulate", "3-rps", name, "--noise", "paper", "--seed", seed, "--out", path)
     assert len(pd.read_csv(train)) == 750
-    report, result = tmp_path / "report.html", tmp_path / "result.json"
+    report = tmp_path / "report.html"
+    result = tmp_path / "result.json"
     words = ["--validate", test, "--report", report, "--json", result]
     with few_draws():
         out = succeeds("analyze", "3-rps", train, *words)
@@ -26,11 +28,13 @@ def test_simulate_then_analyze_writes_report_and_json(succeeds, few_draws, tmp_p
 
 
 def test_hidden_effects_are_in_the_data_and_not_in_the_robot(succeeds, tmp_path):
-    plain, hidden = tmp_path / "plain.csv", tmp_path / "hidden.csv"
+    plain = tmp_path / "plain.csv"
+    hidden = tmp_path / "hidden.csv"
     shipped = ("simulate", "3-rps", "601")
     succeeds(*shipped, "--out", plain)
     succeeds(*shipped, "--hide", "stribeck_friction=0.1", "--out", hidden)
-    a, b = pd.read_csv(plain), pd.read_csv(hidden)
+    a = pd.read_csv(plain)
+    b = pd.read_csv(hidden)
     for joint in ("slider1", "slider2", "slider3"):
         difference = b[f"{joint}.tau"] - a[f"{joint}.tau"]
         share = (difference**2).mean() ** 0.5 / (a[f"{joint}.tau"] ** 2).mean() ** 0.5

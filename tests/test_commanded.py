@@ -27,6 +27,7 @@ from identifiability.foundation.documents import toml_text
 from identifiability.foundation.findings import of_key
 from identifiability.foundation.names import INERTIAL_KINDS
 from identifiability.logs.conventions import Conventions
+from identifiability.logs.prepare import prepare_log
 from identifiability.logs.prepare.preparation import choose_cutoff, make_plan
 from identifiability.physical.cad_prior import combine_with_file, thick_inertia
 from identifiability.physical.pseudo_inertia import BASIS
@@ -171,6 +172,17 @@ def test_reversals_are_data_where_a_rollout_turns_by_the_same_friction(arm, fram
         for log in (given, replace(given, servo_delay=None))  # the same torque, as if measured
     ]
     assert turning[0] == 0 < turning[1]
+
+
+def test_a_lost_row_is_bridged_unless_a_rollout_lost_it(arm, frames):
+    given = servo_log(read(arm, frames[1]), arm.servo, 0.007)
+    lost = np.arange(len(given))[:, None] == [400, 400]
+    log = replace(given, unmeasured=lost)
+    how = choose_cutoff(arm, [log], None)
+    weights = [
+        prepare_log(arm, replace(log, rollout=q), how).weight.mean() for q in (None, given.q)
+    ]
+    assert weights[0] > weights[1] > 0.5
 
 
 FAULTS = [("", 0.0, 1.0), ("irregular", 0.05, 1.0), ("gains_scale", 0.0, 1.4)]
@@ -555,12 +567,16 @@ def test_a_gain_that_the_logs_do_not_tell_is_stated_as_ratios(arm, unstated, fra
     assert not re.search(r"elbow [\d.]+ \(", said)
 
 
-def test_one_bad_joint_does_not_refuse_a_log_and_the_others_keep_their_values(arm, frames):
-    spoilt = frames[1].copy()
-    spoilt["elbow.cmd"] = default_rng(1).permutation(spoilt["elbow.cmd"])
+@pytest.mark.parametrize("kind", ["shuffled", "empty", "absent"])
+def test_one_bad_joint_does_not_refuse_a_log_and_the_others_keep_their_values(arm, frames, kind):
+    shuffled = default_rng(1).permutation(frames[1]["elbow.cmd"])
+    spoilt = frames[1].assign(**{"elbow.cmd": shuffled if kind == "shuffled" else np.nan})
+    if kind == "absent":
+        spoilt = spoilt.drop(columns="elbow.cmd")
     result = analyze(arm, spoilt, quick=True)
     (said,) = of_key(result.hints, "commands")
-    assert "elbow does not follow its command, so its torque is left out" in said
+    assert "elbow does not follow its command, or has none, so its torque is left out" in said
+    assert list(result.moved.alike) == [True, False]
     table = result.to_frame(details=True).set_index("name")
     low, high = table.loc["shoulder.Fc", "interval95"]
     assert low < TRUTH["shoulder.Fc"] < high
@@ -581,6 +597,12 @@ def test_a_log_in_which_no_joint_follows_is_refused_with_the_reason(arm, frames,
         spoilt[f"{joint}.cmd"] = spoil(spoilt[f"{joint}.cmd"])
     with pytest.raises(IdentifiabilityError, match=f"do not follow their commands.*{said}"):
         analyze(arm, spoilt, quick=True)
+
+
+def test_one_joint_in_percent_is_refused_with_the_remedy(arm, frames):
+    percent = {column: 50.0 * frames[1][column] for column in ("elbow.q", "elbow.cmd")}
+    with pytest.raises(IdentifiabilityError, match=r"'elbow\.q' spans .* elbow = \{scale"):
+        analyze(arm, frames[1].assign(**percent), quick=True)
 
 
 @pytest.fixture

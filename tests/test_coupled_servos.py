@@ -71,7 +71,8 @@ def record(true, seed, seconds):
     data = mujoco.MjData(model)
     rng = np.random.default_rng(seed)
     t = np.arange(round(seconds * RATE)) / RATE
-    frequency, phase = rng.uniform(0.2, 2, (2, 4, 1)), rng.uniform(0, 6, (2, 4, 1))
+    frequency = rng.uniform(0.2, 2, (2, 4, 1))
+    phase = rng.uniform(0, 6, (2, 4, 1))
     commands = 0.25 * np.sin(2 * np.pi * frequency * t + phase).sum(1).T
     positions = []
     for command in commands:

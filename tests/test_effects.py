@@ -42,7 +42,8 @@ def test_motor_logs_are_converted_to_the_joint_side(coupled):
         "motor", ("motor1", "motor2"), joint.t, (joint.q - offset) @ R.T,
         np.linalg.solve(R.T, joint.tau.T).T, joint.dq @ R.T, joint.ddq @ R.T, "",
     )  # fmt: skip
-    a, b = prepare_log(coupled, joint), prepare_log(coupled, motor)
+    a = prepare_log(coupled, joint)
+    b = prepare_log(coupled, motor)
     for kind in ("actuated_q", "actuated_v", "actuated_a"):
         assert_allclose(getattr(b.motion, kind), getattr(a.motion, kind), atol=1e-12)
     assert_allclose(b.tau, a.tau, atol=1e-12)

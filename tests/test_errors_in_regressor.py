@@ -66,7 +66,8 @@ def test_labels_hold_along_ten_noisy_periods(simulated_session, kind):
 @pytest.mark.parametrize("periods", [1, 3])
 @pytest.mark.parametrize("kind", ["multiplicative", "additive", "coloured"])
 def test_labels_hold_whatever_the_noise(simulated_session, kind, periods):
-    found, known = np.zeros(3), np.zeros(3)
+    found = np.zeros(3)
+    known = np.zeros(3)
     for robot, name in (("3-rps", "571"), ("six-dof-arm", ""), ("two-link", "a")):
         once = simulated_session(robot, name, noise=Noise())
         for seed in range(3):

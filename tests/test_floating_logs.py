@@ -23,7 +23,9 @@ IMU = f"[imu]\nplace = {PLACE.tolist()}\nrotation = {list(TILT)}\nacc_bias = [0.
 def thrown():
     """A body that a hand moves to and fro at its grip, as MuJoCo simulates it."""
     m = mujoco.MjModel.from_xml_string(BODY)
-    d, rng, rows = mujoco.MjData(m), np.random.default_rng(4), []
+    d = mujoco.MjData(m)
+    rng = np.random.default_rng(4)
+    rows = []
     f, phase = rng.uniform(0.3, 1.5, (2, 6, 3))
     for k in range(6000):
         mujoco.mj_kinematics(m, d)
@@ -36,7 +38,8 @@ def thrown():
         upright = Rotation.from_matrix(turn).as_rotvec()
         wrench[3:] += here.T @ (turn @ (-0.5 * d.qvel[3:]) - 6 * upright)
         d.qfrc_applied[:] = 0
-        force, moment = here @ wrench[:3], here @ wrench[3:]
+        force = here @ wrench[:3]
+        moment = here @ wrench[3:]
         mujoco.mj_applyFT(m, d, force, moment, d.site_xpos[0], 1, d.qfrc_applied)
         mujoco.mj_forward(m, d)
         if k % 4 == 0:
@@ -131,7 +134,8 @@ def test_a_sensor_that_is_mounted_elsewhere_says_the_same(thrown, body):
 
 
 def test_a_mounting_that_is_known_roughly_is_corrected_in_the_fit(thrown, body):
-    place, bias = np.array([0.05, -0.03, 0.04]), np.array([0.2, -0.1, 0.15])
+    place = np.array([0.05, -0.03, 0.04])
+    bias = np.array([0.2, -0.1, 0.15])
     lever = np.cross(thrown["alpha"], place)
     lever += np.cross(thrown["gyro"], np.cross(thrown["gyro"], place))
     acc = thrown["acc"] + lever + bias

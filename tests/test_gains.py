@@ -33,7 +33,8 @@ def made(tmp_path_factory):
     for k, load in enumerate(("", LOAD)):
         path = folder / f"arm{k}.xml"
         path.write_text(ARM.format(load))
-        robot, rng = Robot.load(path), np.random.default_rng(k)
+        robot = Robot.load(path)
+        rng = np.random.default_rng(k)
         motion = find_motion(robot, "random", 1500, rng)
         frame = simulate(robot, motion, noise=Noise(), rng=rng).to_frame()
         for joint, gain in TRUE.items():

@@ -119,7 +119,8 @@ class Page(HTMLParser):
 @pytest.fixture
 def shell(tmp_path):
     """A function that runs a line in bash and returns what `identifiability` was called with."""
-    path, calls = tmp_path / "bin", tmp_path / "calls"
+    path = tmp_path / "bin"
+    calls = tmp_path / "calls"
     path.mkdir()
     fake = path / "identifiability"
     fake.write_text(f"#!/bin/bash\nprintf '%s\\0' \"$@\" $'\\x01' >> {shlex.quote(str(calls))}\n")
@@ -160,7 +161,10 @@ def check_words(called, robot, known):
 
 def typed(body):
     """Return what somebody types, one verb after the other."""
-    robot, log, held_out, result = f"./{ROBOT}", f"./{LOG}", HELD_OUT, f"./{RESULT}"
+    robot = f"./{ROBOT}"
+    log = f"./{LOG}"
+    held_out = HELD_OUT
+    result = f"./{RESULT}"
     one = ("--set", "workers=1")
     fit = (robot, log, "--quick", *one)
     both = (robot, log, held_out)
@@ -312,7 +316,8 @@ def test_a_name_that_is_a_pattern_is_refused_with_one_sentence(name, tmp_path):
     [("a\x00", "control characters"), ("$(id)", "xacro would compute"), (MARKUP, ""), ("a-->", "")],
 )
 def test_a_table_of_names_becomes_a_file_with_these_names(name, sentence, tmp_path):
-    table, made = tmp_path / "--> table.toml", tmp_path / "made"
+    table = tmp_path / "--> table.toml"
+    made = tmp_path / "made"
     link = {"name": name, "joint": f"{name}j", "a": 0.5}
     rows = "\n".join(f"{key} = {json.dumps(value)}" for key, value in link.items())
     table.write_text(f'convention = "standard"\n[[links]]\n{rows}\n')

@@ -30,7 +30,8 @@ def test_what_is_called_identifiable_holds_what_was_planted(found):
 
 
 def test_a_value_that_is_no_parameters_own_is_told_with_what_it_stands_for(found):
-    planted, rows = Robot.load("3-rps").nominal, found.to_dict()["parameters"]
+    planted = Robot.load("3-rps").nominal
+    rows = found.to_dict()["parameters"]
     (use, *_), tables = found.answers(), found.tables()
     (page,) = (t for t in tables if "used" in [c.title for c in t.columns])
     for v, row in zip(found.chosen.verdicts, rows, strict=True):

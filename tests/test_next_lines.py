@@ -119,7 +119,8 @@ STEPS = 8
 
 def asked(words):
     """Return what a command computes: its words without the files that it writes."""
-    kept, skip = [], False
+    kept = []
+    skip = False
     for word in words:
         if not skip and word not in OUTPUTS:
             kept.append(word)
@@ -132,7 +133,8 @@ def follow(line):
 
     What comes before ``&&`` may run a command again, to write the file that the last one reads.
     """
-    done, verbs = set(), []
+    done = set()
+    verbs = []
     while len(verbs) < STEPS:
         *before, last = [shlex.split(part)[1:] for part in line.split(" && ")]
         for words in before:
@@ -186,10 +188,12 @@ def test_next_lines_of_a_new_study_end_in_an_exported_robot(robot, tmp_path, mon
 )
 def test_next_lines_of_shipped_robots_end_in_an_exported_robot(robot, hide, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    loaded, hidden = Robot.load(robot), [hide] if hide else []
+    loaded = Robot.load(robot)
+    hidden = [hide] if hide else []
     for seed, name in enumerate("ab"):
         motion = PrescribedMotion.of(shipped_trajectory(loaded, name), 500)
-        noise, rng = Noise(torque=0.02), default_rng(seed)
+        noise = Noise(torque=0.02)
+        rng = default_rng(seed)
         simulate(loaded, motion, noise=noise, rng=rng, hide=hidden).write(f"{name}.csv")
     verbs = follow(f"identifiability analyze {robot} a.csv --validate b.csv")
     assert ("diagnose" in verbs) >= bool(hide)
@@ -197,7 +201,8 @@ def test_next_lines_of_shipped_robots_end_in_an_exported_robot(robot, hide, tmp_
 
 def test_logs_that_disagree_are_compared_and_lead_on(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    robot, rng = Robot.load("two-link"), default_rng(3)
+    robot = Robot.load("two-link")
+    rng = default_rng(3)
     for name, more in {"a": 0.0, "b": 0.3, "c": 0.0}.items():
         motion = PrescribedMotion.of(random_trajectory(robot, rng, samples=1500))
         frame = simulate(robot, motion, noise=Noise(torque=0.02), rng=rng).to_frame()

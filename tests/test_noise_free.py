@@ -61,7 +61,8 @@ def store(x, kind):
 
 def make_logs(robot, torque, noise=0.0, kind="", rate=100, period=7.5, derivatives=True):
     """Return three logs, of which the last one is to be held out."""
-    rng, logs = default_rng(7), []
+    rng = default_rng(7)
+    logs = []
     for seed in (1, 2, 3):
         t, *motion = move(robot, seed, rate, period)
         tau = torque(robot, t, *motion)

@@ -13,7 +13,8 @@ from identifiability.simulation import random_trajectory
 @pytest.mark.parametrize("size", [pytest.param(0.0, marks=pytest.mark.everything), 1e-3])
 def test_nearly_noise_free_logs_are_judged_and_right(size):
     """What differences leave of an exact log once looked like slow noise, of few outputs."""
-    robot, rng = Robot.load("six-dof-arm"), np.random.default_rng(0)
+    robot = Robot.load("six-dof-arm")
+    rng = np.random.default_rng(0)
     motion = random_trajectory(robot, rng, samples=2300, period=23.0)
     log = simulate(robot, motion, noise=Noise(additive=size), rng=rng).rows(0, 1500)
     found = analyze(robot, replace(log, dq=None, ddq=None), replicates=20)

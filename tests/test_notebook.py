@@ -66,7 +66,8 @@ def test_a_frame_has_ten_columns_and_details_the_rest(results, simulated_session
     logs = [simulated_session("two-link", name, samples=500) for name in "ab"]
     others = [inspect("two-link", logs), compare("two-link", *logs)]
     for result in (*results.values(), *others, results["analysis"].predict(logs[1])):
-        frame, every = result.to_frame(), result.to_frame(details=True)
+        frame = result.to_frame()
+        every = result.to_frame(details=True)
         assert len(frame.columns) <= 10
         assert len(every.columns) >= len(frame.columns)
         assert len([name for name in dir(result) if name[0] != "_"]) <= 20
@@ -94,7 +95,8 @@ def test_what_is_not_an_answer_shows_itself_too(kind, results, simulated_session
 
 @pytest.mark.pictures
 def test_figures_of_a_result_show_themselves(results):
-    analysis, ladder = results["analysis"], results["ladder"]
+    analysis = results["analysis"]
+    ladder = results["ladder"]
     shell = InteractiveShell(config=Config({"HistoryManager": {"enabled": False}}))
     shown, _ = shell.display_formatter.format(plot.precision(analysis))
     assert shown["image/png"][:4] == b"\x89PNG"
@@ -179,7 +181,8 @@ def test_an_error_in_a_notebook_is_one_line_and_names_keywords():
 
 def test_options_in_a_sentence_become_keywords():
     said = "Type --lock 'joint_1' or --map 'OLD=joint_1.q'. Use --set cutoff=10, or --force."
-    lock, columns = "Robot.load(…, lock=['joint_1'])", "Robot.load(…, columns={'OLD': 'joint_1.q'})"
+    lock = "Robot.load(…, lock=['joint_1'])"
+    columns = "Robot.load(…, columns={'OLD': 'joint_1.q'})"
     spoken = f"Type {lock} or {columns}. Use preparation=Preparation(cutoff=10), or force=True."
     assert in_python(said) == spoken
     assert in_python("`payload --mass 2`, --prior.") == "`payload(mass=2)`, prior=…."

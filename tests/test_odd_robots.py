@@ -37,9 +37,11 @@ class Odd:
         def between(low, high):
             return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
-        scale, mass = between(1e-3, 10.0), between(1e-3, 1e3)
+        scale = between(1e-3, 10.0)
+        mass = between(1e-3, 1e3)
         kinds = "".join(rng.choice(list("HHHS"), round(between(1.0, joints))))
-        rate, samples = between(10.0, 2e4), round(between(30, 1e5))
+        rate = between(10.0, 2e4)
+        samples = round(between(30, 1e5))
         own = np.sqrt(9.81 / scale) / (2 * np.pi)  # of a pendulum of this size [Hz]
         fastest = min(rate / 25, own * between(0.5, 5.0))
         return cls(scale, mass, kinds, rate, min(samples, most // len(kinds)), fastest, seed)
@@ -68,7 +70,8 @@ class Odd:
 
     def text(self, wrong=0.0):
         """Return the MJCF; masses and moments off by a share."""
-        rng, opened = default_rng([self.seed, 2]), []
+        rng = default_rng([self.seed, 2])
+        opened = []
         for k, (kind, b) in enumerate(zip(self.kinds, self.bodies, strict=True)):
             off = 1 + wrong * rng.uniform(-1, 1)
             row = {n: " ".join(f"{x:.17g}" for x in np.ravel(off * v)) for n, v in b.items()}
@@ -89,16 +92,20 @@ class Odd:
     def log(self, which):
         """Return a log: positions with encoder noise, torque with 1 % of its spread as noise."""
         rng = default_rng([self.seed, 3, which])
-        n, t = len(self.kinds), np.arange(self.samples) / self.rate
+        n = len(self.kinds)
+        t = np.arange(self.samples) / self.rate
         w = 2 * np.pi * self.fastest * rng.uniform(0.1, 1.0, (6, n))
         size = np.where(np.array(list(self.kinds)) == "H", 1.0, self.scale)
-        a, phase = size * rng.uniform(0.1, 0.5, (6, n)), rng.uniform(0, 2 * np.pi, (6, n))
+        a = size * rng.uniform(0.1, 0.5, (6, n))
+        phase = rng.uniform(0, 2 * np.pi, (6, n))
         angle = w * t[:, None, None] + phase
-        q, dq = (a * np.sin(angle)).sum(1), (a * w * np.cos(angle)).sum(1)
+        q = (a * np.sin(angle)).sum(1)
+        dq = (a * w * np.cos(angle)).sum(1)
         ddq = -(a * w**2 * np.sin(angle)).sum(1)
         model = mujoco.MjModel.from_xml_string(self.text())
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
-        data, tau = mujoco.MjData(model), np.empty((len(t), n))
+        data = mujoco.MjData(model)
+        tau = np.empty((len(t), n))
         for k in range(len(t)):
             data.qpos[:], data.qvel[:], data.qacc[:] = q[k], dq[k], ddq[k]
             mujoco.mj_inverse(model, data)
@@ -115,9 +122,12 @@ class Odd:
 
     def truth(self):
         """Return the parameters that made the logs, by the library's names."""
-        model, values = mujoco.MjModel.from_xml_string(self.text()), dict[str, float]()
+        model = mujoco.MjModel.from_xml_string(self.text())
+        values = dict[str, float]()
         for k, (kind, b) in enumerate(zip(self.kinds, self.bodies, strict=True)):
-            m, c, turn = model.body_mass[k + 1], model.body_ipos[k + 1], np.empty(9)
+            m = model.body_mass[k + 1]
+            c = model.body_ipos[k + 1]
+            turn = np.empty(9)
             mujoco.mju_quat2Mat(turn, model.body_iquat[k + 1])
             R = turn.reshape(3, 3)
             inertia = R @ np.diag(model.body_inertia[k + 1]) @ R.T
@@ -172,7 +182,8 @@ def test_odd_robots_have_an_answer_and_intervals_that_hold(robots, joints, most,
         answered += 1
         assert "nan" not in told["statement"].split()
         counts = outside(odd, path, told)
-        called, wrong = called + counts[0], wrong + counts[1]
+        called = called + counts[0]
+        wrong = wrong + counts[1]
     assert answered > robots / 2
     assert called > robots / 2
     assert wrong <= 0.07 * called + 2 * (0.07 * called) ** 0.5

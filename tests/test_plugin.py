@@ -76,7 +76,8 @@ def logs(folder):
 
 @pytest.mark.pictures
 def test_a_diagnosis_names_it_and_its_page_draws_it_over_position(folder, logs, run):
-    page, found = folder / "gap.html", folder / "gap.json"
+    page = folder / "gap.html"
+    found = folder / "gap.json"
     few = "cogging,position_ripple,gear_ripple,stribeck_friction"
     run("diagnose", *logs, "--effects", few, "--report", page, "--json", found)
     effects = json.loads(found.read_text())["effects"]
@@ -85,7 +86,8 @@ def test_a_diagnosis_names_it_and_its_page_draws_it_over_position(folder, logs, 
 
 
 def test_a_ladder_has_it_and_an_export_is_read_back(folder, logs, run):
-    result, out = folder / "result.json", folder / "fitted.xml"
+    result = folder / "result.json"
+    out = folder / "fitted.xml"
     run("analyze", *logs, "--ladder", folder / "ladder.toml", "--json", result)
     content = json.loads(result.read_text())
     fitted = content["physical"]["parameters"]["elbow.Cg"]
@@ -98,7 +100,8 @@ def test_a_ladder_has_it_and_an_export_is_read_back(folder, logs, run):
 
 
 def test_pruning_keeps_it_and_its_model_file_is_read_again(folder, logs, run):
-    model, found = folder / "pruned.toml", folder / "pruned.json"
+    model = folder / "pruned.toml"
+    found = folder / "pruned.json"
     run("prune", *logs, "--ladder", folder / "ladder.toml", "--out", model, "--json", found)
     assert "cogging@elbow" in model.read_text()
     kept = json.loads(found.read_text())

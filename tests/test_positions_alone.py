@@ -28,7 +28,8 @@ def exact(structure):
     rates = 2 * np.pi * rng.uniform(0.15, 1.1, (6, 2))
     angle = np.multiply.outer(t, rates) + rng.uniform(0, 6, (6, 2))
     size = rng.uniform(0.1, 0.4, (6, 2))
-    q, dq = (size * np.sin(angle)).sum(1), (size * rates * np.cos(angle)).sum(1)
+    q = (size * np.sin(angle)).sum(1)
+    dq = (size * rates * np.cos(angle)).sum(1)
     ddq = -(size * rates**2 * np.sin(angle)).sum(1)
     log = Log("exact", structure.robot.joints, t, q, np.cos(q), dq, ddq, "")
     samples = prepare_log(structure.robot, log, Preparation(keep_rest=True))
@@ -47,7 +48,8 @@ def measure(exact, seed, step=0.0):
 
 
 def test_noise_that_a_cutoff_lets_in_is_taken_off_and_in_the_intervals(exact):
-    held, apart = [], []
+    held = []
+    apart = []
     for seed in range(3):
         told = analyze("two-link", measure(exact, seed), preparation=HOW, replicates=0)
         found = told.full

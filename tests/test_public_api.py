@@ -132,7 +132,8 @@ def lines():
 
 
 def test_the_public_interface_is_the_pinned_one():
-    pinned, found = PIN.read_text(encoding="utf-8").splitlines(), lines()
+    pinned = PIN.read_text(encoding="utf-8").splitlines()
+    found = lines()
     gone = [line for line in pinned if line not in found]
     new = [line for line in found if line not in pinned]
     assert not gone, f"these are gone; if that is meant, run python {Path(__file__).name}"

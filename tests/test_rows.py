@@ -31,7 +31,8 @@ def result(log):
 @pytest.fixture(scope="module")
 def results(result, log, simulated_session, tmp_path_factory):
     """Every kind of result that has rows, with a name of each."""
-    folder, other = tmp_path_factory.mktemp("rows"), simulated_session("two-link", "a", 1)
+    folder = tmp_path_factory.mktemp("rows")
+    other = simulated_session("two-link", "a", 1)
     path = result.to_json(folder / "result.json")
     found = diagnose("two-link", log, quick=True)
     kept = found.to_json(folder / "missing.json")
@@ -78,7 +79,8 @@ def test_an_unknown_name_gives_the_near_match_and_how_to_list_names(results, kin
 
 
 def test_a_row_is_that_of_the_table(result):
-    row, table = result["elbow.Fc"], result.to_frame().loc["elbow.Fc"]
+    row = result["elbow.Fc"]
+    table = result.to_frame().loc["elbow.Fc"]
     assert row.estimate == table["value"]
     assert row.interval == (table["lower"], table["upper"])
     assert row.standard_error == pytest.approx(
@@ -105,7 +107,8 @@ def test_a_standard_parameter_is_refused_with_the_combination_that_holds_it(resu
 
 
 def test_what_is_read_back_has_the_rows_of_the_run(results):
-    live, kept = results["analyze"][0], results["kept"][0]
+    live = results["analyze"][0]
+    kept = results["kept"][0]
     assert live.row_names() == kept.row_names()
     assert str(live["elbow.Fc"]) == str(kept["elbow.Fc"])
 

@@ -86,7 +86,8 @@ def test_the_sidecar_sets_what_no_option_does(tmp_path, monkeypatch):
     ],
 )
 def test_options_are_what_their_function_takes(holder, function):
-    library, kinds = inspect.signature(function).parameters, get_type_hints(holder)
+    library = inspect.signature(function).parameters
+    kinds = get_type_hints(holder)
     theirs = get_type_hints(inspect.unwrap(function) if inspect.isfunction(function) else function)
     known = [f for f in options.options_of(holder) if f.name in library and f.name != "logs"]
     assert known

@@ -15,7 +15,8 @@ from identifiability.simulation import PrescribedMotion, random_trajectory
 @pytest.fixture(scope="module")
 def logs():
     """Three motions of one robot."""
-    robot, rng = Robot.load("two-link"), np.random.default_rng(3)
+    robot = Robot.load("two-link")
+    rng = np.random.default_rng(3)
     found = []
     for name in ("first", "second", "third"):
         motion = random_trajectory(robot, rng, samples=1500)

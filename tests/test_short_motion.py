@@ -12,7 +12,8 @@ from identifiability.simulation.motion import find_motion
 @pytest.fixture(scope="module")
 def analysis_of():
     """A function that returns an analysis of so many samples, and of as many that follow."""
-    robot, rng = Robot.load("six-dof-arm"), np.random.default_rng(3)
+    robot = Robot.load("six-dof-arm")
+    rng = np.random.default_rng(3)
     log = simulate(robot, find_motion(robot, "random", 300, rng), noise=Noise(torque=0.02), rng=rng)
 
     def analyze_part(size):

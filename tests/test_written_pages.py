@@ -77,7 +77,8 @@ def holes(text):
 
 def test_every_finding_and_phrase_fills_the_holes_of_its_sentence():
     """A sentence that is said seldom is written as surely as one that is said often."""
-    table, seen = sentences(), set()
+    table = sentences()
+    seen = set()
     for path in (DOCS.parent / "identifiability").rglob("*.py"):
         for call in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if not isinstance(call, ast.Call) or getattr(call.func, "id", "") not in CALLS:

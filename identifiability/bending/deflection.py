@@ -73,7 +73,9 @@ def integrate(links: LinkEquation, torque: Array, stiffness: Array, damping: Arr
     at = np.arange((samples - 1) * parts + 1) / parts
 
     def refine(x: Array) -> Array:
-        return np.asarray(CubicSpline(np.arange(samples), x)(at)) if parts > 1 else x
+        if parts > 1:
+            return np.asarray(CubicSpline(np.arange(samples), x)(at))
+        return x
 
     P, D, M = map(refine, (links.by_position, links.by_velocity, links.by_acceleration))
     force = refine(torque)
@@ -113,7 +115,8 @@ class Steps:
 
     def of(self, at: np.ndarray) -> tuple[Array, Array]:
         """Return transitions (B, S, 3m, 3m) to some states, and the parts of force, (B, S, 3m)."""
-        h, M = self.h, self.M[at][:, None]
+        h = self.h
+        M = self.M[at][:, None]
         damped = self.D[at][:, None] + self.C
         inverse = np.linalg.inv(
             self.P[at][:, None] + self.K + (2.0 / h) * damped + (4.0 / h**2) * M

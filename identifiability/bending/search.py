@@ -165,8 +165,10 @@ class Problem:
             First changes of the kept columns.
         steps : int
         """
-        m, b = len(springs.joints), len(change)
-        y, linear = self.whiten(self.torque), self._linear()
+        m = len(springs.joints)
+        b = len(change)
+        y = self.whiten(self.torque)
+        linear = self._linear()
         rivals = np.zeros(linear.shape[1] - b)
         numbers = np.log(np.concatenate([springs.frequency.ravel(), springs.ratio.ravel()]))
         if not m:
@@ -219,7 +221,8 @@ class Problem:
         linear: Array,
     ) -> tuple[Array, Array]:
         """Return the whitened residual (R,), and derivatives of the model (R, 2m + b + r)."""
-        m, b = len(joints), len(change)
+        m = len(joints)
+        b = len(change)
         springs = Springs(joints, np.exp(numbers[None, :m]), np.exp(numbers[None, m:]))
         torque = []
         slopes = []
@@ -371,7 +374,9 @@ def first_values(stretch: Stretch, rigid: Array) -> Array:
     stated = mean_inertia(stretch, np.zeros_like(rigid))
     ratio = mean_inertia(stretch, rigid) / or_one(stated)
     near = (ratio > 1.0 / RULES.distorted) & (ratio < RULES.distorted)
-    return np.zeros_like(rigid) if (stated > 0).all() and not near.all() else rigid
+    if (stated > 0).all() and not near.all():
+        return np.zeros_like(rigid)
+    return rigid
 
 
 def measure_gain(problem: Problem, fit: Fit, joint: int) -> float:
@@ -423,7 +428,9 @@ def _silent(springs: Springs, band: float) -> Array:
 def measure_response(problem: Problem, fit: Fit, at: int, band: float) -> Response:
     """Return the frequency response of a joint that bends, up to the band [Hz]."""
     joint = fit.springs.joints[at]
-    rigid, measured, modelled = [], [], []
+    rigid = []
+    measured = []
+    modelled = []
     for s in problem.stretches:
         values = s.values(fit.change)
         load = s.load(values)

@@ -189,7 +189,8 @@ class Stretch:
         m = len(joints)
         parts = self.derivatives(joints, values)
         equation = self.equation(joints, parts)
-        stiffness, damping = springs.stiffness(inertia), springs.damping(inertia)
+        stiffness = springs.stiffness(inertia)
+        damping = springs.damping(inertia)
         load = self.load(values)[:, None, joints]
         own = integrate(equation, load, stiffness, damping)
         torque = _torque_of(parts, own)[:, :, 0]
@@ -235,7 +236,8 @@ class Stretch:
         slow = differentiate(late, self.step)
         turned = self.derivatives(range(n), values)[0]
         alone = np.eye(n)
-        late, slow = late[:, :, None] * alone, slow[:, :, None] * alone
+        late = late[:, :, None] * alone
+        slow = slow[:, :, None] * alone
         # A common scale of torque, bodies and springs changes nothing, so that it never converges.
         scaled = self.load(values)[:, :, None] * (alone - 1.0 / n)
         return np.concatenate([late, slow, turned, scaled], axis=2)

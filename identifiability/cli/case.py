@@ -36,7 +36,8 @@ def defaults_of_case(case: CaseFile, verb: str, *, has_logs: bool) -> dict[str, 
     held_out = [path for path in case.held_out if path != "none"]
     result = case.place(case.entry.result)
     said: dict[str, Any] = {"robot": case.robot, "result": result}
-    said |= {"json": result} if verb == "analyze" else {}
+    if verb == "analyze":
+        said |= {"json": result}
     if verb == "export":
         said["out"] = case.place(f"fitted{Path(case.robot).suffix}")
     if verb == "excite":
@@ -52,7 +53,8 @@ def defaults_of_case(case: CaseFile, verb: str, *, has_logs: bool) -> dict[str, 
         return said | loaded if case.loaded else said
     if verb == "compare":
         for name, paths in (("before", case.logs), ("after", held_out)):
-            said |= {name: paths[0], f"more_{name}": paths[1:]} if paths else {}
+            if paths:
+                said |= {name: paths[0], f"more_{name}": paths[1:]}
         return said
     logs = held_out or case.logs if verb == "predict" else case.logs
     validate = held_out if verb in ("export", "inspect") else case.held_out
@@ -113,7 +115,9 @@ def _as_words(value: Any) -> list[str]:
 
 
 def _as_text(value: Any) -> str:
-    return value if isinstance(value, str) else f"{value:g}"
+    if isinstance(value, str):
+        return value
+    return f"{value:g}"
 
 
 def _options(params: Iterable[Any], typed: Mapping[str, Any]) -> list[str]:

@@ -193,7 +193,9 @@ class Field:
         """Return the possible values of a setting, as the user types them."""
         known = estimators() if self.name == "method" else choices(self.kind)
         known = ["true", "false"] if self.kind is bool else known
-        return f"{self.name}={'|'.join(known)}" if known else self.name
+        if known:
+            return f"{self.name}={'|'.join(known)}"
+        return self.name
 
     def parameter(self, verb: str) -> Parameter:
         """Return it as typer reads it in a verb."""
@@ -242,7 +244,9 @@ class Field:
         return typed
 
     def _ranges(self) -> list[Expected]:
-        return self.marks(Expected) if self.kind in (int, float) else []
+        if self.kind in (int, float):
+            return self.marks(Expected)
+        return []
 
 
 def _take_apart(annotation: Any) -> tuple[Any, tuple[Any, ...]]:
@@ -553,7 +557,11 @@ def _as_kind(kind: Any, text: str) -> Any:
     if kind is bool:
         return {"true": True, "false": False}.get(text.lower(), text)
     with suppress(ValueError):
-        return int(text) if kind is int else float(text) if kind is float else text
+        if kind is int:
+            return int(text)
+        if kind is float:
+            return float(text)
+        return text
     return text
 
 
@@ -567,7 +575,9 @@ def split_names(_: str, text: str) -> list[str]:
 
 def split_model(option: str, text: str) -> list[str] | str:
     """Return the effects in ``a,b``, or the unchanged path of a model file."""
-    return text if text.lower().endswith(".toml") else split_names(option, text)
+    if text.lower().endswith(".toml"):
+        return text
+    return split_names(option, text)
 
 
 def split_point(option: str, text: str) -> list[float]:
@@ -696,7 +706,9 @@ class Machine:
         said = self.recorded
         robot = Robot.load(self.robot, self.sidecar, rules, self.lock, **asdict(said))
         case = CASE.get()
-        return robot if case is None else case.with_masses(robot)
+        if case is None:
+            return robot
+        return case.with_masses(robot)
 
 
 @dataclass(frozen=True)
@@ -713,7 +725,9 @@ class Derived:
         """Return the preparation that was requested; None if no option was set."""
         from identifiability.logs.prepare import Preparation  # noqa: PLC0415
 
-        return None if self == Derived() else Preparation(**asdict(self))
+        if self == Derived():
+            return None
+        return Preparation(**asdict(self))
 
 
 @dataclass(frozen=True)

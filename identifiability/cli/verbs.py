@@ -71,12 +71,15 @@ def run(said: dict[str, Any], verb: str, write: str = "", **options: Any) -> tup
     options
         Options of this method.
     """
-    machine, outputs = said.pop("machine"), said.pop("outputs")
-    work, out = said.pop("work", None), said.pop("out", None)
+    machine = said.pop("machine")
+    outputs = said.pop("outputs")
+    work = said.pop("work", None)
+    out = said.pop("out", None)
     # Functions take these by place, whatever they call them.
     given = [said.pop(name) for name in GIVEN if name in said]
     for group in ("fitted", "searched"):
-        said |= vars(said.pop(group)) if group in said else {}
+        if group in said:
+            said |= vars(said.pop(group))
     with work.running() if work else alone() as (say, how, _):
         import identifiability as library  # noqa: PLC0415
 

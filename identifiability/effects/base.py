@@ -98,7 +98,9 @@ class GravityTilt(Effect):
     @property
     def texts(self) -> tuple[str, ...]:
         """How a ladder file writes the effect."""
-        return (self.name,) if self.direction is None else (tilt_text(np.array(self.direction)),)
+        if self.direction is None:
+            return (self.name,)
+        return (tilt_text(np.array(self.direction)),)
 
     def about(self, shape: Sequence[float]) -> GravityTilt:
         """Return the effect about a direction of gravity."""

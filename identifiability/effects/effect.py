@@ -402,7 +402,9 @@ def actuated_joints(robot: Robot) -> tuple[str, ...]:
 
 def in_motor(robot: Robot, place: str) -> str:
     """Return why a passive joint cannot have effects of motors; empty for actuated joints."""
-    return "a passive joint has no motor" if place in robot.passive else ""
+    if place in robot.passive:
+        return "a passive joint has no motor"
+    return ""
 
 
 #: The order in which families are searched and reported; a user's own come last.
@@ -497,7 +499,9 @@ class Family:
     def rank(self) -> int:
         """Where it stands among the families."""
         names = ORDER.split()
-        return names.index(self.name) if self.name in names else len(names)
+        if self.name in names:
+            return names.index(self.name)
+        return len(names)
 
     def at(self, shape: float | tuple[float, ...] | None, place: str) -> Effect:
         """Return the effect with a shape at a place, as the robot has it without one."""
@@ -514,7 +518,9 @@ class Family:
 
     def grid(self, span: Span) -> tuple[float, ...]:
         """Return the shapes to try at a place; one nan where there is no shape."""
-        return (float("nan"),) if self.shapes is None else self.shapes(span)
+        if self.shapes is None:
+            return (float("nan"),)
+        return self.shapes(span)
 
 
 def measure_spans(robot: Robot, motions: Iterable[Motion]) -> dict[str, Span]:
@@ -628,7 +634,9 @@ class Placed(Effect):
     @property
     def stage_key(self) -> tuple[object, ...]:
         """Key that is the same for equal effects: their text, or nothing without one."""
-        return (type(self.parts[0].effect), self._texts) if self._texts else (id(self),)
+        if self._texts:
+            return (type(self.parts[0].effect), self._texts)
+        return (id(self),)
 
     def turn(self, robot: Robot) -> Robot:
         """Return the robot that the effect of its parts is about."""

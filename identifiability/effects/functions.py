@@ -82,7 +82,9 @@ def largest_speed(robot: Robot, axis: Axis) -> float:
         return TYPICAL_SPEED[axis.prismatic]
     used = axis.row != 0
     limit = float(np.abs(axis.row[used]) @ robot.speed_limits[used])
-    return limit if np.isfinite(limit) and limit > 0 else TYPICAL_SPEED[axis.prismatic]
+    if np.isfinite(limit) and limit > 0:
+        return limit
+    return TYPICAL_SPEED[axis.prismatic]
 
 
 #: Where these functions are from.
@@ -144,7 +146,9 @@ FEWEST = 3
 
 def time_of_session(motion: Motion) -> Array:
     """Return the time since the session began, (N,) [s]; that of the log where none is known."""
-    return motion.t if motion.start is None else motion.t + motion.start
+    if motion.start is None:
+        return motion.t
+    return motion.t + motion.start
 
 
 def session_of(at: Along) -> Array:
@@ -211,7 +215,11 @@ class SmoothFunction(Shaped):
     def pieces(self) -> int:
         """Pieces of a function of the coordinate."""
         session = self.of.against == "session"
-        return SESSION_PIECES if session else PIECES_OF_TWO if self.moving else PIECES
+        if session:
+            return SESSION_PIECES
+        if self.moving:
+            return PIECES_OF_TWO
+        return PIECES
 
     def typical(self, robot: Robot, axis: Axis) -> float:
         """Return the usual largest value."""

@@ -216,7 +216,9 @@ class CommandDelay(TimeDelay):
 
     def axes(self, robot: Robot) -> Sequence[Axis]:
         """Return the axes of the joints of a robot with servos."""
-        return () if robot.servo is None else super().axes(robot)
+        if robot.servo is None:
+            return ()
+        return super().axes(robot)
 
     def curves(self, at: Along) -> list[Array]:
         """Return the change of the servo's torque by a later command."""
@@ -271,7 +273,9 @@ def other_joints(span: Span) -> tuple[float, ...]:
 
 def is_alone(robot: Robot, _place: str) -> str:
     """Return that there is no other joint, if so."""
-    return "" if len(robot.motor_joints) > 1 else "there is no other joint"
+    if len(robot.motor_joints) > 1:
+        return ""
+    return "there is no other joint"
 
 
 def _refuse(robot: Robot, place: str) -> str:

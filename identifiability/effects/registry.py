@@ -134,7 +134,9 @@ def is_loaded(parameters: Iterable[Parameter]) -> bool:
 
 def title_of(name: str) -> str:
     """Return an effect's name in words."""
-    return FAMILIES[name].title if name in FAMILIES else name.replace("_", " ")
+    if name in FAMILIES:
+        return FAMILIES[name].title
+    return name.replace("_", " ")
 
 
 def default_effects(robot: Robot, names: Iterable[str]) -> tuple[str, ...]:

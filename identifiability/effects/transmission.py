@@ -151,7 +151,7 @@ class LoadDependentFriction(AlongAxes):
     refuse=needs_masses,
     loaded=True,
     remembers=True,
-    told_by="reverse under load and without,",
+    told_by="reverse under load and without",
 )
 class Backlash(Shaped):
     """``τ = −Bl τ_load min(1, 10 (1 − |z|))``: an indicator of play, not a model of it.

@@ -31,7 +31,9 @@ Kind = Literal["mjcf", "urdf"]
 
 def file_kinds(robot: Robot) -> tuple[Kind, Kind]:
     """Return the format of a robot's own file, and the other one."""
-    return ("mjcf", "urdf") if robot.mjcf else ("urdf", "mjcf")
+    if robot.mjcf:
+        return ("mjcf", "urdf")
+    return ("urdf", "mjcf")
 
 
 def joint_numbers(kind: Kind) -> tuple[str, ...]:
@@ -44,7 +46,9 @@ def biased_places(robot: Robot, kind: Kind) -> tuple[str, ...]:
     """Return the joints or actuators with a torque offset in a file format."""
     if kind == "urdf":
         return ()
-    return tuple(robot.offsets) if robot.mjcf else robot.motor_joints
+    if robot.mjcf:
+        return tuple(robot.offsets)
+    return robot.motor_joints
 
 
 @lru_cache(maxsize=8)
@@ -140,7 +144,8 @@ def convert_asymmetry(robot: Robot, values: Mapping[str, float]) -> dict[str, fl
             forward, backward = (out[way] for way in ways)
             out |= dict.fromkeys((f"{place}.Fc", *ways), 0.5 * (forward + backward))
             offset = out.get(f"{place}.off", 0.0) + 0.5 * (forward - backward)
-            out |= {f"{place}.off": offset} if offset else {}
+            if offset:
+                out |= {f"{place}.off": offset}
     return out
 
 

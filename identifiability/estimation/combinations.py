@@ -53,7 +53,8 @@ def find_combinations(
     rows = np.vstack([spread.T, far * unknown.T])
     found = [_combine(values, rows, k, terms) for k in range(len(values))]
     sure = sorted(filter(None, found), key=lambda one: one.sigma / abs(one.value))
-    listed, seen = list[Combination](), set[int]()
+    listed = list[Combination]()
+    seen = set[int]()
     for one in sure:
         if not seen & {*one.members}:
             listed.append(one)
@@ -66,7 +67,8 @@ def _combine(values: Array, rows: Array, first: int, terms: int) -> Combination 
 
     The variance of a weighted sum is the squared length of the sum of the columns of `rows`.
     """
-    limit, others = Thresholds().sigma_percent / 100, list[int]()
+    limit = Thresholds().sigma_percent / 100
+    others = list[int]()
     while len(others) + 1 < terms:
         basis, _ = np.linalg.qr(rows[:, others])
         rest = rows - basis @ (basis.T @ rows)
@@ -78,8 +80,10 @@ def _combine(values: Array, rows: Array, first: int, terms: int) -> Combination 
         lowered = np.abs(rest[:, first] @ rest) / np.where(known, length, np.inf)
         others.append(int(np.argmax(lowered)))
         weights = -np.linalg.lstsq(rows[:, others], rows[:, first], rcond=None)[0]
-        members, each = [first, *others], np.append(1.0, weights)
-        value, sigma = each @ values[members], np.linalg.norm(rows[:, members] @ each)
+        members = [first, *others]
+        each = np.append(1.0, weights)
+        value = each @ values[members]
+        sigma = np.linalg.norm(rows[:, members] @ each)
         if sigma <= limit * abs(value):
             return Combination(tuple(members), tuple(each.tolist()), float(value), float(sigma))
     return None

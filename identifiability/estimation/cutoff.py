@@ -212,7 +212,9 @@ def tune_cutoff(
             return advise(structure, windows, how, chosen)
     except (ClosureError, LogError):  # a log is refused later, or has too few rows for a choice
         return how
-    return how if chosen is trials[0] else narrow(robot, logs, how, trials, chosen)
+    if chosen is trials[0]:
+        return how
+    return narrow(robot, logs, how, trials, chosen)
 
 
 def has_choice(robot: Robot, logs: Sequence[Log], how: Preparation) -> bool:

@@ -127,12 +127,16 @@ class Differing(Candidate):
     def odd(self, names: Sequence[str]) -> str:
         """Return the only log in which it is; nothing for the logs that are asked about."""
         alone = self.pattern not in ("", "0", WARM) and np.count_nonzero(self.logs) == 1
-        return names[int(np.argmax(self.logs))] if alone else ""
+        if alone:
+            return names[int(np.argmax(self.logs))]
+        return ""
 
     def since(self, names: Sequence[str]) -> str:
         """Return the first of several logs, not all that are asked about; else nothing."""
         some = self.pattern not in ("", "0", WARM) and np.count_nonzero(self.logs) > 1
-        return names[int(np.argmax(self.logs))] if some else ""
+        if some:
+            return names[int(np.argmax(self.logs))]
+        return ""
 
 
 @frozen
@@ -181,7 +185,9 @@ class Compared(Excerpt):
     def amount(self, change: Differing) -> Array:
         """Return the amount of a change in each row, (N,)."""
         own = np.array(change.logs)[self.log]
-        return own * self.course if change.pattern == WARM else own
+        if change.pattern == WARM:
+            return own * self.course
+        return own
 
     @cached_property
     def course(self) -> Array:

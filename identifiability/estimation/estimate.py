@@ -63,18 +63,18 @@ def estimate_noise(estimator: Estimator, whole: Information) -> Estimator:
     """
     fresh = replace(estimator, noise=None)
     fit = fit_whole(replace(fresh, instruments=False), whole)
-    return fresh if fit is None else replace(fresh, noise=fit.noise)
+    if fit is None:
+        return fresh
+    return replace(fresh, noise=fit.noise)
 
 
 def fit_whole(estimator: Estimator, whole: Information) -> Estimate | None:
     """Return the fit of all columns; None where too few outputs are independent for them."""
     fit = estimator.fit(whole)
     independent = float(np.sum(whole.rows_each / fit.times))
-    return (
-        fit
-        if fit.kept and independent >= Thresholds.outputs_per_parameter * len(fit.kept)
-        else None
-    )
+    if fit.kept and independent >= Thresholds.outputs_per_parameter * len(fit.kept):
+        return fit
+    return None
 
 
 def with_known(information: Information, known: Array, noise: Noise | None = None) -> Information:

@@ -131,7 +131,9 @@ class Estimate:
         percent = self.sigma_percent
         least = percent.min(initial=np.inf)
         passed: np.ndarray = percent < RULES.paper_factor * least
-        return passed if np.isfinite(least) else np.zeros(len(percent), bool)
+        if np.isfinite(least):
+            return passed
+        return np.zeros(len(percent), bool)
 
 
 def clip_signs(information: Information, fit: Estimate, nonnegative: np.ndarray) -> Array:
@@ -416,7 +418,11 @@ class Estimator:
     @property
     def name(self) -> str:
         """Name for `analyze`, `prune` and the command line."""
-        return "iv" if self.instruments else "wls" if self.weighted else "ols"
+        if self.instruments:
+            return "iv"
+        if self.weighted:
+            return "wls"
+        return "ols"
 
     def fit(self, information: Information) -> Estimate:
         """Return the estimate; one by instruments keeps the weights and noise of least squares.
@@ -571,7 +577,9 @@ def weigh(information: Information, density: Array) -> Array:
     floor = TINY * float(np.max(density, initial=0.0))
     mean_square = float(information.torque.sum()) / max(information.rows, 1)
     density = np.maximum(density, max(floor, TINY**2 * mean_square))
-    return float(np.mean(density)) / density if density.all() else np.ones(information.actuators)
+    if density.all():
+        return float(np.mean(density)) / density
+    return np.ones(information.actuators)
 
 
 def _solve(

@@ -179,7 +179,8 @@ class Folds:
     @staticmethod
     def _around(information: Information, test: np.ndarray, memory: float) -> Folds:
         """Return folds of the given blocks, whose memory is left out of each fit."""
-        counts, log = information.counts, information.log
+        counts = information.counts
+        log = information.log
         ends = np.cumsum(counts)
         starts = ends - counts
         train = np.ones((test.max() + 1, len(test)), bool)

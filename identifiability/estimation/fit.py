@@ -498,7 +498,11 @@ def _combination(name: str, members: Sequence[str], coefficients: Array, size: A
     signs = ["−" if coefficients[j] < 0 else "+" for j in shown]
     parts = [f"{abs(coefficients[j]):.2g}·{members[j]}" for j in shown]
     told = " ".join([name, *(f"{sign} {x}" for sign, x in zip(signs, parts, strict=True))])
-    return "" if not shown else f"{told} + …" if np.count_nonzero(share) > len(shown) else told
+    if not shown:
+        return ""
+    if np.count_nonzero(share) > len(shown):
+        return f"{told} + …"
+    return told
 
 
 # `Fit`: the terms of uncertainty.
@@ -627,7 +631,9 @@ class Fit:
         value = self.estimate.value
         if self.estimate.bias is None and "bias" in self.shared:
             value = value - self.shared["bias"][0]
-        return value if self.alternatives is None else value - self.alternatives.shift
+        if self.alternatives is None:
+            return value
+        return value - self.alternatives.shift
 
     @property
     def sigma(self) -> Array:

@@ -405,13 +405,15 @@ class Missing:
         may = self.families
         asked = [key for key in self.sets if may is None or key[0] in may]
         places = Counter(name for name, _ in asked)
-        likely = {k[0]: np.exp(-RULES.rival * self.sets[k][0][0].family.unnamed) for k in asked}
+        families = {k[0]: self.sets[k][0][0].family for k in asked}
+        likely = {name: np.exp(-RULES.rival * f.unnamed) for name, f in families.items()}
         out = []
         for name, place in asked:
             sets = self.sets[name, place]
             price = float(np.log(sum(likely.values()) / likely[name]) + np.log(places[name]))
             positive = all(c.positive for some in sets for c in some)
-            out.append(Group(name, place, list_members(sets, self.fixed), price, positive))
+            members, unnamed = list_members(sets, self.fixed), families[name].unnamed
+            out.append(Group(name, place, members, price, positive, unnamed))
         return tuple(out)
 
     def model(self) -> MixedModel:

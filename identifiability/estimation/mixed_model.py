@@ -108,6 +108,8 @@ class Group:
         Minus the log of its prior odds.
     positive : bool
         Whether physics forbids negative levels.
+    unnamed : bool
+        Whether it is a function that no equation names.
     """
 
     family: str
@@ -115,6 +117,7 @@ class Group:
     members: tuple[np.ndarray, ...]
     price: float
     positive: bool = False
+    unnamed: bool = False
 
     @property
     def key(self) -> tuple[str, str]:
@@ -384,7 +387,8 @@ class MixedModel:
         """Return the missing terms: add the best group, and remove groups that no longer gain.
 
         Of groups that are about as good the simplest is added first: a flexible group would absorb
-        the evidence of a named effect, and remove that effect if it fails on unseen rows.
+        the evidence of a named effect, and remove that effect if it fails on unseen rows. A family
+        with a name goes before an unnamed function.
         """
         terms: Terms = ()
         gone: set[tuple[str, str]] = set()
@@ -393,7 +397,8 @@ class MixedModel:
             if not found:
                 break
             near = [t for t in found if t.odds > found[0].odds - RULES.simpler]
-            terms = self.update_terms((*terms, min(near, key=lambda t: (t.size, -t.odds))))
+            simplest = min(near, key=lambda t: (t.group.unnamed, t.size, -t.odds))
+            terms = self.update_terms((*terms, simplest))
             while terms and min(t.odds for t in terms) < RULES.name:
                 least = min(range(len(terms)), key=lambda k: terms[k].odds)
                 gone.add(terms[least].key)

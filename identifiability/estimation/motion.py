@@ -153,7 +153,9 @@ def preferred_kind(records: Sequence[Record]) -> Kind:
     if not all("fourier" in r.series for r in records):
         return "spline"
     scores = {k: sum(r.series[k].score for r in records) for k in ("fourier", "spline")}
-    return "fourier" if scores["fourier"] < scores["spline"] else "spline"
+    if scores["fourier"] < scores["spline"]:
+        return "fourier"
+    return "spline"
 
 
 @frozen
@@ -186,7 +188,9 @@ class Record:
     @cached_property
     def series(self) -> dict[Kind, MotionSeries]:
         """The best series of each kind."""
-        return {} if self.spline is None else add_fourier(self.log, self.spline)
+        if self.spline is None:
+            return {}
+        return add_fourier(self.log, self.spline)
 
     @property
     def repeats(self) -> bool:
@@ -269,7 +273,8 @@ def _measure_again(
     The torque is planted without noise: all that is off then comes from noise of the motion.
     """
     rng = np.random.default_rng(0)
-    measured, smoothed = list[Dataset](), list[Dataset]()
+    measured = list[Dataset]()
+    smoothed = list[Dataset]()
     for record in records:
         log = plant(record.log, record.series[kind], rng)
         series = refit(record.series[kind], log)
@@ -335,7 +340,8 @@ def gather_rows(structure: Structure, samples: Sequence[Dataset], size: int = RO
     log = np.repeat(logs, [len(tau) for tau in torque])
     moves = np.concatenate([s.weight > 0 for s in samples])
     names = [p.name for p in regression.parameters]
-    W, tau = np.concatenate(columns), np.concatenate(torque)
+    W = np.concatenate(columns)
+    tau = np.concatenate(torque)
     return Information.of_rows(names, W, tau, log, size, moves=moves)
 
 
@@ -347,4 +353,6 @@ def _torque(samples: Sequence[Dataset]) -> Array:
 def _share(squares: Array, torque: Array) -> float:
     """Return the root mean over actuators of relative squares of their torque."""
     moved = torque > 0
-    return float(np.sqrt(np.mean(squares[moved] / torque[moved]))) if moved.any() else 0.0
+    if moved.any():
+        return float(np.sqrt(np.mean(squares[moved] / torque[moved])))
+    return 0.0

@@ -169,7 +169,8 @@ class LaggedProducts:
     @staticmethod
     def of(Z: Array, runs: Runs) -> LaggedProducts:
         """Return the lagged products of rows (N, m) in stretches."""
-        P, m = HIGHEST_ORDER, Z.shape[1]
+        P = HIGHEST_ORDER
+        m = Z.shape[1]
         runs = [(a, b) for a, b in runs if b - a >= P]
         first, stop = np.array(runs, int).reshape(-1, 2).T
         out = np.empty((P + 1, P + 1, m, m))
@@ -260,7 +261,8 @@ class RestrictedLikelihood:
         """
         prior = np.append(values, 0.0)[self.owner]
         there = np.isfinite(prior)
-        lagged, prior = self.lagged.among(np.append(there, True)), np.append(prior[there], 0.0)
+        lagged = self.lagged.among(np.append(there, True))
+        prior = np.append(prior[there], 0.0)
         none = -float(np.log(prior[prior > 0]).sum())
 
         def of(theta: Array) -> tuple[float, Array, float]:
@@ -268,7 +270,8 @@ class RestrictedLikelihood:
             a = whitening_filter(pacf)
             G = self.whitened(a, lagged) + np.diag(prior)
             size = 2.0 * float(np.log(np.diag(np.linalg.cholesky(G))).sum())
-            inverse, order = np.linalg.inv(G), 2.0 * lagged.runs * np.arange(1, len(pacf) + 1)
+            inverse = np.linalg.inv(G)
+            order = 2.0 * lagged.runs * np.arange(1, len(pacf) + 1)
             square = max(1.0 / float(inverse[-1, -1]), TINY**2)
             sized = inverse + (self.dof - 1) * square * np.outer(inverse[-1], inverse[-1])
             turn = [0.5 * (whitening_filter(pacf + 2 * e) - a) for e in np.eye(len(pacf))]
@@ -285,7 +288,8 @@ class RestrictedLikelihood:
         """Return the transformed partial autocorrelations (p,) of the order with the least BIC."""
         profile = self.profile(values)
         best = theta = np.empty(0)
-        least, how = profile(best)[0], {"ftol": 1e-3 / self.rows, "gtol": 0.0}
+        least = profile(best)[0]
+        how = {"ftol": 1e-3 / self.rows, "gtol": 0.0}
         for order in range(1, HIGHEST_ORDER + 1):
             start = np.append(theta, 0.3 if order == 1 else 0.0)
             limits = [(-BOUND, BOUND)] * order
@@ -295,9 +299,11 @@ class RestrictedLikelihood:
                 )
             except np.linalg.LinAlgError:  # noise that slow leaves nothing of the columns
                 break
-            theta, value = found.x, float(found.fun) + order * np.log(self.rows)
+            theta = found.x
+            value = float(found.fun) + order * np.log(self.rows)
             if value < least - ROUNDOFF:
-                best, least = theta, value
+                best = theta
+                least = value
             elif order - len(best) == 2:  # of no use, nor was the one before
                 break
         return best
@@ -310,9 +316,11 @@ class RestrictedLikelihood:
         values, best : (f,) and (p,)
             Precision of each function at first, and transformed partial autocorrelations.
         """
-        price, none = 2.0 * RULES.smooth_price, PRECISIONS[-1]
+        price = 2.0 * RULES.smooth_price
+        none = PRECISIONS[-1]
         for _ in range(ROUNDS):
-            before, values = values, values.copy()
+            before = values
+            values = values.copy()
             G = self.whitened(whitening_filter(np.tanh(best)), self.lagged)
             for k in range(len(values)):
                 own = np.append(self.owner == k, True)
@@ -324,7 +332,8 @@ class RestrictedLikelihood:
                 S = G[np.ix_(own, own)] - B.T @ np.linalg.solve(A, B)
                 squares, turn = np.linalg.eigh(S[:-1, :-1])
                 share = (turn.T @ S[:-1, -1]) ** 2
-                squares, tried = np.maximum(squares, 0.0), PRECISIONS[:, None]
+                squares = np.maximum(squares, 0.0)
+                tried = PRECISIONS[:, None]
                 left = np.maximum(S[-1, -1] - (share / (squares + tried)).sum(1), TINY**2)
                 each = self.dof * np.log(left) + np.log1p(squares / tried).sum(1)
                 values[k] = PRECISIONS[np.argmin(each)] if each[-1] - min(each) > price else none
@@ -417,7 +426,8 @@ def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs, least: float = 0.0
         rounding and preparation may leave. Such torque gains no more than half a nat, whatever
         its course in time.
     """
-    silent, rows = JointNoise(np.empty(0), np.inf), sum(b - a for a, b in runs)
+    silent = JointNoise(np.empty(0), np.inf)
+    rows = sum(b - a for a, b in runs)
     if not any(b - a >= HIGHEST_ORDER for a, b in runs):
         return silent
     most = int(RULES.columns_most * rows)
@@ -427,7 +437,9 @@ def rich_noise(blocks: Sequence[Array], y: Array, runs: Runs, least: float = 0.0
     parts = _choose_parts([np.sqrt(rows) * principal_columns(Z)[0] for Z in blocks[1:]], room)
     every = RestrictedLikelihood(y, basis, runs, parts)
     if every.rounding or every.rest <= least:
-        return JointNoise(np.empty(0), least) if least > 0 else silent
+        if least > 0:
+            return JointNoise(np.empty(0), least)
+        return silent
     # All is noise at first, or what is missing.
     none = np.full(len(parts), PRECISIONS[-1])
     found = every.backfit(none, every.maximise(none)), every.backfit(np.ones(len(parts)), none[:0])

@@ -134,7 +134,9 @@ def widening(information: Information, known: Fit) -> float:
     variance = np.diag(remembering_covariance(information, fit))
     wide = known.noise[kept] ** 2 + known.terms["logs"][kept] ** 2
     sure = np.isfinite(wide) & (variance > 0)
-    return float(np.mean(wide[sure] / variance[sure])) if sure.any() else 1.0
+    if sure.any():
+        return float(np.mean(wide[sure] / variance[sure]))
+    return 1.0
 
 
 def _never_shown(information: Information, fit: Estimate) -> Array:
@@ -151,9 +153,8 @@ def _never_shown(information: Information, fit: Estimate) -> Array:
 
 # How far predicted torque is from the measured: one definition.
 #
-# What to use when: models are chosen by the error over each joint's own scale
-# (`Prediction.error_over_joints`), which sees small joints as well as large ones; ε_RA
-# (`Prediction.relative_error`) is the paper's, which adds up N and N·m as they are.
+# ε_RA (`Prediction.relative_error`) is the paper's, which adds up N and N·m as they are; the errors
+# of joints over their own scale (`Prediction.joint_error`) see small joints as well as large ones.
 
 
 def loaded_joints(rms: Array) -> list[int]:
@@ -332,16 +333,6 @@ class Prediction:
         size = np.sum(errors / or_one(variation)[:, None], axis=1)
         parts = [x.sum() for x in np.array_split(size[:, 1] - size[:, 0], LEVELS.folds)]
         return bool(np.sum(parts) > np.std(parts, ddof=1) * np.sqrt(len(parts)))
-
-    def error_over_joints(self) -> Array:
-        """Return the error over each joint's own scale, root mean square over the joints, (m,).
-
-        Zero is perfect, one as good as each joint's mean. Joints whose torque never varies do not
-        count; NaN where there is nothing to explain.
-        """
-        each = self.joint_error() ** 2
-        known = each[np.isfinite(each).all(1)]
-        return np.sqrt(_ratio(known.sum(0), float(len(known))))
 
 
 def _ratio(part: Array, whole: Array | float) -> Array:

@@ -68,7 +68,9 @@ class Number:
 
     def scale(self, values: Array) -> Array:
         """Return the coordinates of values, (g,)."""
-        return np.log(values) if self.logarithmic else np.asarray(values, float)
+        if self.logarithmic:
+            return np.log(values)
+        return np.asarray(values, float)
 
     def unscale(self, coordinates: Array) -> Array:
         """Return the values at coordinates, (g,)."""
@@ -323,7 +325,8 @@ class ShapeRefits:
         regression = Regression(robot, model, tuple(self.samples), columns)
         white = gather_information(regression, transform=partial(whiten_chunk, noise=self.noise))
         F = white.factor(np.array([joint.sigma**-2.0 for joint in self.noise]))
-        count, each = len(self.others), len(levels) // len(values)
+        count = len(self.others)
+        each = len(levels) // len(values)
         signed = np.array([False] * count + [p.nonnegative for p in levels[:each]])
         self.freedom = max(white.rows - count - each, 1)
         for k, x in enumerate(values.tolist()):

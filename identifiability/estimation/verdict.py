@@ -195,7 +195,9 @@ def name_rows(
 
 def percent_of(sigma: float, value: float) -> float:
     """Return a standard deviation relative to a value [%]."""
-    return 100 * sigma / abs(value) if value else float("inf")
+    if value:
+        return 100 * sigma / abs(value)
+    return float("inf")
 
 
 # `judge`: from a fitted model to the verdict on each of its parameters, in words.

@@ -81,7 +81,9 @@ class Column:
     @property
     def kind(self) -> Kind:
         """The kind of its cells."""
-        return "number" if callable(self.look) else self.look
+        if callable(self.look):
+            return "number"
+        return self.look
 
     def cell(self, row: Any, place: int) -> Cell:
         """Return the cell of a row in this column, whose index is `place`."""
@@ -235,7 +237,9 @@ def _kind(values: Sequence[Any], *, first: bool) -> Kind:
     numbers = [isinstance(x, Real) and not isinstance(x, bool) for x in values]
     if not first and values and all(numbers):
         return "number"
-    return "badge" if any(isinstance(x, Cell) and x.badge for x in values) else "text"
+    if any(isinstance(x, Cell) and x.badge for x in values):
+        return "badge"
+    return "text"
 
 
 @frozen

@@ -405,4 +405,6 @@ def choose_engine(
     if scheduler is not None and workers is not None:
         raise EngineError(Finding("cluster.workers", scheduler))
     made = Processes(workers) if scheduler is None else Dask(scheduler)
-    return made if resume is None else Resumed(made, resume)
+    if resume is None:
+        return made
+    return Resumed(made, resume)

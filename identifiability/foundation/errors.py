@@ -70,13 +70,17 @@ def legible(sentence: str) -> str:
     """
     line = for_terminal(sentence)
     line = re.sub(rf"[^' ]{{{_LONG},}}", lambda m: f"{m[0][:_HEAD]}…{m[0][-_TAIL:]}", line)
-    return line if len(line) <= LONGEST else f"{line[: LONGEST // 2]}…{line[-LONGEST // 3 :]}"
+    if len(line) <= LONGEST:
+        return line
+    return f"{line[: LONGEST // 2]}…{line[-LONGEST // 3 :]}"
 
 
 def near_match(name: str, known: Iterable[str]) -> str:
     """Return the end of a sentence: ``", did you mean 'x'?"`` with the nearest name, or ``"."``."""
     found = nearest(name, known)
-    return "." if found is None else f", did you mean '{found}'?"
+    if found is None:
+        return "."
+    return f", did you mean '{found}'?"
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
@@ -96,4 +100,6 @@ def listing(names: Iterable[str], most: int = 12, between: str = ", ") -> str:
     """Return the names as ``a, b, c``; beyond `most`, state the number of omitted names."""
     names = list(names)
     text = between.join(names[:most])
-    return text if len(names) <= most else f"{text} and {len(names) - most} more"
+    if len(names) <= most:
+        return text
+    return f"{text} and {len(names) - most} more"

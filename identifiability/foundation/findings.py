@@ -42,9 +42,13 @@ class _Filler(Formatter):
         many = isinstance(value, (list, tuple))
         if "|" in format_spec:
             one, others = format_spec.split("|")
-            return one if (len(value) if many else value) == 1 else others
+            if (len(value) if many else value) == 1:
+                return one
+            return others
         if not (format_spec.startswith(("and", "#")) or format_spec.endswith("%")):
-            return listing(value, int(format_spec or 4)) if many else format(value, format_spec)
+            if many:
+                return listing(value, int(format_spec or 4))
+            return format(value, format_spec)
         from . import rounding  # noqa: PLC0415 - SciPy
 
         head, _, noun = format_spec.partition(" ")
@@ -202,4 +206,6 @@ def ledger(said: Iterable[str], *, every: bool = False) -> tuple[Table, ...]:
             touched = listing(found.numbers.get("columns", ()), 4)
             count = str(found.numbers.get("rows", ""))
             rows.append((found.key, found.subject, count, touched, found.done or "reported"))
-    return (Table.of("Changes made to the logs", columns, rows),) if rows else ()
+    if rows:
+        return (Table.of("Changes made to the logs", columns, rows),)
+    return ()

@@ -194,7 +194,9 @@ def allows(kind: Any, value: Any) -> bool:
     if kind is bool:
         return type(value).__name__ in ("bool", "bool_")  # NumPy's, too
     if origin is None or origin is Callable:
-        return callable(value) if Callable in (kind, origin) else isinstance(value, kind)
+        if Callable in (kind, origin):
+            return callable(value)
+        return isinstance(value, kind)
     if issubclass(origin, Mapping):
         return isinstance(value, Mapping)
     # Values that can be read only once, such as a generator, are not checked.
@@ -238,9 +240,15 @@ def _shown(value: Any) -> str:
     plain = isinstance(value, (str, Real, NoneType, bool, list, tuple))
     text = repr(value.item() if hasattr(value, "item") else value) if plain else ""
     # A sentence quotes only short values.
-    return text if 0 < len(text) <= 60 else with_article(type(value).__name__)
+    if 0 < len(text) <= 60:
+        return text
+    return with_article(type(value).__name__)
 
 
 def resolve_count(given: int | None, usual: int, less: int, *, quick: bool) -> int:
     """Return the number of random repetitions: the given one, else `usual`, or `less` if quick."""
-    return given if given is not None else less if quick else usual
+    if given is not None:
+        return given
+    if quick:
+        return less
+    return usual

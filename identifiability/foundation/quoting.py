@@ -63,7 +63,9 @@ def for_shell(text: str, *, always: bool = False) -> str:
     """
     if not any(map(is_unseen, text)):
         word = shlex.quote(text)
-        return f"'{word}'" if always and word == text else word
+        if always and word == text:
+            return f"'{word}'"
+        return word
     return f"$'{''.join(map(_shell_letter, text))}'"
 
 
@@ -242,7 +244,9 @@ def toml_key(name: str) -> str:
     >>> print(toml_key("elbow"), toml_key("a.b"))
     elbow "a.b"
     """
-    return name if _BARE_KEY.fullmatch(name) else for_toml(name)
+    if _BARE_KEY.fullmatch(name):
+        return name
+    return for_toml(name)
 
 
 def toml_comment(text: str) -> str:
@@ -302,4 +306,6 @@ def _patch_byte(byte: int, odd: Iterable[int]) -> str:
     if byte in odd:
         return f"\\{chr(byte)}"
     # Printable characters of ASCII.
-    return chr(byte) if 0x20 <= byte < 0x7F else f"\\{byte:03o}"
+    if 0x20 <= byte < 0x7F:
+        return chr(byte)
+    return f"\\{byte:03o}"

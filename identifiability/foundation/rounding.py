@@ -125,7 +125,9 @@ def percent(share: float, count: int = 3, *, pad: bool = False) -> str:
     """
     if 99.99 < share < math.inf:
         return "more than 9999 %"
-    return f"{format_number(100 * share, count, pad=pad)} %" if math.isfinite(share) else NONE
+    if math.isfinite(share):
+        return f"{format_number(100 * share, count, pad=pad)} %"
+    return NONE
 
 
 def state_probability(log_odds: float) -> str:
@@ -136,12 +138,23 @@ def state_probability(log_odds: float) -> str:
     >>> state_probability(1.2), state_probability(6.0), state_probability(1500.0)
     ('probability 77 %', 'probability over 99 %', 'probability over 99.99 %')
     """
+    return f"probability {probability_text(log_odds)}"
+
+
+def probability_text(log_odds: float | None) -> str:
+    """Return the probability of log odds [nat] in percent, or a dash.
+
+    Examples
+    --------
+    >>> probability_text(6.0), probability_text(-20.0), probability_text(math.nan)
+    ('over 99 %', 'below 0.01 %', '—')
+    """
+    if log_odds is None or math.isnan(log_odds):
+        return NONE
     probability = float(expit(log_odds))
-    if probability > 0.9999:
-        return "probability over 99.99 %"
     if probability > 0.99:
-        return "probability over 99 %"
-    return f"probability {percent(probability, 2)}"
+        return "over 99.99 %" if probability > 0.9999 else "over 99 %"
+    return "below 0.01 %" if probability < 1e-4 else percent(probability, 2)
 
 
 #: Shares in percent to two digits, and errors to three, zeros kept.
@@ -161,7 +174,9 @@ def stated_text(stated: float | None, sigma: float = math.nan) -> str:
     if stated is not None and abs(stated) < 1e-12:
         return "0"
     ends = format_measured(math.nan if stated is None else stated, sigma)[0]
-    return format_number(stated) if ends == NONE else ends
+    if ends == NONE:
+        return format_number(stated)
+    return ends
 
 
 def percent_text(value: float | None) -> str:
@@ -172,7 +187,9 @@ def percent_text(value: float | None) -> str:
     >>> percent_text(0.7064), percent_text(20.03), percent_text(621.2), percent_text(math.inf)
     ('0.71 %', '20 %', '620 %', '—')
     """
-    return NONE if value is None else percent(value / 100, 2)
+    if value is None:
+        return NONE
+    return percent(value / 100, 2)
 
 
 def format_count(count: int, noun: str) -> str:

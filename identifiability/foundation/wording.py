@@ -91,7 +91,8 @@ def _without_stop(text: str) -> tuple[str, str]:
 
 def _keyword(found: re.Match[str]) -> str:
     """Return the keyword of an option, in a call if its verb precedes it."""
-    name, verb = found["name"].replace("-", "_"), found["verb"]
+    name = found["name"].replace("-", "_")
+    verb = found["verb"]
     value, end = _without_stop(found["value"] or "")
     value = value.strip("'")
     if name in WRITERS:
@@ -104,10 +105,14 @@ def _keyword(found: re.Match[str]) -> str:
         keyword = f"preparation=Preparation({keyword})"
     elif name in OF_ROBOT:
         keyword = f"Robot.load(…, {keyword})"
-    return f"{verb}({keyword}){end}" if verb else f"{keyword}{end}"
+    if verb:
+        return f"{verb}({keyword}){end}"
+    return f"{keyword}{end}"
 
 
 def quoted(text: str) -> str:
     """Return a value as Python writes it: a number, a truth value or a text; ``…`` if unknown."""
     number = re.fullmatch(r"-?\d+(\.\d+)?(e-?\d+)?", text)
-    return text if number or text in ("True", "False", "…") else repr(text)
+    if number or text in ("True", "False", "…"):
+        return text
+    return repr(text)

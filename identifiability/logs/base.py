@@ -74,7 +74,9 @@ def _key(name: str, base: Base) -> str:
 
 def _stack(values: Values, keys: Sequence[str]) -> Array | None:
     """Return columns (N, k); None if one is missing."""
-    return np.stack([values[k] for k in keys], 1) if values.keys() >= {*keys} else None
+    if values.keys() >= {*keys}:
+        return np.stack([values[k] for k in keys], 1)
+    return None
 
 
 def read_base(base: Base, t: Array, values: Values, source: str) -> tuple[Array, str]:

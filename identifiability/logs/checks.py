@@ -68,7 +68,8 @@ class Numbers:
             k = int(np.argmax(large))
             self._large = self.rows + k, float(numbers[k])
         self.bad += int(bad.sum())
-        self.empty += int(given.isna().sum()) if bad.any() else 0
+        if bad.any():
+            self.empty += int(given.isna().sum())
         self.rows += len(numbers)
         return numbers
 

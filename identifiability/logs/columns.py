@@ -99,6 +99,19 @@ class Naming:
         columns = tuple(time if c.name == "t" else c for c in self.columns)
         return replace(self, columns=columns, notes=(*self.notes, *notes))
 
+    def without_commands(self, empty: Sequence[str]) -> Naming:
+        """Return the same without some columns of commands, if others have values.
+
+        Positions replace them, so that their joints move as measured.
+        """
+        if not 0 < 2 * len(empty) <= len(self.commands):
+            return self
+        positions = {c.joint: c for c in self.columns if c.kind == "q"}
+        columns = [
+            replace(positions[c.joint], kind=c.kind) if c.name in empty else c for c in self.columns
+        ]
+        return replace(self, columns=tuple(columns))
+
 
 def name_columns(
     found: Sequence[str],
@@ -320,7 +333,9 @@ def _unmeasured(
     missing = [f"{j}.tau" for j in lacking]
     spelt = [n for n in _free(names, taken) if _kind(n) not in SPELLED or _kind(n) == "tau"]
     misspelt = any(nearest(name, spelt) is not None for name in missing)
-    return [] if len(lacking) == len(joints) or misspelt else missing
+    if len(lacking) == len(joints) or misspelt:
+        return []
+    return missing
 
 
 def _free(names: Mapping[str, str], taken: Mapping[str, Column]) -> list[str]:
@@ -577,7 +592,9 @@ def resolve_commands(
     *,
     torque: bool,
 ) -> bool:
-    """Return whether commands replace torque; remove commands that are not there for all joints.
+    """Return whether commands replace torque; remove those that most joints lack.
+
+    A joint without a command among joints with commands moves as measured.
 
     Raises
     ------
@@ -592,6 +609,10 @@ def resolve_commands(
         has = [c.joint for c in given if c.kind == kind]
         own = known.motors if {*has} & {*known.motors} else known.joints
         lost[kind] = [j for j in own if j not in has]
+        if kind == "q_ref" and not torque and len(lost[kind]) <= len(has):
+            moves = [j for j in lost[kind] if f"{j}.q" in taken]
+            taken.update({f"{j}.q_ref": replace(taken[f"{j}.q"], kind=kind) for j in moves})
+            lost[kind] = [j for j in lost[kind] if j not in moves]
         for joint in has if lost[kind] else ():
             del taken[f"{joint}.{kind}"]
     if torque:
@@ -862,7 +883,9 @@ def as_times(given: pd.Series, time: Column) -> pd.Series:
     if time.factor == 1.0 and not time.offset:
         return given
     times = to_floats(given)
-    return given if np.isnan(times).any() else pd.Series(time.scale(times))
+    if np.isnan(times).any():
+        return given
+    return pd.Series(time.scale(times))
 
 
 def _find_unit(t: Array, source: str) -> tuple[str, str]:

@@ -74,7 +74,10 @@ def _fits(q: Array, low: float, high: float, factor: float) -> bool:
 
 
 def _check_angles(robot: Robot, windows: Sequence[Log]) -> None:
-    """Refuse degrees if most revolute joints with limits show them."""
+    """Refuse degrees if most revolute joints with limits show them.
+
+    Under commands one joint of another unit is enough, because it moves all others in rollouts.
+    """
     bounded = [
         k
         for k, dof in enumerate(robot.actuated)
@@ -83,7 +86,8 @@ def _check_angles(robot: Robot, windows: Sequence[Log]) -> None:
     columns = {k: np.concatenate([w.q[:, k] for w in windows]) for k in bounded}
     for is_odd, why in ((looks_like_degrees, _DEGREES), (_beyond, _TICKS)):
         odd = [k for k in bounded if is_odd(columns[k], *robot.limits[k])]
-        if 2 * len(odd) > len(bounded):
+        is_enough = windows[0].commanded and is_odd is _beyond and bool(odd)
+        if is_enough or 2 * len(odd) > len(bounded):
             joint, (low, high) = windows[0].joints[odd[0]], robot.limits[odd[0]]
             raise LogError(
                 f"{windows[0].name}: {_span(joint, columns[odd[0]])}, and the joint's limits are "

@@ -104,7 +104,9 @@ PLAIN = Form()
 def find_encoding(start: bytes) -> str:
     """Return how the first bytes of a text are encoded; text of one byte a letter is Western."""
     if start[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return "utf-16-le" if start[0] == 0xFF else "utf-16-be"
+        if start[0] == 0xFF:
+            return "utf-16-le"
+        return "utf-16-be"
     try:
         codecs.getincrementaldecoder("utf-8")().decode(start)  # the last letter may be cut
     except UnicodeDecodeError:

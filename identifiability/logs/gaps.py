@@ -83,7 +83,9 @@ class StaleRule:
             )
             for c, s in self.share.items()
         ]
-        return Finding("repeated", channels=", ".join(found)) if found else ""
+        if found:
+            return Finding("repeated", channels=", ".join(found))
+        return ""
 
 
 def smallest_change(x: Array) -> Array:

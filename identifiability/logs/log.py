@@ -308,6 +308,13 @@ class Log:
         return commands and (self.motion_alone or self.servo_delay is not None)
 
     @property
+    def is_unmeasured(self) -> np.ndarray:
+        """Joints of which no row is data, (n,) bool."""
+        if self.unmeasured is None:
+            return np.zeros(len(self.joints), bool)
+        return np.all(self.unmeasured, axis=0)
+
+    @property
     def torque(self) -> bool:
         """Return whether any torque is not zero."""
         return any(self.tau[a:b].any() for a, b in divide_rows(len(self)))
@@ -409,6 +416,18 @@ def join_logs(logs: Sequence[Log]) -> Log:
     return replace(logs[0], **joined)
 
 
+def bridge_gaps(t: Array, tau: Array, unmeasured: np.ndarray) -> Array:
+    """Return torque (N, n) with linear interpolation where it is unmeasured, (N, n) bool.
+
+    Torque that is missing entirely is zero.
+    """
+    bridged = np.zeros(tau.shape)
+    for k, known in enumerate(~unmeasured.T):
+        if known.any():
+            bridged[:, k] = np.interp(t, t[known], tau[known, k])
+    return bridged
+
+
 def _read_log(reader: TableReader, pieces: Iterable[Whole]) -> Log:
     """Return the log in the pieces of a table."""
     values = reader.read(pieces)
@@ -419,11 +438,7 @@ def _read_log(reader: TableReader, pieces: Iterable[Whole]) -> Log:
     tau = values["tau"]
     if np.isnan(find_range(tau)[0]).any():
         gone = fields["unmeasured"] = np.isnan(tau)
-        # Gaps are interpolated linearly; torque that is missing entirely is zero.
-        bridged = fields["tau"] = np.zeros(tau.shape)
-        for k, known in enumerate(~gone.T):
-            if known.any():
-                bridged[:, k] = np.interp(t, t[known], tau[known, k])
+        fields["tau"] = bridge_gaps(t, tau, gone)
     if reader.known.base is not None:
         beside = reader.known.base, t, reader.beside, reader.source
         fields["base"], told = read_base(*beside)

@@ -79,7 +79,9 @@ class Layout:
         """Return the column that a channel of a joint has in a table with one row a time."""
         name = self.channels[channel]
         unit = f" [{bracketed(channel)}]" if bracketed(channel) else ""
-        return f"{name}[{joint}]{unit}" if joint.isdecimal() else f"{joint}.{name}{unit}"
+        if joint.isdecimal():
+            return f"{name}[{joint}]{unit}"
+        return f"{joint}.{name}{unit}"
 
 
 def unstack(pieces: Iterable[Whole], known: Conventions, source: str) -> Iterator[Whole]:
@@ -227,7 +229,9 @@ def _is_sorted_by_joint(labels: pd.Series) -> bool:
 def _time_keys(times: pd.Series) -> Array:
     """Return sortable numbers for times (N,); other values become NaN."""
     dates = as_dates(times, 0)
-    return to_floats(times) if dates is None else dates.to_numpy()
+    if dates is None:
+        return to_floats(times)
+    return dates.to_numpy()
 
 
 def _is_new(keys: Array) -> Array:

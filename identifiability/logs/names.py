@@ -157,7 +157,9 @@ def split_unit(name: str) -> tuple[str, Unit | None]:
     """
     inner = _BRACKETS.search(name)
     unit = find_unit(inner[1]) if inner else None
-    return (name[: inner.start()].strip(), unit) if inner and unit else (name, None)
+    if inner and unit:
+        return (name[: inner.start()].strip(), unit)
+    return (name, None)
 
 
 #: Words for each channel, and the channel of each word.
@@ -231,13 +233,17 @@ class Column:
     @property
     def name(self) -> str:
         """Return its documented name."""
-        return f"{self.joint}.{self.kind}" if self.joint else self.kind
+        if self.joint:
+            return f"{self.joint}.{self.kind}"
+        return self.kind
 
     def scale(self, values: Array) -> Array:
         """Return values of the table, (N,), in SI units."""
         values = values if self.code is None else self.code.decode(values)
         values = values - self.offset if self.offset else values
-        return values if self.factor == 1.0 else values * self.factor
+        if self.factor == 1.0:
+            return values
+        return values * self.factor
 
 
 def words_of(name: str) -> list[str]:
@@ -332,7 +338,9 @@ def _guess_time(source: str, words: list[str], unit: Unit | None) -> Column | No
     left = [w for w in words if w not in SILENT and w != "header"]
     if unit is not None and unit.dimension != "time":
         return None
-    return Column(source, "t", unit=unit) if left and TIME_WORDS.issuperset(left) else None
+    if left and TIME_WORDS.issuperset(left):
+        return Column(source, "t", unit=unit)
+    return None
 
 
 def take_joint(words: list[str], joints: Sequence[str]) -> tuple[str, list[str]]:
@@ -351,5 +359,7 @@ def take_joint(words: list[str], joints: Sequence[str]) -> tuple[str, list[str]]
             size, k, joint = max(found, key=lambda f: f[0])
             # Names that differ only in case or signs cannot be distinguished.
             alike = sum(length == size for length, *_ in found) > 1
-            return ("", ["?"]) if alike else (joint, words[:k] + words[k + size :])
+            if alike:
+                return ("", ["?"])
+            return (joint, words[:k] + words[k + size :])
     return "", list(words)

@@ -119,7 +119,8 @@ def smooth_log(log: Log, kind: Kind, *, strict: bool = True) -> Log:
     # A series of few rows has no more information than these.
     if "spline" not in found:
         return log
-    series, spline = found.get(kind, found["spline"]), found["spline"]
+    series = found.get(kind, found["spline"])
+    spline = found["spline"]
     if kind == "fourier" and not _repeats(log, series, spline):
         if strict:
             raise LogError(Finding("series.none", log.name))
@@ -173,7 +174,9 @@ class SplineFit:
 def find_series(log: Log) -> dict[Kind, MotionSeries]:
     """Return the best series of each kind; without a Fourier series of a motion never repeated."""
     spline = find_spline(log)
-    return {} if spline is None else add_fourier(log, spline)
+    if spline is None:
+        return {}
+    return add_fourier(log, spline)
 
 
 def find_spline(log: Log) -> SplineFit | None:
@@ -254,7 +257,8 @@ def _spline_bases(t: Array, count: int) -> list[Any]:
     inner = np.linspace(t[0], t[-1], count - DEGREE + 1)
     knots = np.concatenate([[t[0]] * DEGREE, inner, [t[-1]] * DEGREE])
     design = scipy.interpolate.BSpline.design_matrix
-    bases, slopes = [design(t, knots, DEGREE)], scipy.sparse.eye_array(count, format="csr")
+    bases = [design(t, knots, DEGREE)]
+    slopes = scipy.sparse.eye_array(count, format="csr")
     for order in (1, 2):
         degree = DEGREE - order + 1
         # The slope of a B-spline is a difference of two of one degree less [de Boor 1978].
@@ -263,7 +267,8 @@ def _spline_bases(t: Array, count: int) -> list[Any]:
         step = scipy.sparse.diags_array(
             [-rate, rate], offsets=[0, 1], shape=(len(rate), len(rate) + 1)
         )
-        slopes, knots = step @ slopes, knots[1:-1]
+        slopes = step @ slopes
+        knots = knots[1:-1]
         bases.append(design(t, knots, degree - 1) @ slopes)
     return [scipy.sparse.csr_array(x) for x in bases]
 
@@ -408,7 +413,9 @@ def _refine(t: Array, channels: Sequence[Array], noise: Sequence[Array], period:
     # A controller repeats its motion after a whole number of samples.
     samples = float(found.x) / step
     whole = abs(samples - round(samples)) < WHOLE
-    return step * round(samples) if whole else float(found.x)
+    if whole:
+        return step * round(samples)
+    return float(found.x)
 
 
 def _misfit(

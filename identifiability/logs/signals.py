@@ -9,7 +9,6 @@ for all other motion, after a zero-phase Butterworth filter; `Decimation` if tor
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cache, cached_property
 
 import numpy as np
@@ -282,30 +281,19 @@ class Decimation:
 # Finite Fourier series of periodic motion: their fit, their derivatives, and their period.
 
 
-@frozen
-class FourierFit:
-    """A finite Fourier series per joint: ``q = c0 + Σ a_k sin(kωt) + b_k cos(kωt)``.
+def fourier_motion(t: Array, period: float, series: Array) -> tuple[Array, Array, Array]:
+    """Return q, dq, ddq (N, n) at times t of ``q = c0 + Σ a_k sin(kωt) + b_k cos(kωt)``.
 
-    Attributes
+    Parameters
     ----------
+    t : (N,) [s]
     period : float [s]
-    coefficients : (2 H + 1, n)
+    series : (2 H + 1, n)
         Constant, sines, cosines.
     """
-
-    period: float
-    coefficients: Array
-
-    @property
-    def harmonics(self) -> int:
-        """Number of harmonics H."""
-        return (len(self.coefficients) - 1) // 2
-
-    def motion(self, t: Array) -> tuple[Array, Array, Array]:
-        """Return q, dq, ddq (N, n) at times t, differentiated analytically."""
-        bases = fourier_bases(t, self.period, self.harmonics)
-        q, dq, ddq = (basis @ self.coefficients for basis in bases)
-        return q, dq, ddq
+    harmonics = (len(series) - 1) // 2
+    q, dq, ddq = (basis @ series for basis in fourier_bases(t, period, harmonics))
+    return q, dq, ddq
 
 
 def fourier_bases(t: Array, period: float, harmonics: int) -> tuple[Array, Array, Array]:
@@ -319,45 +307,3 @@ def fourier_bases(t: Array, period: float, harmonics: int) -> tuple[Array, Array
     slopes = np.hstack([zero, C * w, -S * w])
     bends = np.hstack([zero, -S * w**2, -C * w**2])
     return values, slopes, bends
-
-
-def fit_fourier(
-    t: Array,
-    q: Array,
-    period: float,
-    harmonics: int,
-    *rates: Array | None,
-    noise: Sequence[Array] | None = None,
-) -> FourierFit:
-    """Fit a finite Fourier series to q (N, n) by least squares [Swevers 1997].
-
-    Parameters
-    ----------
-    t : (N,) [s]
-    q : (N, n)
-    period : float [s]
-    harmonics : int
-    rates : (N, n) or None
-        Measured velocities and accelerations.
-    noise : sequence of (n,), optional
-        Standard deviations that weight the channels, for each joint. By default each is the
-        residual of a series that is fitted to that channel alone.
-    """
-    origin = q.mean(0)  # small numbers, small rounding
-    channels = {k: x for k, x in enumerate((q - origin, *rates)) if x is not None}
-    bases = fourier_bases(t, period, harmonics)
-    weights = {}
-    for k, y in channels.items():
-        if noise is None:
-            left = ((y - bases[k] @ np.linalg.lstsq(bases[k], y, rcond=None)[0]) ** 2).sum(0)
-        else:
-            left = len(t) * noise[k] ** 2
-        weights[k] = 1.0 / np.sqrt(np.maximum(left, ROUNDOFF**2 * (y**2).sum(0) + 1e-300))
-    values = np.empty((2 * harmonics + 1, q.shape[1]))
-    for j in range(q.shape[1]):
-        size = max(w[j] for w in weights.values())
-        rows = np.concatenate([w[j] / size * bases[k] for k, w in weights.items()])
-        right = np.concatenate([w[j] / size * channels[k][:, j] for k, w in weights.items()])
-        values[:, j] = np.linalg.lstsq(rows, right, rcond=None)[0]
-    values[0] += origin
-    return FourierFit(period, values)

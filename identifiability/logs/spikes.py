@@ -141,7 +141,9 @@ def _usual(height: Array, k: int) -> float:
     low = max(0, min(k - NEAR, len(height) - 2 * NEAR - 1))
     around = np.arange(low, min(low + 2 * NEAR + 1, len(height)))
     others = np.sort(height[around[np.abs(around - k) > WIDEST]])
-    return float(others[-1 - ALLOWED]) if len(others) > ALLOWED else np.inf
+    if len(others) > ALLOWED:
+        return float(others[-1 - ALLOWED])
+    return np.inf
 
 
 def mend_column(values: Array, spikes: Iterable[Spike], start: int = 0) -> Array:

@@ -219,7 +219,8 @@ class TableReader:
         raw = {key: values.pop(key) for key in self._base}
         times = values["t"]
         values, note = self._unify(values)
-        notes += [note] if note else []
+        if note:
+            notes += [note]
         self.naming = replace(self.naming, notes=tuple(notes))
         if any(not x.usable for c, x in self._numbers.items() if c.endswith(".q_ref")):
             values.pop("q_ref", None)  # no command before the first one
@@ -287,6 +288,9 @@ class TableReader:
         columns = [c for c in columns if c not in unset]
         naming = name_columns(columns, self.source, self.known, units, first)
         naming = resolve_codes(naming, frame, self.known)
+        commands = [c for c in naming.columns if c.kind == "q_ref" and c.name in naming.commands]
+        empty = [c.name for c in commands if np.isnan(to_floats(frame[c.source])).all()]
+        naming = naming.without_commands(empty)
         self.naming = resolve_time(naming, frame, self.source, self.known)
         self._numbers = {c.name: Numbers(c.name, self.source) for c in self.naming.columns}
         torque = {f"{j}.tau": np.nan for j in naming.joints} | dict.fromkeys(naming.made, 0.0)

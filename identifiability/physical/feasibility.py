@@ -88,7 +88,9 @@ class PhysicalResult:
     @property
     def margin(self) -> float:
         """Smallest scaled eigenvalue that all bodies can keep; negative when infeasible."""
-        return float("nan") if self.certificate is None else self.certificate.margin
+        if self.certificate is None:
+            return float("nan")
+        return self.certificate.margin
 
     def within(self, submodel: Submodel) -> Submodel | None:
         """Return the fitted model with the parameters fixed that it omits but bodies need.
@@ -99,7 +101,9 @@ class PhysicalResult:
         apart = self.base - M @ self.value
         fixed = np.where(M.any(axis=1), submodel.fixed, apart)
         reach = NEARLY * np.abs(self.base).max(initial=0.0)
-        return replace(submodel, fixed=fixed) if np.abs(apart - fixed).max() <= reach else None
+        if np.abs(apart - fixed).max() <= reach:
+            return replace(submodel, fixed=fixed)
+        return None
 
     def parameters(self) -> dict[str, float]:
         """Return the standard parameters of the nearest physically consistent robot by name."""

@@ -120,4 +120,6 @@ def find_fixed_legs(robot: Robot) -> list[Finding]:
         return []
     joints = [robot.tree.joints[link.first].dofs[0] for link in robot.links]
     legs = find_legs(joints, robot.bodies, [link.parent for link in robot.links])
-    return [Finding("legs", robot.path.name, legs=legs)] if len(legs) > 1 else []
+    if len(legs) > 1:
+        return [Finding("legs", robot.path.name, legs=legs)]
+    return []

@@ -24,7 +24,8 @@ def refit_consistent(model: FittedModel, direction: Array, unit: float) -> Refit
     unit : float [torque²]
         Rise of the squared residual that counts as one.
     """
-    structure, held = model.structure, model.fixed
+    structure = model.structure
+    held = model.fixed
     data = model.data.beside(*model.left_out)
     rows = np.vstack([held.rows, direction])
     plain = Projection(model.region, reference=structure.nominal)

@@ -272,7 +272,9 @@ class Target:
     def to_phi(self, eta: Array) -> Array:
         """Parameters ``(..., p)`` of coordinates ``(..., q)``."""
         phi: Array = self.origin + eta @ self.basis.T
-        return phi if self.fixed is None else self.fixed.impose(phi)
+        if self.fixed is None:
+            return phi
+        return self.fixed.impose(phi)
 
     def to_eta(self, phi: Array) -> Array:
         """Coordinates ``(..., q)`` of parameters ``(..., p)``, the nearest of the plane."""
@@ -317,4 +319,6 @@ def _numerical_rank(R: Array) -> int:
     """Rank of the column-scaled matrix ``(r, p)``."""
     norms = np.linalg.norm(R, axis=0)
     s = np.linalg.svd(R[:, norms > 0] / norms[norms > 0], compute_uv=False)
-    return int(np.sum(s > ROUNDOFF * s[0])) if s.size else 0
+    if s.size:
+        return int(np.sum(s > ROUNDOFF * s[0]))
+    return 0

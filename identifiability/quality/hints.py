@@ -39,7 +39,9 @@ from .registry import Does, MeasuredLogs, check, without
 def find_left_out_effects(logs: MeasuredLogs) -> list[Finding]:
     """Return effects that the sidecar asks for and another model has not."""
     own = [e for e in logs.robot.said.effects if e not in logs.structure.model.texts]
-    return [Finding("effects", effects=own)] if own else []
+    if own:
+        return [Finding("effects", effects=own)]
+    return []
 
 
 @check("unit", Does.EXPLAINS)
@@ -113,7 +115,9 @@ def _slope(predicted: Array, measured: Array, known: Array) -> float:
     varies = float(np.linalg.norm(predicted - predicted.mean()))
     # The known part explains most of it, or the two are hardly correlated.
     hidden = length <= 0.3 * varies or p @ m < 0.7 * length * np.linalg.norm(m)
-    return np.nan if hidden or not m.any() else float(p @ m) / length**2
+    if hidden or not m.any():
+        return np.nan
+    return float(p @ m) / length**2
 
 
 # Torque that saturates: the log lacks the torque that the drive requested beyond the limit.
@@ -142,17 +146,15 @@ def find_saturation(logs: MeasuredLogs) -> list[Finding]:
                         share=share,
                     )
     columns = tuple(f"{joint}.tau" for joint in found)
-    return (
-        [
+    if found:
+        return [
             Finding(
                 "flat",
                 where=[*found.values()],
                 columns=columns,
             )
         ]
-        if found
-        else []
-    )
+    return []
 
 
 # Problems of the robot file, and joints without information; checked for any logs.
@@ -182,7 +184,9 @@ def find_assembly(logs: MeasuredLogs) -> list[Finding]:
 def find_outside(logs: MeasuredLogs) -> list[Finding]:
     """Return a finding on the bodies of the scene that were left out."""
     robot = logs.robot
-    return [Finding("outside", robot.path.name, bodies=robot.outside)] if robot.outside else []
+    if robot.outside:
+        return [Finding("outside", robot.path.name, bodies=robot.outside)]
+    return []
 
 
 @check("springs", Does.HINTS, always=True)
@@ -190,7 +194,9 @@ def find_sprung_joints(logs: MeasuredLogs) -> list[Finding]:
     """Return a finding on springs of the robot file between motors and links."""
     robot = logs.robot
     joints = [*robot.springs]
-    return [Finding("springs", robot.path.name, joints=joints)] if joints else []
+    if joints:
+        return [Finding("springs", robot.path.name, joints=joints)]
+    return []
 
 
 @check("beyond", Does.HINTS, always=True)
@@ -213,7 +219,9 @@ def find_beyond(logs: MeasuredLogs) -> list[Finding]:
     said = []
     for joint, *ends in zip(names[far], least[far], most[far], low[far], high[far], strict=True):
         said.append("{} ({:.3g} … {:.3g}, limits {:.3g} … {:.3g})".format(joint, *ends))
-    return [Finding("beyond", joints=said)] if said else []
+    if said:
+        return [Finding("beyond", joints=said)]
+    return []
 
 
 @check("still", Does.HINTS, always=True)
@@ -350,7 +358,8 @@ def where_outlying(joints: Sequence[str], samples: Sequence[Dataset], found: Out
     new = (np.diff(found.log) != 0) | (found.first[1:] > found.last[:-1])
     place = np.cumsum([False, *new])
     own = place == place[at]
-    first, last = found.first[own][0], found.last[own][-1] - 1
+    first = found.first[own][0]
+    last = found.last[own][-1] - 1
     ends = log.output_times(np.array([first, last]))
     far = float(np.sqrt(found.beyond[at, worst]))
     size = [np.abs(s.tau[s.at_outputs, worst]) for s in samples]

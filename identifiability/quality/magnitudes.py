@@ -31,7 +31,9 @@ def find_magnitudes(logs: MeasuredLogs) -> list[Finding]:
         for j in joints
         if is_magnitude(columns[:, j], logs.torque[:, j], logs.predicted[:, j])
     ]
-    return [Finding("magnitude", columns=names)] if names else []
+    if names:
+        return [Finding("magnitude", columns=names)]
+    return []
 
 
 def may_be_magnitudes(logs: MeasuredLogs) -> Array:

@@ -78,7 +78,9 @@ def _find_unmeasured(log: Log, low: Array, high: Array) -> list[int]:
     """Return the joints whose torque never changes, from its ranges (n,); none if none changes."""
     known = np.zeros(len(low)) if log.unmeasured is None else find_range(log.unmeasured)[0]
     never = (low == high) & ~(known > 0) & ~np.isin(log.joints, BASE_JOINTS)
-    return np.flatnonzero(never).tolist() if (low < high).any() else []
+    if (low < high).any():
+        return np.flatnonzero(never).tolist()
+    return []
 
 
 def _find_stuck(log: Log, low: Array, high: Array) -> Iterator[tuple[int, int, int]]:
@@ -216,7 +218,9 @@ def _state_wrong(log: Log, wrong: Mapping[str, list[Spike]]) -> Finding:
 @check("commands", Does.MENDS)
 def compute_torque(logs: RawLogs) -> RawLogs:
     """Compute torque from commands; rollouts also estimate and report their delay."""
-    return logs if logs.torque is None else logs.having(logs.torque(logs.every))
+    if logs.torque is None:
+        return logs
+    return logs.having(logs.torque(logs.every))
 
 
 @check("contradictions", Does.MENDS)

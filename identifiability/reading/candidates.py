@@ -222,7 +222,6 @@ class ReadingCandidates:
             "Torque offsets differ between logs",
             COMPARE_OFFSETS,
             separate_offsets=True,
-            fitted_numbers=len(self.names) * (len(samples) - 1),
         )
 
     def delayed(self) -> Iterator[Reading]:

@@ -75,7 +75,9 @@ class CarriedReading:
         others = replace(reading, offsets={}, separate_offsets=False)
         turns = not np.allclose(reading.gravity, structure.robot.gravity)
         changes = turns or not others.keeps_columns or others.link_side.any()
-        return CarriedReading(others, structure) if changes else None
+        if changes:
+            return CarriedReading(others, structure)
+        return None
 
     @staticmethod
     def of_entry(entry: ReadingEntry | None, robot: Robot) -> CarriedReading | None:
@@ -124,7 +126,9 @@ class CarriedReading:
         Torque sensors sit where the reading says.
         """
         changes = not self.reading.gravity.any() or self.reading.link_side.any()
-        return self.reading.robot(robot) if changes else robot
+        if changes:
+            return self.reading.robot(robot)
+        return robot
 
     def lacking(self, log: Log, times: Array) -> Array:
         """Return the gravity torque that the columns of a literal log lack, (N, n) [N·m or N]."""
@@ -197,7 +201,9 @@ class CarriedReading:
             Prepared logs with torque, under this reading and with the columns as they are named.
         """
         same_gravity = np.allclose(self.reading.gravity, self.structure.robot.gravity)
-        other, value, free = structure, base, np.zeros((len(base), 0))
+        other = structure
+        value = base
+        free = np.zeros((len(base), 0))
         if not same_gravity:
             other, value, free = self._literal_model(structure, base)
         found = []

@@ -123,6 +123,13 @@ def away_from_ends(excerpt: Excerpt) -> np.ndarray:
     return inside
 
 
+def constant_torque(excerpt: Excerpt) -> Array:
+    """Return rows of a constant torque of each joint in each log, (n, N, L)."""
+    ones = [replace(piece, tau=np.ones_like(piece.tau)).torque for piece in excerpt.pieces]
+    member = excerpt.log[:, None] == np.unique(excerpt.log)
+    return np.asarray(np.concatenate(ones)[excerpt.seen].T[..., None] * member)
+
+
 def _key(numbers: Array) -> bytes:
     """Return a key of equal numbers; zeros of both signs are equal."""
     return np.asarray(numbers + 0.0).tobytes()
@@ -457,29 +464,16 @@ class TorqueRows:
     def _rows_of(self, joint: int, rows: Array, adjusted: bool) -> Array:
         """Return rows (N, m) of a joint, minus their projection on offsets and smooth functions."""
         data = self.data[:, [joint]]
-        rows = self._adjust(joint, data * rows, adjusted)
+        rows = data * rows
         if self.separate_offsets:
-            constant = self._adjust(joint, data * self.constant[joint], adjusted)
+            constant = data * constant_torque(self.excerpt)[joint]
             rows -= constant @ (np.linalg.pinv(constant) @ rows)
-        return rows
-
-    def _adjust(self, joint: int, rows: Array, adjusted: bool) -> Array:
-        """Return rows (N, m) of a joint, minus their projection on smooth functions if adjusted."""
         if not adjusted:
             return rows
         functions = self._smooth[joint]
         share = np.linalg.norm(functions, axis=0)
         basis = functions / np.maximum(share, 1e-300)
         return np.asarray(rows - basis @ (share[:, None] * (basis.T @ rows)))
-
-    @cached_property
-    def constant(self) -> Array:
-        """Rows of a constant torque of each joint in each log, (n, N, L)."""
-        pieces = self.excerpt.pieces
-        ones = [replace(piece, tau=np.ones_like(piece.tau)).torque for piece in pieces]
-        log = self.excerpt.log
-        member = log[:, None] == np.unique(log)
-        return np.asarray(np.concatenate(ones)[self.excerpt.seen].T[..., None] * member)
 
     @cached_property
     def functions(self) -> list[Array]:
@@ -531,6 +525,13 @@ class TorqueRows:
         weight = self.parts[..., 1:] @ self.robot.gravity @ self.structure.G[:, places]
         parts = np.append(self.parts[..., 0], weight, axis=2)
         return TorqueRows(self.structure, self.excerpt, parts[..., None])
+
+    def with_column(self, columns: Mapping[int, Array]) -> TorqueRows:
+        """Return the rows with one column more: the torque (N,) of each joint in which it acts."""
+        parts = np.pad(self.parts, ((0, 0), (0, 0), (0, 1), (0, 0)))
+        for joint, torque in columns.items():
+            parts[:, joint, -1, 0] = torque
+        return TorqueRows(self.structure, self.excerpt, parts)
 
     def halves(self) -> tuple[TorqueRows, TorqueRows]:
         """Return the rows of two parts: every other block of each log."""

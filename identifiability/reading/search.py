@@ -14,10 +14,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
-from identifiability.estimation.groups import Missing, with_reversals
+from identifiability.effects import FAMILIES
+from identifiability.effects.measurement import EncoderBias
 from identifiability.estimation.rules import RULES as ESTIMATION_RULES
 from identifiability.foundation.errors import ClosureError
 from identifiability.foundation.linalg import NEARLY
@@ -29,10 +31,12 @@ from identifiability.logs.signals import sampling_step
 from identifiability.physical.cad_prior import combine_with_file
 from identifiability.physical.rules import RULES as PHYSICAL_RULES
 from identifiability.quality import MeasuredLogs
+from identifiability.regression.columns import list_candidates
 
 from .candidates import CORRECT_ZERO, MOST, ReadingCandidates
 from .fit import TorqueRows, excerpt_size
 from .gravity import FirstZero, find_directions, tune_direction
+from .offsets import LogOffsets
 from .reading import Reading
 from .rules import RULES
 from .sensor_side import find_link_side
@@ -124,10 +128,30 @@ class ReadingSearch:
         verified = (replace(reading, verification=self.verify(reading)) for reading in judged)
         readings = list[Reading]()
         for reading in verified:
+            if reading.holds and reading.turned and self.has_wrong_zero(reading):
+                continue
             readings.append(reading)
             if reading.holds:
                 return self.complete(reading)
         return readings[0] if readings else None
+
+    def has_wrong_zero(self, reading: Reading) -> bool:
+        """Return whether one encoder's zero fits better than another direction of gravity.
+
+        Then the mixed model finds that zero. It does so to first order.
+        """
+        motions = [piece.motion for piece in self.rows.excerpt.pieces]
+        inputs = self.robot, [FAMILIES[EncoderBias.name]], self.structure.present, motions
+        zeros, _ = list_candidates(*inputs, fixed=False)
+        entries = self.rows.excerpt.entries(zeros)
+        turned = self.rows.fit(reading)
+        independent = self.rows.count(reading)
+        for column in {column for _, column in entries}:
+            at = {joint: torque for (joint, k), torque in entries.items() if k == column}
+            less = turned - self.rows.with_column(at).fit(self.literal)
+            if independent @ less >= RULES.unseen_gain:
+                return True
+        return False
 
     def rows_of(self, reading: Reading) -> TorqueRows:
         """Return the rows of a reading's motion and offsets.
@@ -273,17 +297,23 @@ class ReadingSearch:
     def complete(self, reading: Reading) -> Reading:
         """Return a reading with the data that `Reading.read` needs: offsets, or the added robot."""
         if reading.separate_offsets:
-            return self._fit_offsets(reading)
+            return self._with_offsets(reading)
         if not reading.compensated.any():
             return reading
         return replace(reading, parameters=self._fit_robot(reading))
 
-    def _fit_offsets(self, reading: Reading) -> Reading:
+    @cached_property
+    def offsets(self) -> LogOffsets:
+        """Torque offsets by log, as the mixed model finds them."""
+        return LogOffsets.find(self.logs)
+
+    def _with_offsets(self, reading: Reading) -> Reading:
         """Return a reading with the offsets of each log, and describe the largest difference."""
-        offsets = self._offsets_by_log()
-        offsets = offsets - offsets.mean(0)
+        offsets = self.offsets.values
         sd = offsets.std(0, ddof=1)
-        j = int(np.argmax(sd**2 / self.rows.variation))
+        # Torque of a floating base does not vary.
+        variation = np.where(self.rows.variation > 0, self.rows.variation, np.inf)
+        j = int(np.argmax(sd**2 / variation))
         most = f"±{sd[j]:.2g} {self.robot.torque_units[j]} in {self.robot.joints[j]}"
         names = (s.name for s in self.logs.samples)
         return replace(
@@ -291,21 +321,6 @@ class ReadingSearch:
             description=f"{reading.description} by {most}",
             offsets=dict(zip(names, offsets, strict=True)),
         )
-
-    def _offsets_by_log(self) -> Array:
-        """Return the torque offset of each joint in each log, (L, n) [N·m or N].
-
-        Rows are whitened, because noise of derivatives hardly affects levels.
-        """
-        excerpt = self.rows.excerpt
-        constant = self.rows.constant
-        joints, samples, logs = constant.shape
-        columns = excerpt.X.shape[2]
-        each = np.einsum("jk,jNl->Njkl", np.eye(joints), constant)
-        X = np.append(excerpt.X, each.reshape(samples, joints, -1), 2)
-        reversals = with_reversals(self.robot, (), self.structure.present)
-        value = Missing(reversals, replace(excerpt, X=X)).values()
-        return np.asarray(value[columns:].reshape(joints, logs).T)
 
     def _fit_robot(self, reading: Reading) -> Array:
         """Return the fitted standard parameters (p,); the file's where rows give no information."""
@@ -358,6 +373,8 @@ class ReadingSearch:
 
     def weigh(self, reading: Reading, other: Reading | None = None) -> float:
         """Return the log odds of a reading against another one, by default the literal [nat]."""
+        if reading.separate_offsets:
+            return self.offsets.odds
         plain, rows = self.compare_rows(reading)
         less = plain.fit(other or self.literal, adjusted=True) - rows.fit(reading, adjusted=True)
         price = 0.5 * float(np.log(plain.counts.sum()))
@@ -381,6 +398,10 @@ class ReadingSearch:
 
     def verify(self, reading: Reading) -> Verification:
         """Return how numbers chosen by each half of the rows fit the other half."""
+        if reading.separate_offsets:
+            # The mixed model has no numbers that a part would choose.
+            odds = self.offsets.odds
+            return Verification(odds, odds, odds, self.tried, against=-self.vote(reading))
         plain, moved = self.compare_rows(reading)
         independent = moved.count(reading) / np.maximum(moved.counts, 1)
         parts = list(zip(plain.halves(), moved.halves(), strict=True))
@@ -395,9 +416,6 @@ class ReadingSearch:
         seen = gain(0, tuned[0]) + gain(1, tuned[1])
         # A number gains half a nat on the rows that chose it, and loses as much on others.
         numbers = float(reading.fitted_numbers)
-        if reading.separate_offsets:
-            # Offsets were fitted to all rows.
-            unseen = unseen[0] - numbers, unseen[1] - numbers
         predicted = seen - 2.0 * numbers
         return Verification(
             sum(unseen), min(unseen), predicted, self.tried, against=-self.vote(reading)

@@ -55,7 +55,8 @@ class Drive:
 
 def list_drives(rows: TorqueRows) -> list[Drive]:
     """Return the drives whose rotor the robot file states."""
-    robot, base = rows.robot, rows.structure.base
+    robot = rows.robot
+    base = rows.structure.base
     drives = []
     for j, joint in enumerate(robot.joints):
         name = f"{joint}.{robot.inertia_parts[0]}"

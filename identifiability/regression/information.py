@@ -54,7 +54,9 @@ class ActuatorBlocks:
     @cached_property
     def coordinates(self) -> Array:
         """The basis, also where it is the unit matrix, (r, v + 1)."""
-        return np.eye(len(self.columns) + 1) if self.basis is None else self.basis
+        if self.basis is None:
+            return np.eye(len(self.columns) + 1)
+        return self.basis
 
     @cached_property
     def gram(self) -> Array:
@@ -72,7 +74,9 @@ class ActuatorBlocks:
         """Products of the columns and the torque over all blocks, (v + 1, v + 1)."""
         Z = self.blocks.reshape(-1, self.blocks.shape[2])
         gram: Array = Z.T @ Z  # that of many columns is not kept
-        return gram if self.basis is None else self.basis.T @ gram @ self.basis
+        if self.basis is None:
+            return gram
+        return self.basis.T @ gram @ self.basis
 
     @cached_property
     def root(self) -> Array:
@@ -601,7 +605,9 @@ def _acting(regression: Regression) -> np.ndarray:
     motion = random_motion(regression.robot, np.random.default_rng(0), 50)
     acts = np.asarray(regression.model.regressor(regression.robot, motion).any(0))
     acts = acts if regression.columns is None else acts[:, regression.columns]
-    return acts if regression.instruments is None else np.hstack([acts, acts])
+    if regression.instruments is None:
+        return acts
+    return np.hstack([acts, acts])
 
 
 def _block_edges(samples: Dataset, size: int) -> Array:

@@ -137,7 +137,9 @@ class LadderSource:
         model without offsets predicts torque as well and puts them into masses and rotors.
         """
         default = self.origin == "default" and commanded
-        return LadderEntry(models=self.entry.models[:1]) if default else self.entry
+        if default:
+            return LadderEntry(models=self.entry.models[:1])
+        return self.entry
 
 
 def find_ladder(
@@ -196,7 +198,9 @@ def choose_model(model: ModelLike | None, default: Sequence[str]) -> Model:
 
 
 def _ladder_of(model: HasLadder | str | Path) -> LadderEntry:
-    return read_ladder(model) if isinstance(model, (str, Path)) else model.to_ladder()
+    if isinstance(model, (str, Path)):
+        return read_ladder(model)
+    return model.to_ladder()
 
 
 def free_again(model: ModelLike | None) -> tuple[str, ...]:

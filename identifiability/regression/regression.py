@@ -286,7 +286,9 @@ class Chunk:
     def wide(self) -> Array:
         """Instruments, if there are any, then W, (m, n, 2p) or (m, n, p)."""
         V = self.instruments
-        return self.W if V is None else np.concatenate([V, self.W], axis=2)
+        if V is None:
+            return self.W
+        return np.concatenate([V, self.W], axis=2)
 
     def inside(self, windows: np.ndarray) -> list[Chunk]:
         """Return copies of its rows that lie in windows of the log, (w, 2), a chunk for each."""
@@ -427,7 +429,9 @@ class Regression:
     def parameters(self) -> tuple[Parameter, ...]:
         """Names and units of the columns."""
         every = self.model.parameters(self.robot)
-        return every if self.columns is None else tuple(every[k] for k in self.columns)
+        if self.columns is None:
+            return every
+        return tuple(every[k] for k in self.columns)
 
     @property
     def outputs(self) -> int:

@@ -405,7 +405,9 @@ def list_asked_effects(structure: Structure) -> tuple[str, ...]:
     if rest == texts:
         return texts
     counted = count_offsets(Structure.of(structure.robot, Model.of(*rest)))
-    return rest if {*counted.model.texts} == {*texts} else texts
+    if {*counted.model.texts} == {*texts}:
+        return rest
+    return texts
 
 
 class OfStructure:

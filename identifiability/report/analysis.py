@@ -274,7 +274,9 @@ def mass_table(robot: Robot, parameters: Mapping[str, float]) -> Table | None:
     """
     rows = [tuple(row.values()) for row in mass_rows(robot, parameters)]
     whole = ("all", total_mass(robot, parameters), total_mass(robot, robot.nominal))
-    return make_table("masses", [*rows, whole]) if rows else None
+    if rows:
+        return make_table("masses", [*rows, whole])
+    return None
 
 
 # How it was done: motion, thresholds, words, versions.

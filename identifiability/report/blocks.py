@@ -357,7 +357,9 @@ def sort_key(cell: Cell) -> str | None:
     """Return a cell's key as the page's script reads it; None for the text, empty sorts last."""
     if cell.key is None or isinstance(cell.key, str):
         return cell.key
-    return "" if math.isnan(cell.key) else f"{cell.key:.6g}".replace("inf", "Infinity")
+    if math.isnan(cell.key):
+        return ""
+    return f"{cell.key:.6g}".replace("inf", "Infinity")
 
 
 #: Rows that a page shows of a long table, and names that a sentence lists, at most.

@@ -660,7 +660,8 @@ def draw_ladder(
         100 * np.where(np.isfinite(x), x, np.nan) for x in (fitted, unseen, spread)
     )
     half = np.nan_to_num(spread)
-    low, high = unseen - half, unseen + half
+    low = unseen - half
+    high = unseen + half
     axes.fill_between(sizes, low, high, color=BLUE, alpha=0.16, linewidth=0, label="± SE")
     axes.plot(
         sizes,

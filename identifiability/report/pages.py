@@ -149,7 +149,8 @@ def _sessions(result: Comparison) -> Picture | None:
     logs = shorten_paths((*result.before, *result.after))[len(result.before) :]
     names = [f"{change.what}, {log}" for change in changes for log in logs]
     relative = np.array([point.relative for change in changes for point in change.course])
-    values, halves = 100 * relative[:, 0], 100 * REACH * relative[:, 1]
+    values = 100 * relative[:, 0]
+    halves = 100 * REACH * relative[:, 1]
     return picture("sessions", draw_intervals(names, values, halves, "change [%]"))
 
 
@@ -413,7 +414,8 @@ def _motion(result: Excitation) -> list[Traces]:
 def inspection_heading(result: Inspection) -> tuple[str, str]:
     """Return the kind of the page and its subject."""
     about = [result.robot.path.name, count_joints(result.robot)]
-    about += [format_count(len(result.records), "log")] if result.records else []
+    if result.records:
+        about += [format_count(len(result.records), "log")]
     kind = "What is in the logs" if result.records else "What the robot file says"
     return kind, " · ".join(about)
 
@@ -486,14 +488,17 @@ def _preparation(record: Record) -> Fold | None:
     if record.clock["parts"] > 1:
         told.append(sentence("inspection.windows", parts=record.clock["parts"]))
     summary = f"How {record.name} is read and prepared"
-    return Fold(summary, (Prose(tuple(told)),)) if told else None
+    if told:
+        return Fold(summary, (Prose(tuple(told)),))
+    return None
 
 
 def _robot(result: Inspection) -> list[Section]:
     """Return joints, columns and parameters of the robot file, and the open questions of it."""
     from .answers.inspect import joint_table  # noqa: PLC0415
 
-    robot, joints = result.robot, replace(joint_table(result), caption="")
+    robot = result.robot
+    joints = replace(joint_table(result), caption="")
     motors = ", ".join(result.motors)
     beside = sentence("inspection.motors", motors=motors) if motors else None
     base = result.base

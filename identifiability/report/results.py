@@ -99,7 +99,8 @@ def render_page(page: Page) -> str:
     kinds = set(map(kind_of, _within((*page.summary, *page.sections))))
     zoomed = "traces" in kinds
     names = ["page.js", *(("uplot/uPlot.js", "traces.js") if zoomed else ())]
-    names += ["moving.js"] if "moving" in kinds else []
+    if "moving" in kinds:
+        names += ["moving.js"]
     sheets = ["style.css", *(("uplot/uPlot.css",) if zoomed else ())]
     script, style = ("\n".join(map(_template_text, each)) for each in (names, sheets))
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
@@ -209,12 +210,8 @@ def build_page(result: Result) -> Page:
     tables = [_table_section(f"table-{k + 1}", table) for k, table in enumerate(result.tables())]
     done = [_table_section("ledger", table) for table in result.ledger()]
     sections = [*filter(None, _of_page(result, "sections", tables)), *done]
-    # The values that a reader came for are on the first screen, before the next step.
+    # The values that a reader came for are on the first screen.
     values = [part for part in sections[:1] if set(map(kind_of, part.blocks)) <= {"table", "fold"}]
-    # Otherwise there is room for the next step next to the drawing.
-    apart = bool(values) and sum(not a.commands for a in shown.answers) > 2
-    first = replace(shown, answers=tuple(a for a in shown.answers if not (apart and a.commands)))
-    following = Answers(tuple(a for a in shown.answers if apart and a.commands))
     return Page(
         title=title,
         kind=result.schema,
@@ -222,10 +219,9 @@ def build_page(result: Result) -> Page:
         subtitle=subtitle,
         statement="" if shown.answers else result.statement,
         summary=(
-            first,
+            shown,
             *([Notes(notes)] if notes else []),
             *values,
-            *([following] if following.answers else []),
         ),
         sections=tuple(sections[len(values) :]),
     )

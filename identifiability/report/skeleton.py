@@ -146,7 +146,8 @@ def _mount(parts: _Parts, k: int, width: float) -> int:
         parts.shapes.append(Shape(tuple(ends), "joint", 0.9 * width))
         return k
     along = parts.poses[:, joint.iq]
-    low, high = float(along.min()), float(along.max())
+    low = float(along.min())
+    high = float(along.max())
     start = parts.place_of(joint)
     if low > 0.0:  # a cylinder, and its rod
         parts.connect([start, parts.place_of(joint, low)], "cylinder", 1.1 * width)
@@ -330,7 +331,8 @@ def _ground(points: Array, robot: Robot, place: Callable[[Array], Array]) -> tup
     """
     east, north, up = _directions(robot)
     level = points @ np.stack([east, north], 1)
-    low, high = np.nanmin(level, axis=0), np.nanmax(level, axis=0)
+    low = np.nanmin(level, axis=0)
+    high = np.nanmax(level, axis=0)
     middle = (low + high) / 2 if robot.base is not None else np.zeros(2)
     height = float(np.nanmin(points @ up)) if robot.base is not None else 0.0
     size = max(float(np.nanmax(np.ptp(points, axis=0))), TINY)

@@ -70,7 +70,9 @@ LockOption = Annotated[
 def _split_lock(word: str) -> tuple[str, str | None]:
     """Return joint and position of ``NAME=VALUE``; None as the position of ``NAME``."""
     name, equals, value = word.rpartition("=")
-    return (name.strip(), value or None) if equals else (word.strip(), None)
+    if equals:
+        return (name.strip(), value or None)
+    return (word.strip(), None)
 
 
 def read_locks(given: LockOption | None) -> dict[str, float | None]:
@@ -255,7 +257,8 @@ def combine_joints(path: Path, extra: Sidecar, stated: Stated, taken: Collection
         if found.get(entry.name) != moving:
             rests.pop(entry.name, None)
             numbers.pop(entry.name, None)
-        found |= {entry.name: moving} if moving else {}
+        if moving:
+            found |= {entry.name: moving}
         rests |= {} if entry.rest is None else {entry.name: entry.rest}
     names = [*found, *(entry.name for entry in extra.axes)]
     odd = [name for name in names if name in taken]
@@ -638,7 +641,8 @@ def _nominal(robot: Description, extra: Sidecar) -> dict[str, float]:
     for name in dict.fromkeys((*robot.dofs, *robot.numbers)):
         more = () if name in robot.dofs else ("stiffness",)
         own = dict.fromkeys((*words, *more), 0.0) | dict(robot.numbers.get(name, {}))
-        own |= {"offset": robot.offsets[name]} if robot.offsets.get(name) else {}
+        if robot.offsets.get(name):
+            own |= {"offset": robot.offsets[name]}
         values |= {f"{name}.{part}": 0.0 for part in parts} | name_numbers(name, own, parts)
     # One level of dry friction is that of both directions.
     for name, value in extra.nominal.items():

@@ -437,7 +437,9 @@ class Motion:
         if self.free is None:
             return rows
         N = self.free.swapaxes(1, 2)
-        return N @ rows if rows.ndim == N.ndim else (N @ rows[..., None])[..., 0]
+        if rows.ndim == N.ndim:
+            return N @ rows
+        return (N @ rows[..., None])[..., 0]
 
     @property
     def singular(self) -> int:

@@ -518,16 +518,22 @@ class Description(Stated):
     @property
     def known_servo(self) -> Servo | None:
         """The servos, if all their gains are known."""
-        return None if self.servo is None or self.servo.unknown.any() else self.servo
+        if self.servo is None or self.servo.unknown.any():
+            return None
+        return self.servo
 
     @property
     def identity(self) -> dict[str, Any]:
         """Return the robot's entry in the JSON of results, such as name, hash and locked joints."""
         said: dict[str, Any] = {"name": self.name, "title": self.title, "sha256": self.sha256}
-        said |= {"gravity": self.tilt.to_dict()} if self.tilt is not None else {}
-        said |= {"locked": dict(self.locked)} if self.locked else {}
-        said |= {"left_out": list(self.outside)} if self.outside else {}
-        said |= {"home": self.home_table} if self.assembled else {}
+        if self.tilt is not None:
+            said |= {"gravity": self.tilt.to_dict()}
+        if self.locked:
+            said |= {"locked": dict(self.locked)}
+        if self.outside:
+            said |= {"left_out": list(self.outside)}
+        if self.assembled:
+            said |= {"home": self.home_table}
         known = [k.text for k in self.known_torque]
         return said | ({"known_torque": known} if known else {})
 
@@ -558,7 +564,9 @@ class Description(Stated):
     @property
     def tilt(self) -> Tilt | None:
         """Return the tilt of the base relative to the file; None if it has none."""
-        return None if self.upright is None else Tilt.of(self.upright, self.gravity)
+        if self.upright is None:
+            return None
+        return Tilt.of(self.upright, self.gravity)
 
     @property
     def closed(self) -> bool:
@@ -589,7 +597,9 @@ class Description(Stated):
     @property
     def motor_joints(self) -> Strings:
         """Names of the joints that motors drive: all actuated ones but those of a floating base."""
-        return self.joints if self.base is None else self.joints[SIX:]
+        if self.base is None:
+            return self.joints
+        return self.joints[SIX:]
 
     def check_stands(self, what: str) -> None:
         """Refuse a floating robot for a use that needs a fixed base.
@@ -694,7 +704,8 @@ class Description(Stated):
             for name, row in zip(self.transmission.motors, self.transmission.coupling, strict=True):
                 pairs = zip(self.motor_joints, row.tolist(), strict=True)
                 weights = {joint: c for joint, c in pairs if c}
-                found += [(name, weights)] if len(weights) > 1 else []
+                if len(weights) > 1:
+                    found += [(name, weights)]
         found += [(name, dict(weights)) for name, weights in self.combinations.items()]
         return tuple(self._axis(name, weights) for name, weights in found)
 

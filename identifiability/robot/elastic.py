@@ -195,7 +195,8 @@ def _fixed_to(body: ET.Element) -> list[ET.Element]:
     """Return a body, and the bodies that are fixed to it."""
     out = [body]
     for child in _parts(body):
-        out += _fixed_to(child) if _last_joint(child) is None else []
+        if _last_joint(child) is None:
+            out += _fixed_to(child)
     return out
 
 

@@ -53,7 +53,9 @@ def place_sidecar(path: Path, taken: Path | None = None) -> Path:
     others = (path.with_suffix(ending) for ending in ENDINGS if ending != path.suffix.lower())
     read = any(p.is_file() and not own_sidecar(p).is_file() for p in others)
     mine = taken is None or taken.resolve() != shared.resolve()
-    return shared if mine and not read and not own.exists() else own
+    if mine and not read and not own.exists():
+        return shared
+    return own
 
 
 # Where a robot file is: a path, or a shipped robot's name.
@@ -62,7 +64,9 @@ def place_sidecar(path: Path, taken: Path | None = None) -> Path:
 def shipped_folder() -> Path:
     """Return the folder of the shipped robots, in a wheel or in a checkout."""
     inside = Path(str(resources.files("identifiability"))) / "models"
-    return inside if inside.is_dir() else inside.parent.parent / "models"
+    if inside.is_dir():
+        return inside
+    return inside.parent.parent / "models"
 
 
 def shipped_robots() -> list[str]:

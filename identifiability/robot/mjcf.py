@@ -364,7 +364,9 @@ class Actuator:
     @property
     def joint(self) -> str:
         """Return the joint that it drives alone; empty if it drives several, or none."""
-        return next(iter(self.arms)) if len(self.arms) == 1 else ""
+        if len(self.arms) == 1:
+            return next(iter(self.arms))
+        return ""
 
     @property
     def owner(self) -> str:
@@ -434,7 +436,9 @@ def _law(m: Any, a: int) -> str:
         return "tau"
     if gain > 0 and stiff == -gain:
         return "q_ref"
-    return "dq_ref" if gain > 0 and not stiff and damp == -gain else ""
+    if gain > 0 and not stiff and damp == -gain:
+        return "dq_ref"
+    return ""
 
 
 def find_gears(actuators: Sequence[Actuator]) -> dict[str, float]:
@@ -513,7 +517,9 @@ def find_drives(actuators: Sequence[Actuator], locked: Collection[str]) -> list[
     for a in actuators:
         moving = [joint for joint in a.arms if joint not in locked]
         names += [a.tendon] if a.slides else moving if len(moving) == 1 else []
-    return list(dict.fromkeys(names)) if actuators else None
+    if actuators:
+        return list(dict.fromkeys(names))
+    return None
 
 
 # Damping, dry friction, rotors and springs of a compiled MJCF, by their coordinate.
@@ -765,7 +771,9 @@ def _set_gravity(model: Any, m: Any, floating: str | None) -> Base | None:
     still = m.opt.disableflags & _OFF.mjDSBL_GRAVITY
     gravity = np.zeros(3) if still else np.array(m.opt.gravity)
     model.gravity.linear = gravity if floating is None else np.zeros(3)
-    return None if floating is None else Base("", floating, gravity)
+    if floating is None:
+        return None
+    return Base("", floating, gravity)
 
 
 def _place(m: Any, frames: Mapping[str, Any], body: int, position: Array) -> Point:

@@ -279,7 +279,9 @@ class Robot(Description):
     @staticmethod
     def of(robot: Robot | str | Path) -> Robot:
         """Return the robot, read by `load` if a file or a shipped name is given."""
-        return robot if isinstance(robot, Robot) else Robot.load(robot)
+        if isinstance(robot, Robot):
+            return robot
+        return Robot.load(robot)
 
     @staticmethod
     @checked

@@ -92,7 +92,9 @@ class Servo:
     @property
     def integral(self) -> Array:
         """Integral gain of each joint, (n,): zero for none."""
-        return self.ki if self.ki.size else np.zeros(len(self.kp))
+        if self.ki.size:
+            return self.ki
+        return np.zeros(len(self.kp))
 
     def having(self, gains: Mapping[str, Array]) -> Servo:
         """Return the servos with other ``kp``, ``kv`` and ``ki``, each (n,), if given.
@@ -175,7 +177,9 @@ class Servo:
         gains = [replace(self, kp=self.kp * (1 + share), kv=self.kv + more) for more, share in each]
         slower = self.rate / (1 + 1 / np.sqrt(3))
         older = replace(self, rate=slower)
-        return (*gains, older) if self.assumed else tuple(gains)
+        if self.assumed:
+            return (*gains, older)
+        return tuple(gains)
 
 
 def state_delay(delays: Array, logs: Sequence[str] = ()) -> str:

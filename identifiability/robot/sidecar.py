@@ -273,7 +273,11 @@ class MeasuredTorque(Strict):
     def table(self, name: str) -> dict[str, Any]:
         """Return sides, gains, ratios or signs by joint; one under ``""`` is for all others."""
         said = getattr(self, name)
-        return dict(said) if isinstance(said, dict) else {} if said is None else {"": said}
+        if isinstance(said, dict):
+            return dict(said)
+        if said is None:
+            return {}
+        return {"": said}
 
     def side_of(self, joint: str) -> Side:
         """Return where the torque of a joint was measured."""
@@ -293,7 +297,9 @@ class MeasuredTorque(Strict):
     def is_compensated(self, joint: str) -> bool:
         """Return whether a joint's measured torque excludes the torque that holds its weight."""
         said = self.compensated
-        return said if isinstance(said, bool) else joint in (said or ())
+        if isinstance(said, bool):
+            return said
+        return joint in (said or ())
 
     def factor(self, joint: str) -> float:
         """Return the factor from a log's values to torque [N·m or N per unit of the log]."""

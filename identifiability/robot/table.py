@@ -103,7 +103,9 @@ class Table(Strict):
     @property
     def unit(self) -> float:
         """Return the file's unit of angles [rad]."""
-        return math.radians(1.0) if self.angles == "deg" else 1.0
+        if self.angles == "deg":
+            return math.radians(1.0)
+        return 1.0
 
     def turn(self, angle: float | str) -> float:
         """Return an angle of the file [rad]; a part of pi is always in rad."""
@@ -125,7 +127,9 @@ class Table(Strict):
         yaw = self.turn(row.theta)
         x = pin.SE3(pin.rpy.rpyToMatrix(roll, 0.0, 0.0), np.array([row.a, 0.0, 0.0]))
         z = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([0.0, 0.0, row.d]))
-        return x * z if self.convention == "modified" else z * x
+        if self.convention == "modified":
+            return x * z
+        return z * x
 
 
 def write_table(table: str | Path | Mapping[str, Any], out: str | Path) -> Strings:
@@ -167,7 +171,8 @@ def write_table(table: str | Path | Mapping[str, Any], out: str | Path) -> Strin
     top.insert(0, ET.Comment(for_xml_comment(said)))
     ET.indent(top)
     sidecar = {"name": read.name} | read.sidecar.model_dump(mode="json", exclude_unset=True)
-    sidecar |= {"guessed": guessed} if guessed else {}
+    if guessed:
+        sidecar |= {"guessed": guessed}
     texts = {
         out.with_suffix(".toml"): toml_text(sidecar).encode(),
         out: f"{for_xml(top)}\n".encode(),
@@ -208,7 +213,8 @@ def _check(source: str, table: Table) -> None:
         if problem:
             raise RobotError(f"{source}: {problem}")
         links.append(row.name)
-        joints += [row.joint] if row.joint else []
+        if row.joint:
+            joints += [row.joint]
 
 
 def _urdf(table: Table, base: str = BASE) -> ET.Element:

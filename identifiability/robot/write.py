@@ -94,7 +94,9 @@ def _edited_tag(old: str, new: str) -> str:
     def keep(found: re.Match[str]) -> str:
         value = said.pop(found[2], "")
         stays = not value or _alike(value[1:-1], found[4][1:-1])
-        return f"{found[1]}{found[2]}{found[3]}{found[4] if stays else value}" if value else ""
+        if value:
+            return f"{found[1]}{found[2]}{found[3]}{found[4] if stays else value}"
+        return ""
 
     bare = old.rstrip("/>").rstrip()
     end = old[len(bare) :] if old.endswith("/>") == new.endswith("/>") else new[-2:].lstrip('"')
@@ -118,7 +120,9 @@ def _alike(text: str, other: str) -> bool:
 def part_of(element: ET.Element, tag: str) -> ET.Element:
     """Return a part of an element; make it if it is missing."""
     found = element.find(tag)
-    return ET.SubElement(element, tag) if found is None else found
+    if found is None:
+        return ET.SubElement(element, tag)
+    return found
 
 
 # Numbers in the XML of a robot file: inertials, and settings that would change them in compilation.
@@ -521,7 +525,9 @@ def _check_template(robot: Description, top: ET.Element) -> None:
 def _joints(top: ET.Element) -> list[ET.Element]:
     """Return the joints of a robot file; transmissions and equalities speak of joints as well."""
     worlds = top.findall("worldbody")
-    return [e for w in worlds for e in w.iter("joint")] if worlds else top.findall("joint")
+    if worlds:
+        return [e for w in worlds for e in w.iter("joint")]
+    return top.findall("joint")
 
 
 def own_inertial(robot: Description, body: str, theta: Array) -> tuple[float, Array, Array]:
@@ -624,9 +630,12 @@ def _sidecar_text(robot: Description, tables: Mapping[str, NumberByName]) -> str
     servo = robot.known_servo
     gains = servo.by_joint(robot.joints) if servo and (robot.mjcf or servo.source == FOUND) else {}
     new: dict[str, Any] = {key: dict(table) for key, table in tables.items()}
-    new |= {"locked": dict(robot.locked)} if robot.lock_option else {}
-    new |= {"base": robot.base_option} if robot.base_option is not None else {}
-    new |= {"servo": given.get("servo", {}) | gains} if gains else {}
+    if robot.lock_option:
+        new |= {"locked": dict(robot.locked)}
+    if robot.base_option is not None:
+        new |= {"base": robot.base_option}
+    if gains:
+        new |= {"servo": given.get("servo", {}) | gains}
     if robot.sidecar is None and not any(new.values()):
         return None
     return toml_text({k: v for k, v in (given | new).items() if v or k not in new})

@@ -14,6 +14,7 @@ import numpy as np
 from identifiability.foundation.names import Array
 from identifiability.foundation.rules import Tolerance
 from identifiability.logs import Log
+from identifiability.logs.log import bridge_gaps
 from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.robot import Robot
 from identifiability.robot.servo import Servo
@@ -79,10 +80,13 @@ def leave_out_irregular(
     lost[rows[is_irregular[acting]]] = True
     if log.unmeasured is not None:
         lost |= log.unmeasured
-    return replace(log, unmeasured=lost), share
+    return replace(log, tau=bridge_gaps(log.t, log.tau, lost), unmeasured=lost), share
 
 
 def _noise(recording: Recording) -> Array:
     """Return the usual size of the residual of each joint, (n,)."""
     sizes = np.where(recording.moves, np.abs(recording.residual), np.nan)
-    return 1.5 * np.nanmedian(sizes, axis=0) + 1e-12
+    moving = recording.moves.any(0)
+    noise = np.full(recording.moves.shape[1], 1e-12)
+    noise[moving] += 1.5 * np.nanmedian(sizes[:, moving], axis=0)
+    return noise

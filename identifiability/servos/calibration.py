@@ -17,6 +17,7 @@ import numpy as np
 
 from identifiability.foundation.names import Array
 from identifiability.logs import Log
+from identifiability.logs.log import bridge_gaps
 from identifiability.logs.prepare import Preparation, prepare_log
 from identifiability.regression.structure import Structure
 from identifiability.simulation.rollout import CommandedRobot
@@ -100,11 +101,12 @@ def calibrate_torque(
         like = one.moves & (one.direction == own.direction)
         left[one.rows] += np.where(like, one.residual, 0.0)
         count[one.rows] += like
-    lost = ~moves | (count == 0)
+    lost = ~moves | (count == 0) | log.is_unmeasured
     lost[: forgotten(log)] = True
     if given.unmeasured is not None:
         lost |= given.unmeasured
-    tau = given.tau - left / np.maximum(count, 1)
+    calibrated = given.tau - left / np.maximum(count, 1)
+    tau = bridge_gaps(log.t, calibrated, lost)
     return replace(given, tau=tau, unmeasured=lost if lost.any() else None, rollout=q)
 
 

@@ -19,14 +19,16 @@ from .rollouts import Rollouts
 #: Stretches of time of a rollout that are left out in turn [s].
 BLOCK: Tolerance = 0.5
 
-#: A search ends where a step promises less than this of the weighted squares, or one of a new
-#: derivative gains no more: on a part of the logs where it begins, on all of them a standard
-#: deviation. It also ends after so many steps.
+#: A search ends where a step promises less than this of the weighted squares, or all steps with one
+#: derivative gain no more: on a part of the logs where it begins, on all of them a standard
+#: deviation. It also ends after so many steps, or where a second derivative promises little.
 BEGUN: Tolerance = 20.0
 ENOUGH: Tolerance = 2.0
 STEPS = 20
 #: Share of the remaining time that a search still takes after a step, for its progress.
 LASTING: Tolerance = 0.8
+#: Share of the weighted squares that is little.
+PROMISED: Tolerance = 0.02
 #: Most steps with one derivative.
 RENEWED = 4
 
@@ -42,11 +44,14 @@ class SearchEnd(NamedTuple):
         Positions along the logs.
     J : (r, p)
         Weighted derivative of the residual.
+    promised : float
+        Weighted squares by which a further step promises to gain.
     """
 
     x: Array
     q: list[Array]
     J: Array
+    promised: float
 
 
 def descend(
@@ -74,31 +79,40 @@ def descend(
     damping = 1e-3
     linearised = x[:0]
     poor = True
+    # Weighted squares that the steps with the last derivative gained.
+    since = np.inf
+    # Derivatives whose steps promised little.
+    little = 0
     for turn in range(STEPS):
         say(1.0 - LASTING**turn)
         if linearised is not x and (poor or turn % RENEWED == 0):
+            if since <= enough or little == 2:
+                break
             J = problem.linearise(x)
             linearised = x
+            since = 0.0
+            is_new = True
         weights = problem.weights(q)
         residual = weights * problem.residual(q, x)
         step, promised = damped_step(problem, x, weights[:, None] * J, residual, damping)
         if promised <= enough:
             break
+        # Weights change with errors, so that no search ends where its steps promise nothing.
+        little += is_new and promised < PROMISED * (residual @ residual)
+        is_new = False
         moved = x + step
         rolled = problem.roll([moved])[0]
         rest = weights * problem.residual(rolled, moved)
         gained = residual @ residual - np.sum(rest**2)
         poor = gained < 0.5 * promised
-        converged = linearised is x and abs(gained) <= enough
         if gained > 0:
             x = moved
             q = rolled
             damping = damping / 3
+            since += gained
         else:
             damping *= 10
-        if converged:
-            break
-    return SearchEnd(x, q, weights[:, None] * J)
+    return SearchEnd(x, q, weights[:, None] * J, promised)
 
 
 def damped_step(
@@ -135,7 +149,7 @@ def uncertainty(problem: RolloutProblem, end: SearchEnd) -> Array:
     Stretches of time are left out in turn [Künsch 1989]. This includes the autocorrelation of the
     errors, and most missing effects. Prior knowledge is added.
     """
-    x, q, J = end
+    x, q, J, _ = end
     size = np.linalg.norm(J, axis=0)
     unit = or_one(size)
     J = J / unit

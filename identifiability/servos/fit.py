@@ -69,7 +69,8 @@ def fit_rollouts(
     start = problem.pack(numbers, delay or 0.0)
     problem.windows = thinned
     problem.varied[problem.bodies] = False
-    begun, last = share_turns(say, 0.05, 0.2), share_turns(say, 0.2, 0.45)
+    begun = share_turns(say, 0.05, 0.2)
+    last = share_turns(say, 0.2, 0.45)
     end = descend(problem, start, BEGUN, begun)
     lost = problem.missed(end.q) > RULES.rollout_contradicted
     if lost.any():

@@ -19,6 +19,7 @@ from identifiability.foundation.runs import First, Progress, quiet
 from identifiability.foundation.values import frozen
 from identifiability.logs import Log
 from identifiability.logs.commands import of_commands
+from identifiability.logs.contradictions import check_units
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.preparation import fit_band
 from identifiability.quality.recordings import Recordings
@@ -98,6 +99,8 @@ def follow_commands(
     if servo is None or not at:
         return recordings, structure
     logs = [recordings.fitted[k].select(robot.joints) for k in at]
+    for log in logs:
+        check_units(robot, [log])
     try:
         found = servo.rolled or fit_rollouts(
             robot, logs, file_shares(robot), servo.delay, say, first
@@ -264,19 +267,11 @@ def check_found(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:
     lost = np.flatnonzero(share > ESTIMATION_RULES.rollout_contradicted)
     each = [f"'{robot.joints[j]}' ({100 * share[j]:.0f} %)" for j in lost]
     text = [phrase("rollouts", "lost", joints=each, stated=stated)] if each else []
-    gone = np.any([_unfollowed(log) for log in logs], axis=0)
+    gone = np.any([log.is_unmeasured for log in logs], axis=0)
     if gone.any():
         apart = [robot.joints[j] for j in np.flatnonzero(gone)]
         text.append(phrase("rollouts", "apart", joints=apart))
     return " ".join(text)
-
-
-def _unfollowed(log: Log) -> np.ndarray:
-    """Return which joints do not follow their command in a log, (n,) bool."""
-    if log.unmeasured is None:
-        return np.zeros(len(log.joints), bool)
-    lost: np.ndarray = np.all(log.unmeasured, axis=0)
-    return lost
 
 
 def state_servos(robot: Robot, logs: Sequence[Log], found: Rollouts) -> str:

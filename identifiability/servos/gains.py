@@ -136,4 +136,6 @@ def _list_gains(kind: str, robot: Robot, values: Array, sd: Array, new: np.ndarr
     """Return the new gains of a kind with their standard deviations; nothing if there are none."""
     joints = np.flatnonzero(new)
     each = [f"{robot.joints[k]} {values[k]:.4g} (± {sd[k]:.2g})" for k in joints]
-    return f"{kind} of {listing(each, 12)}" if each else ""
+    if each:
+        return f"{kind} of {listing(each, 12)}"
+    return ""

@@ -10,20 +10,15 @@ import numpy as np
 from identifiability.foundation.errors import listing
 from identifiability.foundation.findings import Finding, phrase
 from identifiability.foundation.names import Array
-from identifiability.foundation.rules import Tolerance
 from identifiability.foundation.values import frozen
 from identifiability.logs.commands import are_positions_alone
 from identifiability.robot import Robot
 
-from .descent import BEGUN, ENOUGH, SearchEnd, conclude, descend
+from .descent import BEGUN, ENOUGH, PROMISED, SearchEnd, conclude, descend
 from .positions import encoder_noise
 from .problem import PLAY, RolloutProblem
 from .rollouts import KINDS, Rollouts
 from .torque import servo_log
-
-#: A number is fitted if it explains at least this share of the weighted squares of a tree, to first
-#: order.
-PROMISED: Tolerance = 0.02
 
 #: Shares of the time in which the torque exceeds the limits that start a fit.
 EXCEEDED = np.geomspace(0.004, 0.4, 5)
@@ -117,7 +112,7 @@ def _list_trials(problem: RolloutProblem, found: Rollouts) -> Iterator[tuple[str
 
 def _screen(problem: RolloutProblem, end: SearchEnd, found: Rollouts) -> Screening:
     """Return how much each number that is not varied would explain, to first order."""
-    x, q, J = end
+    x, q, J, _ = end
     weights = problem.weights(q)
     basis = np.linalg.qr(J[:, problem.varied])[0]
     residual = _without(basis, weights * problem.residual(q, x))
@@ -177,7 +172,14 @@ def _explain_tree(
         tried = sorted([*tried, Explanation(share, numbers, fitted)], key=lambda x: x.share)
     # Less than half is left, and about as little as the best explanation leaves.
     kept = [x for x in tried if x.share < min(0.5, 1.1 * tried[0].share)]
-    return [x._replace(end=_fit_numbers(problem, x.end.x, x.numbers, ENOUGH)) for x in kept]
+    return [_finish_search(problem, explanation) for explanation in kept]
+
+
+def _finish_search(problem: RolloutProblem, found: Explanation) -> Explanation:
+    """Return an explanation whose search ends where a step promises little."""
+    if found.end.promised <= ENOUGH:
+        return found
+    return found._replace(end=_fit_numbers(problem, found.end.x, found.numbers, ENOUGH))
 
 
 def _fit_numbers(

@@ -134,6 +134,9 @@ def follows_command(command: Array, q: Array, most: int) -> bool:
     # The command of a joint at rest gives no information.
     if min(size, max(moved, size) - RULES.small) <= 0.0:
         return True
+    # A copy of the position is no command.
+    if np.mean(command == q) > 1.0 - RULES.small:
+        return False
     return not is_in_degrees(command, q) and correlation_when_delayed(command, q, most) > 0.5
 
 

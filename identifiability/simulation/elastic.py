@@ -37,7 +37,8 @@ def bend(robot: Robot, move: PrescribedMotion) -> tuple[Array, Array]:
         )
     links = Links(robot)
     path = BPoly.from_derivatives(move.t, np.stack([move.q, move.dq, move.ddq], axis=1))
-    tau, bent = np.zeros_like(move.q), np.zeros_like(move.q)
+    tau = np.zeros_like(move.q)
+    bent = np.zeros_like(move.q)
     deflection = links.rest(move.q[0])
     speed = np.zeros_like(deflection)
     for k, (start, dt) in enumerate(zip(move.t, np.diff(move.t, append=move.t[-1:]), strict=True)):
@@ -117,7 +118,8 @@ class Links:
         robot = self.mujoco
         self.full[robot.positions] = q
         self.full[self.positions] = self._at_rest() + deflection
-        v, a = np.zeros(robot.size), np.zeros(robot.size)
+        v = np.zeros(robot.size)
+        a = np.zeros(robot.size)
         v[robot.actuated], v[self.dofs], a[robot.actuated] = dq, speed, ddq
         M, force = self._dynamics(v, a)
         return force, M
@@ -127,7 +129,8 @@ class Links:
 
     def _dynamics(self, v: Array, a: Array) -> tuple[Array, Array]:
         """Return the inertia (nv, nv), and the forces (nv,) of velocities and accelerations."""
-        model, data = self.mujoco.model, self.mujoco.data
+        model = self.mujoco.model
+        data = self.mujoco.data
         data.qpos[:], data.qvel[:], data.qacc[:] = self.full, v, a
         mujoco.mj_inverse(model, data)
         M = np.zeros((model.nv, model.nv))

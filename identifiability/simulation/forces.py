@@ -143,7 +143,8 @@ def joint_torque(
         force = terms.force(position - rest_along(robot, axis), speed, acceleration)
         force += terms.springs(position)
         for known in robot.known_torque:
-            force += known.force(position) if known.along == axis.name else 0.0
+            if known.along == axis.name:
+                force += known.force(position)
         tau += force[:, None] * arms
     return tau
 
@@ -383,7 +384,9 @@ def _record(move: PrescribedMotion, tau: Array, k: int, name: str) -> Array:
         return source[:, (k + 1) % tau.shape[1]]
     if name in ("torque_drift", "friction_drift"):
         since = np.concatenate([t - t[0] for t in np.split(move.t, seams)])
-        return since - 0.4 * since.max() if name == "torque_drift" else since * move.dq[:, k]
+        if name == "torque_drift":
+            return since - 0.4 * since.max()
+        return since * move.dq[:, k]
     # Warm-up about a calibration in the middle: the drift has zero mean, so that it is no offset.
     time_constant = 0.5 * np.ptp(move.t) or 1.0
     drift = 1.0 - np.exp(-(move.t - move.t[0]) / time_constant)

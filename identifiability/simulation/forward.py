@@ -7,6 +7,7 @@ straight tendons.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Any
 
 import mujoco
@@ -243,9 +244,14 @@ class ForwardRobot:
         self.model.jnt_limited[named] = 0
         options.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
 
+    @cached_property
+    def _home(self) -> Array:
+        """Home configuration, with lengths of tendons."""
+        return self._kinematics.home()
+
     def home(self) -> Array:
         """Return the home configuration, (nq,)."""
-        return self._kinematics.home()[: self.model.nq]
+        return self._home[: self.model.nq].copy()
 
     def tie(self, q: Array) -> tuple[Array, Array]:
         """Return the configuration (nq,) of actuated positions (n,), and speeds per speed (nv, n).
@@ -258,7 +264,11 @@ class ForwardRobot:
             If the loops do not close.
         """
         kinematics = self._kinematics
-        full = kinematics.walk(kinematics.home(), q, 0)
+        full = self._home.copy()
+        if kinematics.closed:
+            full = kinematics.walk(full, q, 0)
+        else:
+            full[kinematics.positions] = q
         slope = np.zeros((kinematics.size, len(q)))
         slope[kinematics.actuated] = np.eye(len(q))
         if kinematics.closed:

@@ -94,7 +94,7 @@ class Trajectory:
         """Return q, dq, ddq (N, n) at times t."""
         w = 2 * np.pi / self.period * np.arange(1, self.harmonics + 1)
         series = np.vstack([self.offset, (self.sin / w).T, -(self.cos / w).T])
-        return signals.FourierFit(self.period, series).motion(t)
+        return signals.fourier_motion(t, self.period, series)
 
 
 @frozen

@@ -110,7 +110,8 @@ class ServoPlaces:
 def _check_branch(robot: Robot, model: Any, name: str, arms: Mapping[str, float]) -> None:
     """Refuse a tendon along joints of two branches, whose inertia MuJoCo does not have."""
     dofs = [int(model.joint(joint).dofadr[0]) for joint in arms]
-    before, last = set[int](), max(dofs)
+    before = set[int]()
+    last = max(dofs)
     while last >= 0:
         before.add(last)
         last = int(model.dof_parentid[last])

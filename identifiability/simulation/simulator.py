@@ -109,7 +109,9 @@ class Noise:
 
     def on_encoder(self, q: Array) -> Array:
         """Return positions rounded to the encoder's resolution."""
-        return np.round(q / self.encoder) * self.encoder if self.encoder else q
+        if self.encoder:
+            return np.round(q / self.encoder) * self.encoder
+        return q
 
 
 #: The paper's noise: δ = 4 % on the motion, η = 5 % on the forces, per sample.

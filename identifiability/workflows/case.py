@@ -185,17 +185,23 @@ class Data(OfStructure):
     @property
     def question(self) -> Reading | None:
         """Another reading that these logs do not confirm; it is not used."""
-        return self.reading if self.reading is not None and not self.reading.holds else None
+        if self.reading is not None and not self.reading.holds:
+            return self.reading
+        return None
 
     @property
     def confirmed(self) -> Reading | None:
         """Another reading that the logs confirm."""
-        return None if self.question is not None else self.reading
+        if self.question is not None:
+            return None
+        return self.reading
 
     @cached_property
     def unseen(self) -> Regression | None:
         """Columns of the base parameters along held-out motion; None where none was held out."""
-        return self.structure.regression(self.validation) if self.validation else None
+        if self.validation:
+            return self.structure.regression(self.validation)
+        return None
 
     @cached_property
     def missing(self) -> MissingEffects:
@@ -302,9 +308,11 @@ class Case:
         use: Use | None = None,
         stages: Stages | None = None,
     ) -> None:
-        held_out, use = tuple(list_logs(validate)), use or Use()
+        held_out = tuple(list_logs(validate))
+        use = use or Use()
         if _is_none(held_out):
-            held_out, use = (), replace(use, divides=False)
+            held_out = ()
+            use = replace(use, divides=False)
         values = {
             "robot": Robot.of(robot),
             "logs": tuple(list_logs(logs)),
@@ -513,7 +521,9 @@ class Case:
         widest = self.stages.once(choose_cutoff, self.robot, logs, self.preparation)
         same_band = widest.cutoff == motion.how.cutoff
         same_motion = widest.derivatives == motion.how.derivatives
-        return widest if same_motion and not same_band else motion.how
+        if same_motion and not same_band:
+            return widest
+        return motion.how
 
     def read_as(self, data: Data, reading: Reading, run: Run, most: int | None = None) -> Data:
         """Return data under another reading of their logs."""
@@ -830,7 +840,9 @@ def prepare_held_out(
         Of the fitted logs.
     """
     band = fit_band(robot, log, how)
-    return prepare(log) if band is how else prepare(log, how=band)
+    if band is how:
+        return prepare(log)
+    return prepare(log, how=band)
 
 
 def drop_silent_part(recordings: Recordings, prepared: Prepared) -> Prepared:
@@ -868,12 +880,16 @@ def gather_data(
         regression=regression,
         hints=(*recordings.hints, *split, *_tell_motion(how)),
     )
-    return replace(data, validation=()) if data.silence else data
+    if data.silence:
+        return replace(data, validation=())
+    return data
 
 
 def _tell_motion(how: Preparation) -> tuple[str, ...]:
     """Return the reason why the motion is a series, if that was chosen."""
-    return (how.reason,) if isinstance(how, CommonPreparation) and how.reason else ()
+    if isinstance(how, CommonPreparation) and how.reason:
+        return (how.reason,)
+    return ()
 
 
 def seek_reading(widest: Data, own: Data) -> Reading | None:

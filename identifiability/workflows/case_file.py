@@ -132,7 +132,9 @@ class CaseFile:
     @property
     def sidecar(self) -> str | None:
         """Path of the sidecar, where the case names one."""
-        return None if self.entry.sidecar is None else self.place(self.entry.sidecar)
+        if self.entry.sidecar is None:
+            return None
+        return self.place(self.entry.sidecar)
 
     @property
     def logs(self) -> list[str]:
@@ -143,7 +145,9 @@ class CaseFile:
     def held_out(self) -> list[str]:
         """Paths of the held-out logs; "none" alone where all logs are fitted."""
         given = self.entry.validate_
-        return [given] if isinstance(given, str) else [*map(self.place, given)]
+        if isinstance(given, str):
+            return [given]
+        return [*map(self.place, given)]
 
     @property
     def loaded(self) -> list[str]:

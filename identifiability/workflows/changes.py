@@ -84,7 +84,9 @@ class DifferentTorque:
     @staticmethod
     def of(found: Differences, terms: Terms, later: int) -> DifferentTorque:
         """Return the torque of one of the later logs minus that of the model of all logs."""
-        seen, p, a = found.missing.seen, found.known.size, found.always.shape[1]
+        seen = found.missing.seen
+        p = found.known.size
+        a = found.always.shape[1]
         value = found.solve(terms)[0]
         explained = np.where(seen.data, 0.0, np.nan)
         sizes = found.always @ value[p : p + a]
@@ -292,7 +294,9 @@ class Unchanged:
     @property
     def relative(self) -> float:
         """The least change as a share, as `Change.relative`."""
-        return self.share if np.isfinite(self.share) else self.felt.rms / self.felt.before
+        if np.isfinite(self.share):
+            return self.share
+        return self.felt.rms / self.felt.before
 
 
 def rows_of(model: MixedModel, terms: Terms, k: int) -> np.ndarray:
@@ -412,7 +416,8 @@ def _measure_change(
     place = place_of(terms[which[0]])
 
     def measure(some: np.ndarray, place: str) -> Change:
-        sizes, spread = value[at[some]], covariance[np.ix_(at[some], at[some])]
+        sizes = value[at[some]]
+        spread = covariance[np.ix_(at[some], at[some])]
         own = columns[some]
         felt = FeltTorque.of(found, own, sizes, spread)
         share = _share_of(levels[own], found.missing.scale[own], sizes, spread)
@@ -497,7 +502,8 @@ def _with_companions(
     """
     first = terms[which[0]]
     own = found.whose(first)
-    out, at = terms, list(which)
+    out = terms
+    at = list(which)
     if own.kind != "friction" or not own.pattern:
         return out, at
     taken = {t.key for t in terms}

@@ -122,7 +122,9 @@ class Comparison(OfStructure, Result):
         for number in self.unchanged:
             if number.name == name:
                 return f"{told}; {number.least:.2g} {number.unit} would have been seen."
-        return f"{told}." if name in self.structure.columns else ""
+        if name in self.structure.columns:
+            return f"{told}."
+        return ""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison in the documented JSON schema."""

@@ -150,10 +150,8 @@ def robot_columns(robot: Robot) -> tuple[str, ...]:
 
     A floating base also needs the columns of its sensor.
     """
-    columns, base = (
-        required_columns(robot.motor_joints, "cmd" if robot.servo else "tau"),
-        robot.base,
-    )
+    columns = required_columns(robot.motor_joints, "cmd" if robot.servo else "tau")
+    base = robot.base
     if base is None:
         return columns
     sensor = tuple(f"base.{kind}.{axis}" for kind in ("acc", "gyro") for axis in "xyz")
@@ -265,7 +263,8 @@ def describe_log(robot: Robot, log: Log, prepared: Dataset) -> Record:
 
 def _describe_use(robot: Robot, log: Log, prepared: Dataset) -> dict[str, Array]:
     """Return how fast each joint moves as prepared, and the servos of a log of commands."""
-    low, high = prepared.survey.low, prepared.survey.high
+    low = prepared.survey.low
+    high = prepared.survey.high
     _, speed, acceleration = np.maximum(np.abs(low), np.abs(high))
     found = {"speed": speed, "acceleration": acceleration}
     if of_commands(log) and (servo := robot.servo) is not None:
@@ -275,7 +274,8 @@ def _describe_use(robot: Robot, log: Log, prepared: Dataset) -> dict[str, Array]
 
 def _describe_clock(log: Log, gaps: Gaps, prepared: Dataset) -> dict[str, Any]:
     """Return samples and steps of a log, and how many samples are used."""
-    clock, survey = log.clock, prepared.survey
+    clock = log.clock
+    survey = prepared.survey
     return {
         "samples": len(log),
         "start": float(clock.first),
@@ -349,7 +349,9 @@ class Inspection(OfStructure, Result):
     def motors(self) -> tuple[str, ...]:
         """Motors whose columns a log may have instead of those of the joints."""
         transmission = self.robot.transmission
-        return () if transmission is None else transmission.motors
+        if transmission is None:
+            return ()
+        return transmission.motors
 
     @presented
     def parameters_frame(self) -> pd.DataFrame:
@@ -460,7 +462,8 @@ def _describe_robot(case: Case, model: ModelLike | None) -> Inspection:
 
 def _with_logs(found: Inspection, case: Case, run: Run) -> Inspection:
     """Return the inspection with the content of the logs of a case."""
-    robot, recordings = case.known_robot(run), case.recordings(run)
+    robot = case.known_robot(run)
+    recordings = case.recordings(run)
     data = case.literal(case.structure(robot, found.structure.model), recordings, run)
     prepared = case.prepared(robot, recordings, data.preparation, run)
     logged = (*recordings.fitted, *recordings.held_out)

@@ -105,7 +105,8 @@ def run_task(
     task : (Path, str)
         Its folder, with the digest of all inputs of an answer.
     """
-    name, own = task[0].name, dict(options)
+    name = task[0].name
+    own = dict(options)
     row = {**EMPTY, "robot": name}
     try:
         robot, fitted, held = _find(task[0])
@@ -131,12 +132,15 @@ def _state(told: Mapping[str, Any]) -> dict[str, Any]:
     """Return the table entries of a result from its JSON."""
     if "models" not in told:  # a diagnosis
         effects = ((" or ".join([e["effect"], *e["or"]]), e["joints"]) for e in told["effects"])
-        chosen, names, verdicts = told["after"], told["fit"]["names"], Counter[str]()
+        chosen = told["after"]
+        names = told["fit"]["names"]
+        verdicts = Counter[str]()
         chosen["name"] = told["fit"]["model"]["name"]
         missing = [f"{name}@{', '.join(at)}".rstrip("@") for name, at in effects]
     else:
         chosen = next(m for m in told["models"] if m["name"] == told["selected"])
-        names, verdicts = told["parameters"], Counter(p["verdict"] for p in told["parameters"])
+        names = told["parameters"]
+        verdicts = Counter(p["verdict"] for p in told["parameters"])
         missing = [f"{f['of']}, {f['joint']}" for f in told["missing_functions"]]
     return {
         "model": chosen["name"],
@@ -218,7 +222,8 @@ def analyze_many(
     IdentifiabilityError
         If options or the folder cannot be used; errors of a single robot are stated in its row.
     """
-    say, folder = progress or quiet, Path(out)
+    say = progress or quiet
+    folder = Path(out)
     _check_options(verb, options)
     places = [Path(place).resolve() for place in robots]
     if not places:

@@ -264,7 +264,8 @@ def nearest_body(found: LoadEstimate) -> Array:
 
 def describe_body(theta: Array) -> Array:
     """Return mass, centre and the moments about it, (10,) in the order of `QUANTITIES`."""
-    mass, centre = theta[9], theta[6:9] / theta[9]
+    mass = theta[9]
+    centre = theta[6:9] / theta[9]
     second = to_matrix(theta)[:3, :3] - mass * np.outer(centre, centre)
     tensor = np.trace(second) * np.eye(3) - second
     products = tensor[np.triu_indices(3, 1)]
@@ -289,7 +290,8 @@ def state_quantities(
     """
     values = describe_body(body)
     half = _half_widths(found, body, scale)
-    low, high = values - half, values + half
+    low = values - half
+    high = values + half
     # Quantities that follow from its inertia are stated with any interval.
     unsure = np.where(POSITIVE, low <= 0, half > length) & (np.arange(len(values)) < 7)
     low = np.where(POSITIVE, np.maximum(low, 0.0), low)
@@ -350,10 +352,13 @@ def _invert_gain(found: Differences, sums: Array, j: int) -> tuple[float, float]
     j : int
         The joint.
     """
-    seen, known = found.missing.seen, found.known
-    size, at = known.directions.shape[1], known.size
+    seen = found.missing.seen
+    known = found.known
+    size = known.directions.shape[1]
+    at = known.size
     # Friction of this joint is fitted to its rows, in its unit.
-    X, y = seen.X[:, [j]], seen.y[:, [j]]
+    X = seen.X[:, [j]]
+    y = seen.y[:, [j]]
     values = pooled_values(X, y, np.eye(size), np.zeros(size))
     fitted = replace(known, base=known.base + known.directions @ values)
     one = replace(found, known=fitted).having(sums, joint=j)
@@ -367,9 +372,11 @@ def _state_gain(robot: Robot, joint: str, inverse: float, sd: float) -> Quantity
     """Return the gain of a joint's torque from one over it, and its error."""
     # Torque that was read by a gain is that of the load by this over the right one.
     read = robot.torque.at("gain", joint) or 1.0
-    inverse, sd = inverse / read or np.nan, sd / abs(read)
+    inverse = inverse / read or np.nan
+    sd = sd / abs(read)
     half = REACH * sd
-    low, high = -np.inf, np.inf
+    low = -np.inf
+    high = np.inf
     if abs(inverse) > half:
         low, high = sorted((1.0 / (inverse - half), 1.0 / (inverse + half)))
     sure = percent_of(sd, inverse) <= Thresholds().sigma_percent
@@ -453,7 +460,9 @@ class Load(Result):
     def sidecar(self) -> str:
         """Lines for the robot's sidecar; empty if no gain is identifiable."""
         gains = {g.name: float(f"{g.value:.6g}") for g in self.gains if g.told}
-        return f"[torque]\ngain = {for_toml(gains)}\n" if gains else ""
+        if gains:
+            return f"[torque]\ngain = {for_toml(gains)}\n"
+        return ""
 
     @property
     @presented
@@ -614,7 +623,8 @@ class KnownLoad:
         ------
         OptionError
         """
-        mass, centre = self.mass is not None, self.centre is not None
+        mass = self.mass is not None
+        centre = self.centre is not None
         if centre > mass or (self.inertia is not None) > centre:
             raise OptionError(Finding("load.moments"))
         if empty and not mass:
@@ -659,7 +669,8 @@ def _prepare_sides(
 
     The load contradicts the robot's file, so no checks run.
     """
-    robot, how = structure.robot, fit.preparation if fit else None
+    robot = structure.robot
+    how = fit.preparation if fit else None
     reading = fit.reading if fit else None
     case = Case(robot, logs, unloaded, preparation=how, reading=reading, use=MEASURED)
     sides = read_sides(case, run)
@@ -744,7 +755,9 @@ def _tell_noise(logs: Sequence[Log], how: Preparation) -> list[str]:
     if band is None or band.noise <= LOG_RULES.small:
         return []
     loud = [x.name for x in logs if not {"dq", "ddq"} <= set(x.channels)]
-    return [phrase("load_noise", "says", logs=listing(loud, 4))] if loud else []
+    if loud:
+        return [phrase("load_noise", "says", logs=listing(loud, 4))]
+    return []
 
 
 def choose_body(structure: Structure, body: str | None) -> str:

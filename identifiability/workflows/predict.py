@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict
 
 from identifiability.effects import title_of
 from identifiability.effects.base import apply_tilt
-from identifiability.effects.vocabulary import complete_values
+from identifiability.effects.vocabulary import complete_values, drop_follower_friction
 from identifiability.estimation.groups import MissingEffects, place_of
 from identifiability.estimation.prediction import Prediction, TorqueUncertainty
 from identifiability.foundation import handed
@@ -64,7 +64,9 @@ MOTION = Use(divides=False, commands=False, motion_alone=True)
 
 def state_missing(functions: Sequence[str]) -> tuple[str, ...]:
     """Return the remark on the values of a fit whose model lacks functions, if any."""
-    return (phrase("result.missing", "says", functions=list(functions)),) if functions else ()
+    if functions:
+        return (phrase("result.missing", "says", functions=list(functions)),)
+    return ()
 
 
 def list_missing(found: MissingEffects) -> list[dict[str, Any]]:
@@ -312,7 +314,8 @@ class Predicts(ABC):
         IdentifiabilityError
             If the fitted logs had nothing to explain, or a log does not fit the robot.
         """
-        run, fit = Run(engine=engine or Serial()), self.fit
+        run = Run(engine=engine or Serial())
+        fit = self.fit
         with one_thread("blas"):
             case = Case(fit.robot, logs, preparation=fit.preparation, use=MOTION)
             return _predict_along(fit, case.with_(reading=fit.reading), run)
@@ -329,7 +332,9 @@ class Predicts(ABC):
         IdentifiabilityError
             If the file is no such result, or is about another robot.
         """
-        return handed("read_result")(path) if robot is None else read_fit(path, robot)
+        if robot is None:
+            return handed("read_result")(path)
+        return read_fit(path, robot)
 
 
 @frozen(kw_only=True)
@@ -450,7 +455,8 @@ class Fit(Keyed, Predicts):
             "servo": dict(self.servo),
             "preparation": {f.name: getattr(self.preparation, f.name) for f in fields(Preparation)},
         }
-        told |= {"reading": self.reading.to_dict()} if self.reading is not None else {}
+        if self.reading is not None:
+            told |= {"reading": self.reading.to_dict()}
         return {k: x.tolist() if isinstance(x, np.ndarray) else x for k, x in told.items()}
 
 
@@ -742,7 +748,9 @@ def _rebuild_model(entry: FitEntry, structure: Structure) -> Submodel:
 
 def _rebuild_fit(entry: FitEntry, structure: Structure, submodel: Submodel) -> Fit:
     """Return a fit with the arrays of its entry; a ValueError says that their shapes are wrong."""
-    k, n, b = len(submodel), len(structure.robot.joints), len(structure.base)
+    k = len(submodel)
+    n = len(structure.robot.joints)
+    b = len(structure.base)
     noise = {name: np.reshape(getattr(entry, name), (n,)) for name in ("low", "raw", "dof")}
     covariance = np.reshape(entry.covariance, (k, k))
     return Fit(
@@ -792,7 +800,8 @@ def read_real(
         If the file is no such result, or has no physical robot.
     """
     content, robot = _read_result(path, robot, done)
-    physical, found = content.physical, content.rollout
+    physical = content.physical
+    found = content.rollout
     given = physical.parameters
     if not given:
         why = physical.reason or physical.certificate
@@ -831,7 +840,8 @@ def with_cutoff(given: Preparation, samples: Sequence[Dataset]) -> Preparation:
         if s.cutoff:
             own = {"cutoff": s.cutoff, "outputs": s.band}
     # Another log may not repeat its motion.
-    own |= {"derivatives": "spline"} if any(s.series for s in samples) else {}
+    if any(s.series for s in samples):
+        own |= {"derivatives": "spline"}
     return Preparation(**{f.name: getattr(given, f.name) for f in fields(Preparation)} | own)
 
 
@@ -864,7 +874,9 @@ def find_fit(result: FitLike, robot: Robot) -> Fit:
         why = phrase("result.other", "joints")
         raise OptionError(str(refuse_robot("The result", fit.robot, robot, why)))
     changed = note_change("the result", fit.robot, robot)
-    return replace(fit, hints=(*fit.hints, *changed)) if changed else fit
+    if changed:
+        return replace(fit, hints=(*fit.hints, *changed))
+    return fit
 
 
 # `PositionPrediction`: how robots move as logged commands, or torques, make them.
@@ -929,9 +941,13 @@ class PositionPrediction(Result):
 
     @cached_property
     def alike(self) -> np.ndarray:
-        """Joints whose errors are averaged, (n,) bool: revolute ones or, without any, all."""
+        """Joints whose errors are averaged, (n,) bool: revolute ones or, without any, all.
+
+        Joints that do not follow their commands are not among them.
+        """
         slides = self.robot.slides
-        return slides if slides.all() else ~slides
+        follows = ~np.all([log.is_unmeasured for log in self.logs], axis=0)
+        return follows & (slides if slides.all() else ~slides)
 
     @property
     def unit(self) -> str:
@@ -1050,9 +1066,11 @@ def move_fitted(
     if not (own and values):
         return None
     try:
-        pairs = {"the file's": {}, "the fitted robot": values}
+        fitted_values = {**drop_follower_friction(robot), **values}
+        pairs = {"the file's": {}, "the fitted robot": fitted_values}
         rolled = logs.rolled
-        pairs |= {"one without what was named": rolled.parameters} if rolled and beside else {}
+        if rolled and beside:
+            pairs |= {"one without what was named": rolled.parameters}
         late = None if unseen or rolled is None else rolled.delays
         runs = tuple(_move(robot, *pair, own, late) for pair in pairs.items())
     except RobotError:
@@ -1165,7 +1183,9 @@ def _find_machine(
 
 def _file_name(robot: Robot) -> str:
     path = robot.path
-    return path.name if path.stem != "robot" else f"{robot.name}/{path.name}"
+    if path.stem != "robot":
+        return path.name
+    return f"{robot.name}/{path.name}"
 
 
 def _move(
@@ -1175,14 +1195,17 @@ def _move(
     from identifiability.servos import forgotten, roll_delayed  # noqa: PLC0415 - MuJoCo
     from identifiability.simulation.rollout import CommandedRobot, drive  # noqa: PLC0415
 
-    late, found, apart = list[float](), list[Array](), list[Array]()
+    late = list[float]()
+    found = list[Array]()
+    apart = list[Array]()
     for k, log in enumerate(logs):
         if has_commands(log):
             machine = CommandedRobot(robot, values)
             stated = machine.servo.delay if known is None else known[k]
             delay, q = roll_delayed(machine, log, stated)
         else:
-            delay, q = 0.0, drive(robot, values, log, WINDOW)
+            delay = 0.0
+            q = drive(robot, values, log, WINDOW)
         late.append(delay)
         found.append(q)
         apart.append((q - log.q)[forgotten(log) :])

@@ -26,7 +26,8 @@ def assign_roles(recordings: Recordings) -> Recordings:
     Held-out logs that were given keep their role. Without any, the last log is held out, or the
     last quarter of the only one. A log that is too short for this is not divided.
     """
-    fitted, held_out = recordings.fitted, recordings.held_out
+    fitted = recordings.fitted
+    held_out = recordings.held_out
     if held_out:
         return replace(recordings, verified_on=join([log.name for log in held_out]))
     if len(fitted) > 1:

@@ -114,7 +114,8 @@ def find_differences(
     weights : sequence of Candidate
         Weights of loads without their inertia.
     """
-    robot, motions = structure.robot, [piece.motion for piece in seen.pieces]
+    robot = structure.robot
+    motions = [piece.motion for piece in seen.pieces]
     lacks, _ = list_candidates(robot, find_families(LACKS), structure.present, motions, fixed=False)
     # Torque of a wrong scale, which the model has found, is read as it should have been.
     stated = dict(zip(structure.base.names, known.base.tolist(), strict=True))
@@ -155,7 +156,8 @@ def list_sessions(logs: int, later: int) -> list[Array]:
 
 def find_changes(sides: Sides, structure: Structure, submodel: Submodel) -> Differences:
     """Return possible changes between the sides or in single logs, under a model."""
-    seen, count = sides.look(len(submodel)), sides.count
+    seen = sides.look(len(submodel))
+    count = sides.count
     unchanged = seen.log >= count
     values = pooled_values(seen.X[unchanged], seen.y[unchanged], submodel.M, submodel.fixed)
     known = Known.nothing(submodel.M, values)
@@ -182,7 +184,8 @@ def report_loads(
     unseen : Prediction
         Along the held-out logs, last by the model to use.
     """
-    recordings, names = data.recordings, [sample.name for sample in data.validation]
+    recordings = data.recordings
+    names = [sample.name for sample in data.validation]
     if not names or data.misread or recordings.set_aside or recordings.commanded:
         return ()
     errors = np.array([unseen.relative_error(log)[-1] for log in range(len(names))])
@@ -191,7 +194,8 @@ def report_loads(
     found = list[Finding]()
     for change in find_loads(data, submodel):
         k = change.names.index(f"{change.place}.m")
-        mass, sd = float(change.sizes[k]), float(change.sd[k])
+        mass = float(change.sizes[k])
+        sd = float(change.sd[k])
         half = REACH * sd
         if abs(mass) <= half:
             continue
@@ -226,7 +230,9 @@ def find_loads(data: Data, submodel: Submodel) -> list[Change]:
     fitted = sides.names[sides.count :]
     loads = [c for c in changes if c.kind == "load" and c.log not in fitted]
     sure = [c for c in loads if c.sure and not c.alternatives]
-    return sure if sure and _explains_most(found, terms, sides.count) else []
+    if sure and _explains_most(found, terms, sides.count):
+        return sure
+    return []
 
 
 def _explains_most(found: Differences, terms: Terms, count: int) -> bool:
@@ -241,7 +247,8 @@ def _explains_most(found: Differences, terms: Terms, count: int) -> bool:
     count : int
         How many logs the first side has.
     """
-    seen, value = found.missing.seen, found.solve(terms)[0]
+    seen = found.missing.seen
+    value = found.solve(terms)[0]
     sizes = np.zeros(len(found.columns))
     for k, term in enumerate(terms):
         if found.whose(term).kind == "load":

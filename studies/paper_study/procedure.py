@@ -15,13 +15,12 @@ from scipy import signal
 from identifiability.estimation.estimator import Estimate
 from identifiability.estimation.prediction import Prediction, predict
 from identifiability.foundation.names import Array
-from identifiability.logs import signals
 from identifiability.logs.prepare import Dataset
 from identifiability.robot import complete_motion
 from paper_study.command import Options
 from paper_study.monte_carlo import as_samples, expand_fits, fit_models, physically_possible
 from paper_study.stand_in import CONTROL_STEP, Record, record_all
-from paper_study.subject import TRAJECTORIES, Subject, load_subject
+from paper_study.subject import TRAJECTORIES, Subject, fit_periodic, load_subject
 
 #: Cut-off of the Butterworth low-pass [Hz]; the paper does not say its own.
 CUTOFF = 10.0
@@ -79,8 +78,8 @@ def process(
 ) -> Dataset:
     """Turn the periods of a record into 750 points of motion and force."""
     period = len(record.t) * CONTROL_STEP
-    series = signals.fit_fourier(record.t, record.q.mean(0), period, harmonics)
-    motion = complete_motion(subject.robot, record.t, *series.motion(record.t))
+    fitted = fit_periodic(record.t, record.q.mean(0), period, harmonics)
+    motion = complete_motion(subject.robot, record.t, *fitted)
     force = filter_periodic(record.force.mean(0), cutoff)
     return as_samples(f"stand-in {record.trajectory}", motion, force)
 

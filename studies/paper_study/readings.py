@@ -15,7 +15,7 @@ import numpy as np
 from identifiability.foundation.names import Array
 from identifiability.logs import signals
 from identifiability.robot import Motion, complete_motion
-from paper_study.subject import ExactLog, Subject
+from paper_study.subject import ExactLog, Subject, fit_periodic
 
 #: How a reading disturbs: (exact, δ, η, rng) -> measured log.
 Disturb = Callable[[ExactLog, float, float, np.random.Generator], ExactLog]
@@ -115,7 +115,7 @@ def fourier_fit(log: ExactLog, delta: float, eta: float, rng: np.random.Generato
     """Disturb the positions, fit a Fourier series and differentiate it."""
     noisy = positions_only(log, delta, eta, rng)
     period = float(log.t[-1] + log.t[1] - 2 * log.t[0])
-    q, dq, ddq = signals.fit_fourier(log.t, noisy.q, period, 5).motion(log.t)
+    q, dq, ddq = fit_periodic(log.t, noisy.q, period, 5)
     return replace(noisy, q=q, dq=dq, ddq=ddq)
 
 

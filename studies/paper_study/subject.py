@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from identifiability.foundation.errors import RobotError
 from identifiability.foundation.names import Array
+from identifiability.logs import signals
 from identifiability.regression.reduction import (
     Submodel,
     build_ladder,
@@ -95,6 +96,15 @@ class ExactLog:
     dq: Array
     ddq: Array
     tau: Array
+
+
+def fit_periodic(t: Array, q: Array, period: float, harmonics: int) -> tuple[Array, Array, Array]:
+    """Return q, dq, ddq (N, n) of the Fourier series nearest to positions (N, n) [Swevers 1997]."""
+    centre = q.mean(0)  # small numbers, small rounding
+    positions = signals.fourier_bases(t, period, harmonics)[0]
+    series = np.linalg.lstsq(positions, q - centre, rcond=None)[0]
+    series[0] += centre
+    return signals.fourier_motion(t, period, series)
 
 
 @cache

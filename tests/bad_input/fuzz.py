@@ -107,7 +107,8 @@ def readers():
 
     arrays = {kind: frame[[f"{j}.{kind}" for j in two.joints]] for kind in ("q", "tau")}
     held = {"t": frame["t"].to_numpy(), **{kind: x.to_numpy() for kind, x in arrays.items()}}
-    zipped, matlab = io.BytesIO(), io.BytesIO()
+    zipped = io.BytesIO()
+    matlab = io.BytesIO()
     np.savez(zipped, **held)
     savemat(matlab, {"run": held})
     text = frame.to_csv(index=False).encode()
@@ -146,7 +147,8 @@ def fuzz(name, examples, folder):
     Exception
         The first that is no sentence of ours.
     """
-    reader, refused = readers()[name], []
+    reader = readers()[name]
+    refused = []
     path = folder / f"{name}{reader.suffix}"
     path.write_bytes(reader.good)
     reader.read(path)

@@ -39,7 +39,8 @@ _NUMBER = st.integers(0, 10_000)
 def spoil_bytes(good, tokens):
     """Any bytes, or good ones after a few cuts, copies and insertions."""
     piece = st.one_of(st.sampled_from(tokens + NUMBERS), st.binary(max_size=4))
-    place, length = st.integers(0, len(good)), st.integers(0, 60)
+    place = st.integers(0, len(good))
+    length = st.integers(0, 60)
     edit = st.tuples(st.sampled_from(["insert", "cut", "copy", "replace"]), place, length, piece)
 
     def apply(edits):

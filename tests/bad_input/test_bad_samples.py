@@ -19,7 +19,8 @@ FAULTS = {
 def spoil(frame, fault):
     """The table with the fault planted, and how a hint names it."""
     column, change = FAULTS[fault]
-    spoilt, t = frame.copy(), frame["t"].iloc[ROW - 1]
+    spoilt = frame.copy()
+    t = frame["t"].iloc[ROW - 1]
     value = change(frame[column].iloc[ROW - 1], frame[column].std())
     spoilt.loc[ROW - 1, column] = value
     return spoilt, f"data row {ROW} (t = {t:.6g} s): {column} = {value:.4g}, "

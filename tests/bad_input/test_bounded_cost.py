@@ -66,7 +66,8 @@ def workbook(path, sheet):
     plain = path.with_name("plain.xlsx")
     pd.DataFrame({"t": [0.0]}).to_excel(plain, index=False)
     space = "http://schemas.openxmlformats.org/spreadsheetml/2006/main"
-    begin, end = f'<worksheet xmlns="{space}"><sheetData>', "</sheetData></worksheet>"
+    begin = f'<worksheet xmlns="{space}"><sheetData>'
+    end = "</sheetData></worksheet>"
     with zipfile.ZipFile(plain) as given, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as out:
         for name in given.namelist():
             is_sheet = name == "xl/worksheets/sheet1.xml"

@@ -81,7 +81,8 @@ def test_a_command_that_is_ended_leaves_nothing_and_prints_no_traceback(name, tm
 
 def test_half_files_that_nobody_has_touched_for_long_are_swept(tmp_path):
     long_ago = time.time() - 40 * 86400
-    new, old = tmp_path / ".identifiability-1.tmp", tmp_path / ".identifiability-0.tmp"
+    new = tmp_path / ".identifiability-1.tmp"
+    old = tmp_path / ".identifiability-0.tmp"
     for path in (new, old):
         path.write_text("half")
     os.utime(old, (long_ago, long_ago))

@@ -41,7 +41,8 @@ def same(log, arm):
 def test_renamed_joints_are_read_short_and_long_alike_and_the_note_says_so(
     foreign, arm, write, read_long
 ):
-    path, names = write("log.csv", foreign), known(columns=MAP)
+    path = write("log.csv", foreign)
+    names = known(columns=MAP)
     logs = [Log.read(path, names), Log.from_frame(foreign, "frame", names)]
     file = read_long(path, names)
     for log in (*logs, file.rows(0, len(file))):

@@ -149,7 +149,8 @@ def test_a_format_of_ones_own_is_one_function(tmp_path):
         t, q, tau = np.loadtxt(path).T
         return pd.DataFrame({"t": t, "shoulder.q": q, "shoulder.tau": tau}), PLAIN, "5" * 64
 
-    known, path = Conventions(joints=("shoulder",)), tmp_path / "run.lines"
+    known = Conventions(joints=("shoulder",))
+    path = tmp_path / "run.lines"
     try:
         rows = np.column_stack([np.arange(50) / 100, np.sin(np.arange(50)), np.arange(50.0)])
         np.savetxt(path, rows)

@@ -31,7 +31,8 @@ def read_both(read_long):
     """A function that reads a log at once and piece by piece; they are the same."""
 
     def read(path, known):
-        whole, part = Log.read(path, known), read_long(path, known)
+        whole = Log.read(path, known)
+        part = read_long(path, known)
         assert whole.notes == part.notes
         assert (whole.sha256, whole.joints) == (part.sha256, part.joints)
         for channel in ("t", "q", "tau"):

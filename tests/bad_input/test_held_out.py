@@ -10,7 +10,8 @@ from identifiability.simulation import random_trajectory
 
 
 def log_of(name):
-    robot, rng = Robot.load(name), np.random.default_rng(1)
+    robot = Robot.load(name)
+    rng = np.random.default_rng(1)
     return simulate(robot, random_trajectory(robot, rng, samples=300), noise="paper", rng=rng)
 
 

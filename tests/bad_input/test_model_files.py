@@ -74,7 +74,8 @@ def test_a_place_may_be_a_pattern_and_a_named_place_goes_before_it():
     motion = random_motion(robot, np.random.default_rng(0), 20)
     W = Model((stribeck,)).regressor(robot, motion)
     for column, k in enumerate((0, 2, 1)):
-        speed, shape = motion.actuated_v[:, k], shapes[f"slider{k + 1}.stribeck_friction"]
+        speed = motion.actuated_v[:, k]
+        shape = shapes[f"slider{k + 1}.stribeck_friction"]
         own = np.exp(-np.abs(speed) / shape) * np.sign(speed)
         assert_allclose(W[:, k, column], own)
         assert np.count_nonzero(W[:, :, column].any(axis=0)) == 1

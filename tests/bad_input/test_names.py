@@ -16,7 +16,8 @@ def test_spaces_accents_and_tags_pass_through_and_no_tag_is_run(tmp_path, comman
     text = locate_robot("two-link").read_text()
     text = text.replace('"elbow"', '"&lt;script>alert(1)&lt;/script> ü"')
     path.write_text(text, encoding="utf-8")
-    robot, rng = Robot.load(path), np.random.default_rng(0)
+    robot = Robot.load(path)
+    rng = np.random.default_rng(0)
     log = simulate(robot, random_trajectory(robot, rng, samples=100)).write(folder / "lög 1.csv")
     done = command("analyze", path, log, "--json", out, "--report", report, "--quick")
     assert done.exit_code == 0, done.output

@@ -72,7 +72,8 @@ def test_a_new_file_gets_the_rights_that_the_user_gives_files(tmp_path):
 
 
 def test_results_of_other_verbs_are_not_written_over(refuses, command, write, arm, tmp_path):
-    page, data = tmp_path / "out.html", tmp_path / "out.json"
+    page = tmp_path / "out.html"
+    data = tmp_path / "out.json"
     words = ["inspect", "two-link", "--report", page, "--json", data]
     assert [command(*words).exit_code for _ in range(2)] == [0, 0]
     for name, path in (("--report", page), ("--json", data)):

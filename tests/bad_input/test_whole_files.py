@@ -37,10 +37,8 @@ def written(results, tmp_path):
     def build(kind):
         arm = Robot.load("six-dof-arm" if kind in ("urdf", "sidecar") else "two-link")
         robot = tmp_path / ("out.xml" if kind == "xml" else "out.urdf")
-        six, motion = (
-            Robot.load("six-dof-arm"),
-            PrescribedMotion(np.arange(9.0), *np.ones((3, 9, 1))),
-        )
+        six = Robot.load("six-dof-arm")
+        motion = PrescribedMotion(np.arange(9.0), *np.ones((3, 9, 1)))
         parameters = arm.nominal | ({f"{arm.axes[0].name}.Fc": 0.7} if kind == "sidecar" else {})
         ways = {
             "json": ("out.json", results["analysis"].to_json),
@@ -72,7 +70,8 @@ def test_a_stopped_write_leaves_the_old_file_and_nothing_else(kind, stop, writte
     path.write_bytes(old)
     beside = {p.name for p in path.parent.iterdir()}
     # A sidecar is written after its robot file.
-    sync, calls = os.fsync, []
+    sync = os.fsync
+    calls = []
 
     def fail(stream):
         calls.append(stream)
@@ -90,7 +89,8 @@ def test_a_stopped_write_leaves_the_old_file_and_nothing_else(kind, stop, writte
 
 def stop_at(monkeypatch, count, stop):
     """Let the count-th renaming of a file fail, and those that undo it succeed."""
-    replace, calls = Path.replace, []
+    replace = Path.replace
+    calls = []
 
     def fail(self, target):
         calls.append(target)
@@ -104,7 +104,8 @@ def stop_at(monkeypatch, count, stop):
 @pytest.mark.parametrize("stop", [FULL, KeyboardInterrupt()], ids=["full disk", "ctrl-c"])
 @pytest.mark.parametrize("count", [1, 2])
 def test_a_robot_and_its_sidecar_are_written_both_or_none(count, stop, tmp_path, monkeypatch):
-    rps, path = Robot.load("3-rps"), tmp_path / "copy.xml"
+    rps = Robot.load("3-rps")
+    path = tmp_path / "copy.xml"
     write_parameters(rps, {"slider1.Fc+": 300.0, "slider1.Fc-": 200.0}, path)
     before = files_in(tmp_path)
     stop_at(monkeypatch, count, stop)
@@ -118,7 +119,8 @@ def test_a_robot_and_its_sidecar_are_written_both_or_none(count, stop, tmp_path,
 
 
 def test_a_sidecar_takes_no_other_files_name(tmp_path):
-    rps, path = Robot.load("3-rps"), tmp_path / "copy.xml"
+    rps = Robot.load("3-rps")
+    path = tmp_path / "copy.xml"
     beside = tmp_path / "copy.toml"
     beside.write_text("[[models]]\n")
     with pytest.raises(IdentifiabilityError, match=r"copy.toml' is no sidecar, but has the name"):

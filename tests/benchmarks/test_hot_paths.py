@@ -79,7 +79,8 @@ def test_open_chain_regressor_costs_about_as_much_as_a_bare_pinocchio_loop(arm):
 def test_closing_loops_costs_no_more_than_a_few_regressors(arm):
     """Compare 3-RPS motion with the arm's bare loop; measured: 5.3 and 2.5 µs a sample."""
     robot, motion = arm
-    data, out = robot.model.createData(), np.ones((len(motion), robot.nv, 10 * robot.nv))
+    data = robot.model.createData()
+    out = np.ones((len(motion), robot.nv, 10 * robot.nv))
     rps, move = motion_of("3-rps", 10_000)
     with threadpool_limits(1, "blas"):
         ours, bare = best(
@@ -93,7 +94,8 @@ def test_closing_loops_costs_no_more_than_a_few_regressors(arm):
 def test_a_delta_costs_no_more_than_some_ten_regressors(arm):
     """Compare actuated motion to projected regressor with the loop; measured: 17 and 2.5 µs."""
     robot, motion = arm
-    data, out = robot.model.createData(), np.ones((len(motion), robot.nv, 10 * robot.nv))
+    data = robot.model.createData()
+    out = np.ones((len(motion), robot.nv, 10 * robot.nv))
     delta, move = motion_of("delta", 10_000)
     model = Model.of("rigid_body")
     with threadpool_limits(1, "blas"):

@@ -77,7 +77,8 @@ def robot(tmp_path):
 
 def test_a_joint_that_bends_is_found_and_exported_so_that_unseen_motion_is_its_own(robot, tmp_path):
     true = roll(mujoco.MjModel.from_xml_string(arm(True)), 3)
-    errors, unseen = [], []
+    errors = []
+    unseen = []
     for bending in (False, True):
         found = diagnose(robot, run(True, 1), run(True, 2), quick=True, bending=bending)
         result = found.to_json(tmp_path / f"{bending}.json")

@@ -68,7 +68,8 @@ def test_a_robot_of_a_rollout_is_hidden_by_its_button_and_moves_when_played(tmp_
         tmp_path / "rollout.html"
     )
     with visit(path) as seen:
-        button, time = seen.page.locator("[data-robot]").last, seen.page.locator("output").first
+        button = seen.page.locator("[data-robot]").last
+        time = seen.page.locator("output").first
         pressed = [button.get_attribute("aria-pressed")]
         for _ in range(2):
             button.click()

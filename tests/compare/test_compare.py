@@ -33,7 +33,8 @@ def logs(name, seed, extra=None, scale=1.0, **friction):
         values |= {n: factor * x for n, x in values.items() if n.startswith(f"{joint}.F")}
     torque = own.rigid.tau + joint_torque(own.robot, own.move, own.rigid, values)
     torque = torque if extra is None else torque + extra
-    rng, noise = default_rng(seed), Noise(additive=0.02, correlation=0.7)
+    rng = default_rng(seed)
+    noise = Noise(additive=0.02, correlation=0.7)
     made = replace(own, torque=torque).logs((), noise, rng, derivatives=True)
     return [replace(log, name=f"{log.name}, {seed}") for log in made]
 
@@ -64,14 +65,16 @@ def test_friction_that_rose_is_named_with_its_size(name, joint, motion):
 
 
 def test_a_gain_that_rose_is_named_with_its_size():
-    before, after = logs(PLANAR, 0)[0], logs(PLANAR, 30)[1]
+    before = logs(PLANAR, 0)[0]
+    after = logs(PLANAR, 30)[1]
     (change,) = compare(PLANAR, before, replace(after, tau=after.tau * [1, 1.15])).changes
     assert (change.kind, change.place) == ("gain", "elbow")
     assert change.share == pytest.approx(0.15, abs=3 * change.share_sd)
 
 
 def test_a_second_log_with_twelve_times_the_noise_does_not_spoil_the_first():
-    before, after = logs(PLANAR, 0)[0], logs(PLANAR, 30, elbow=1.5)[1]
+    before = logs(PLANAR, 0)[0]
+    after = logs(PLANAR, 30, elbow=1.5)[1]
     rng = default_rng(9)
     bad = replace(logs(PLANAR, 31, elbow=1.5)[1], name="bad")
     bad = replace(bad, tau=Noise(additive=0.24, correlation=0.7).on_torque(bad.tau, rng))
@@ -83,8 +86,10 @@ def test_a_second_log_with_twelve_times_the_noise_does_not_spoil_the_first():
 
 def test_friction_of_passive_joints_may_be_what_a_closed_chain_shows():
     """A model without it says that of the motor rose, by as much."""
-    name, joint = "five-bar", campaign("five-bar").robot.joints[0]
-    before, after = logs(name, 0)[0], logs(name, 30, **{joint: 1.5})[0]
+    name = "five-bar"
+    joint = campaign("five-bar").robot.joints[0]
+    before = logs(name, 0)[0]
+    after = logs(name, 30, **{joint: 1.5})[0]
     found = compare(name, before, after)
     (change,) = (c for c in found.changes if c.place == joint)
     assert abs(change.share - 0.5) < 3 * change.share_sd
@@ -113,7 +118,8 @@ def test_the_same_motion_cancels_what_the_model_leaves_out():
 
 
 def test_of_three_logs_it_is_said_which_is_odd():
-    same, odd = logs(PLANAR, 41)[1], replace(logs(PLANAR, 42, elbow=1.5)[0], name="odd")
+    same = logs(PLANAR, 41)[1]
+    odd = replace(logs(PLANAR, 42, elbow=1.5)[0], name="odd")
     first = logs(PLANAR, 40)
     for before, after, shown in (([first[0], odd], same, 0), (first[1], [same, odd], 1)):
         found = compare(PLANAR, before, after)
@@ -165,10 +171,12 @@ def test_wear_that_stays_and_warm_up_that_returns_are_told_apart():
 
 
 def test_the_command_answers_first_and_writes_what_was_asked(command, succeeds, tmp_path):
-    first, second = tmp_path / "monday.csv", tmp_path / "friday.csv"
+    first = tmp_path / "monday.csv"
+    second = tmp_path / "friday.csv"
     logs(PLANAR, 1)[0].to_frame().to_csv(first, index=False)
     logs(PLANAR, 31, elbow=1.3)[0].to_frame().to_csv(second, index=False)
-    page, data = tmp_path / "c.html", tmp_path / "c.json"
+    page = tmp_path / "c.html"
+    data = tmp_path / "c.json"
     out = succeeds("compare", PLANAR, first, second, "--report", page, "--json", data)
     said = "What changed between monday.csv and friday.csv? Friction of elbow rose by "
     assert out.stdout.startswith(said)
@@ -183,7 +191,8 @@ def test_the_command_answers_first_and_writes_what_was_asked(command, succeeds, 
 
 
 def test_friction_of_passive_joints_is_no_change():
-    own, name = campaign("five-bar"), "five-bar"
+    own = campaign("five-bar")
+    name = "five-bar"
     passive = {f"{joint}.Fc": 0.3 for joint in own.robot.passive}
     rubs = joint_torque(own.robot, own.move, own.rigid, passive)
     assert not compare(name, logs(name, 8, extra=rubs)[0], logs(name, 9, extra=rubs)[1]).changes

@@ -56,7 +56,8 @@ class MujocoRoad:
 
     def _actuated(self):
         """Return the joints with a motor, else all, by index, in the order of the tree."""
-        m, driven = self.model, set()
+        m = self.model
+        driven = set()
         for kind, target in zip(m.actuator_trntype, m.actuator_trnid[:, 0], strict=True):
             if int(kind) in _AT_JOINT:
                 driven.add(int(target))
@@ -66,7 +67,8 @@ class MujocoRoad:
 
     def states(self, rng, count, spread):
         """Return random states of the actuated joints, away from zero speed, and their torque."""
-        m, n = self.model, len(self.joints)
+        m = self.model
+        n = len(self.joints)
         slides = [int(m.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_SLIDE) for j in self.joints]
         reach = np.where(slides, 0.2 * spread, spread)
         at = [int(m.jnt_qposadr[j]) for j in self.joints]
@@ -88,7 +90,8 @@ class MujocoRoad:
 
     def _torque(self, home, at, q, dq, ddq):
         """Return the torque of the actuated joints at one state, (n,)."""
-        m, d = self.model, self.data
+        m = self.model
+        d = self.data
         start = np.array(home)
         gap = np.abs(self._equalities(start)[0]).max(initial=0.0)
         assert gap < OPEN or not self.strict, f"the home of the file is open by {gap:.2g}"
@@ -118,7 +121,8 @@ class MujocoRoad:
 
     def _tendon_friction(self, q, v):
         """Return the dry friction of tendons: along the change of their lengths with q."""
-        m, force = self.model, np.zeros(self.model.nv)
+        m = self.model
+        force = np.zeros(self.model.nv)
         for k in np.flatnonzero(m.tendon_frictionloss):
             J = np.array([_slope(lambda s, e=e, k=k: self._length(q, s * e, k))
                           for e in np.eye(m.nv)])  # fmt: skip
@@ -136,7 +140,8 @@ class MujocoRoad:
 
     def _equalities(self, q, step=None):
         """Return errors (m,) and Jacobian (m, nv) of the equality constraints."""
-        m, d = self.model, self.data
+        m = self.model
+        d = self.data
         if not self.closes or not m.neq:
             return np.empty(0), np.empty((0, m.nv))
         self._place(q, np.zeros(m.nv) if step is None else step)
@@ -148,7 +153,8 @@ class MujocoRoad:
 
     def _close(self, q):
         """Return the closed configuration that Newton steps of the passive joints reach."""
-        q, best = np.array(q), np.inf
+        q = np.array(q)
+        best = np.inf
         for _ in range(30):
             error, J = self._equalities(q)
             size = float(np.abs(error).max(initial=0.0))

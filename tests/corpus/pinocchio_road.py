@@ -35,14 +35,17 @@ class PinocchioRoad:
             self.model.names[k]: self.model.joints[k].idx_v for k in range(1, self.model.njoints)
         }
         self.damping, self.friction = np.zeros(nv), np.zeros(nv)
-        ratio, shift, driven = np.eye(nv), np.zeros(nv), dict(names)
+        ratio = np.eye(nv)
+        shift = np.zeros(nv)
+        driven = dict(names)
         self.slides = np.zeros(nv, bool)
         for joint in ET.parse(path).getroot().findall("joint"):
             at = names.get(joint.get("name", ""))
             if at is None:
                 continue
             self.slides[at] = joint.get("type") == "prismatic"
-            dynamics, mimic = joint.find("dynamics"), joint.find("mimic")
+            dynamics = joint.find("dynamics")
+            mimic = joint.find("mimic")
             if dynamics is not None:
                 self.damping[at] = float(dynamics.get("damping", 0))
                 self.friction[at] = float(dynamics.get("friction", 0))
@@ -76,7 +79,8 @@ class PinocchioRoad:
 
     def _torque(self, q, dq, ddq):
         model = self.model
-        v, a = self.map @ dq, self.map @ ddq
+        v = self.map @ dq
+        a = self.map @ ddq
         at = pin.integrate(model, pin.neutral(model), self.map @ q + self.shift)
         force = pin.rnea(model, self.data, at, v, a)
         force = force + self.damping * v + self.friction * np.sign(v)

@@ -128,7 +128,9 @@ def four_bar(
 
 def ball_wrist():
     """Return a plate on a ball that three cranks turn, each by a rod on a universal joint."""
-    legs, anchors, motors = "", "", ""
+    legs = ""
+    anchors = ""
+    motors = ""
     for k in range(3):
         turn = 2 * math.pi * k / 3 + 0.1
         legs += f"""<body name="crank{k}" euler="0 0 {turn}" pos="{0.2 * math.cos(turn)}

@@ -51,13 +51,15 @@ def too_new(path):
 
 @pytest.mark.parametrize(("place", "text"), list(enumerate([*MJCF, *URDF])))
 def test_both_roads_agree(place, text, written, request):
-    path, everything = written(text), request.config.getoption("--everything")
+    path = written(text)
+    everything = request.config.getoption("--everything")
     if too_new(path):
         return
     spread = 0.3 if "<equality>" in text else 4.0
     road = MujocoRoad(path) if path.suffix == ".xml" else PinocchioRoad(path)
     states = road.states(np.random.default_rng(20), 300 if everything else 5, spread)
-    robot, size = Robot.load(path), AGREE * np.abs(states.tau).max()
+    robot = Robot.load(path)
+    size = AGREE * np.abs(states.tau).max()
     assert_allclose(nominal_torque(robot, states), states.tau, rtol=0, atol=size)
     # MuJoCo simulates, and it moves no bodies without mass.
     massless = ('mass value="0"', '<link name="fore"></link>')

@@ -29,10 +29,8 @@ def arm(
     limit=_LIMIT,
 ):
     """Return an arm of three joints; each argument goes where its name says."""
-    names, places = (
-        ("shoulder", "elbow", "wrist"),
-        ('<origin xyz="0.1 -0.2 0.4"/>', place, '<origin xyz="0.3 -0.02 0.04"/>'),
-    )
+    names = ("shoulder", "elbow", "wrist")
+    places = ('<origin xyz="0.1 -0.2 0.4"/>', place, '<origin xyz="0.3 -0.02 0.04"/>')
     links = ("base", "upper", "fore", "hand")
     joints = "\n".join(
         f'<joint name="{name}" type="{kind}"><parent link="{links[k]}"/>'

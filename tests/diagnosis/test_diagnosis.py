@@ -135,7 +135,8 @@ def test_the_command_writes_json_and_report(logs_of, succeeds, tmp_path):
     for k, log in enumerate(logs_of("two-link", "quadratic_friction@shoulder=0.3")):
         paths.append(tmp_path / f"{k}.csv")
         log.write(paths[-1])
-    result, page = tmp_path / "gap.json", tmp_path / "gap.html"
+    result = tmp_path / "gap.json"
+    page = tmp_path / "gap.html"
     arguments = ["two-link", *paths[:4], "--validate", paths[4], "--quick", "--json", result]
     arguments += ["--effects", "quadratic_friction", "--report", page]
     out = succeeds("diagnose", *arguments)

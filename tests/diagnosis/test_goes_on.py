@@ -16,7 +16,8 @@ FEW = ("stribeck_friction", "position_ripple")
 
 
 def test_the_model_file_of_a_diagnosis_is_analysed_and_exported(diagnosis_of, logs_of, tmp_path):
-    d, logs = diagnosis_of("3-rps", *NAMED, effects=FEW), logs_of("3-rps", *NAMED)
+    d = diagnosis_of("3-rps", *NAMED, effects=FEW)
+    logs = logs_of("3-rps", *NAMED)
     path = d.write_model(tmp_path / "model.toml")
     assert set(d.problem.plain.model.texts) < set(d.model.texts)
     result = analyze("3-rps", logs[:4], logs[4:], path, replicates=0)
@@ -41,7 +42,8 @@ def test_the_model_file_of_a_diagnosis_is_analysed_and_exported(diagnosis_of, lo
 @pytest.mark.parametrize(("name", "of"), [("3-rps", "Model 3"), ("six-dof-arm", "full model")])
 def test_a_diagnosis_ends_with_the_model_that_analyze_selects(name, of, tmp_path):
     logs = [MODELS / name / "logs" / f"run{k}.csv" for k in (1, 2, 3)]
-    d, plain = diagnose(name, logs, quick=True), analyze(name, logs, replicates=0)
+    d = diagnose(name, logs, quick=True)
+    plain = analyze(name, logs, replicates=0)
     assert d.effects
     assert d.used.reduction.name == of
     assert d.held_after < (1 + 1e-4) * plain.chosen.error_ra_validation
@@ -52,7 +54,8 @@ def test_a_diagnosis_ends_with_the_model_that_analyze_selects(name, of, tmp_path
 
 
 def test_the_result_of_a_diagnosis_is_a_model_for_prune_and_excite(diagnosis_of, logs_of):
-    d, logs = diagnosis_of("3-rps", *NAMED, effects=FEW), logs_of("3-rps", *NAMED)
+    d = diagnosis_of("3-rps", *NAMED, effects=FEW)
+    logs = logs_of("3-rps", *NAMED)
     pruned = prune("3-rps", logs[:2], ladder=d, replicates=2)
     assert pruned.structure.model.texts == d.model.texts
     planned = excite("3-rps", model=d, evaluations=20, samples=50, seed=0)
@@ -75,7 +78,9 @@ LIFT = """<mujoco><worldbody><body name="cart"><joint name="X" type="slide" axis
 
 
 def test_a_mass_that_a_counterweight_carries_is_told_with_it_under_every_model(tmp_path):
-    path, t, rng = tmp_path / "lift.xml", np.arange(0, 16, 0.008), np.random.default_rng(0)
+    path = tmp_path / "lift.xml"
+    t = np.arange(0, 16, 0.008)
+    rng = np.random.default_rng(0)
     path.write_text(LIFT)
     angle = 2 * np.pi / 8 * np.multiply.outer(t, [[1, 2, 4], [1, 3, 4]]) + rng.uniform(0, 6, (2, 3))
     w = 2 * np.pi / 8 * np.array([[1, 2, 4], [1, 3, 4]])

@@ -40,7 +40,8 @@ def moved(logs, name, phi):
 
 def off_by_a_tenth(name, seed):
     """What a tenth may add: bodies as a whole, friction and rotors one by one."""
-    structure, rng = Structure.of(Robot.load(name), Model.of(*EFFECTS)), np.random.default_rng(seed)
+    structure = Structure.of(Robot.load(name), Model.of(*EFFECTS))
+    rng = np.random.default_rng(seed)
     each = {p.owner: 0.1 * rng.standard_normal() for p in structure.parameters}
     share = [
         each[p.owner] if p.group == "rigid_body" else 0.1 * rng.standard_normal()
@@ -79,7 +80,8 @@ def test_a_payload_beyond_the_errors_is_named_with_its_mass(logs_of):
 
 
 def test_a_result_tells_its_values_and_their_covariance(logs_of, tmp_path):
-    before, logs = logs_of("two-link", seed=5), logs_of("two-link", seed=6)
+    before = logs_of("two-link", seed=5)
+    logs = logs_of("two-link", seed=6)
     a = analyze("two-link", before[:3], replicates=0)
     path = a.to_json(tmp_path / "before.json")
     d = quick("two-link", logs[:4], logs[4:], fixed=path)

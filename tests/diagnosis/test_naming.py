@@ -26,7 +26,6 @@ def seldom(*case):
         seldom("3-rps", "passive_joint_friction@hinge2=0.01", ("hinge2",)),
         ("five-bar", "position_ripple@right_shoulder=0.02", ("right_shoulder",)),
         ("two-link", "load_dependent_friction@elbow=0.03", ("elbow",)),
-        seldom("six-dof-arm", "gravity_tilt=0.02", ("base",)),
     ],
 )
 def test_a_hidden_effect_is_named_in_its_joints_and_the_gap_shrinks(

@@ -24,7 +24,8 @@ NOISE = Noise(additive=0.012, correlation=0.9)
 
 
 def campaign(size=1.0, count=3, **how):
-    robot, rng = Robot.load("two-link"), default_rng(3)
+    robot = Robot.load("two-link")
+    rng = default_rng(3)
     drawn = [random_trajectory(robot, rng, **how) for _ in range(count)]
     return robot, [replace(m, sin=size * m.sin, cos=size * m.cos) for m in drawn]
 
@@ -53,9 +54,11 @@ def test_non_centrality_is_what_neither_model_nor_any_shape_of_the_rival_explain
     rng = default_rng(0)
     A = rng.standard_normal((50, 4))
     A[:, 2] += 2 * A[:, 1]
-    own, shapes = np.array([1]), (np.array([2]), np.array([3]))
+    own = np.array([1])
+    shapes = (np.array([2]), np.array([3]))
     asks = (Ask(own, np.array([3.0]), shapes), Ask(own, np.array([2.0]), (np.empty(0, int),)))
-    aim, G = Discrimination(1, asks), A.T @ A
+    aim = Discrimination(1, asks)
+    G = A.T @ A
 
     def left(columns):
         return A[:, 1] - A[:, columns] @ np.linalg.lstsq(A[:, columns], A[:, 1], rcond=None)[0]
@@ -72,7 +75,8 @@ def test_non_centrality_is_what_neither_model_nor_any_shape_of_the_rival_explain
 @pytest.mark.parametrize("square", [2.0, 9.0, 40.0])
 def test_a_chance_is_how_often_the_likelihood_ratio_exceeds_the_odds(square):
     rng = default_rng(1)
-    W, y = rng.standard_normal((20, 2)), rng.standard_normal((20_000, 20))
+    W = rng.standard_normal((20, 2))
+    y = rng.standard_normal((20_000, 20))
     true = W[:, 0] - W[:, 1] * (W[:, 1] @ W[:, 0]) / (W[:, 1] @ W[:, 1])
     true *= np.sqrt(square / (true @ true))
     y += true  # the rival, whose part of it is taken away already, says nothing
@@ -101,7 +105,8 @@ def test_the_fewest_periods_that_are_likely_to_decide_are_asked_for():
         ask(diagnosis("quadratic_friction@elbow", "Fq", value, rivals))
         for value in (0.01, 0.2, 0.5)
     ]
-    chances, periods = [f.chance for f in found], [f.periods for f in found]
+    chances = [f.chance for f in found]
+    periods = [f.periods for f in found]
     assert chances[0] < 0.1 < LIKELY < min(chances[1:])
     assert periods[0] == PERIODS > periods[1] > periods[2] == 1
     assert all(f.before < f.chance for f in found)
@@ -131,7 +136,8 @@ QUICK = {"quick": True, "forward": False}
 
 def test_what_is_a_or_b_has_its_true_name_after_the_motion_that_is_asked_for(succeeds, tmp_path):
     """The file of the motion says what it tells apart, with which chance."""
-    robot, rng = Robot.load("two-link"), default_rng([4, 17])
+    robot = Robot.load("two-link")
+    rng = default_rng([4, 17])
     motions = [random_trajectory(robot, rng, harmonics=1) for _ in range(3)]
     hidden = ["stribeck_friction@elbow=0.025"]
     logs = Campaign.of(robot, motions).logs(hidden, NOISE, default_rng(5))

@@ -46,7 +46,8 @@ CHANGES |= {"quick": True}
 
 def gripped(log, since, mass=0.5, at=(0.1, 0.0, 0.05), name="two-link", body="link2"):
     """A log with a mass [kg] at a point [m] of a body from a time on."""
-    robot, effect = Robot.load(name), Model.of(f"payload@{body}")
+    robot = Robot.load(name)
+    effect = Model.of(f"payload@{body}")
     motion = prepare_log(robot, log, Preparation(decimate=1)).motion
     phi = np.zeros(10)
     phi[:4] = mass, *(mass * np.array(at))
@@ -82,7 +83,8 @@ def test_a_brake_that_drags_for_seconds_is_told_however_large(logs_of, size):
     """What a large one leaves in whatever it is not fitted to is no noise."""
     logs = list(logs_of("two-link")[:4])
     t = logs[2].t - logs[2].t[0]
-    begin, end = 0.3 * t[-1], 0.6 * t[-1]
+    begin = 0.3 * t[-1]
+    end = 0.6 * t[-1]
     more = size * np.tanh(20 * np.gradient(logs[2].q[:, 1], t)) * ((t > begin) & (t < end))
     logs[2] = replace(logs[2], tau=logs[2].tau + np.outer(more, [0.0, 1.0]))
     (change,) = diagnose("two-link", logs[:3], logs[3:], **CHANGES).changes
@@ -98,7 +100,8 @@ def test_logs_in_which_nothing_changes_say_nothing(logs_of):
 
 
 def test_friction_that_warms_up_through_a_session_is_no_change_at_an_instant(logs_of):
-    logs, begun = list(logs_of("two-link")[:4]), 0.0
+    logs = list(logs_of("two-link")[:4])
+    begun = 0.0
     for k, log in enumerate(logs):
         t = log.t - log.t[0]
         dry = 0.3 * np.exp(-(begun + t) / 8) * np.tanh(20 * np.gradient(log.q[:, 1], t))

@@ -22,7 +22,8 @@ def named(logs, **options):
 
 @pytest.mark.parametrize("count", [4, 6])
 def test_a_robot_that_warms_is_shown_over_the_session_and_the_last_log_is_predicted(count):
-    robot, rng = Robot.load("two-link"), np.random.default_rng(1)
+    robot = Robot.load("two-link")
+    rng = np.random.default_rng(1)
     session = Campaign.of(robot, [random_trajectory(robot, rng) for _ in range(count)])
     logs = session.logs(["thermal_drift@elbow=0.1"], NOISE, rng)
     d = named(logs)

@@ -36,7 +36,8 @@ def test_the_rotor_of_the_first_joint_is_its_links_inertia(logs_of):
 
 def test_what_is_missing_in_logs_without_noise_is_named(tmp_path):
     """A simulator's torque is exact: beside all that may be missing rounding alone is left."""
-    robot, rng = Robot.load("two-link"), np.random.default_rng(0)
+    robot = Robot.load("two-link")
+    rng = np.random.default_rng(0)
     stiff = tmp_path / "stiff.xml"
     text = robot.path.read_text()
     stiff.write_text(text.replace('damping="0.6"', 'stiffness="4" damping="0.6"'))

@@ -28,7 +28,8 @@ def test_what_a_controller_plays_begins_and_ends_at_rest_and_keeps_every_limit(p
     for x in (move.dq, move.ddq):
         assert_allclose(x[[0, -1]], 0, atol=1e-12)
     assert_allclose(move.q[0], move.q[-1], atol=1e-12)
-    limits, step = paper.limits, 1 / 200
+    limits = paper.limits
+    step = 1 / 200
     assert np.all(move.q >= limits.low)
     assert np.all(move.q <= limits.high)
     assert np.all(np.abs(move.dq).max(0) <= 1.01 * limits.speed)

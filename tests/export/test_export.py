@@ -3,13 +3,9 @@
 import json
 import subprocess
 
-import numpy as np
 import pytest
 
-from identifiability import Model, Robot, analyze, export, simulate
-from identifiability.physical.fitted_model import FittedModel
-from identifiability.regression.structure import random_motion
-from identifiability.simulation import PrescribedMotion
+from identifiability import Robot, analyze, export
 
 
 @pytest.fixture(scope="module")
@@ -19,38 +15,6 @@ def exported(simulated_session, succeeds, tmp_path_factory):
     path = result.to_json(folder / "result.json")
     succeeds("export", "3-rps", path, "--out", folder / "fit.xml")
     return result, folder / "fit.xml"
-
-
-def test_the_exported_robot_predicts_what_the_feasible_estimate_predicts(exported):
-    result, path = exported
-    robot = Robot.load(path)
-    motion = random_motion(result.robot, np.random.default_rng(1), 20)
-    model = Model.of(*result.effects)
-    phi = np.array([result.chosen.physical.parameters()[p.name] for p in result.base.parameters])
-    W = model.regressor(result.robot, motion)
-    fitted, base = W @ phi, W[:, :, result.base.kept]
-    move = PrescribedMotion(motion.t, motion.actuated_q, motion.actuated_v, motion.actuated_a)
-    tau = simulate(robot, move).tau
-    sigma = np.sqrt(np.einsum("anj,jk,ank->an", base, result.fit.base_covariance, base))
-    assert (np.abs(tau - fitted) <= 0.01 * sigma + 1e-9 * np.abs(fitted).max()).all()
-
-
-def test_the_feasible_estimate_is_near_the_data_and_the_file(exported):
-    result, _ = exported
-    for model in result.models[1:]:
-        assert model.physical.nearest.excess < 30  # in σ² of thousands of rows
-        assert model.physical.region.contains(model.physical.nearest.phi)
-    # In the unpruned model the robot that made the log has no prior against it, and is beaten.
-    full = result.models[0]
-    reduced = full.submodel.reduce(result.information)
-    fitted = FittedModel(
-        result.structure, full.submodel, result.information, reduced, full.estimate
-    )
-    data = fitted.data.beside(*fitted.left_out)
-    true = float(data.rss(result.structure.nominal) - data.rss_min) / data.unit**2
-    assert full.physical.nearest.excess < true
-    assert full.physical.region.contains(full.physical.nearest.phi)
-    assert result.structure.nominal.shape == (85,)
 
 
 def test_a_result_of_another_robot_is_refused(exported, command, tmp_path):

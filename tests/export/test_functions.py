@@ -55,7 +55,8 @@ def test_no_term_gets_a_sign_that_physics_forbids():
     robot = Robot.load("two-link")
     structure = Structure.of(robot, Model.of(*USUAL, FUNCTIONS[0]))
     W = structure.model.regressor(robot, prepare_log(robot, make_log(robot)).motion)
-    R, phi = W.reshape(-1, W.shape[2]), np.zeros(W.shape[2])
+    R = W.reshape(-1, W.shape[2])
+    phi = np.zeros(W.shape[2])
     (own,) = list_functions(structure)
     phi[own] = np.linspace(-3, 3, len(own))  # pushes on
     found = leave_to_terms(structure, R, phi)

@@ -39,7 +39,8 @@ def errors_outside(robot, result, folder):
     along |= dict(zip(robot.joints, np.eye(len(robot.joints)), strict=True))
     (part,) = Regression(copy, Model.of("rigid_body"), (samples,)).parts(whole=True)
     data = np.concatenate([chunk.data for chunk in part.chunks()])
-    measured, found = [], {"mujoco": [], "pinocchio": [], "beside": []}
+    measured = []
+    found = {"mujoco": [], "pinocchio": [], "beside": []}
     for piece in samples.pieces(4096):
         motion = piece.motion
         for name, engine in (("mujoco", in_mujoco), ("pinocchio", in_pinocchio)):
@@ -54,7 +55,8 @@ def errors_outside(robot, result, folder):
             more += copy.nominal[parameter] * np.outer(force, way)
         found["beside"].append(piece.down(piece.silenced(more)))
         measured.append(piece.down(piece.silenced(np.array(piece.tau))))
-    tau, alone = np.concatenate(measured), {n: np.concatenate(x) for n, x in found.items() if x}
+    tau = np.concatenate(measured)
+    alone = {n: np.concatenate(x) for n, x in found.items() if x}
     alone["whole"] = alone["mujoco"] + alone.pop("beside")
     scale = np.abs(tau - tau[data].mean())[data].sum()
     return {name: np.abs(tau - x)[data].sum() / scale for name, x in alone.items()}

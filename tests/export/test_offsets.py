@@ -18,7 +18,8 @@ AGREE = 1e-9
 def accelerations(path, commands, rng):
     """What MuJoCo makes of commands by actuator in some states of a file, all that moves."""
     model = mujoco.MjModel.from_xml_path(str(path))
-    data, out = mujoco.MjData(model), []
+    data = mujoco.MjData(model)
+    out = []
     for _ in range(3):
         mujoco.mj_resetData(model, data)
         data.qvel[:] = 0.1 * rng.normal(size=model.nv)  # nothing saturates
@@ -33,7 +34,8 @@ def accelerations(path, commands, rng):
 @pytest.mark.parametrize("name", DRIVEN)
 def test_an_actuator_needs_as_much_more_as_the_offset_is(name, tmp_path):
     """A command that is too large by the offset moves the exported robot as it moved before."""
-    robot, rng = Robot.load(name), default_rng(4)
+    robot = Robot.load(name)
+    rng = default_rng(4)
     # Beside a spring an offset is where that is relaxed (`test_springs`).
     places = [place for place in robot.offsets if not robot.nominal.get(f"{place}.K")]
     offsets = {f"{place}.off": rng.uniform(-0.2, 0.2) for place in places}
@@ -41,10 +43,12 @@ def test_an_actuator_needs_as_much_more_as_the_offset_is(name, tmp_path):
     held = write_parameters(robot, {**robot.nominal, **offsets}, tmp_path / "held.xml")
     assert held.beside == ()
     model = mujoco.MjModel.from_xml_path(str(plain))
-    commands, more = {}, {}
+    commands = {}
+    more = {}
     for a in range(model.nu):
         own = model.actuator(a)
-        kind, target = own.trntype[0], own.trnid[0]
+        kind = own.trntype[0]
+        target = own.trnid[0]
         tendon = kind == mujoco.mjtTrn.mjTRN_TENDON
         place = model.tendon(target).name if tendon else model.joint(target).name
         factor = own.gear[0] * own.gainprm[0]
@@ -71,7 +75,8 @@ LEVELS = {"shoulder.Fc+": 3.0, "shoulder.Fc-": 1.0, "shoulder.off": 1.5, "elbow.
 @pytest.fixture(scope="module")
 def told(tmp_path_factory):
     """A result of an arm whose torque is offset, and a log that was not fitted."""
-    robot, folder = Robot.load("two-link"), tmp_path_factory.mktemp("offsets")
+    robot = Robot.load("two-link")
+    folder = tmp_path_factory.mktemp("offsets")
     logs = [
         simulate(
             robot, PrescribedMotion.of(shipped_trajectory(robot, motion), 200),

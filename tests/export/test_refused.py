@@ -16,7 +16,8 @@ def runs(tmp_path):
     """A function that returns a robot, and a log of it for each mass of a load [kg]."""
 
     def simulate_runs(*loads):
-        robot, rng = Robot.load("two-link"), np.random.default_rng(7)
+        robot = Robot.load("two-link")
+        rng = np.random.default_rng(7)
         logs = []
         for load in loads:
             values = {"link2.m": robot.nominal["link2.m"] + load}

@@ -30,7 +30,8 @@ from ..made_servos import TRUTH, load_arm  # noqa: E402
 def made(tmp_path_factory):
     """A two-link arm with servos, a log of commands and the JSON of its analysis."""
     folder = tmp_path_factory.mktemp("arm")
-    robot, rng = load_arm(folder), default_rng(3)
+    robot = load_arm(folder)
+    rng = default_rng(3)
     how = servos.Recorder(rate=200.0, delay=0.007, bits=14)
     frames = []
     for seconds in (6.0, 3.0):
@@ -55,7 +56,8 @@ def test_commands_move_the_written_file_beside_the_robots_own(made, tmp_path):
     robot, frames, result, path = made
     moved = export(robot, path, tmp_path / "fitted.xml", validate=frames[1]).unseen
     assert moved.totals == pytest.approx(result.moved.totals, rel=1e-3)  # the file holds it all
-    log, delay = moved.logs[0], moved.runs[-1].delays[0]
+    log = moved.logs[0]
+    delay = moved.runs[-1].delays[0]
     apart = servos.replay(tmp_path / "fitted.xml", log, delay) - log.q
     alone = np.sqrt(np.mean(apart[len(apart) // 4 :] ** 2))
     assert alone == pytest.approx(moved.totals[-1], rel=0.05)
@@ -155,7 +157,8 @@ def test_what_logs_determine_hardly_varies_and_what_they_leave_open_does(made):
 
 def joint_share(fit, structure, count, rng, size=256):
     """Return how often true base parameters are in the joint 95 % set of draws."""
-    region, nominal = physical_set(structure), structure.nominal
+    region = physical_set(structure)
+    nominal = structure.nominal
     root = np.linalg.cholesky(fit.base_covariance)
     bodies = structure.inertial
     inside = 0

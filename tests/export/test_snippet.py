@@ -32,7 +32,8 @@ def torque(robot, motion):
 
 @pytest.mark.parametrize("title", OWN)
 def test_file_and_snippet_have_the_torque_of_file_and_sidecar(title, tmp_path, monkeypatch):
-    robot, effect = Robot.load("two-link"), OWN[title]
+    robot = Robot.load("two-link")
+    effect = OWN[title]
     names = [p.name for p in effect.parameters(robot) if p.name.startswith("elbow.")]
     sizes = {name: 0.4 + 0.3 * k for k, name in enumerate(names)}
     written = write_parameters(robot, {**robot.nominal, **sizes}, tmp_path / "fit.xml")
@@ -49,7 +50,8 @@ def test_file_and_snippet_have_the_torque_of_file_and_sidecar(title, tmp_path, m
     add = runpy.run_path(str(path))["add_torque"]
     move = PrescribedMotion.of(shipped_trajectory(robot, "a"), 300)
     motion = complete_motion(robot, move.t, move.q, move.dq, move.ddq)
-    stated, load = torque(whole, motion), roads.load_mujoco
+    stated = torque(whole, motion)
+    load = roads.load_mujoco
 
     def load_with(path):
         model = load(path)

@@ -73,7 +73,8 @@ def test_file_and_sidecar_are_what_was_fitted(name, given, tmp_path):
     assert_allclose(torque_of(copy, copy.nominal), expected, rtol=1e-9, atol=1e-11)
     assert np.abs(expected - torque_of(robot, robot.nominal)).max() > 0.5
     for joint in IN_FILE[name]:
-        k, stated = PLANTED[name][f"{joint}.k"], PLANTED[name].get(f"{joint}.K", 0.0)
+        k = PLANTED[name][f"{joint}.k"]
+        stated = PLANTED[name].get(f"{joint}.K", 0.0)
         assert copy.nominal[f"{joint}.K"] == pytest.approx(k + stated)
         assert not {f"{joint}.k", f"{joint}.off"} & {n for n, x in copy.nominal.items() if x}
     # The simulator, which shares nothing with the effects, has them but for the curve.

@@ -107,7 +107,8 @@ def logs_of(robot, hide=(), seed=0):
 
 def make(verb):
     """Return the JSON of one verb."""
-    robot, seed = Robot.load(VERBS[verb]), SEEDS.get(verb, 0)
+    robot = Robot.load(VERBS[verb])
+    seed = SEEDS.get(verb, 0)
     if verb == "excite":
         return json_of(excite(robot, evaluations=200, samples=200, seed=seed))
     if verb == "diagnose":
@@ -182,7 +183,9 @@ class Comparison:
     def _keyed(self, old, new, at, within):
         found = [f"{at}.{key}: only in one" for key in sorted(old.keys() ^ new.keys())]
         for key in sorted(old.keys() & new.keys()):
-            before, after, here = old[key], new[key], f"{at}.{key}"
+            before = old[key]
+            after = new[key]
+            here = f"{at}.{key}"
             if key == "posterior" and not self.exact:
                 found += self._sampled(before, after, here)
                 continue
@@ -346,7 +349,8 @@ def all_rules():
 def moved_value(rule, sign):
     """Return a rule's number, a tenth or a nat higher (sign 1) or lower (sign -1)."""
     table, name = rule
-    value, text = getattr(table, name), str(table.__annotations__[name])
+    value = getattr(table, name)
+    text = str(table.__annotations__[name])
     if isinstance(value, tuple):
         return tuple(x * (1 + sign * SHARE) for x in value)
     if "nat" in re.findall(r"nats?\b|log odds", text.replace("log odds", "nat")):
@@ -375,7 +379,8 @@ def find_near(verb):
 
     Rules are moved together, and halved where something changes.
     """
-    usual, found = make(verb), []
+    usual = make(verb)
+    found = []
     for sign in (-1, 1):
         groups = [all_rules()]
         while groups:

@@ -33,7 +33,8 @@ def gripper(tmp_path):
 
 @pytest.fixture(scope="module")
 def run():
-    robot, rng = Robot.load("two-link"), np.random.default_rng(3)
+    robot = Robot.load("two-link")
+    rng = np.random.default_rng(3)
     path = random_trajectory(robot, rng, samples=1200)
     return simulate(robot, PrescribedMotion.of(path, 1200), derivatives=False)
 

@@ -36,7 +36,8 @@ def write_bag(tmp_path):
         folder = tmp_path / name
         with rosbag2.Writer(folder, version=9, storage_plugin=plugin) as writer:
             for topic, messages in topics.items():
-                kind, connection = None, None
+                kind = None
+                connection = None
                 for k, message in enumerate(messages):
                     if connection is None:
                         kind = message.__msgtype__

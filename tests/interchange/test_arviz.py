@@ -20,7 +20,8 @@ def result(simulated_session, few_draws):
 
 
 def test_every_draw_is_there_with_names_and_units(result):
-    tree, summary = result.to_arviz(), result.belief.physical
+    tree = result.to_arviz()
+    summary = result.belief.physical
     posterior = tree["posterior"].dataset
     phi = posterior["phi"]
     assert phi.dims == ("chain", "draw", "parameter")

@@ -38,7 +38,8 @@ def test_a_bag_is_the_log_that_was_recorded(storage, frame, states, write_bag):
 
 
 def test_joints_in_another_order_and_messages_out_of_order_do_not_matter(frame, states, write_bag):
-    there, back = list(states(frame, JOINTS)), list(states(frame, JOINTS[::-1]))
+    there = list(states(frame, JOINTS))
+    back = list(states(frame, JOINTS[::-1]))
     mixed = [m for pair in zip(there[1::2], back[::2], strict=True) for m in pair]
     log = Log.read(write_bag({"/joint_states": mixed})).select(JOINTS)
     pd.testing.assert_frame_equal(log.to_frame()[COLUMNS], frame[COLUMNS])
@@ -122,14 +123,17 @@ def test_inertial_sensor_and_wrenches_are_read_at_the_times_of_the_joint_states(
     from rosbags.typesys import Stores, get_typestore
 
     types = get_typestore(Stores.ROS2_JAZZY).types
-    vector, none = types["geometry_msgs/msg/Vector3"], np.zeros(9)
+    vector = types["geometry_msgs/msg/Vector3"]
+    none = np.zeros(9)
     still = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
     start = next(iter(states(frame, JOINTS))).header.stamp
-    imu, hand = [], []
+    imu = []
+    hand = []
     for k in range(3 * len(frame)):
         stamp = types["builtin_interfaces/msg/Time"](start.sec, start.nanosec + 400_000 * k)
         header = types["std_msgs/msg/Header"](stamp, "base")
-        spin, push = vector(0.1, 0.2, 1e-4 * k), vector(1.0, 2.0, 3.0 + k)
+        spin = vector(0.1, 0.2, 1e-4 * k)
+        push = vector(1.0, 2.0, 3.0 + k)
         imu.append(types["sensor_msgs/msg/Imu"](header, still, none, spin, none, push, none))
         wrench = types["geometry_msgs/msg/Wrench"](push, spin)
         hand.append(types["geometry_msgs/msg/WrenchStamped"](header, wrench))

@@ -170,7 +170,8 @@ def test_cells_that_hold_lists_are_one_column_a_joint(ending, shown, arm, frame,
         table[feature] = lists
     path = tmp_path / f"run.{ending}"
     (table.to_csv if ending == "csv" else table.to_parquet)(path, index=False)
-    log, plain = read(arm, path), read(arm, frame)
+    log = read(arm, path)
+    plain = read(arm, frame)
     assert_array_equal(log.q, plain.q)
     assert_array_equal(log.q_ref, plain.q_ref)
     table.loc[7, "action"] = "[0.1, 0.2]"
@@ -260,7 +261,8 @@ KINDS = ("JointTrajectoryControllerState", "MultiDOFCommand", "Float64MultiArray
 def test_a_bag_of_joint_states_and_commands_is_the_log(kind, ros, arm, frame, tmp_path):
     types, write = ros
     bag = write(tmp_path / "bag", recorded(types, frame, arm.joints, kind))
-    log, plain = read(arm, bag), read(arm, frame)
+    log = read(arm, bag)
+    plain = read(arm, frame)
     assert_array_equal(log.q, plain.q)
     assert_array_equal(log.q_ref, plain.q_ref)
     assert_allclose(log.t, plain.t - plain.t[0], atol=1.1e-9)

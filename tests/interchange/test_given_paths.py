@@ -44,7 +44,8 @@ def folder(tmp_path, simulated, states, write_bag, monkeypatch):
     for seed, name in enumerate(names):
         log = simulated("two-link", "ab"[seed % 2], seed=seed, samples=200)
         if name.startswith("bag"):
-            frame, other = log.to_frame(), [f"{j}.tau" for j in log.joints]
+            frame = log.to_frame()
+            other = [f"{j}.tau" for j in log.joints]
             without = frame.drop(columns=other)
             topics = {"/a": states(without, log.joints), "/joint_states": states(frame, log.joints)}
             write_bag(topics, name=name)
@@ -64,6 +65,8 @@ def test_every_log_counts_and_what_is_proposed_runs_as_it_is_printed(logs, folde
     judged = [word for path in held for word in ("--validate", path)]
     written = ["--report", "page.html", "--json", "result.json"]
     said = call(["analyze", ROBOT, *fitted, *judged, *written])
+    if not held:  # the last of several is held out, and proposed lines say so
+        fitted, held = fitted[:-1], fitted[-1:]
     told = json.loads((folder / "result.json").read_text())
     assert [row["log"] for row in told["errors"]["logs"]] == [*fitted, *held]
     assert {f"sha256 {path}" for path in (*fitted, *held)} <= told["provenance"].keys()

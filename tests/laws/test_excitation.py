@@ -86,7 +86,8 @@ def test_a_series_has_the_velocity_amplitudes_of_its_candidate_where_there_is_ro
     t = 2.0 * np.arange(400) / 400
     expected = 4 / np.sqrt(2) * (0.1 * np.cos(np.pi * t) - 0.2 * np.sin(2 * np.pi * t))
     assert_allclose(v, expected, atol=1e-12)
-    middle, half = 0.5 * (q.max() + q.min()), 0.5 * np.ptp(q)
+    middle = 0.5 * (q.max() + q.min())
+    half = 0.5 * np.ptp(q)
     assert middle == pytest.approx(1.0 + np.tanh(0.5) * (10.0 - half), rel=2e-3)
 
 

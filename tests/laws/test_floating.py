@@ -91,7 +91,8 @@ def bare(text):
 @pytest.mark.parametrize("name", ROBOTS)
 def test_the_regressor_is_inverse_dynamics_of_mujoco(name, tmp_path):
     text = machine(ROBOTS[name])
-    robot, m = load(tmp_path, text), bare(text)
+    robot = load(tmp_path, text)
+    m = bare(text)
     data = mujoco.MjData(m)
     (q, v, a), ours, turn = states(m, default_rng(1))
     W = RIGID.regressor(robot, complete_motion(robot, np.arange(25.0), *ours))
@@ -133,7 +134,8 @@ LEFT = {"one foot": 15, "trot": 12, "four feet": 6, "a sole": 12 + 6, "a cart": 
 def test_no_force_at_a_contact_enters_the_projected_rows_and_no_other_row_is_lost(case, tmp_path):
     name, extra = CONTACTS[case]
     text = machine(ROBOTS[name])
-    robot, m = load(tmp_path, text, extra), bare(text)
+    robot = load(tmp_path, text, extra)
+    m = bare(text)
     data = mujoco.MjData(m)
     rng = default_rng(2)
     (q, v, _), ours, turn = states(m, rng)
@@ -165,7 +167,8 @@ def test_no_force_at_a_contact_enters_the_projected_rows_and_no_other_row_is_los
 
 def test_rows_change_as_little_as_the_motion_does(tmp_path):
     robot = load(tmp_path, machine(HUMANOID), CONTACTS["a heel of six joints"][1])
-    rng, s = default_rng(3), np.linspace(0, 1, 400)[:, None]
+    rng = default_rng(3)
+    s = np.linspace(0, 1, 400)[:, None]
     q = np.hstack([np.zeros((400, 6)), np.sin(2 * s + rng.uniform(0, 6, 18))])
     free = complete_motion(robot, s[:, 0], q, 0 * q, 0 * q).free
     assert np.abs(np.diff(free, axis=0)).max() < 0.05

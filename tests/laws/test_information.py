@@ -57,7 +57,8 @@ def test_chunks_and_blocks_do_not_matter(regression):
     grams = [R.T @ R for R in (few.factor(), whole.factor())]
     assert_allclose(*grams, rtol=1e-10, atol=1e-10 * np.abs(grams[1]).max())
     # What is slow is seen from blocks, so weights may differ a little; not as much as matters.
-    a, b = estimate(whole), estimate(gather_information(regression, blocks=75))
+    a = estimate(whole)
+    b = estimate(gather_information(regression, blocks=75))
     assert (np.abs(a.value - b.value) < 0.1 * a.sigma).all()
 
 
@@ -76,7 +77,8 @@ def seen_rows(samples=600, seed=3):
 def test_every_view_of_blocks_over_seen_columns_equals_the_rows(size, instrumented):
     """Whether a second record of the motion stands beside the columns or not."""
     W, tau = seen_rows()
-    log, second = np.repeat([0, 1], 300), np.sin(W) if instrumented else None
+    log = np.repeat([0, 1], 300)
+    second = np.sin(W) if instrumented else None
     information = Information.of_rows("abcde", W, tau, log, size, second)
     own = [p.columns[p.columns < 5].tolist() for p in information.parts]
     assert own == [[0, 1, 2, 3, 4], [0, 1], [4]]

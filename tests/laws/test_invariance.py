@@ -44,7 +44,8 @@ def test_the_rank_does_not_depend_on_the_order_of_columns_and_rows(problem):
         found = group_columns(flat[rows][:, columns], [parameters[c] for c in columns])
         assert found.rank == 37
         # Whatever represents the groups, together they explain every column.
-        base, other = flat[rows][:, columns][:, found.kept], flat[rows][:, columns]
+        base = flat[rows][:, columns][:, found.kept]
+        other = flat[rows][:, columns]
         assert_allclose(base @ found.G, other, atol=1e-8 * np.abs(other).max())
 
 
@@ -55,7 +56,8 @@ def test_fit_and_sigma_follow_units_and_orders(problem, rps, paper_model):
     rng = default_rng(3)
     tau = W @ rng.normal(size=W.shape[2]) + rng.normal(size=W.shape[:2])
     fit = estimate(information_of(W, tau))
-    columns, rows = rng.permutation(W.shape[2]), rng.permutation(len(W))
+    columns = rng.permutation(W.shape[2])
+    rows = rng.permutation(len(W))
     factor = 10.0 ** rng.integers(-3, 4, W.shape[2])
     other = estimate(information_of((W * factor)[rows][:, :, columns], tau[rows]))
     assert_allclose(other.value * factor[columns], fit.value[columns], rtol=1e-7)

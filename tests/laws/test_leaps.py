@@ -22,7 +22,8 @@ def test_a_far_sample_in_a_crowd_has_the_assembly_that_it_has_alone(five_bar):
     crowd = np.repeat(home, 3000, axis=0)
     crowd += 1e-3 * np.random.default_rng(0).standard_normal(crowd.shape)
     crowd[17] = far
-    alone, among = still(five_bar, far), still(five_bar, crowd)
+    alone = still(five_bar, far)
+    among = still(five_bar, crowd)
     assert len(among) == 3000
     assert_allclose(among.q[17], alone.q[0], atol=1e-9)
     other = [1.41619394, 2.29455727, 2.35436576, 1.14744038]  # closes the loop as well
@@ -34,7 +35,9 @@ def test_an_exciting_motion_leaps_where_its_velocities_do_not_lead(five_bar, jum
     """By more than .7 rad between two samples; before it and after it all is led."""
     home = five_bar.actuated_positions(five_bar.home[None])
     motion = still(five_bar, np.repeat(home, 8, axis=0))
-    q, v, step = motion.q.copy(), np.full_like(motion.v, 0.5), 0.2
+    q = motion.q.copy()
+    v = np.full_like(motion.v, 0.5)
+    step = 0.2
     q += 0.5 * step * np.arange(8)[:, None]
     q[5:, 1] += jump
     moved = replace(motion, q=q, v=v, condition=1.0)

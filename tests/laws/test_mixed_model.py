@@ -48,7 +48,9 @@ def draw_rows(seed, rows=N):
 
 
 def products_of(Z, y, runs=RUNS, edges=(0, 23, N)):
-    width, columns, rows = Z.shape[2], [], []
+    width = Z.shape[2]
+    columns = []
+    rows = []
     for j in range(2):
         act = np.flatnonzero(Z[:, j].any(0))
         columns.append(np.append(act, width))
@@ -70,7 +72,9 @@ def model_of(products):
 
 def dense(Z, y, runs=RUNS):
     """Rows that are data, and the covariance of their noise."""
-    rows, values, blocks = [], [], []
+    rows = []
+    values = []
+    blocks = []
     for j, own in enumerate(runs):
         for a, b in own:
             rows.append(Z[a:b, j])
@@ -102,13 +106,15 @@ def rows():
 def test_solving_is_generalised_least_squares_under_the_marginal_covariance(rows):
     model, (A, y, V) = model_of(products_of(*rows)), dense(*rows)
     terms = (Term(GROUPS[0], 2, 0.3, 0.0), Term(GROUPS[1], 0, 0.05, 0.0))
-    X, whole = A[:, :FIXED], V.copy()
+    X = A[:, :FIXED]
+    whole = V.copy()
     for t in terms:
         Z = A[:, t.columns] / model.scale[t.columns]
         whole += t.variance * Z @ Z.T
     W = np.linalg.inv(whole)
     covariance = np.linalg.inv(X.T @ W @ X)
-    s, bare = model.solve(terms), model.solve()
+    s = model.solve(terms)
+    bare = model.solve()
     assert_allclose(s.value[:FIXED], covariance @ X.T @ W @ y, rtol=1e-6)
     assert_allclose(s.covariance[:FIXED, :FIXED], covariance, rtol=1e-6)
     gain = restricted(X, y, whole) - restricted(X, y, V)
@@ -151,7 +157,8 @@ def test_products_add_up_over_blocks(rows):
 
 def test_evidence_is_the_density_of_unseen_rows_given_fitted_ones(rows):
     """Against the predictive distribution of rows that are independent of the fitted ones."""
-    model, term = model_of(products_of(*rows)), (Term(GROUPS[1], 0, 0.3, 0.0),)
+    model = model_of(products_of(*rows))
+    term = (Term(GROUPS[1], 0, 0.3, 0.0),)
     unseen = draw_rows(2)
     new = products_of(*unseen, edges=(0, N))
     A, y, V = dense(*unseen)
@@ -168,7 +175,8 @@ def test_what_is_everywhere_comes_once(rows):
     """A family is at some places, or everywhere: no model has both."""
     groups = (*GROUPS, Group("a", EVERYWHERE, (np.array([3, 5]),), 2.0))
     model = replace(model_of(products_of(*rows)), groups=groups)
-    whole, place = Term(groups[-1], 0, 0.1, 0.0), Term(GROUPS[0], 0, 0.1, 0.0)
+    whole = Term(groups[-1], 0, 0.1, 0.0)
+    place = Term(GROUPS[0], 0, 0.1, 0.0)
     assert model.beside((whole,)) == [GROUPS[2]]
     assert model.beside((place,)) == [GROUPS[1], GROUPS[2]]
 
@@ -213,7 +221,8 @@ def missing_in(arm, seed, rho, effect=None, gone=0.0):
     """What may be missing in a drawn log, of which some rows are gone."""
     found = Missing.of(drawn(arm, seed, rho, effect), find_families(None), arm[2].present)
     if gone:
-        rng, data = default_rng(seed), found.seen.data.copy()
+        rng = default_rng(seed)
+        data = found.seen.data.copy()
         length = int(gone * len(data) / 20)
         for a in rng.integers(len(data) - length, size=20):
             data[a : a + length] = False
@@ -232,7 +241,8 @@ def test_groups_share_one_prior_and_columns_are_as_large_as_torque(arm):
     reversals = {g.key for g in found.groups} - {g.key for g in found.model().groups}
     assert {name for name, _ in reversals} == {REVERSALS.name}
     assert with_reversals(arm[0], (), ()) == ()
-    torque, acts = np.linalg.norm(found.seen.raw * found.seen.data, axis=0), found.entries
+    torque = np.linalg.norm(found.seen.raw * found.seen.data, axis=0)
+    acts = found.entries
     for (j, _), x in acts.items():
         assert not x[~found.seen.data[:, j]].any()
     for c in found.candidates:
@@ -268,7 +278,8 @@ CURVES = {
 def test_what_is_planted_is_named_in_its_joint_alone_and_confirmed(arm, name):
     effect = "elbow", 3.0, CURVES[name]
     found = missing_in(arm, 3, 0.6, effect)
-    model, unseen = found.model(), found.products(missing_in(arm, 4, 0.6, effect).seen)
+    model = found.model()
+    unseen = found.products(missing_in(arm, 4, 0.6, effect).seen)
     terms = model.confirm(model.search(), unseen)
     assert {t.group.place for t in terms} == {"elbow"}
     rivals = [r.key[0] for t in range(len(terms)) for r in model.rivals(terms, t)]
@@ -302,7 +313,9 @@ def test_without_other_logs_the_last_part_of_the_only_one_must_have_what_is_name
 
 def test_weights_of_rows_multiply_products():
     Z, y = draw_rows(5)
-    whole, weights, every = products_of(Z, y), np.array([4.0, 0.25]), np.arange(FIXED + RANDOM + 1)
+    whole = products_of(Z, y)
+    weights = np.array([4.0, 0.25])
+    every = np.arange(FIXED + RANDOM + 1)
     root = np.sqrt(weights)
     heavier = products_of(Z * root[:, None], y * root)
     found = whole.weigh(weights[:, None]).between(every[:, None], every)

@@ -13,7 +13,8 @@ K = 4
 
 
 def made(rng, *, instruments=False):
-    W, tau = rng.standard_normal((600, 2, K)), rng.standard_normal((600, 2))
+    W = rng.standard_normal((600, 2, K))
+    tau = rng.standard_normal((600, 2))
     names = [f"x{k}" for k in range(K)]
     V = W if instruments else None
     return W, tau, Information.of_rows(names, W, tau, np.zeros(600, int), 20, instruments=V)
@@ -21,7 +22,8 @@ def made(rng, *, instruments=False):
 
 def test_a_random_value_is_the_mean_of_its_posterior():
     W, tau, information = made(default_rng(0))
-    sd, free = np.array([0.01, 0.05, np.inf, np.inf]), Estimator().fit(information)
+    sd = np.array([0.01, 0.05, np.inf, np.inf])
+    free = Estimator().fit(information)
     believed = with_known(information, known_rows(np.eye(K), sd))
     fit = Estimator(noise=None).fit(believed)
     unit = np.mean(free.variance * free.times)
@@ -33,8 +35,10 @@ def test_a_random_value_is_the_mean_of_its_posterior():
 
 def test_what_is_known_of_sums_is_the_least_that_makes_them():
     rng = default_rng(1)
-    C, sd = rng.standard_normal((5, 6)), np.array([np.inf, 0.3, 2.0, np.inf, 1.0, 0.5])
-    rows, random = known_rows(C, sd), np.isfinite(sd)
+    C = rng.standard_normal((5, 6))
+    sd = np.array([np.inf, 0.3, 2.0, np.inf, 1.0, 0.5])
+    rows = known_rows(C, sd)
+    random = np.isfinite(sd)
     beta = C @ rng.standard_normal(6)
     x = np.zeros(6)
     x[random] = sd[random] * (rows @ beta)
@@ -52,7 +56,8 @@ def test_refits_know_as_much_as_the_fit_and_a_prior_goes_with_its_columns(instru
     known = known_rows(np.eye(K), np.array([0.02, np.inf, 0.1, np.inf]))
     believed = with_known(information, known)
     estimator = Estimator(instruments=instruments)
-    fit, plain = estimator.fit(believed), Estimator().fit(believed)
+    fit = estimator.fit(believed)
+    plain = Estimator().fit(believed)
     assert fit.value == pytest.approx(plain.value, rel=1e-6)
     once = np.ones((1, len(information.counts)))
     assert estimator.refit(believed, fit, once)[0] == pytest.approx(fit.value, rel=1e-6)

@@ -104,7 +104,8 @@ def told(lines, tree, node):
 def loose(path):
     """Yield numbers that decide without a word: in comparisons, or at the head of a file."""
     text = path.read_text(encoding="utf-8")
-    tree, lines = ast.parse(text), text.splitlines()
+    tree = ast.parse(text)
+    lines = text.splitlines()
     for node in ast.walk(tree):
         if isinstance(node, ast.Compare):
             sides = [x.value for x in (node.left, *node.comparators) if isinstance(x, ast.Constant)]

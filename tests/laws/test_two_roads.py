@@ -12,7 +12,8 @@ from identifiability.simulation import MujocoRobot
 
 def random_inertia(rng):
     """Ten parameters of a random rigid body: mass, centre, positive definite inertia."""
-    mass, centre = rng.uniform(0.5, 5), rng.uniform(-0.3, 0.3, 3)
+    mass = rng.uniform(0.5, 5)
+    centre = rng.uniform(-0.3, 0.3, 3)
     root = rng.normal(size=(3, 3))
     second = 0.05 * root @ root.T  # second moments of mass about the centre
     inertia = np.trace(second) * np.eye(3) - second

@@ -25,7 +25,9 @@ def sticking_log(seed, seconds=10.0):
     waves = np.sin(2 * np.pi * np.array([0.2, 0.35, 0.5]) * t[:, None] + rng.uniform(0, 6.28, 3))
     wanted = waves @ rng.uniform(0.2, 0.5, 3)
     speed = np.gradient(wanted, STEP)
-    q, v, rows = wanted[0], 0.0, np.empty((len(t), 2))
+    q = wanted[0]
+    v = 0.0
+    rows = np.empty((len(t), 2))
     for k in range(len(t)):
         tau = 400 * (wanted[k] - q) + 25 * (speed[k] - v)
         rows[k] = q, tau

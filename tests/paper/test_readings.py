@@ -43,6 +43,10 @@ def test_a_drawn_arm_is_read_as_it_was_logged(drawn, tmp_path, row, logs, outcom
     [
         ("0", "unit of one", 1, "question"),
         ("0", "magnitudes", 4, "question"),
+        # Smooth functions of two logs contain the offsets of both.
+        ("0", "offsets by log", 6, "right"),
+        # A tilt explains the zero of an inner joint, but not as well.
+        ("0", "encoder zero", 7, "right"),
         # The masses of the file decide between a unit and functions of the motion.
         ("2", "unit of one", 0, "right"),
         # Functions of the motion explain the weight that one joint lacks nearly as well.
@@ -64,7 +68,8 @@ def test_a_linkage_that_moves_in_a_level_plane_is_read_as_it_was_logged():
 @pytest.mark.parametrize("row", ["columns exchanged", "sign of one", "unit of one", "delay of one"])
 def test_the_reading_that_is_right_gives_the_logs_without_the_fault(drawn, row):
     logged = plant_fault(drawn, row)
-    right, robot = logged.right, logged.robot
+    right = logged.right
+    robot = logged.robot
     names = ("order", "factor", "delay", "compensated", "gravity")
     reading = replace(Reading.literal(robot), **{name: getattr(right, name) for name in names})
     assert is_right(as_right(reading, robot), logged, FAULTS[row])

@@ -56,7 +56,8 @@ def load_torque(robot, body, load, move, bare):
     turn = np.zeros(9)
     mujoco.mju_quat2Mat(turn, model.body_iquat[k])
     turn = turn.reshape(3, 3)
-    own, at = float(model.body_mass[k]), model.body_ipos[k].copy()
+    own = float(model.body_mass[k])
+    at = model.body_ipos[k].copy()
     mass = own + load.mass
     centre = (own * at + load.mass * load.centre) / mass
     inertia = turn @ np.diag(model.body_inertia[k]) @ turn.T + own * _square(at - centre)

@@ -54,7 +54,8 @@ def test_a_scale_that_a_model_has_is_that_of_logs_with_the_load(make_logs, plant
 
 @pytest.mark.parametrize("name", [pytest.param(ARM, marks=pytest.mark.everything), "two-link"])
 def test_intervals_hold_planted_loads(name, fit, make_logs):
-    inside, off = [], []
+    inside = []
+    off = []
     for seed in range(5):
         rng = np.random.default_rng(seed)
         load = PlantedLoad.draw(float(rng.uniform(0.5, 5.0)), rng)
@@ -96,7 +97,8 @@ def test_a_load_that_the_controller_subtracts_altogether_is_asked_for(fit, make_
 def test_what_the_result_does_not_know_of_the_robot_is_not_known_of_the_load(
     fit, make_logs, planted
 ):
-    log, kept = make_logs(ARM, planted, seed=3)[1], fit(ARM)
+    log = make_logs(ARM, planted, seed=3)[1]
+    kept = fit(ARM)
     sure, vague = (
         replace(kept, spread=replace(kept.spread, covariance=factor * kept.covariance))
         for factor in (1e-6, 100.0)
@@ -123,7 +125,7 @@ def test_an_effect_that_the_model_lacks_is_no_change_of_the_robot(fit, make_logs
     paired = payload(ARM, fit(ARM), log, [make_logs(ARM, seed=50, extra=odd)[1]])
     for found in (alone, paired):
         assert "unction of position in joint_3 in addition to the load" in found.statement
-    assert ["(without=" in found.statement for found in (alone, paired)] == [True, False]
+    assert ["without=" in found.statement for found in (alone, paired)] == [True, False]
     assert not payload(ARM, fit(ARM), make_logs(ARM, planted, seed=11)[1]).caveats
 
 
@@ -131,7 +133,8 @@ def test_an_effect_that_the_model_lacks_is_no_change_of_the_robot(fit, make_logs
 def test_friction_that_changed_is_estimated_beside_the_load_and_said(
     fit, make_logs, planted, moves, paired
 ):
-    move, seed = moves(ARM).move, 20
+    move = moves(ARM).move
+    seed = 20
     warm = np.zeros_like(moves(ARM).torque)
     warm[:, 2] = 12.0 * np.sign(move.dq[:, 2])
     bare = [make_logs(ARM, seed=seed + 1)[1]] if paired else []
@@ -168,7 +171,8 @@ def test_the_command_answers_first_and_writes_what_was_asked(
     )
     for path, log in ((loaded, make_logs(ARM, planted, seed=2)[1]), (bare, make_logs(ARM)[1])):
         log.to_frame().to_csv(path, index=False)
-    page, data = tmp_path / "load.html", tmp_path / "load.json"
+    page = tmp_path / "load.html"
+    data = tmp_path / "load.json"
     words = [ARM, result, loaded, "--without", bare, "--report", page, "--json", data]
     out = succeeds("payload", *words)
     assert " kg ± " in out.stdout.splitlines()[0]

@@ -39,7 +39,8 @@ def test_both_readings_are_shown_where_the_file_contradicts_torque_constants(
 def test_the_prior_of_torque_constants_is_in_the_interval_where_the_file_is_no_witness(
     fit, make_logs, planted
 ):
-    kept, log = fit(ARM), make_logs(ARM, planted, seed=3)[1]
+    kept = fit(ARM)
+    log = make_logs(ARM, planted, seed=3)[1]
     rng = np.random.default_rng(0)
     heavy = (".m", ".mx", ".my", ".mz")
     placeholders = {

@@ -32,7 +32,8 @@ def random_bodies(rng, count):
     """Inertial parameters of random clouds of ten points: real bodies by construction."""
     theta = []
     for _ in range(count):
-        mass, r = rng.uniform(0.1, 0.6, 10), rng.normal(0, 0.1, (10, 3)) + rng.normal(0, 0.1, 3)
+        mass = rng.uniform(0.1, 0.6, 10)
+        r = rng.normal(0, 0.1, (10, 3)) + rng.normal(0, 0.1, 3)
         inertia = np.einsum("n,nij->ij", mass, [p @ p * np.eye(3) - np.outer(p, p) for p in r])
         theta.append([*inertia[np.triu_indices(3)], *(mass @ r), mass.sum()])
     return np.array(theta)

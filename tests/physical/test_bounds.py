@@ -49,8 +49,10 @@ def test_the_centre_is_held_in_the_frame_of_the_body(bounded, rng):
     bound = "box = [[0.1, 0.3], [-0.1, 0.1], [0, 0.2]]"
     for body, turn, up in (("arm", 0.0, 0.1), ("tip", 0.7, 0.0)):
         structure = bounded(f"locked = {{c = 0.7}}\n[bounds.bodies.{body}]\n{bound}\n")
-        region, found = physical_set(structure), []
-        c, s = np.cos(turn), np.sin(turn)
+        region = physical_set(structure)
+        found = []
+        c = np.cos(turn)
+        s = np.sin(turn)
         for _ in range(60):
             u = rng.uniform(-1.3, 1.3, 3)
             own = np.array([0.2, 0, 0.1]) + 0.1 * u

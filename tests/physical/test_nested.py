@@ -27,7 +27,8 @@ def analyze_spoilt(name, folder):
 
 def away_from(found, phi):
     """Return the log-det divergence of bodies from those to which the prior draws."""
-    structure, away = found.structure, 0.0
+    structure = found.structure
+    away = 0.0
     nominal = scale_bodies(structure, found.information)
     for columns in structure.inertial:
         matrix = (relative_to(nominal[columns], "body") @ phi[columns]).reshape(4, 4)
@@ -61,7 +62,8 @@ def test_a_larger_model_is_as_near_to_the_data_as_its_sub_model(name, weight, sp
 @pytest.fixture(scope="module")
 def spoilt(tmp_path_factory):
     """A function that returns the analysis of a spoilt log, made once."""
-    folder, made = tmp_path_factory.mktemp("nested"), {}
+    folder = tmp_path_factory.mktemp("nested")
+    made = {}
 
     def find(name):
         if name not in made:

@@ -45,7 +45,8 @@ def test_the_optimum_is_that_of_another_solver(pair, rng, noise):
 
 
 def test_the_optimum_with_a_cad_prior_is_that_of_another_solver(pair, rng):
-    data, prior = pair.data(rng, 0.3), CadPrior(pair.phi * 1.2, 3.0)
+    data = pair.data(rng, 0.3)
+    prior = CadPrior(pair.phi * 1.2, 3.0)
     ours = project(data, pair.region, prior=prior)
     matrices = to_matrix(ours.phi[pair.region.bodies])
     nominal = to_matrix(prior.phi[pair.region.bodies])

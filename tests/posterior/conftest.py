@@ -24,7 +24,8 @@ def standard_error(chains):
 
 def assert_same_distribution(a, b, sigmas=4.5):
     """Means and second moments of two sets of independent chains (C, N, p) agree."""
-    centre, size = b.mean(axis=(0, 1)), b.std(axis=(0, 1))
+    centre = b.mean(axis=(0, 1))
+    size = b.std(axis=(0, 1))
     for power in (1, 2):
         (one, e1), (two, e2) = (standard_error(((x - centre) / size) ** power) for x in (a, b))
         assert_array_less(np.abs(one - two), sigmas * np.hypot(e1, e2))

@@ -84,15 +84,19 @@ def _draw_prior(sampler, start, count, rng):
 
 def _observe(sampler, target, eta, rng):
     """Data of each replicate, and the posterior that knows how their noise variance was drawn."""
-    model, count = sampler.model, len(eta)
+    model = sampler.model
+    count = len(eta)
     rank = np.count_nonzero(model.gain)
     dof = 2 * model.shape - rank
     if model.variance is not None:
-        v, known, shape = np.full(count, model.variance), 0.0, model.shape
+        v = np.full(count, model.variance)
+        known = 0.0
+        shape = model.shape
     else:
         scale = NOISE_DOF * target.data.variance * target.iact
         v = scale / rng.chisquare(NOISE_DOF, count)
-        known, shape = scale, model.shape + NOISE_DOF / 2
+        known = scale
+        shape = model.shape + NOISE_DOF / 2
     noise = np.sqrt(v)[:, None] * rng.standard_normal(eta.shape)
     signal = np.where(model.gain > 0, model.gain * eta + noise, 0.0)
     rest = v * rng.chisquare(dof, count) + known

@@ -42,7 +42,8 @@ def test_an_ensemble_that_has_not_converged_is_found_out(posteriors, rng, monkey
 
 
 def test_the_autocorrelation_time_of_a_known_process(rng):
-    rho, x = 0.8, np.zeros((200, 2000, 1))
+    rho = 0.8
+    x = np.zeros((200, 2000, 1))
     for k in range(1, 2000):
         x[:, k] = rho * x[:, k - 1] + rng.normal(size=(200, 1))
     assert autocorrelation_time(x[:, 100:])[0] == pytest.approx((1 + rho) / (1 - rho), rel=0.03)

@@ -22,7 +22,8 @@ def sway(draws):
 def test_an_exponential_moves_by_half_of_its_sd():
     """Times the distance to a power ε it is a gamma law of mean 1 + ε."""
     rng = default_rng(0)
-    x, other = rng.exponential(size=160_000), rng.standard_normal(160_000)
+    x = rng.exponential(size=160_000)
+    other = rng.standard_normal(160_000)
     assert_allclose(
         sway(np.column_stack([x, other])), [POSTERIOR_RULES.prior_power, 0.0], atol=0.015
     )
@@ -37,7 +38,8 @@ def test_an_exponential_moves_by_half_of_its_sd():
 
 @pytest.mark.parametrize("mean", [0.0, 1.0, 2.0, 5.0])
 def test_a_truncated_normal_moves_as_its_mean_under_another_power(mean):
-    law, eps = stats.truncnorm(-mean, np.inf, loc=mean), 1e-3
+    law = stats.truncnorm(-mean, np.inf, loc=mean)
+    eps = 1e-3
 
     def under(power):
         top, bottom = (

@@ -18,7 +18,8 @@ def clean(name, trajectory):
 
 def noisy(name, trajectory, seed, rho=0.0):
     """A log with noise of 5 % of the torque of trajectory a, alike in all logs."""
-    log, rng = clean(name, trajectory), np.random.default_rng(seed)
+    log = clean(name, trajectory)
+    rng = np.random.default_rng(seed)
     variance = (SHARE * clean(name, "a").tau.std(0)) ** 2
     sizes = np.sqrt(variance * (1 - rho**2))
     noise = tuple(JointNoise(np.array([rho]), x) for x in sizes)

@@ -17,7 +17,8 @@ def test_intervals_cover_the_planted_torque_and_new_samples(rho, make_log, witho
     other = structure.regression([prepare_log(structure.robot, without_noise("two-link", "b"))])
     ((*_, W, _),) = other.chunks()
     truth = W @ true_values(structure, without_noise("two-link", "a"))
-    mean, new = [], []
+    mean = []
+    new = []
     for seed in range(TRIALS):
         log = explained(structure, make_log("two-link", "a", seed, rho), without_noise)
         regression = structure.regression([prepare_log(structure.robot, log)])
@@ -55,7 +56,8 @@ def explained(structure, log, without_noise):
 @pytest.mark.everything
 @pytest.mark.parametrize(("name", "rho"), [("two-link", 0.8), ("six-dof-arm", 0.5)])
 def test_intervals_of_analyze_cover_planted_torque(name, rho, make_log, without_noise):
-    mean, new = [], []
+    mean = []
+    new = []
     truth = without_noise(name, "b").select(Robot.load(name).joints).tau
     for seed in range(20):
         # All rows are fitted: the larger error, on unseen motion, would widen intervals further.

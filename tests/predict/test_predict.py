@@ -48,12 +48,14 @@ def verbs(make_log):
 
 
 def test_what_is_read_back_predicts_the_same(analysis, make_log, tmp_path):
-    log, path = make_log("two-link", "b", 7), tmp_path / "result.json"
+    log = make_log("two-link", "b", 7)
+    path = tmp_path / "result.json"
     for result in (analysis, *verbs(make_log)):
         result.to_json(path)
         kept = type(result).from_json(path, "two-link")
         assert kept.names == result.fit.names
-        before, after = result.predict(log), kept.predict(log)
+        before = result.predict(log)
+        after = kept.predict(log)
         assert before.error_ra < 0.1
         moved = np.abs(after.predicted - before.predicted)
         assert (moved <= 0.01 * before.mean / REACH + 1e-12).all()
@@ -122,7 +124,8 @@ def test_the_command_takes_columns_by_any_name_and_motion_alone(analysis, make_l
 
 
 def test_the_command_writes_tables_and_a_page(analysis, make_log, told, tmp_path):
-    result, log = tmp_path / "result.json", tmp_path / "b.csv"
+    result = tmp_path / "result.json"
+    log = tmp_path / "b.csv"
     analysis.to_json(result)
     make_log("two-link", "b", 2).write(log)
     make_log("two-link", "a", 3).write(tmp_path / "c.csv")
@@ -130,7 +133,8 @@ def test_the_command_writes_tables_and_a_page(analysis, make_log, told, tmp_path
         words = ["-v", result, log, tmp_path / "c.csv", "--out", tmp_path / name]
         page = ["--report", tmp_path / "page.html", "--json", tmp_path / "errors.json"]
         assert "By the model" in told(*words, *page)
-    csv, parquet = pd.read_csv(tmp_path / "torque.csv"), pd.read_parquet(tmp_path / name)
+    csv = pd.read_csv(tmp_path / "torque.csv")
+    parquet = pd.read_parquet(tmp_path / name)
     pd.testing.assert_frame_equal(csv, parquet)
     page = (tmp_path / "page.html").read_text()
     assert all(name in page for name in ("b.csv", "c.csv"))  # each log is drawn
@@ -206,7 +210,8 @@ def test_motion_alone_is_enough_to_predict_torque(analysis, make_log, tmp_path):
 
 
 def test_torque_moves_the_robot_as_it_moved(without_noise):
-    right, log = Robot.load("two-link"), without_noise("two-link", "a")
+    right = Robot.load("two-link")
+    log = without_noise("two-link", "a")
     name = f"{right.bodies[-1]}.m"
     heavy = right.with_values({name: 1.2 * right.nominal[name]})
     found = predict(right, heavy, log, forward=True)

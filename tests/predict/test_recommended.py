@@ -15,7 +15,8 @@ from identifiability.simulation import random_trajectory, shipped_trajectory
 
 @pytest.fixture(scope="module")
 def found():
-    robot, rng = Robot.load("six-dof-arm"), default_rng(2)
+    robot = Robot.load("six-dof-arm")
+    rng = default_rng(2)
     fitted, unseen = (
         simulate(robot, random_trajectory(robot, r, samples=400), noise=Noise(torque=0.05), rng=r)
         for r in rng.spawn(2)
@@ -51,14 +52,16 @@ def test_the_values_that_are_used_are_predicted_with_and_said(found, as_good, tm
 @pytest.mark.parametrize("name", ["six-dof-arm", "3-rps"])
 def test_what_is_stated_written_and_predicted_is_the_same(name, tmp_path):
     """One value of each parameter and one error: headline, JSON, real robot and predictions."""
-    robot, rng = Robot.load(name), default_rng(4)
+    robot = Robot.load(name)
+    rng = default_rng(4)
     names = ("601", "595") if name == "3-rps" else ("a", "b")
     fitted, unseen = (
         simulate(robot, shipped_trajectory(robot, motion), noise=Noise(torque=0.05), rng=r)
         for motion, r in zip(names, rng.spawn(2), strict=True)
     )
     result = analyze(robot, fitted, unseen, replicates=20)
-    chosen, content = result.chosen, result.to_json(tmp_path / "result.json")
+    chosen = result.chosen
+    content = result.to_json(tmp_path / "result.json")
     told = json.loads(content.read_text())
     assert chosen.physical_used
     read = Analysis.from_json(content, robot)
@@ -68,7 +71,8 @@ def test_what_is_stated_written_and_predicted_is_the_same(name, tmp_path):
     assert row["error_ra_validation"] == pytest.approx(error, rel=1e-4)
     assert percent(error) in result.statement
     given = [told["physical"]["parameters"].get(n, 0.0) for n in result.structure.columns]
-    base, sigma = result.structure.G @ given, np.sqrt(np.diag(result.fit.base_covariance))
+    base = result.structure.G @ given
+    sigma = np.sqrt(np.diag(result.fit.base_covariance))
     off = np.abs(read.base - base) / np.where(sigma > 0, sigma, 1.0)
     assert off.max() < 0.05  # each is rounded by what is known of it
     sigma = np.array([v.sigma_robust for v in chosen.verdicts])

@@ -22,7 +22,8 @@ def plant(rng, rho=0.0, precision=10.0, samples=1000):
     `precision` is the smallest |φ|/σ of a true parameter if the noise were white and the other
     columns absent. With AR(1) noise of .9 generalised least squares of all columns has half of it.
     """
-    n, k = 2, 20
+    n = 2
+    k = 20
     columns = ar1((samples, n * k), 0.95, rng).reshape(samples, n, k)
     W = columns @ np.linalg.cholesky(0.5 * np.eye(k) + 0.5).T
     true = rng.choice(k, 7, replace=False)

@@ -107,7 +107,8 @@ def test_the_user_can_keep_and_drop_parameters(simulated):
     plain = prune("five-bar", log, replicates=0).chosen.columns
     assert "left_proximal.mz" not in plain
     assert "right_shoulder.Fv" in plain
-    kept, gone = {"forbid": ["left_proximal.mz"]}, {"force": ["right_shoulder.Fv"]}
+    kept = {"forbid": ["left_proximal.mz"]}
+    gone = {"force": ["right_shoulder.Fv"]}
     out = prune("five-bar", log, **kept, **gone, replicates=0)
     assert "left_proximal.mz" in out.chosen.columns
     assert "right_shoulder.Fv" not in out.chosen.columns
@@ -149,7 +150,8 @@ def test_the_same_inputs_give_the_same_result(simulated):
 
 def test_the_command_line_prunes_and_writes(simulated, command, succeeds, tmp_path):
     simulated("two-link", "a", 0, Noise(torque=0.02)).write(tmp_path / "run.csv")
-    model, data = tmp_path / "m.toml", tmp_path / "p.json"
+    model = tmp_path / "m.toml"
+    data = tmp_path / "p.json"
     outputs = ["--out", model, "--json", data, "--report", tmp_path / "p.html"]
     out = succeeds("prune", "two-link", tmp_path / "run.csv", "--quick", *outputs)
     assert "worth using" in out.output

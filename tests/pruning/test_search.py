@@ -13,7 +13,8 @@ from .conftest import chosen_set, gather, gather_whitened, plant
 def test_planted_parameters_are_recovered_under_white_noise_with_few_of_thirteen_nulls():
     # What predicts best keeps a null at times: 54 % of the problems have none of them.
     rng = default_rng(1)
-    kept, more = [], []
+    kept = []
+    more = []
     for _ in range(24):
         W, tau, true = plant(rng, 0.0, 10.0)
         chosen = chosen_set(find_path(gather(W, tau)))
@@ -25,9 +26,11 @@ def test_planted_parameters_are_recovered_under_white_noise_with_few_of_thirteen
 
 def test_under_autocorrelated_noise_as_much_is_recovered_as_by_an_oracle_that_knows_it():
     """Rows as measured alone recover .8 of these problems, whose effective z is 10 and more."""
-    rng, problems = default_rng(2), 32
+    rng = default_rng(2)
+    problems = 32
     known = (JointNoise(np.array([0.9]), 1.0),) * 2
-    found, oracle = [], []
+    found = []
+    oracle = []
     for _ in range(problems):
         W, tau, true = plant(rng, 0.9, 20.0)
         run = [(0, len(W))]

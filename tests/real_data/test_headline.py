@@ -25,7 +25,8 @@ def test_both_errors_on_a_real_log_are_found_by_other_engines(name, study, data,
 
 @pytest.mark.parametrize("name", ["KUKA 1 → 3", LONG_REPEATED])
 def test_a_motion_that_repeats_chooses_values_for_another_motion(name, study, data, tmp_path):
-    exam, folder = study("real_logs"), data("kuka_lwr4").parent
+    exam = study("real_logs")
+    folder = data("kuka_lwr4").parent
     case = next(rest for name_, *rest in exam.find_cases(folder, tmp_path) if name_ == name)
     assert exam.state_written(*case)["over the best"] <= 1.1
 

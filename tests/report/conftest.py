@@ -81,7 +81,8 @@ def chain_analysis(tmp_path_factory):
 
     def build(joints, held=0, ladder=None):
         path = write_chain(tmp_path_factory.mktemp("chain") / "robot.xml", joints)
-        robot, noise = Robot.load(path), Noise(torque=0.02)
+        robot = Robot.load(path)
+        noise = Noise(torque=0.02)
         moves = [random_trajectory(robot, default_rng(k), samples=300) for k in range(1 + held)]
         made = [simulate(robot, move, noise=noise, seed=k) for k, move in enumerate(moves)]
         return analyze(robot, made[:1], made[1:], ladder, replicates=100)

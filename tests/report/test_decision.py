@@ -17,7 +17,8 @@ def test_quality_names_the_worst_joint():
 
 
 def test_trust_falls_with_a_warning_and_is_gone_with_a_doubt():
-    note, warning = Note("note", "Small.", ""), Note("warning", "Grave.", "")
+    note = Note("note", "Small.", "")
+    warning = Note("warning", "Grave.", "")
     assert answer_trust([note], "", 3, 4).short.startswith("Yes")
     assert answer_trust([note, warning], "", 3, 4).short == "With care: “Grave”."
     assert answer_trust([note], "nothing moved", 3, 4).short == "No: nothing moved"

@@ -40,7 +40,8 @@ def test_places_are_in_the_picture_and_few(moving):
 
 
 def test_a_closed_chain_is_drawn_with_plates_cylinders_and_closed_loops():
-    robot, t = Robot.load("3-rps"), np.arange(0, 4, 0.1)
+    robot = Robot.load("3-rps")
+    t = np.arange(0, 4, 0.1)
     q = robot.actuated_positions(robot.home[None]) + 0.02 * np.sin(t)[:, None] * np.arange(3)
     still = np.zeros_like(q)
     poses = complete_motion(robot, t, q, still, still).q
@@ -56,7 +57,8 @@ def test_a_closed_chain_is_drawn_with_plates_cylinders_and_closed_loops():
 
 
 def test_a_floating_robot_stands_with_its_lowest_point_on_the_ground():
-    robot, t = Robot.load("quadruped", base="floating"), np.arange(0, 4, 0.1)
+    robot = Robot.load("quadruped", base="floating")
+    t = np.arange(0, 4, 0.1)
     poses = np.repeat(robot.home[None], len(t), axis=0)
     poses[:, -1] += 0.2 * np.sin(t)
     drawn = move_skeletons(robot, t, {"run": ("grey", poses)}, lambda rows: [], "")
@@ -67,7 +69,8 @@ def test_a_floating_robot_stands_with_its_lowest_point_on_the_ground():
 
 @pytest.mark.parametrize("name", ["two-link", "3-rps"])
 def test_a_joint_is_marked_when_and_where_torque_is_missed(name):
-    robot, t = Robot.load(name), np.arange(0, 4, 0.01)
+    robot = Robot.load(name)
+    t = np.arange(0, 4, 0.01)
     home = robot.actuated_positions(robot.home[None])[0]
     q = home + 0.05 * np.sin(t)[:, None] * np.ones(len(home))
     motion = complete_motion(robot, t, q, np.gradient(q, t, axis=0), np.zeros_like(q))
@@ -77,7 +80,8 @@ def test_a_joint_is_marked_when_and_where_torque_is_missed(name):
     torque[:50, 0] = np.nan
     drawn = move_with_torque(robot, motion, t, torque, {"measured": torque}, "run", residual)
     assert drawn.torque.name == robot.joints[1]
-    before, after = drawn.misses[drawn.t < 1.9], drawn.misses[drawn.t > 2.1]
+    before = drawn.misses[drawn.t < 1.9]
+    after = drawn.misses[drawn.t > 2.1]
     assert not before.any()
     assert (np.count_nonzero(after, axis=1) == 1).all()
     (_, _, path), *others = drawn.plot

@@ -42,7 +42,9 @@ def bennett(closure="hinge", short=0.4, twist=0.5):
     Opposite links are equal and ``length / sin(twist)`` is that of both pairs [Bennett 1903]. Its
     last hinge is closed at two points of its line, or the link behind it is welded to the ground.
     """
-    a, alpha, beta = short, twist, 0.9
+    a = short
+    alpha = twist
+    beta = 0.9
     b = a * np.sin(beta) / np.sin(alpha)
     first = 1.1
     second = 2 * np.arctan(

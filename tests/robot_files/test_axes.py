@@ -75,7 +75,8 @@ def test_every_effect_along_an_axis_is_that_of_its_coordinate(load_text):
     robot = load_text(arm(), sidecar=SIDECAR)
     motion = random_motion(robot, default_rng(1), 40)
     row = np.array([1.3, -0.5])
-    s, v = motion.actuated_q @ row, motion.actuated_v @ row
+    s = motion.actuated_q @ row
+    v = motion.actuated_v @ row
     forces = {
         "quadratic_friction@cable": [v * np.abs(v)],
         "stribeck_friction@cable:0.3": [np.exp(-np.abs(v) / 0.3) * np.sign(v)],
@@ -101,7 +102,8 @@ def test_passive_joints_can_have_what_is_placed_there(load_text):
     motion = random_motion(robot, default_rng(0), 20)
     model = Model.of("joint_stiffness@knee", "viscous_friction@knee", "load_dependent_friction")
     assert [p.name for p in model.parameters(robot)][:2] == ["knee.K", "knee.Fv"]
-    W, k = model.regressor(robot, motion), robot.passive.index("knee")
+    W = model.regressor(robot, motion)
+    k = robot.passive.index("knee")
     stretch = robot.dof_position(motion.q, "knee") - robot.dof_position(robot.home[None], "knee")
     assert_allclose(W[:, 0, 0], -motion.X[:, k, 0] * stretch)
     assert_allclose(W[:, 0, 1], motion.X[:, k, 0] ** 2 * motion.actuated_v[:, 0])
@@ -143,7 +145,8 @@ def test_more_motors_than_joints_agree_in_the_least_squares_and_add_their_torque
     R = np.array([[2, 0], [-3, -3], [0, 2.0]])
     left = np.linalg.svd(R)[0][:, 2]  # what no joint does
     at = (q - [0.1, -0.2]) @ R.T + 0.1 * left
-    t, names = np.arange(50) / 100, robot.transmission.motors
+    t = np.arange(50) / 100
+    names = robot.transmission.motors
     motors = Log("log", names, t, at, tau, dq @ R.T, ddq @ R.T, sha256="")
     joints = joint_log(robot, motors)
     motors.write(tmp_path / "motors.csv")

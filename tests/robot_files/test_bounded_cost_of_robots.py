@@ -211,7 +211,8 @@ ON_LINUX = pytest.mark.skipif(sys.platform != "linux", reason="only Linux limits
 @ON_LINUX
 @pytest.mark.parametrize("what", FILES)
 def test_a_robot_file_costs_little(what, sentences):
-    said, sentence = sentences[str([*FILES].index(what))], FILES[what][2]
+    said = sentences[str([*FILES].index(what))]
+    sentence = FILES[what][2]
     assert sentence in said if sentence else not said
     assert len(said) <= READABLE
 

@@ -28,7 +28,8 @@ def test_a_sidecar_couples_a_joint_by_a_polynomial_in_each_of_others(agrees):
     q = default_rng(0).normal(size=(20, 2))
     motion = complete_motion(robot, np.arange(20.0), q, 0 * q, 0 * q)
     at = {name: robot.dof_position(motion.q, name) for name in robot.dofs}
-    s, e = at["shoulder"], at["elbow"]
+    s = at["shoulder"]
+    e = at["elbow"]
     assert_allclose(at["w"], 0.1 + 0.5 * e + 0.2 * e**2 - 0.3 * s + 0.1 * s**3)
     assert_allclose(at["p"], 0.05 + 0.2 * at["w"] + 0.1 * s**2)
     facts = {j.name: j for j in inspect(robot).joints}
@@ -47,7 +48,8 @@ def test_couplings_go_on_where_one_of_their_joints_is_locked(lock, load_text, ag
     q = default_rng(0).normal(size=(20, 1))
     motion = complete_motion(robot, np.arange(20.0), q, 0 * q, 0 * q)
     at = {name: robot.dof_position(motion.q, name) for name in robot.dofs} | dict(robot.locked)
-    s, e = at["shoulder"], at["elbow"]
+    s = at["shoulder"]
+    e = at["elbow"]
     assert_allclose(at["w"], 0.1 + 0.5 * e - 0.3 * s + 0.1 * s**3, atol=1e-12)
 
 

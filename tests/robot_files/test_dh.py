@@ -27,11 +27,14 @@ def shift(axis, by):
 def chain(table, q):
     """Frames (4, 4) of all links by name, from the definition of the two conventions."""
     unit = PI / 180 if table.get("angles") == "deg" else 1.0
-    frames, last = {"base": np.eye(4)}, "base"
+    frames = {"base": np.eye(4)}
+    last = "base"
     for row in table["links"]:
-        slides, at = row.get("type") == "prismatic", q.get(row.get("joint"), 0.0)
+        slides = row.get("type") == "prismatic"
+        at = q.get(row.get("joint"), 0.0)
         theta = unit * row.get("theta", 0.0) + (0.0 if slides else at)
-        d, a = row.get("d", 0.0) + (at if slides else 0.0), row.get("a", 0.0)
+        d = row.get("d", 0.0) + (at if slides else 0.0)
+        a = row.get("a", 0.0)
         alpha = unit * row.get("alpha", 0.0)
         if table["convention"] == "modified":
             step = turn("x", alpha) @ shift("x", a) @ turn("z", theta) @ shift("z", d)
@@ -125,7 +128,9 @@ def test_masses_are_those_of_the_table_in_the_frame_of_the_link(tmp_path):
     # The regressor's frames are at the joints: a standard frame is a away along x.
     assert robot.nominal["link2.mx"] == pytest.approx(2.0 * (0.1 + 0.4318))
     assert robot.nominal["link2.my"] == pytest.approx(2.0 * 0.05)
-    x, y, z = 0.1 + 0.4318, 0.05, -0.02
+    x = 0.1 + 0.4318
+    y = 0.05
+    z = -0.02
     assert robot.nominal["link2.Ixy"] == pytest.approx(0.002 - 2.0 * x * y)
     assert robot.nominal["link2.Ixz"] == pytest.approx(-0.001 - 2.0 * x * z)
     assert robot.nominal["link2.Iyz"] == pytest.approx(0.003 - 2.0 * y * z)

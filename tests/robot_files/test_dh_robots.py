@@ -56,7 +56,10 @@ def test_the_counter_spring_and_the_cable_are_the_published_ones():
     q[:, 3], q[:, 4] = np.linspace(-1.9, 1.9, 60), np.linspace(-1.5, 2.2, 60)
     motion = complete_motion(robot, np.arange(60.0), q, 0 * q, 0 * q)
     W = Model.of("joint_stiffness@counter_spring").regressor(robot, motion)
-    r_s, h, rest, angle = 0.0075, 0.1035, 0.0613, np.pi + np.radians(23) - q[:, 4]
+    r_s = 0.0075
+    h = 0.1035
+    rest = 0.0613
+    angle = np.pi + np.radians(23) - q[:, 4]
     length = np.sqrt(r_s**2 + h**2 - 2 * r_s * h * np.cos(angle))
     arm = r_s * h * np.sin(angle) / length
     assert_allclose(W[:, 4, 0], -arm * (length - rest), rtol=0, atol=1e-12)

@@ -98,7 +98,9 @@ def public():
 
 @pytest.mark.everything
 def test_public_robots_load_or_it_is_said_why_not(public):
-    said, loaded, asked = {}, 0, []
+    said = {}
+    loaded = 0
+    asked = []
     for path in sorted(public.rglob("*.urdf")):
         try:
             loaded += len(Robot.load(path).joints) > 0

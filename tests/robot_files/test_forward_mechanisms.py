@@ -42,11 +42,13 @@ STEP, STEPS = 2e-3, 60
 def follows_its_torque(robot, spread=0.3, seed=0):
     """Whether torque of a motion, by the regressor, makes the forward robot move so."""
     rng = np.random.default_rng(seed)
-    n, t = len(robot.joints), STEP * (np.arange(STEPS * 20 + 1) / 20)
+    n = len(robot.joints)
+    t = STEP * (np.arange(STEPS * 20 + 1) / 20)
     start = robot.actuated_positions(robot.home[None])[0]
     v, a = rng.uniform(0.7, 1.3, (2, n)) * spread * rng.choice([-1, 1], (2, n))
     q = start + 0.1 * a + v * t[:, None] + 2 * a * t[:, None] ** 2
-    dq, ddq = v + 4 * a * t[:, None], np.tile(4 * a, (len(t), 1))
+    dq = v + 4 * a * t[:, None]
+    ddq = np.tile(4 * a, (len(t), 1))
     motion = complete_motion(robot, t, q, dq, ddq)
     assert len(motion) == len(t)
     model = Model.of(*EFFECTS)
@@ -104,7 +106,8 @@ def test_a_coupling_that_mujoco_does_not_have_is_refused(load_text):
 
 def test_a_joint_that_sticks_creeps_by_less_than_an_encoder_sees():
     """MuJoCo's own friction is soft: as hard as it can be, a joint at .9 of its level stands."""
-    robot, q = Robot.load("two-link"), np.array([[0.3, 0.4]])
+    robot = Robot.load("two-link")
+    q = np.array([[0.3, 0.4]])
     levels = np.array([60.0, 20.0])
     names = dict(zip((f"{j}.Fc" for j in robot.joints), levels.tolist(), strict=True))
     hold = MujocoRobot(robot).inverse_dynamics(q, 0 * q, 0 * q).tau + 0.9 * levels

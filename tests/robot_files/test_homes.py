@@ -35,10 +35,12 @@ def test_without_its_home_a_robot_that_is_drawn_open_is_asked_for_one(name, load
 
 def test_the_position_that_closes_a_drawing_is_used_and_said(load_text, rng):
     text = parallelogram(CLOSURES["site on the root"])
-    drawn, offset = homeless(text), np.array([0.6, -0.4, 0.5])
+    drawn = homeless(text)
+    offset = np.array([0.6, -0.4, 0.5])
     for body, at in zip(("crank", "coupler", "rocker"), offset, strict=True):
         drawn = drawn.replace(f'<body name="{body}"', f'<body name="{body}" euler="0 {-at} 0"')
-    robot, other = load_text(text), load_text(drawn)
+    robot = load_text(text)
+    other = load_text(drawn)
     assert_allclose(other.home, [0.0, -0.2, 0.1], atol=1e-9)
     assert other.identity["home"] == other.home_table
     assert "home" not in robot.identity

@@ -31,7 +31,8 @@ table = [[2, -1.5], [-4, 0.4], [0.3, 0.9], [4, 2]]
 def with_sidecar(tmp_path, name, text, change=lambda xml: xml):
     """Return a shipped robot with more in its sidecar, and another MJCF."""
     own = next(MODELS.glob(f"{name}/robot.*ml"))
-    xml, toml = own.with_suffix(".xml"), own.with_suffix(".toml")
+    xml = own.with_suffix(".xml")
+    toml = own.with_suffix(".toml")
     target = tmp_path / f"{name}.xml"
     target.write_text(change(xml.read_text()))
     given = toml.read_text() if toml.exists() else ""
@@ -59,8 +60,10 @@ def test_a_curve_that_was_used_can_be_sent_to_a_worker():
 
 def test_a_known_torque_is_simulated_and_taken_off_again(tmp_path):
     """What is left is the torque of the robot without it, and its values come back."""
-    robot, plain = with_sidecar(tmp_path, "two-link", CABLE), Robot.load("two-link")
-    log, bare = log_of(robot), log_of(plain)
+    robot = with_sidecar(tmp_path, "two-link", CABLE)
+    plain = Robot.load("two-link")
+    log = log_of(robot)
+    bare = log_of(plain)
     table = KnownTorque(along="elbow", table=[[2, -1.5], [-4, 0.4], [0.3, 0.9], [4, 2]])
     elbow = list(robot.joints).index("elbow")
     added = np.zeros_like(bare.tau)

@@ -194,7 +194,8 @@ def test_a_mass_that_no_arithmetic_holds_is_refused(mass, load):
 
 
 def test_inertia_that_is_too_small_or_large_for_the_mass_is_reported(load):
-    small, large = (1e-18, 1e-18, 1e-18, 0, 0, 0), (900, 900, 900, 0, 0, 0)
+    small = (1e-18, 1e-18, 1e-18, 0, 0, 0)
+    large = (900, 900, 900, 0, 0, 0)
     found = of_key((n.text for n in inspect(load(with_inertia(ARM, link_3=small))).needs), "dense")
     assert "link_3 (" in found[0]
     assert "ixx = 1e-18, iyy = 1e-18, izz = 1e-18 kg·m²" in found[0]

@@ -86,7 +86,8 @@ def test_what_is_changed_keeps_all_the_rest_also_of_a_closed_chain():
 
 def test_changes_add_up_and_survive_each_other(tmp_path):
     robot = Robot.load("six-dof-arm")
-    joint, body = robot.joints[5], robot.bodies[2]
+    joint = robot.joints[5]
+    body = robot.bodies[2]
     made = robot.with_lock({joint: 0.4}).with_body(body, mass=9.0).with_values({"joint_1.Ia": 0.7})
     assert made.locked == {joint: 0.4}
     assert joint not in made.joints

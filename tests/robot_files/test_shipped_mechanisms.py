@@ -23,7 +23,8 @@ def within_limits(robot, count=20, seed=0):
 @pytest.mark.parametrize("name", MECHANISMS[:3])
 def test_a_mechanism_is_what_mujoco_makes_of_it(name, agrees):
     robot = Robot.load(name)
-    middle, half = robot.limits.mean(1), 0.5 * np.ptp(robot.limits, axis=1)
+    middle = robot.limits.mean(1)
+    half = 0.5 * np.ptp(robot.limits, axis=1)
     from_home = half - np.abs(middle - robot.actuated_positions(robot.home[None])[0])
     assert (from_home > 0.6 * half).all()
     agrees(robot.path.read_text(), spread=from_home)

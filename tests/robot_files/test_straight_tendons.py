@@ -18,12 +18,18 @@ EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inert
 
 def stewart(legs="", motor="", platform='<freejoint name="float"/>'):
     """A free platform on six legs of which nothing is modelled but their force and length."""
-    top, sites, tendons, motors = "", "", "", ""
+    top = ""
+    sites = ""
+    tendons = ""
+    motors = ""
     for k in range(6):
-        low, high = 2 * np.pi * (k // 2) / 3 + (-0.3, 0.3)[k % 2], 2 * np.pi * ((k + 1) // 2) / 3
-        x, y = 0.6 * np.cos(low), 0.6 * np.sin(low)
+        low = 2 * np.pi * (k // 2) / 3 + (-0.3, 0.3)[k % 2]
+        high = 2 * np.pi * ((k + 1) // 2) / 3
+        x = 0.6 * np.cos(low)
+        y = 0.6 * np.sin(low)
         sites += f'<site name="a{k}" pos="{x} {y} 0.02"/>'
-        x, y = 0.3 * np.cos(high - 1.2), 0.3 * np.sin(high - 1.2)
+        x = 0.3 * np.cos(high - 1.2)
+        y = 0.3 * np.sin(high - 1.2)
         top += f'<site name="b{k}" pos="{x} {y} {0.01 * k}"/>'
         tendons += f"""<spatial name="leg{k}" range="0.5 0.8" {legs}><site site="a{k}"/>
           <site site="b{k}"/></spatial>"""
@@ -44,9 +50,13 @@ def poses(text, count=20, seed=0):
         m = mujoco.MjModel.from_xml_string(text)
     m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     m.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    d, rng, out = mujoco.MjData(m), np.random.default_rng(seed), []
+    d = mujoco.MjData(m)
+    rng = np.random.default_rng(seed)
+    out = []
     for _ in range(count):
-        start, v, a = m.qpos0.copy(), rng.normal(size=6), rng.normal(size=6)
+        start = m.qpos0.copy()
+        v = rng.normal(size=6)
+        a = rng.normal(size=6)
         mujoco.mj_integratePos(m, start, rng.uniform(-0.12, 0.12, 6), 1.0)
 
         def lengths(step, start=start):

@@ -26,7 +26,8 @@ def refusal(action):
 
 
 def same_refusal(path, read_long):
-    streamed, whole = refusal(lambda: read_long(path)), refusal(lambda: Log.read(path))
+    streamed = refusal(lambda: read_long(path))
+    whole = refusal(lambda: Log.read(path))
     assert streamed == whole
     return streamed
 
@@ -70,7 +71,8 @@ def test_a_file_that_changes_while_it_is_read_is_noticed(form, frame, saved):
 
 @pytest.mark.parametrize("form", ["csv", "parquet"])
 def test_what_becomes_of_a_file_that_was_read_does_not_matter(form, frame, saved, sizes):
-    path, robot = saved(frame, form), Robot.load("two-link")
+    path = saved(frame, form)
+    robot = Robot.load("two-link")
     sizes()
     log = Log.read(path)
     path.unlink()

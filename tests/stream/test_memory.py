@@ -36,10 +36,8 @@ def test_three_times_the_samples_take_the_same_memory(
     sizes(piece=500, shortest=2000, rows=500, characters=50_000)
     few_windows(250)
     monkeypatch.setattr(model, "KEEP_BYTES", 0)
-    robot, frame = (
-        Robot.load("two-link"),
-        frame_of("two-link", periods=8, samples=500, derivatives=False),
-    )
+    robot = Robot.load("two-link")
+    frame = frame_of("two-link", periods=8, samples=500, derivatives=False)
     step = frame["t"][1] - frame["t"][0]
     _, short, long = (  # the first one imports what reads the form
         peak(robot, saved(frame.iloc[np.arange(n) % 4000].assign(t=step * np.arange(n)), form))

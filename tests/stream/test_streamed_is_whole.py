@@ -27,14 +27,16 @@ EFFECTS = ("rigid_body", "viscous_friction", "coulomb_friction", "actuator_inert
 
 def found(name, path, how=None):
     """All that is made of the rows of a file."""
-    robot, model = Robot.load(name), Model.of(*EFFECTS)
+    robot = Robot.load(name)
+    model = Model.of(*EFFECTS)
     samples = prepare_log(robot, Log.read(path), how, engine=Serial())
     regression = Regression(robot, model, (samples,), find_base_parameters(robot, model).kept)
     information = gather_information(regression)
     R = information.factor()
     values = np.linalg.lstsq(R[:, :-1], R[:, -1], rcond=None)[0][:, None]
     parts = len(regression.parts())
-    rows, notes = rows_of(regression), (samples.notes, samples.outputs, samples.sha256)
+    rows = rows_of(regression)
+    notes = (samples.notes, samples.outputs, samples.sha256)
     return rows, notes, samples.survey, information, R, values, predict(regression, values), parts
 
 
@@ -56,7 +58,8 @@ def assert_same(whole, parts):
     assert_array_equal(parts[3].counts, whole[3].counts)
     R, other = (x / np.linalg.norm(whole[4], axis=0) for x in (whole[4], parts[4]))
     assert_allclose(other.T @ other, R.T @ R, rtol=0, atol=1e-8)
-    expected, found = whole[6], parts[6]
+    expected = whole[6]
+    found = parts[6]
     assert found.relative_error() == pytest.approx(expected.relative_error(), rel=1e-7)
     assert found.joint_error() == pytest.approx(expected.joint_error(), rel=1e-7)
     assert found.constant_error() == pytest.approx(expected.constant_error(), rel=1e-7)
@@ -114,7 +117,8 @@ def test_dwells_whatever_the_pieces(piece, window, sizes, few_windows, frame_of,
 def test_gaps_in_logs_with_derivatives(decimate, sizes, frame_of, saved):
     frame = frame_of("two-link", periods=5)
     frame = frame.drop(index=[*range(690, 703), *range(1399, 1401), 2800, 4444]).reset_index()
-    path, how = saved(frame), Preparation(decimate=decimate)
+    path = saved(frame)
+    how = Preparation(decimate=decimate)
     whole = found("two-link", path, how)
     sizes()
     assert_same(whole, found("two-link", path, how))

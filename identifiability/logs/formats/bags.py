@@ -229,7 +229,9 @@ def _table(messages: Iterable[tuple[Sequence[str], Mapping[str, Any]]]) -> pd.Da
         at.append(k)
         own.append(np.concatenate([[], *told.values()]))
     parts = [pd.DataFrame(np.array(own), at, [*c]) for c, (at, own) in groups.items()]
-    return pd.concat(parts).sort_index() if parts else pd.DataFrame()
+    if parts:
+        return pd.concat(parts).sort_index()
+    return pd.DataFrame()
 
 
 def _add_commands(reader: Any, frame: pd.DataFrame, topic: str) -> None:

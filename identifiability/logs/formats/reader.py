@@ -100,7 +100,9 @@ def find_reader(path: Path) -> Reader | None:
 def find_parts(path: Path) -> list[Path]:
     """Return the logs that a path names: the episodes of a dataset, else one."""
     found = find_reader(path)
-    return [path] if found is None else found.parts(path)
+    if found is None:
+        return [path]
+    return found.parts(path)
 
 
 def check_there(path: Path) -> None:
@@ -191,7 +193,9 @@ def count_zipped(path: Path) -> int:
 
 def list_files(place: Path) -> list[Path]:
     """Return a file, or those in a folder in order of name."""
-    return sorted(p for p in place.iterdir() if p.is_file()) if place.is_dir() else [place]
+    if place.is_dir():
+        return sorted(p for p in place.iterdir() if p.is_file())
+    return [place]
 
 
 def hash_files(place: Path) -> str:

@@ -135,7 +135,9 @@ class Piece:
 
     def down(self, x: Array) -> Array:
         """Return x (N, …) low-passed and decimated, if there is any decimation."""
-        return x if self.decimation is None else self.decimation.apply(x)
+        if self.decimation is None:
+            return x
+        return self.decimation.apply(x)
 
     @cached_property
     def _lost(self) -> Array | None:
@@ -184,7 +186,9 @@ class Piece:
     def at(self) -> slice:
         """The samples of the motion at which the outputs are."""
         d = self.decimation
-        return slice(None) if d is None else slice(d.reach, len(self.motion) - d.reach, d.factor)
+        if d is None:
+            return slice(None)
+        return slice(d.reach, len(self.motion) - d.reach, d.factor)
 
 
 @frozen
@@ -281,7 +285,9 @@ class Dataset:
     def beside(self) -> Dataset | None:
         """The samples along the second record of the motion."""
         other = self.instrument
-        return None if other is None else replace(self, motion=other, instrument=None)
+        if other is None:
+            return None
+        return replace(self, motion=other, instrument=None)
 
     @cached_property
     def torque_noise(self) -> Array:
@@ -290,7 +296,9 @@ class Dataset:
         Of the first rows of a long log.
         """
         level = noise_level(self.tau[:WINDOW], self.motion.t[:WINDOW])
-        return level if self.decimation is None else level * np.linalg.norm(self.decimation.taps)
+        if self.decimation is None:
+            return level
+        return level * np.linalg.norm(self.decimation.taps)
 
     @cached_property
     def outputs(self) -> int:
@@ -465,7 +473,9 @@ def _prepare_rows(rows: tuple[Log, int, Rows], robot: Robot, plan: Plan) -> Data
     if robot.base is not None:
         silent = _silent(motion, silent)
     if log.unmeasured is not None:
-        silent = silent | plan.lacking(log.unmeasured)[at]
+        # Where a rollout turns at another row than the log, friction is unknown as well.
+        bridged = log.rollout is None
+        silent = silent | plan.lacking(log.unmeasured, bridged=bridged)[at]
     left = np.ones(len(tau), bool)
     breaks = np.empty(0, int)
     if plan.grid is not None:
@@ -519,7 +529,9 @@ def _silent(motion: Motion, dwells: Array) -> Array:
     """
     found = np.array(dwells)
     found[:, :SIX] = False
-    return found if motion.silent is None else found | motion.silent
+    if motion.silent is None:
+        return found
+    return found | motion.silent
 
 
 def _known_torque(robot: Robot, name: str, motion: Motion) -> Array:

@@ -90,7 +90,9 @@ class Smoothing:
         # Noise at rest below this share of that in motion (rms) counts as none.
         at_rest[~noisy | (at_rest < 0.3 * level)] = 0.0
         raw = at_rest <= sd
-        return None if not at_rest.any() else Smoothing(cutoff, np.minimum(at_rest, sd), raw)
+        if not at_rest.any():
+            return None
+        return Smoothing(cutoff, np.minimum(at_rest, sd), raw)
 
     def apply(self, x: Array, dt: float) -> Array:
         """Return velocities x (N, n) smoothed, and their standard deviation, (N, 2, n)."""
@@ -151,7 +153,9 @@ class DwellRule:
         line = np.array([[0, 1, 0]] * 3)
         out = scipy.ndimage.binary_propagation(out, line, mask=out | (speed <= self.creep[0]))
         out = _reached(out, self.beside)
-        return out | _reached(_reversals(dq), self.turning) if self.turning else out
+        if self.turning:
+            return out | _reached(_reversals(dq), self.turning)
+        return out
 
 
 def _reversals(dq: Array) -> Array:
@@ -303,7 +307,9 @@ class Plan:
     @property
     def decimation(self) -> signals.Decimation | None:
         """The decimation, if there is any."""
-        return signals.Decimation(self.factor) if self.factor > 1 else None
+        if self.factor > 1:
+            return signals.Decimation(self.factor)
+        return None
 
     @property
     def reach(self) -> int:
@@ -336,7 +342,9 @@ class Plan:
             Row of its first sample in the whole log.
         """
         if self.stale is None or self.grid is None:
-            return log if self.stale is None else self.stale.mend(log)
+            if self.stale is None:
+                return log
+            return self.stale.mend(log)
         ends = self.grid.stretches(origin, origin + len(log))
         return join_logs([self.stale.mend(log.rows(a, b)) for a, b in ends])
 
@@ -423,14 +431,16 @@ class Plan:
             return None
         return np.asarray(np.abs(log.dq) < UNSURE * log.speed_error)
 
-    def lacking(self, unmeasured: Array) -> Array:
+    def lacking(self, unmeasured: Array, *, bridged: bool) -> Array:
         """Return the rows where torque is no data after decimation, (N, n) bool.
 
         The argument marks unmeasured torque. A decimation filter mixes it with neighbouring
-        samples. Gaps shorter than the step of outputs are bridged by their neighbours.
+        samples. Gaps shorter than the step of outputs may be bridged by their neighbours.
         """
         if self.factor == 1:
             return unmeasured
+        if not bridged:
+            return _reached(unmeasured, self.factor)
         short = _reached(~_reached(~unmeasured, self.factor // 2), self.factor // 2) & unmeasured
         return _reached(short, self.factor)
 
@@ -814,8 +824,8 @@ def make_plan(robot: Robot, log: Log, how: Preparation) -> Plan:
         speeds = [w.dq for w in windows if w.dq is not None]
         if len(speeds[0]) > SHORT:
             plan = replace(plan, smoothing=Smoothing.choose(speeds, plan.step))
-    if stale is not None:
-        notes += [stale.note] if stale.note else []
+    if stale is not None and stale.note:
+        notes += [stale.note]
     if len(windows) > 1:
         notes.append(
             f"settings of the whole log were decided on {len(windows)} windows of "

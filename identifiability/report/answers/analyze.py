@@ -105,7 +105,8 @@ class LadderedPresenter(PredictingPresenter):
         """Return at most three lines for the terminal, the most useful first."""
         result = self.result
         verb = "prune" if "pruning" in result.schema else "analyze"
-        names, how = given_paths(result.samples), result.settings["preparation"]
+        names = given_paths(result.samples)
+        how = result.settings["preparation"]
         logs = commands.name_logs(result.robot, names, how=how)
         if result.nothing:
             return [command("inspect", f"inspect {self.robot} {logs}")]
@@ -113,7 +114,8 @@ class LadderedPresenter(PredictingPresenter):
         ladder = commands.ladder_option(result.robot, result.source)
         all_fitted = "" if result.validation else " --validate none"
         again = f"{verb} {inputs}{all_fitted}{ladder}"
-        find, out = f"diagnose {inputs}", list[Command]()
+        find = f"diagnose {inputs}"
+        out = list[Command]()
         if verb == "prune":
             use = partial("{} --model {}".format, find)
             find = commands.on_file(result, "model", "pruned.toml", f"{again} --out", use)
@@ -149,11 +151,9 @@ class LadderedPresenter(PredictingPresenter):
     def noise(self) -> Array | None:
         """Return the noise of each joint's torque; None where torque was computed."""
         result = self.result
-        return (
-            None
-            if result.recordings.commanded
-            else torque_noise(result.validation or result.samples)
-        )
+        if result.recordings.commanded:
+            return None
+        return torque_noise(result.validation or result.samples)
 
     def statement(self) -> str:
         """Return the answers in plain words, with warnings and remarks."""
@@ -176,7 +176,9 @@ class LadderedPresenter(PredictingPresenter):
     def notes(self) -> Iterator[Note]:
         """Yield the caveats of physics, motion, samples and fit."""
         result = self.result
-        chosen, base, kept = result.chosen, result.base, result.full.estimate.kept
+        chosen = result.chosen
+        base = result.base
+        kept = result.full.estimate.kept
         yield from map(hint_note, result.remarks)
         for found in of_key(result.findings, "unclosed", "singular"):
             yield note(found.key, log=found.subject, text=found)
@@ -212,10 +214,12 @@ class LadderedPresenter(PredictingPresenter):
 
     def error_frame(self) -> pd.DataFrame:
         """Return the errors of the values to use by joint and by log."""
-        result, robot = self.result, self.result.robot
+        result = self.result
+        robot = self.result.robot
         joints: dict[str, Any] = {"of": "joint", "name": robot.joints, "unit": robot.torque_units}
         joints |= result.fitted.by_joint() | result.held_out.by_joint("_validation")
-        each, known = (*result.samples, *result.validation), len(result.samples)
+        each = (*result.samples, *result.validation)
+        known = len(result.samples)
         held = range(known if result.validation else 0, len(each))
         unseen = [result.held_out.relative_error(k)[0] for k in range(len(held))]
         logs = pd.DataFrame({"of": "log", "name": [s.path or s.name for s in each], "unit": ""})
@@ -239,14 +243,17 @@ class AnalysisPresenter(LadderedPresenter):
 
     def answer_use(self) -> Answer:
         """Return the model to use, and the number of its identifiable parameters."""
-        result, about = self.result, "analysis.use"
-        chosen, base = result.chosen, result.base
+        result = self.result
+        about = "analysis.use"
+        chosen = result.chosen
+        base = result.base
         size = sentence(about, "size", parameters=len(base.parameters), rank=base.rank)
         if result.nothing:
             return answer(about, "nothing", size)
         part = "unjudged" if chosen.unjudged else "found"
         tone = "blue" if chosen.feasible else "amber"
-        use, count = sentence(about, "use", name=chosen.name), len(chosen.submodel)
+        use = sentence(about, "use", name=chosen.name)
+        count = len(chosen.submodel)
         text = f"{use} {size} {state_physics(result)}"
         return answer(about, part, text, tone, found=found_cell(chosen).text, count=count)
 
@@ -306,7 +313,9 @@ def _state_open(result: Laddered[Any]) -> str:
         return ""
     good = grade_of(chosen.error_ra_validation) in ("very-good", "good")
     moves = result.moved is not None and result.moved.follows
-    return sentence("decision.left", "open") if good or moves else ""
+    if good or moves:
+        return sentence("decision.left", "open")
+    return ""
 
 
 def _find_determined(result: Laddered[Any]) -> list[tuple[str, str]]:
@@ -335,7 +344,9 @@ def _find_determined(result: Laddered[Any]) -> list[tuple[str, str]]:
 def _state_determined(result: Laddered[Any]) -> str:
     """Return the surest combination that is determined where few parameters are."""
     each = [" = ".join(row) for row in _find_determined(result)[:1]]
-    return sentence("decision.left", "determined", names=each) if each else ""
+    if each:
+        return sentence("decision.left", "determined", names=each)
+    return ""
 
 
 def _state_cause(result: Laddered[Any]) -> str:
@@ -353,8 +364,11 @@ def _state_cause(result: Laddered[Any]) -> str:
 
 def _state_file_error(result: Laddered[Any]) -> str:
     """Return the error of a plain robot file in a simulator, and the effects that it lacks."""
-    robot, real, error = result.robot, result.real_robot, result.chosen.error_ra_validation
-    alone, given = real["error_ra_validation_files"], real["parameters"]
+    robot = result.robot
+    real = result.real_robot
+    error = result.chosen.error_ra_validation
+    alone = real["error_ra_validation_files"]
+    given = real["parameters"]
     kind = file_kinds(robot)[0]
     if not np.isfinite(alone[kind]):
         return ""
@@ -369,14 +383,18 @@ def _state_file_error(result: Laddered[Any]) -> str:
 
 def answer_doubt(result: Laddered[Any]) -> Answer:
     """Return whether the result may be trusted."""
-    found, doubt = result.chosen.count(Class.IDENTIFIABLE), result.chosen.unjudged
+    found = result.chosen.count(Class.IDENTIFIABLE)
+    doubt = result.chosen.unjudged
     if result.nothing:
         doubt = sentence("laddered.trust", "nothing", why=result.nothing)
-    size, missing = len(result.chosen.submodel), result.missing.statement
+    size = len(result.chosen.submodel)
+    missing = result.missing.statement
     usual = answer_trust(result.cautions(), doubt, found, size, missing, result.warnings)
     odd = [*_state_impossible(result), *of_key(result.hints, "alternative", "odd_joint")]
     text = f"{_state_measurement(result)} {usual.short} {usual.text}".lstrip()
-    return usual if doubt or not odd else replace(usual, short=odd[0], text=text, tone="amber")
+    if doubt or not odd:
+        return usual
+    return replace(usual, short=odd[0], text=text, tone="amber")
 
 
 def _state_measurement(result: Laddered[Any]) -> str:
@@ -384,12 +402,15 @@ def _state_measurement(result: Laddered[Any]) -> str:
     names = {p.name for p in result.structure.parameters if p.group in COMPLETED}
     every = (v for v in result.chosen.verdicts if v.name in names)
     values = [f"{v.name} = {measured(v.value, REACH * v.sigma_robust, v.unit)}" for v in every]
-    return f"{listing(values, NAMED)} (95 %)." if values else ""
+    if values:
+        return f"{listing(values, NAMED)} (95 %)."
+    return ""
 
 
 def _state_impossible(result: Laddered[Any]) -> Iterator[str]:
     """Yield the error of the nearest physically consistent robot if it misses these logs."""
-    used, real = result.chosen, result.chosen.physical
+    used = result.chosen
+    real = result.chosen.physical
     free, near = used.fitted.relative_error()[:2].tolist()
     if result.nothing or used.physical_used or real is None or near <= (1 + VISIBLE) * free:
         return
@@ -456,7 +477,8 @@ def _order_commands(
         lines = [missing, *lines] if first else [*lines, missing]
     # Logs disagree under a model that misses an effect; differences show in addition to that.
     if not result.missing.functions and compare_logs(result.samples, result.chosen):
-        names, how = given_paths(result.samples), result.settings["preparation"]
+        names = given_paths(result.samples)
+        how = result.settings["preparation"]
         compare = commands.compare_line(result.robot, names, how, ladder)
         lines = [command("compare", compare), *lines]
     return lines[:3]
@@ -467,7 +489,9 @@ def _order_commands(
 
 def model_title(result: ModelResult) -> str:
     """Return the name of a model inside a sentence."""
-    return result.name if "model" in result.name.lower() else f"“{result.name}”"
+    if "model" in result.name.lower():
+        return result.name
+    return f"“{result.name}”"
 
 
 def found_cell(model: ModelResult) -> Cell:
@@ -497,7 +521,8 @@ def model_row(m: ModelResult) -> dict[str, Any]:
 
 def error_tables(result: Laddered[Any]) -> tuple[Table, ...]:
     """Return the errors of the model to use by joint and, where there are several, by log."""
-    errors, samples = result.error_frame(), (*result.samples, *result.validation)
+    errors = result.error_frame()
+    samples = (*result.samples, *result.validation)
     joints = errors[errors["of"] == "joint"].iloc[loaded_joints(result.held_out.rms)]
     each = make_table("joints", joints.itertuples())
     if len(samples) == 1:
@@ -570,4 +595,6 @@ def file_table(analysis: Analysis) -> Table:
 
 def label_note(label: str) -> str:
     """Return the effective combination of a name; empty where it is the parameter alone."""
-    return shorten(label, 64, placeholder=" …") if " " in label else ""
+    if " " in label:
+        return shorten(label, 64, placeholder=" …")
+    return ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
@@ -48,15 +48,17 @@ class CalibrationPresenter(AnsweringPresenter):
             "not enough trials": ("trials", f"calibrate {name} {logs} {more}"),
         }
         found = [usual[word]]
-        if word == "yes" and analysis.missing.functions:
+        if analysis.missing.functions:
             held = held_back(analysis.validation, analysis.samples)
             found.insert(0, ("missing", f"diagnose {name} {logs}{held} --report missing.html"))
         return [command(purpose, line) for purpose, line in found]
 
     def tables(self) -> tuple[Table, ...]:
-        """Return the coverage of every parameter, the worst first."""
-        rows = self.result.to_frame().itertuples(index=False)
-        return (make_table("coverage", rows),)
+        """Return the coverage of every parameter and its verdict, the worst coverage first."""
+        verdicts = {row.name: row.verdict for row in self.result.analysis.rows_by_name()}
+        rows = self.result.to_frame().to_dict("records")
+        judged = [{**row, "verdict": verdicts.get(row["parameter"], "")} for row in rows]
+        return (make_table("coverage", judged),)
 
     def statement(self) -> str:
         """Return the answer in plain words, with warnings and remarks on the logs."""
@@ -100,10 +102,11 @@ def _answer_trust(result: Calibration) -> Answer:
         part = "if_nothing"
     elif result.word == "yes" and result.warnings:
         part = "if_settled"
+    elif result.word == "no" and not cell.below:
+        part = "few"
     coverage = f"{100 * cell.coverage:.1f} ± {100 * cell.coverage_se:.1f} %"
-    holes: dict[str, Any] = {"model": result.model, "coverage": coverage}
-    text = sentence(about, "coverage", trials=len(cell.held), **holes)
-    return answer(about, part, text)
+    text = sentence(about, "coverage", trials=len(cell.held), model=result.model, coverage=coverage)
+    return answer(about, part, text, coverage=coverage, below=list(cell.below))
 
 
 def _answer_wrong(result: Calibration) -> Answer:

@@ -24,7 +24,9 @@ OPTIONS = ("derivatives", "cutoff", "decimate")
 def robot_word(robot: Robot) -> str:
     """Return the robot as one word of a command: its path, or the name of a shipped robot."""
     shipped = robot.path.parent.parent == shipped_folder()
-    return for_shell(robot.path.parent.name) if shipped else path_for_shell(robot.path)
+    if shipped:
+        return for_shell(robot.path.parent.name)
+    return path_for_shell(robot.path)
 
 
 def _locks(robot: Robot) -> list[str]:
@@ -140,7 +142,9 @@ def on_file(result: Result, kind: str, name: str, make: str, use: Callable[[str]
     """
     there = result.written(kind)
     line = use(path_for_shell(there or name))
-    return line if there else f"{make} {name} && identifiability {line}"
+    if there:
+        return line
+    return f"{make} {name} && identifiability {line}"
 
 
 def ladder_option(robot: Robot, source: LadderSource | None) -> str:

@@ -222,7 +222,8 @@ def answer_quality(
     """
     if not np.isfinite(error):
         return answer("quality", "none", question=question)
-    errors, headline = state_errors(error, raw), grade_of(error)
+    errors = state_errors(error, raw)
+    headline = grade_of(error)
     joint, worst = worst_joint(joints, each)
     uneven = bool(joint) and errs_unevenly(error, worst)
     at_worst = {"joint": joint, "worst": worst, "rms": rms[[*joints].index(joint)] if joint else ""}
@@ -392,11 +393,14 @@ def state_contradicted(
         if far[k]:
             told = (stated_text(float(x[k]), float(sigma[k])) for x in (stated, values))
             file, logs = told
-            unit, times = submodel.units[k], f"{sigmas[k]:.0f} σ"
+            unit = submodel.units[k]
+            times = f"{sigmas[k]:.0f} σ"
             each.append(
                 f"{submodel.columns[k]} = {file} {unit} in it, {logs} by the logs ({times})"
             )
-    return [Finding("contradicted", values=each)] if each else []
+    if each:
+        return [Finding("contradicted", values=each)]
+    return []
 
 
 def _of_bodies(base: BaseParameters, submodel: Submodel) -> Array:

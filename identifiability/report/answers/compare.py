@@ -39,7 +39,7 @@ class ComparisonPresenter(AnsweringPresenter):
     result: Comparison
 
     brief = (
-        *("what", "place", "change", "low", "high", "unit"),
+        *("what", "name", "change", "low", "high", "unit"),
         *("share", "torque", "torque_unit", "seen_from"),
     )
 

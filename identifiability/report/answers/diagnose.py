@@ -70,7 +70,9 @@ class DiagnosisPresenter(PredictingPresenter):
         error = error if result.moved is None else result.moved.warn(result.moved.lead(error))
         answers = missing, _answer_gap(result), error
         bending = result.bending
-        return answers if bending is None else (*answers, _answer_bending(bending))
+        if bending is None:
+            return answers
+        return (*answers, _answer_bending(bending))
 
     def errors(self) -> tuple[float, Array, Array]:
         """Return the errors of the model with the named effects on unseen motion."""
@@ -80,14 +82,17 @@ class DiagnosisPresenter(PredictingPresenter):
     def noise(self) -> Array | None:
         """Return the noise of each joint's torque; None where torque was computed."""
         result = self.result
-        return None if result.commanded else torque_noise(result.validation or result.samples)
+        if result.commanded:
+            return None
+        return torque_noise(result.validation or result.samples)
 
     def commands(self) -> list[Command]:
         """Return lines for the terminal, the most useful first."""
         d = self.result
         paths = given_paths(d.samples)
         given = name_logs(d.robot, paths, how=d.preparation)
-        logs, model = given + held_back(d.validation, d.samples), d.provenance.get("model")
+        logs = given + held_back(d.validation, d.samples)
+        model = d.provenance.get("model")
         again = f"diagnose {self.robot} {logs}"
         if model:
             again = f"{again} {option_for_shell('--model', model)}"
@@ -115,7 +120,8 @@ class DiagnosisPresenter(PredictingPresenter):
         seen = super().warnings()
         if result.nothing or result.fixed:
             return seen
-        base, fit = result.completed.base, result.fit
+        base = result.completed.base
+        fit = result.fit
         sigma = np.sqrt(np.diag(fit.base_covariance))
         unknown = np.abs(fit.base_unknown).max(1, initial=0.0) > ROUNDOFF
         sigma = np.where(unknown, np.inf, sigma)
@@ -124,7 +130,8 @@ class DiagnosisPresenter(PredictingPresenter):
 
     def tables(self) -> tuple[Table, ...]:
         """Return what changed in mid-log, the effects that were named, and the errors of joints."""
-        result, tables = self.result, []
+        result = self.result
+        tables = []
         if result.changes:
             tables.append(table_changes(result.changes, sentence("diagnosis.tables", "changed")))
         if result.effects:
@@ -148,14 +155,16 @@ class DiagnosisPresenter(PredictingPresenter):
 
     def unexplained(self) -> str:
         """Return the residual in words."""
-        result, about = self.result, "diagnosis.residual"
+        result = self.result
+        about = "diagnosis.residual"
         if max(result.held_after, result.error_after) < ROUNDOFF:
             return sentence(about, "rounding")
         parts = []
         asked = [x for x in result.evidence if np.isfinite(x.after)]
         if asked:
             most = max(asked, key=lambda x: x.after)
-            name, sure = name_place(most.name, most.place), state_probability(most.after)
+            name = name_place(most.name, most.place)
+            sure = state_probability(most.after)
             part = "likeliest" if most.after > 0 else "unexplained"
             parts.append(sentence(about, part, name=name, probability=sure))
         parts.append(sentence(about, "looks", looks=_state_looks(result)))
@@ -180,14 +189,17 @@ class DiagnosisPresenter(PredictingPresenter):
                 where = (e.name, p.place, p.shape, p.odds)
                 which = (", ".join(e.alternatives), e.before, e.after)
                 rows += [(*where, *row, *which) for row in p.rows]
-        place, parameter = "effect joint shape log_odds", "parameter value error unit"
+        place = "effect joint shape log_odds"
+        parameter = "parameter value error unit"
         columns = f"{place} {parameter} or before after".split()
         return by_name(pd.DataFrame(rows, columns=columns))
 
     def error_frame(self) -> pd.DataFrame:
         """Return the errors of each joint on unseen motion before and after."""
-        robot, found = self.result.robot, self.result.gap
-        error, rms = found.joint_error(), found.joint_rms()
+        robot = self.result.robot
+        found = self.result.gap
+        error = found.joint_error()
+        rms = found.joint_rms()
         columns = {
             "joint": robot.joints,
             "unit": robot.torque_units,
@@ -265,14 +277,17 @@ def _answer_missing(d: Diagnosis) -> Answer:
 
 def _state_search(d: Diagnosis) -> str:
     """Return the searched model, the omitted rows, and why no effect was named."""
-    about, model = "diagnosis.missing", d.alternative.partition(":")[0]
+    about = "diagnosis.missing"
+    model = d.alternative.partition(":")[0]
     parts = [f"{model}."] if model else []
     rows = "restored" if d.problem.restored else "changed"
     parts += [sentence(about, rows, name=_capital(c.called)) for c in d.changes]
     if not d.effects:
         why = sentence(about, "none") if d.evidence else _state_untried(d)
-        part, model = "fixed" if d.fixed else "fitted", d.known.words
-        error, verified = d.held_before, d.verified_on
+        part = "fixed" if d.fixed else "fitted"
+        model = d.known.words
+        error = d.held_before
+        verified = d.verified_on
         parts.append(sentence(about, part, why=why, model=model, error=error, verified=verified))
     return " ".join(parts)
 
@@ -294,12 +309,16 @@ def _state_effect(e: NamedEffect) -> str:
 
 def name_place(name: str, place: str) -> str:
     """Return an effect and where it is; of the base its title says it."""
-    return title_of(name) if place == BASE else f"{title_of(name)} in {place}"
+    if place == BASE:
+        return title_of(name)
+    return f"{title_of(name)} in {place}"
 
 
 def name_places(e: NamedEffect) -> str:
     """Return where an effect is, in words."""
-    return sentence("diagnosis.missing", "everywhere") if e.everywhere else join(e.joints, NAMED)
+    if e.everywhere:
+        return sentence("diagnosis.missing", "everywhere")
+    return join(e.joints, NAMED)
 
 
 def list_names(e: NamedEffect) -> list[str]:
@@ -352,12 +371,14 @@ def _answer_gap(d: Diagnosis) -> Answer:
     about = "diagnosis.explained"
     if not (d.included or d.problem.left_out):
         text = sentence(about, "measured", verified=d.verified_on)
-        text += sentence(about, "useless") if d.effects else ""
+        if d.effects:
+            text += sentence(about, "useless")
         return answer(about, "stays", text, error=d.held_before)
     ends = [f"{100 * x:+.2g}".replace("-", "−") for x in d.interval]
     interval = sentence(about, "interval", ends=" … ".join(ends)) if any(d.interval) else "."
     text = sentence(about, "unseen", verified=d.verified_on)
-    reduction, every = d.used.reduction, len(d.completed.base)
+    reduction = d.used.reduction
+    every = len(d.completed.base)
     if len(reduction) < every:
         text += sentence(about, "reduced", name=reduction.name, kept=len(reduction), all=every)
     tone = "green" if d.interval[1] < 0 else "amber"

@@ -49,7 +49,8 @@ class ExcitationPresenter(AnsweringPresenter):
         """Return one row a joint."""
         rows = self.result.to_frame().to_dict("records")
         for row in rows:
-            low, high = row["lower_limit"], row["upper_limit"]
+            low = row["lower_limit"]
+            high = row["upper_limit"]
             text = f"{format_number(low, 3)} … {format_number(high, 3)}"
             row["range"] = Cell(text, high - low)
         return (make_table("motion", rows),)
@@ -60,14 +61,16 @@ class ExcitationPresenter(AnsweringPresenter):
 
     def worth(self) -> str:
         """Return the reduction of standard errors; nothing for motions of `diagnose --next`."""
-        result, about = self.result, "excitation.worth"
+        result = self.result
+        about = "excitation.worth"
         if not isinstance(result.criterion, LogDet):
             return ""
         every = sentence(about, "every", count=len(result.names))
         names = listing(result.chosen, 4) if result.chosen else every
         rise = result.after.figure - result.before.figure
         share = float(np.exp(-rise / (2 * len(result.criterion.chosen))))
-        period, other = result.trajectory.period, result.beside
+        period = result.trajectory.period
+        other = result.beside
         return sentence(about, names=names, share=share, period=period, other=other)
 
     def beside(self) -> str:
@@ -76,10 +79,13 @@ class ExcitationPresenter(AnsweringPresenter):
 
     def limits_statement(self) -> str:
         """Return the limits that the motion keeps, in words."""
-        result, about = self.result, "excitation.limits"
-        limits, parts = result.limits, [sentence(about, "joints")]
+        result = self.result
+        about = "excitation.limits"
+        limits = result.limits
+        parts = [sentence(about, "joints")]
         if result.robot.closed:
-            samples, bound = result.trajectory.samples, limits.closure_bound
+            samples = result.trajectory.samples
+            bound = limits.closure_bound
             closure = result.closure
             parts.append(sentence(about, "loops", samples=samples, closure=closure, bound=bound))
         if np.isfinite(result.gap):
@@ -114,8 +120,10 @@ class ExcitationPresenter(AnsweringPresenter):
 
 def _answer_worth(result: Excitation) -> Answer:
     """Return the number of parameters that the motion makes identifiable."""
-    about, text = "excitation.worth", result.worth
-    old, new = result.before.identifiable, result.after.identifiable
+    about = "excitation.worth"
+    text = result.worth
+    old = result.before.identifiable
+    new = result.after.identifiable
     if not new:  # of values that nobody states
         return Answer(sentence(about, "question"), text, "", "green")
     noise = sentence(about, "noise_logs" if result.logs else "noise")
@@ -136,13 +144,15 @@ class NextMotionPresenter(Presenter):
 
     def statement(self) -> str:
         """Return the answer in plain words."""
-        result, about = self.result, "excitation.next"
+        result = self.result
+        about = "excitation.next"
         parts = [name.partition(":")[0].partition("@") for name in result.names]
         first, *others = (f"{title_of(family)} in {place}" for family, _, place in parts)
         pair = sentence(about, "pair", first=first, others=others)
         if result.same:
             return sentence(about, "same", pair=pair)
-        period, k = result.excitation.trajectory.period, result.periods
+        period = result.excitation.trajectory.period
+        k = result.periods
         more = sentence(about, "times", times=k, seconds=k * period) if k > 1 else ""
         chances = {"chance": _state_chance(result.chance), "before": _state_chance(result.before)}
         limits = result.excitation.limits_statement
@@ -152,4 +162,6 @@ class NextMotionPresenter(Presenter):
 def _state_chance(share: float) -> str:
     """Return a probability in percent."""
     # From here on a percentage is not said.
-    return "more than 99 %" if share > 0.99 else f"{100 * share:.0f} %"
+    if share > 0.99:
+        return "more than 99 %"
+    return f"{100 * share:.0f} %"

@@ -23,8 +23,11 @@ class ExportedPresenter(Presenter):
 
     def statement(self) -> str:
         """Return the content of the files, in words."""
-        result, about = self.result, "export.files"
-        parts, alone, name = list[str](), result.error_ra_file, result.robot.name
+        result = self.result
+        about = "export.files"
+        parts = list[str]()
+        alone = result.error_ra_file
+        name = result.robot.name
         if result.beside:
             misread = {*result.beside} <= {FAMILIES[family].title for family in MISREADS}
             parts.append(_state_beside(result, misread=misread))
@@ -55,7 +58,8 @@ class UnseenPresenter(Presenter):
 
     def told(self) -> str:
         """Return the errors, in a sentence."""
-        result, about = self.result, "export.unseen"
+        result = self.result
+        about = "export.unseen"
         part = "callback" if result.callback else "sidecar"
         whole = sentence(about, part, callback=result.callback, both=result.both)
         files = {"own": result.names[0], "file": result.names[1], "worst": result.worst}

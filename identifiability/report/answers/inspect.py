@@ -100,8 +100,10 @@ def _answer_usable(result: Inspection) -> Answer:
 
 def _answer_content(result: Inspection) -> Answer:
     """Return the amount of motion in the logs."""
-    about, clocks = "inspection.content", pd.DataFrame([r.clock for r in result.records])
-    seconds, samples = float(clocks.duration.sum()), int(clocks.samples.sum())
+    about = "inspection.content"
+    clocks = pd.DataFrame([r.clock for r in result.records])
+    seconds = float(clocks.duration.sum())
+    samples = int(clocks.samples.sum())
     rates = dict.fromkeys(format_number(x, 3) for x in (clocks.rate.min(), clocks.rate.max()))
     cut = clocks.cutoff.dropna().min()
     text = "" if np.isnan(cut) else sentence(about, "cutoff", cutoff=cut)
@@ -120,19 +122,22 @@ def _answer_content(result: Inspection) -> Answer:
 
 def _answer_columns(result: Inspection) -> Answer:
     """Return the columns that a log needs, and the largest number of identifiable parameters."""
-    about, base = "inspection.needs", result.base
+    about = "inspection.needs"
+    base = result.base
     text = sentence(about, "most", rank=base.rank, parameters=len(base.parameters))
     if result.robot.servo:
         text += sentence(about, "torque")
     part = "motors" if result.motors else "columns"
     motors = required_columns(result.motors)[1:]
-    count, columns = len(result.columns), result.columns
+    count = len(result.columns)
+    columns = result.columns
     return answer(about, part, text, count=count, columns=columns, motors=motors)
 
 
 def _answer_open(result: Inspection) -> Answer:
     """Return the gaps of the robot file."""
-    about, needs = "inspection.open", result.needs
+    about = "inspection.open"
+    needs = result.needs
     if not needs:
         return answer(about, "nothing")
     text = " ".join(need.text for need in needs[:NAMED])

@@ -52,7 +52,8 @@ class FleetPresenter(Presenter):
         if not known:
             return (told,)
         worst = max(known, key=lambda name: known[name])
-        tone, error = TONES[grade_of(known[worst])], known[worst]
+        tone = TONES[grade_of(known[worst])]
+        error = known[worst]
         question = sentence("fleet", "models")
         return told, answer("fleet", "worst", "", tone, question, name=worst, error=error)
 

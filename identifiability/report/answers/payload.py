@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from identifiability.foundation.answers import Answer, Table, frame_table
+from identifiability.foundation.answers import Answer, Table
 from identifiability.foundation.errors import listing
 from identifiability.foundation.quoting import option_for_shell, path_for_shell
 from identifiability.foundation.result import by_name
-from identifiability.foundation.rounding import measured
+from identifiability.foundation.rounding import NONE, measured
 
 from .commands import name_logs
 from .common import AnsweringPresenter, Command, answer, command, sentence
-from .tables import with_hints
+from .tables import make_table
 
 if TYPE_CHECKING:
     from identifiability.workflows.payload import Load
@@ -43,6 +43,10 @@ class LoadPresenter(AnsweringPresenter):
         out = []
         if not (result.without or result.gains):
             out = [command("weigh", f"{call} --without empty.csv")]
+        if result.without and result.estimate.lacks:
+            unloaded = name_logs(result.robot, result.without)
+            line = f"diagnose {self.robot} {unloaded} --report missing.html"
+            out = [command("missing", line)]
         begun = name_logs(result.robot, result.logs, "--start-from")
         return [*out, command("motion", f"excite {self.robot} {begun} --out next.json")]
 
@@ -63,11 +67,17 @@ class LoadPresenter(AnsweringPresenter):
     def tables(self) -> tuple[Table, ...]:
         """Return one row a quantity, or a joint whose gain a known load tells."""
         result = self.result
-        shown = result.to_frame().drop(columns="told")  # the others give their reason
-        shown = shown.loc[:, (shown != "").any()]
         part = "quantities" if result.known is None else "gains"
-        table = frame_table(shown, sentence("payload.tables", part))
-        return (with_hints(table, "load"),)
+        shown = result.quantities if result.known is None else result.gains
+        rows = [
+            {
+                **asdict(found),
+                "stated": measured(found.value, found.half) if found.told else NONE,
+                "verdict": result[found.name].verdict,
+            }
+            for found in shown
+        ]
+        return (make_table("load", rows, caption=sentence("payload.tables", part)),)
 
     def frame(self) -> pd.DataFrame:
         """Return one row a quantity; of a load that is known one row a joint: its gain."""

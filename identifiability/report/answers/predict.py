@@ -69,7 +69,8 @@ class TorquePredictionPresenter(PredictingPresenter):
         """Return one row a sample and joint; with `details`, one row a sample as files have it."""
         if details:
             return self.frame()
-        result, names = self.result.as_logged, np.array(self.result.logs)
+        result = self.result.as_logged
+        names = np.array(self.result.logs)
         each = []
         for k, joint in enumerate(result.robot.joints):
             samples = _list_samples(result, k)
@@ -89,7 +90,8 @@ class TorquePredictionPresenter(PredictingPresenter):
 
     def error_frame(self) -> pd.DataFrame:
         """Return one row a joint: relative and absolute error, and shares inside the intervals."""
-        result, robot = self.result, self.result.robot
+        result = self.result
+        robot = self.result.robot
         columns: dict[str, Any] = {"joint": robot.joints, "unit": robot.torque_units}
         columns |= result.errors.by_joint()
         columns |= {"inside": result.inside, "unknown": result.unknown}
@@ -118,7 +120,8 @@ def _list_samples(result: TorquePrediction, joint: int) -> dict[str, Any]:
 
 def _answer_what(result: TorquePrediction) -> Answer:
     """Return the predicted logs and the model."""
-    about, logs = "prediction.what", shorten_paths(result.logs)
+    about = "prediction.what"
+    logs = shorten_paths(result.logs)
     names = {"model": result.fit.submodel.name, "origin": result.fit.origin}
     text = sentence(about, "model", samples=len(result.t), **names)
     silent = [name for name, has in zip(logs, result.measured, strict=True) if not has]
@@ -179,7 +182,8 @@ class PositionPredictionPresenter(AnsweringPresenter):
 
     def told(self) -> str:
         """Return the errors of the file's and of the fitted robot."""
-        result, about = self.result, "rollout.errors"
+        result = self.result
+        about = "rollout.errors"
         errors = (
             sentence(about, "error", error=1e3 * x, unit=result.unit)
             if np.isfinite(x)
@@ -196,7 +200,8 @@ class PositionPredictionPresenter(AnsweringPresenter):
         result = self.result
         if not result.follows:
             return usual
-        logs, sizes = [log.name for log in result.logs], (result.totals[1], result.from_commands)
+        logs = [log.name for log in result.logs]
+        sizes = (result.totals[1], result.from_commands)
         error, lag = (f"{1e3 * x:.3g} {result.unit}" for x in sizes)
         short = sentence("rollout.errors", "moves", logs=logs, error=error, lag=lag)
         return replace(usual, short=f"{short} {usual.short[0].lower()}{usual.short[1:]}")
@@ -212,7 +217,8 @@ class PositionPredictionPresenter(AnsweringPresenter):
 
 def _answer_positions(result: PositionPrediction) -> Answer:
     """Return the errors of the positions of each robot."""
-    about, totals = "rollout.errors", 1e3 * result.totals
+    about = "rollout.errors"
+    totals = 1e3 * result.totals
     diverges = sentence(about, "it_diverges")
     errors = [f"{x:.3g} {result.unit}" if np.isfinite(x) else diverges for x in totals]
     short = " → ".join(errors)

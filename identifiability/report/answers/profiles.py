@@ -45,7 +45,9 @@ def state_limits(curve: Profile) -> list[str]:
     place, _, family = curve.number.name.rpartition(".")
     if family not in FAMILIES:
         zero = curve.open[0] and curve.number.least == 0
-        return [sentence("analysis.bounds", "zero", name=curve.number.name)] if zero else []
+        if zero:
+            return [sentence("analysis.bounds", "zero", name=curve.number.name)]
+        return []
     limits = [x for x, is_open in zip(curve.number.limits, curve.open, strict=True) if is_open]
     sentences = list[str]()
     for limit in dict.fromkeys(limits):

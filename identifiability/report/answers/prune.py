@@ -37,8 +37,10 @@ class LadderPresenter(LadderedPresenter):
 
     def answer_use(self) -> Answer:
         """Return which model is worth using."""
-        result, about = self.result, "pruning.use"
-        chosen, size = result.chosen, len(result.full)
+        result = self.result
+        about = "pruning.use"
+        chosen = result.chosen
+        size = len(result.full)
         if result.nothing:
             text = sentence(about, "because", why=result.nothing)
             return answer(about, "nothing", text, size=size)
@@ -65,7 +67,8 @@ class LadderPresenter(LadderedPresenter):
 
 def _move_row(r: PrunedModel) -> dict[str, Any]:
     """Return a model of the path, and the move that led to it, as one row of a table."""
-    move, worst = r.step.move, r.worst_sigma_percent
+    move = r.step.move
+    worst = r.worst_sigma_percent
     text = f"{move.kind.value}: {move.text}" if move is not None else r.name
     condition = f"condition {format_number(r.estimate.condition, 3)}"
     cells = {

@@ -99,7 +99,9 @@ def _robot(given: Sequence[str], options: dict[str, list[str]]) -> str:
         else:
             told.append(f"{name}={values[0]!r}")
     path = repr(given[0]) if given else ""
-    return f"Robot.load({', '.join([path, *told])})" if told else path
+    if told:
+        return f"Robot.load({', '.join([path, *told])})"
+    return path
 
 
 def _keywords(options: dict[str, list[str]], verb: str) -> list[str]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +13,10 @@ from identifiability.foundation.rounding import (
     error_text,
     percent,
     percent_text,
+    probability_text,
     rough_percent,
     stated_text,
 )
-
-from .common import WORDS
 
 TABLES: dict[str, Any] = tomllib.loads(
     Path(__file__).with_name("tables.toml").read_text(encoding="utf-8")
@@ -30,6 +28,7 @@ FORMATS: dict[str, Look] = {
     "rough percent": rough_percent,
     "padded percent": error_text,
     "percentage": percent_text,
+    "probability": probability_text,
     "stated": stated_text,
     **{f"{count} digits": digits(count) for count in (2, 3, 4)},
 }
@@ -70,10 +69,3 @@ def make_column(
 ) -> Column:
     """Return a column as `tables.toml` states it, with the holes of its hint filled."""
     return Column(title, FORMATS.get(look, look), hint=hint.format(**holes), **told)
-
-
-def with_hints(table: Table, name: str) -> Table:
-    """Return a table with the hints of its columns, by their titles, from `words.toml`."""
-    hints = WORDS[f"hints.{name}"]
-    columns = tuple(replace(c, hint=hints.get(c.title, c.hint)) for c in table.columns)
-    return replace(table, columns=columns)

@@ -116,7 +116,8 @@ def believed_interval(draws: Array, nonnegative: np.ndarray, moved: Array | floa
     low, high = (np.quantile(draws, share, axis=0) for share in (below, below + 0.95))
     low[0, nonnegative] = 0.0
     best = (high - low).argmin(axis=0), np.arange(draws.shape[1])
-    first, last = low[best] - moved, high[best] + moved
+    first = low[best] - moved
+    last = high[best] + moved
     return np.column_stack([np.where(nonnegative, np.maximum(first, 0.0), first), last])
 
 
@@ -126,10 +127,13 @@ def refine_verdicts(verdicts: Sequence[Verdict], belief: Belief) -> tuple[Verdic
     Verdicts on parameters that the data determine do not change. Physically consistent bodies may
     narrow the other parameters, or their posterior may equal the prior.
     """
-    rules, physical, out = Thresholds(), belief.physical, list(verdicts)
+    rules = Thresholds()
+    physical = belief.physical
+    out = list(verdicts)
     if physical is None or not physical.convergence.trustworthy:
         return tuple(out)
-    prior_sd, data_sd = belief.prior_sd, belief.data_sd
+    prior_sd = belief.prior_sd
+    data_sd = belief.data_sd
     for k, v in enumerate(out):
         # Like with like: the data alone, and data and prior, with and without bodies.
         variance = physical.sd[k] ** 2
@@ -140,7 +144,8 @@ def refine_verdicts(verdicts: Sequence[Verdict], belief: Belief) -> tuple[Verdic
         learned = physical.sd[k] <= (1 - rules.contraction) * prior_sd[k]
         flag, part = (Flag.BY_CONE, "bodies") if by_bodies and learned else (Flag.BY_PRIOR, "prior")
         if not physical.stated[k]:
-            flag, part = Flag.BY_PRIOR, "edge"
+            flag = Flag.BY_PRIOR
+            part = "edge"
         text = phrase("narrowed", part, span=f"{low:.3g} … {high:.3g} (95 %)")
         out[k] = narrow(v, flag, text, v.believed if part == "edge" else (low, high))
     return tuple(out)
@@ -207,7 +212,8 @@ def form_belief(
 
 def widest(data: LeastSquares) -> Array:
     """Return the sd of unknown parameters: one sd makes ten times the measured torque."""
-    reach, size = np.linalg.norm(data.R, axis=0), 10.0 * float(np.linalg.norm(data.z))
+    reach = np.linalg.norm(data.R, axis=0)
+    size = 10.0 * float(np.linalg.norm(data.z))
     return np.where(reach > 0, size / np.where(reach > 0, reach, 1.0), 1.0)
 
 
@@ -229,12 +235,14 @@ def state_prior(structure: Structure, data: LeastSquares, share: float = 0.0) ->
     IdentifiabilityError
         If a body of the robot file is not physically consistent.
     """
-    robot, names = structure.robot, structure.columns
+    robot = structure.robot
+    names = structure.columns
     if check_bodies(robot):
         raise IdentifiabilityError(f"{robot.path}: {find_impossible_bodies(robot)}")
     share = share or robot.said.prior_relative
     prior = Prior.around(structure.nominal, structure.inertial, share, widest(data))
-    mean, sd = np.array(prior.mean), np.array(prior.sd)
+    mean = np.array(prior.mean)
+    sd = np.array(prior.sd)
     for stem, columns in zip(structure.bodies, structure.inertial, strict=True):
         own = robot.said.prior_share.get(stem.removesuffix("."))
         if own:
@@ -284,7 +292,9 @@ def _sample_physical(
     omits but physical bodies need count fully as error. The nearest physically consistent robot
     treats them alike.
     """
-    structure, to_x, prior = model.structure, model.to_x, target.prior
+    structure = model.structure
+    to_x = model.to_x
+    prior = target.prior
     moving = ~(model.fixed or Fixed.none(target.size)).parameters  # others are not asked
     names = list(compress(structure.columns, moving))
 

@@ -58,7 +58,9 @@ def decide_model(
     real : PhysicalResult, optional
         The nearest physically consistent robot: it may be right, too, where it predicts as well.
     """
-    structure, submodel, estimate = model.structure, model.submodel, model.estimate
+    structure = model.structure
+    submodel = model.submodel
+    estimate = model.estimate
     fit = Fit.of(model.information, estimate, rng, replicates)
     shared = dict(fit.shared) | (late.move(submodel) if late else {})
     if real is not None and real.as_good and real.nearest is not None:
@@ -94,12 +96,14 @@ def assess_ladder(
     rng, replicates, missing
         As of `decide_model`.
     """
-    torque, first = rms_torque(found.fitted), found.fits[0].model
+    torque = rms_torque(found.fitted)
+    first = found.fits[0].model
     full = fit_whole(first.estimate.estimator, first.whole) if first.estimate.kept else None
     how = rng, replicates, full, missing, found.shared
     results = []
     for k, one in enumerate(found.fits):
-        model, accounts = one.model, range(ACCOUNTS * k, ACCOUNTS * (k + 1))
+        model = one.model
+        accounts = range(ACCOUNTS * k, ACCOUNTS * (k + 1))
         fit, verdicts, infeasible = decide_model(model, torque, *how, one.robot)
         result = ModelResult(
             submodel=model.submodel,
@@ -140,14 +144,16 @@ def tell_with_file(found: Answered, share: float) -> Answered:
     if found.nothing or not (share or stated):
         return found
     data = found.fit.of_standard
-    models, hint = list[Any](), ""
+    models = list[Any]()
+    hint = ""
     for model in found.models:
         to_x = np.linalg.pinv(model.submodel.M)
         try:
             both = combine_with_file(structure, data.R, data.z, to_x @ structure.G, share)
         except ValueError:  # bodies that no prior can be around are said elsewhere
             return found
-        hint, means = both.hint, both.mean - to_x @ model.submodel.fixed
+        hint = both.hint
+        means = both.mean - to_x @ model.submodel.fixed
         each = zip(model.verdicts, means.tolist(), both.sd.tolist(), strict=True)
         verdicts = tuple(_narrow_by_file(v, mean, sd, both.words) for v, mean, sd in each)
         models.append(replace(model, verdicts=verdicts))
@@ -159,16 +165,19 @@ def _narrow_by_file(v: Verdict, mean: float, sd: float, words: str) -> Verdict:
     """Return a verdict, narrowed by the file's bodies where the logs leave it wide."""
     if not (v.open and sd**2 < Thresholds().constraint_variance * v.sigma_robust**2):
         return v
-    low, high = mean - REACH * sd, mean + REACH * sd
+    low = mean - REACH * sd
+    high = mean + REACH * sd
     text = phrase("narrowed", "file", words=words, low=low, high=high)
     return narrow(v, Flag.BY_PRIOR, text, (low, high))
 
 
 def _aliases(fit: Estimate) -> tuple[str, ...]:
     """Return, for each undetermined parameter, the parameters confounded with it by this motion."""
-    out, leans = [""] * len(fit.columns), np.abs(fit.open)
+    out = [""] * len(fit.columns)
+    leans = np.abs(fit.open)
     for k in np.flatnonzero(~fit.determined):
-        shared, own = (leans * leans[k]).max(1, initial=0.0), k in fit.kept
+        shared = (leans * leans[k]).max(1, initial=0.0)
+        own = k in fit.kept
         near = (i for i in np.argsort(-shared) if (i in fit.kept) != own and shared[i] > NEARLY)
         others = [fit.columns[i] for i in near]
         out[k] = phrase("undetermined", "shared" if others else "silent", others=others)
@@ -203,7 +212,8 @@ def select_fit(fits: Sequence[LadderFit]) -> LadderFit:
     near = near_best([one.written for one in fits])
 
     def rank(k: int) -> tuple[bool, bool, int]:
-        model, robot = fits[k].model, fits[k].robot
+        model = fits[k].model
+        robot = fits[k].robot
         impossible = bool(find_forbidden(model).any())
         return impossible or not robot.feasible, impossible, len(model.submodel)
 

@@ -61,7 +61,9 @@ class LadderFit:
     @property
     def written(self) -> Score:
         """The score of the values that predictions and files have."""
-        return self.real if self.robot.as_good and self.real is not None else self.free
+        if self.robot.as_good and self.real is not None:
+            return self.real
+        return self.free
 
     @property
     def values(self) -> Array:
@@ -157,7 +159,8 @@ def fit_with_robot(
     certified : (Certificate or None, str), optional
         Result of `certify_model`, where it is known.
     """
-    submodel, fit = model.submodel, model.estimate
+    submodel = model.submodel
+    fit = model.estimate
     free = held_out.refit(fit, submodel.M, submodel.fixed)
     score = held_out.score(free, held_out.roots(fit, submodel.M))
     weight = WEAK if cad_weight is None and not choose else cad_weight

@@ -65,7 +65,8 @@ def profile_numbers(found: Analysis, names: Sequence[str]) -> tuple[Profile, ...
     """Return the profiles of some numbers, then those of the stated shapes and delays."""
     if found.nothing:
         return ()
-    structure, columns = found.structure, found.chosen.submodel.columns
+    structure = found.structure
+    columns = found.chosen.submodel.columns
     about = structure, found.samples, find_noise(found.missing.noise, found.information)
     consistent = ConsistentNumbers(found)
     usual = (*list_shapes(structure, columns), *list_delays(structure, columns))
@@ -130,7 +131,8 @@ class ConsistentNumbers:
 
     def of(self, name: str) -> Profile:
         """Return the profile of a number."""
-        direction, number = self.direction(name), self.number(name)
+        direction = self.direction(name)
+        number = self.number(name)
         nearest = self.found.real_robot["parameters"]
         near = float(direction @ [nearest[column] for column in self.structure.columns])
         free, error, unit = self.spread(name, direction)
@@ -147,7 +149,8 @@ class ConsistentNumbers:
 
     def direction(self, name: str) -> Array:
         """Return a number as a combination of the standard parameters, (p,)."""
-        columns, standard = self.found.chosen.submodel.columns, self.structure.columns
+        columns = self.found.chosen.submodel.columns
+        standard = self.structure.columns
         if name in columns:
             row: Array = self.model.to_x[columns.index(name)]
             return row
@@ -192,7 +195,8 @@ class ConsistentNumbers:
         do not determine the number.
         """
         chosen = self.found.chosen
-        estimate, kept = chosen.estimate, list(chosen.estimate.kept)
+        estimate = chosen.estimate
+        kept = list(chosen.estimate.kept)
         loss = estimate.estimator.loss(self.model.information, estimate)
         inverse = unit_coordinates(loss[np.ix_(kept, kept)])
         roots = chosen.fit.robust[kept] / np.linalg.norm(inverse, axis=1)

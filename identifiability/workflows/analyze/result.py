@@ -116,7 +116,9 @@ class ModelResult:
     def recommended(self) -> Array:
         """Values to predict with, (k,): physically consistent ones where they are as good."""
         real = self.physical
-        return real.value if real is not None and self.physical_used else self.estimate.value
+        if real is not None and self.physical_used:
+            return real.value
+        return self.estimate.value
 
     @cached_property
     def used(self) -> tuple[Prediction, Prediction]:
@@ -140,7 +142,9 @@ class ModelResult:
         Indices 4 and 5 are files with the values that the given robot states.
         """
         every = self.unseen.relative_error()
-        return float(every[which]) if which < len(every) else float("nan")
+        if which < len(every):
+            return float(every[which])
+        return float("nan")
 
     @property
     def feasible(self) -> bool:
@@ -152,7 +156,9 @@ class ModelResult:
         """Parameters that surely have a sign that physics forbids, as a clause after "because"."""
         sure = [v for v in self.verdicts if Flag.IN_DOUBT in v.flags and v.interval95[1] < 0]
         wrong = [v.name for v in sure if v.name in self.infeasible]
-        return phrase("forbidden", "says", names=wrong) if wrong else ""
+        if wrong:
+            return phrase("forbidden", "says", names=wrong)
+        return ""
 
     @property
     def unjudged(self) -> str:
@@ -281,7 +287,8 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
 
         Its errors of raw torque also use samples at which joints stand still.
         """
-        own, every = self.chosen.used[1], self.everywhere
+        own = self.chosen.used[1]
+        every = self.everywhere
         raw = own if every is None else every
         return replace(own, errors=np.stack([own.errors[0], raw.errors[1]]))
 
@@ -326,7 +333,8 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
     @cached_property
     def provenance(self) -> dict[str, str]:
         """Versions, options, and hashes of the inputs."""
-        logs, options = (*self.samples, *self.validation), self.settings
+        logs = (*self.samples, *self.validation)
+        options = self.settings
         return state_provenance(self.robot, logs, options["seed"], self.source, options)
 
     @cached_property
@@ -347,11 +355,14 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             raise IdentifiabilityError(phrase("nothing", "says", why=self.nothing))
         both = self.fitted, self.held_out
         own, unseen = ((p.joint_rms()[:, 0], p.joint_rms(raw=True)[:, 0]) for p in both)
-        used, whole = self.chosen, self.full
+        used = self.chosen
+        whole = self.full
         part = used.submodel.reduce(self.information)
         wider = widening(part, used.fit)
-        M, unpruned = whole.submodel.M, whole.submodel.reduce(self.information)
-        to_base, shift = used.submodel.M, used.estimate.value - used.fit.value
+        M = whole.submodel.M
+        unpruned = whole.submodel.reduce(self.information)
+        to_base = used.submodel.M
+        shift = used.estimate.value - used.fit.value
         doubt = np.abs(to_base) @ used.fit.terms["alternatives"]
         covariance, unknown = measure_errors(unpruned, whole.estimate, wider)
         return predict.Fit(
@@ -370,10 +381,13 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
 
     def _servo_errors(self) -> dict[str, tuple[float, float]]:
         """Return the delay and the servo gains that the logs determine, with standard errors."""
-        servo, rolled, joints = self.robot.servo, self.recordings.rolled, self.robot.joints
+        servo = self.robot.servo
+        rolled = self.recordings.rolled
+        joints = self.robot.joints
         if servo is None or rolled is None:
             return {}
-        late, count = rolled.delay_errors, len(rolled.delays)
+        late = rolled.delay_errors
+        count = len(rolled.delays)
         told = {"delay": (rolled.delays.mean(), np.linalg.norm(late) / count)}
         kv, kp = np.linalg.norm(np.reshape(servo.doubt, (-1, 2, len(joints))), axis=0)
         for kind, own, sd in (("kv", servo.kv, kv), ("kp", servo.kp, kp * servo.kp)):
@@ -400,7 +414,8 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
     @cached_property
     def real_robot(self) -> dict[str, Any]:
         """The nearest physically consistent robot as plain values, as `export` reads them."""
-        used, real = self.chosen, self.chosen.physical
+        used = self.chosen
+        real = self.chosen.physical
         assert real is not None
         errors = used.fitted.relative_error()[1:].tolist()
         what = self.structure, real.parameters(), errors, self.samples, real.cad_weight
@@ -419,12 +434,15 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
     def mass_warning(self) -> str:
         """A warning if the total mass of the nearest physical robot is wrong; else empty."""
         real = self.real_robot
-        return "" if self.nothing else state_mass(self.robot, real["parameters"], real["cad_prior"])
+        if self.nothing:
+            return ""
+        return state_mass(self.robot, real["parameters"], real["cad_prior"])
 
     @property
     def left_out(self) -> dict[str, float]:
         """Share of unseen rows without weight, and ε_RA over all rows and of raw torque."""
-        p, every = self.held_out, self.everywhere or self.held_out
+        p = self.held_out
+        every = self.everywhere or self.held_out
         share = 1.0 - p.data.sum() / max(every.data.sum(), 1)
         errors = every.relative_error()[0], p.relative_error(raw=True)[0]
         return dict(zip(("rows", "all_rows", "raw"), map(float, (share, *errors)), strict=True))
@@ -457,7 +475,8 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
-        used, logs = self.chosen, (*self.samples, *self.validation)
+        used = self.chosen
+        logs = (*self.samples, *self.validation)
         found = {
             "schema": self.schema,
             "robot": self.robot.identity,
@@ -480,8 +499,11 @@ class Laddered(OfStructure, Result, predict.Predicts, Generic[Model]):
             "provenance": self.provenance,
         }
         unobserved = self._unobserved()
-        found |= {"unobserved": unobserved} if unobserved else {}
-        return found if self.moved is None else found | {"rollout": self.moved.to_rollout()}
+        if unobserved:
+            found |= {"unobserved": unobserved}
+        if self.moved is None:
+            return found
+        return found | {"rollout": self.moved.to_rollout()}
 
     def _errors(self) -> dict[str, Any]:
         """Return the errors by joint and by log, for JSON."""
@@ -531,7 +553,8 @@ def compare_logs(
     missing : sequence of str
         Effects that the model misses: these come first.
     """
-    columns, motions = result.submodel.columns, result.fit.motions
+    columns = result.submodel.columns
+    motions = result.fit.motions
     if motions is None or not disagree(motions):
         return ""
     names = [samples[k].name for k in motions.which]
@@ -571,7 +594,8 @@ class Analysis(Laddered[ModelResult]):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result in the documented JSON schema."""
-        base, chosen = self.base, self.chosen
+        base = self.base
+        chosen = self.chosen
         return super().to_dict() | {
             "posterior": belief_dict(chosen.submodel.columns, self.belief),
             "structure": {
@@ -651,7 +675,8 @@ def stated_values(analysis: Laddered[Any], result: ModelResult) -> list[float | 
     Estimates may be combinations of several parameters. They are compared with the same
     combinations of the file's values. Zero friction and zero rotor inertia count as not stated.
     """
-    nominal, base = analysis.robot.nominal, analysis.base
+    nominal = analysis.robot.nominal
+    base = analysis.base
     known = {n for n, x in nominal.items() if x or n.rpartition(".")[2] in INERTIAL_KINDS}
     terms = map(base.terms, range(len(base)))
     stated = np.array([any(p.name in known for _, p in own) for own in terms])

@@ -83,7 +83,8 @@ def measure_shared_errors(rows: WeightedRows) -> SharedErrors:
 
 def _has_loud_motion(data: Data) -> bool:
     """Return whether the motion has more than little noise; that of a base always has."""
-    band, how = data.band, data.preparation
+    band = data.band
+    how = data.preparation
     derived = band is not None and band.noise > LOG_RULES.small
     return data.robot.base is not None or derived or how.derivatives in KINDS or _is_noisy(data)
 
@@ -110,7 +111,8 @@ def nearly_exact(rows: WeightedRows) -> bool:
 
     This applies to logs with computed derivatives that fit in memory.
     """
-    data, information = rows.data, rows.unweighted
+    data = rows.data
+    information = rows.unweighted
     if _has_loud_motion(data) or data.recordings.commanded:
         return False
     samples = data.samples
@@ -131,7 +133,8 @@ def prepare_again(rows: WeightedRows) -> list[Dataset]:
     ----------
     rows : WeightedRows
     """
-    data, structure = rows.data, rows.data.structure
+    data = rows.data
+    structure = rows.data.structure
     base = rows.estimator.fit(rows.unweighted).value
     phi = np.linalg.lstsq(structure.G, base, rcond=None)[0]
     found = list[Dataset]()
@@ -160,7 +163,9 @@ def _move_again(robot: Robot, log: Log, prepared: Dataset, how: Preparation) -> 
     )
     again = prepare_log(robot, measured, how).motion
     kept = len(again) == len(motion)
-    return replace(prepared, motion=replace(again, kept=motion.kept)) if kept else prepared
+    if kept:
+        return replace(prepared, motion=replace(again, kept=motion.kept))
+    return prepared
 
 
 def _gather_again(data: Data, logs: Mapping[int, Log]) -> Information:
@@ -176,4 +181,6 @@ def measure_again(robot: Robot, log: Log, prepared: Dataset, how: Preparation) -
     """Return motion and torque of another version of a log, if the same rows are kept."""
     again = prepare_log(robot, log, how)
     same = np.array_equal(again.motion.kept, prepared.motion.kept)
-    return replace(prepared, motion=again.motion, tau=again.tau) if same else prepared
+    if same:
+        return replace(prepared, motion=again.motion, tau=again.tau)
+    return prepared

@@ -226,7 +226,9 @@ def analyze(
             settings = choose_settings(case, run, prior, cad_prior, posterior=posterior, **options)
             found = _fit_case(case, run, ladder, method, settings, profile)
         found = tell_with_file(found, settings["prior"])
-        return believe(found, run.say) if posterior else found
+        if posterior:
+            return believe(found, run.say)
+        return found
 
 
 def _fit_case(
@@ -240,7 +242,8 @@ def _fit_case(
     """Return the models of a ladder, judged, and which one to use."""
     source = case.ladder(ladder, beside=True)
     # A model that was given is taken as it is.
-    complete, kind = ladder is None and case.model is None, settings["estimator"]
+    complete = ladder is None and case.model is None
+    kind = settings["estimator"]
     # The torque of servos takes more than half of the time; it is computed before the other stages.
     if case.recordings(run).commanded:
         case.torque(case.first_structure(run, ladder), run)
@@ -307,11 +310,13 @@ def believe(found: Analysis, say: Progress) -> Analysis:
     """Return the analysis with the posteriors of the selected model."""
     if found.nothing:
         return replace(found, belief=Belief(None, {}, found.nothing))
-    chosen, information = found.chosen, found.information
+    chosen = found.chosen
+    information = found.information
     part = chosen.submodel.reduce(information)
     model = FittedModel(found.structure, chosen.submodel, information, part, chosen.estimate)
     sampling = share(say, "sampling the posterior", 0.9, 0.99)
-    within, models = found.settings["prior"], list(found.models)
+    within = found.settings["prior"]
+    models = list(found.models)
     rng = np.random.default_rng(found.settings["seed"]).spawn(3)[2]
     belief = form_belief(model, rng, share=within, progress=sampling)
     models[found.selected] = replace(chosen, verdicts=refine_verdicts(chosen.verdicts, belief))
@@ -325,7 +330,8 @@ def conclude_analysis(
     missing: MissingEffects,
 ) -> Analysis:
     """Judge every parameter of the fitted models and choose one model."""
-    rows, data = found.rows, found.rows.data
+    rows = found.rows
+    data = found.rows.data
     results = assess_ladder(found, rng, settings["replicates"], missing)
     selected = select_model(results, found.near)
     results, nothing = doubt(data.misread, results, selected)

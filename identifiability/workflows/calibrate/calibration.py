@@ -45,7 +45,9 @@ def decide(cell: Cell) -> Word:
     ):
         return "no"
     sure = cell.coverage - reach >= RULES.coverage
-    return "yes" if sure and not cell.wrong.high > RULES.wrong_most else "not enough trials"
+    if sure and not cell.wrong.high > RULES.wrong_most:
+        return "yes"
+    return "not enough trials"
 
 
 @frozen
@@ -76,7 +78,9 @@ class Calibration(Result):
     @property
     def word(self) -> Word:
         """Yes, no, or undecided by the trials; no if the analysis gives no values."""
-        return "no" if self.analysis.nothing else decide(self.cell)
+        if self.analysis.nothing:
+            return "no"
+        return decide(self.cell)
 
     @presented
     def rows_by_name(self) -> Iterator[Row]:

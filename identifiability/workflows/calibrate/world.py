@@ -260,7 +260,8 @@ def count_outcomes(trials: Sequence[Outcome], truth: Array, names: Sequence[str]
         Of the k parameters.
     """
     values, robust = (np.array([getattr(t, x) for t in trials]) for x in ("value", "robust"))
-    off, called = np.abs(values - truth), np.array([t.identifiable for t in trials])
+    off = np.abs(values - truth)
+    called = np.array([t.identifiable for t in trials])
     held = off <= REACH * robust
     unjudged = [not t.judged for t in trials]
     return Cell(
@@ -401,7 +402,8 @@ class World:
         ------
         LogError
         """
-        samples, logs = in_memory(analysis.samples), in_memory(analysis.recordings.fitted)
+        samples = in_memory(analysis.samples)
+        logs = in_memory(analysis.recordings.fitted)
         given: Any = analysis.settings["preparation"]
         how = [
             given if s.cutoff is None else replace(given, cutoff=s.cutoff, outputs=s.band)
@@ -434,7 +436,8 @@ class World:
             Of the residual.
         rng : numpy.random.Generator
         """
-        W, squares = self.experiment.W, list[Array]()
+        W = self.experiment.W
+        squares = list[Array]()
         for _ in range(DRAWS):
             apart = self.measure_anew(rng)[0] - W
             squares.append((apart @ self.robots.draw(rng)) ** 2)

@@ -58,7 +58,9 @@ def ask_bending(case: Case, data: Data, structure: Structure, run: Run) -> Bendi
     bending, stiff = find_bending(
         structure, prepared.fitted, prepared.held_out, band, found.bandwidth
     )
-    return fit_elastic(bending, stiff, structure) if bending.joints else bending
+    if bending.joints:
+        return fit_elastic(bending, stiff, structure)
+    return bending
 
 
 def fit_elastic(bending: Bending, stiff: Sequence[Dataset], structure: Structure) -> Bending:
@@ -80,7 +82,8 @@ def fit_elastic(bending: Bending, stiff: Sequence[Dataset], structure: Structure
     others = [p for p in structure.parameters if p.group == "actuator_inertia"]
     places = "+".join(p.owner for p in others if p.name not in rotors)
     texts = [t for t in structure.model.texts if t.partition("@")[0] != "actuator_inertia"]
-    texts += [f"actuator_inertia@{places}"] if places else []
+    if places:
+        texts += [f"actuator_inertia@{places}"]
     model = replace(structure.model, effects=Model.of(*texts).effects)
     rest = Structure.of(structure.robot, model)
     try:

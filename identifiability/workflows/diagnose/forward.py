@@ -73,12 +73,16 @@ class ForwardGap:
     @property
     def error_before(self) -> float:
         """Mean share at the end of a stretch, base model."""
-        return float(self.before[:, -1].mean()) if self.measured else float("nan")
+        if self.measured:
+            return float(self.before[:, -1].mean())
+        return float("nan")
 
     @property
     def error_after(self) -> float:
         """The same with the named effects."""
-        return float(self.after[:, -1].mean()) if self.measured else float("nan")
+        if self.measured:
+            return float(self.after[:, -1].mean())
+        return float("nan")
 
     @property
     @presented
@@ -181,7 +185,9 @@ def _stretches(unseen: Sequence[Dataset], dt: float, steps: int, most: int) -> S
     """Return evenly spaced stretches without gaps."""
     found = []
     for samples in unseen:
-        kept, t, start = samples.motion.kept, samples.motion.t, 0
+        kept = samples.motion.kept
+        t = samples.motion.t
+        start = 0
         if abs(signals.sampling_step(t) / dt - 1) > LOG_RULES.small:
             continue  # one step size for all
         while start + steps < len(kept):
@@ -208,7 +214,8 @@ def _mean_torque(fit: Physical, samples: Dataset, others: Array, rows: np.ndarra
         Torque of effects that MuJoCo does not have.
     rows : (S + 1,) int
     """
-    t, tau = samples.motion.t, samples.tau
+    t = samples.motion.t
+    tau = samples.tau
     out = np.empty((len(rows), tau.shape[1]))
     for k, joint in enumerate(fit.structure.robot.joints):
         delay = fit.values.get(f"{joint}.delay", 0.0)
@@ -236,7 +243,8 @@ def other_torque(fit: Physical, motion: Motion) -> Array:
 
 def joint_values(fit: Physical) -> dict[str, float]:
     """Return parameters as bodies and joints hold them: payloads in bodies, two Coulomb levels."""
-    robot, values = fit.structure.robot, fit.of(fit.structure.parameters)
+    robot = fit.structure.robot
+    values = fit.of(fit.structure.parameters)
     out = {}
     for body, kind in product(robot.bodies, INERTIAL_KINDS):
         load = values.get(f"{body}.payload_{kind}", 0.0)

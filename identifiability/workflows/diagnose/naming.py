@@ -474,9 +474,11 @@ def _split_places(looked: Naming, found: Terms) -> tuple[list[tuple[str, str]], 
     """Return terms of one place each, and the keys of the terms whose parts they are."""
     owners, terms = list[tuple[str, str]](), list[Term]()
     for k, term in enumerate(found):
-        for c in _candidates(looked.asked, looked.whole, found, k):
+        candidates = _candidates(looked.asked, looked.whole, found, k)
+        price = float(np.log(len(candidates)))  # the family has paid its price
+        for c in candidates:
             columns = np.array(c.columns) + looked.asked.fixed
-            group = replace(term.group, place=c.place, members=(columns,), price=0.0)
+            group = replace(term.group, place=c.place, members=(columns,), price=price)
             owners.append(term.key)
             terms.append(replace(term, group=group, member=0))
     return owners, tuple(terms)

@@ -200,11 +200,13 @@ class KnownValues(Known):
 
 def know_nothing(structure: Structure) -> KnownValues:
     """Return no prior knowledge, except of random parameters with the variance of the model."""
-    b, random = len(structure.base.names), structure.model.random
+    b = len(structure.base.names)
+    random = structure.model.random
     own = Known.nothing(np.eye(b), np.zeros(b))
     if random:
         sd = np.array([random.get(name, np.inf) for name in structure.columns])
-        open_, G = np.isinf(sd), structure.G
+        open_ = np.isinf(sd)
+        G = structure.G
         covariance = np.diag(np.where(open_, 0.0, sd) ** 2)
         own = Known.of(np.zeros(b), G, covariance, np.eye(len(sd))[:, open_])
         at = own.directions.any(0)
@@ -241,7 +243,8 @@ def know_share(share: float, structure: Structure, *, refitted: bool = False) ->
         raise IdentifiabilityError(phrase("kept", "share", share=share))
     rows, aim = state_rows(structure, share)
     if not refitted:
-        own, nominal = np.flatnonzero(~rows.any(0)), structure.nominal
+        own = np.flatnonzero(~rows.any(0))
+        nominal = structure.nominal
         sd = np.maximum(share * np.abs(nominal[own]), ROUNDOFF * np.abs(nominal).max(initial=0.0))
         rows = np.vstack([rows, np.eye(len(nominal))[own] / sd[:, None]])
         aim = np.append(aim, nominal[own] / sd)
@@ -254,7 +257,8 @@ def _know_rows(rows: Array, aim: Array, structure: Structure) -> Known:
     """Return the knowledge of the base parameters from unit-variance rows of the standard ones."""
     size = np.linalg.norm(rows, axis=0)
     size = np.where(size > 0, size, 1.0)
-    scaled, G = rows / size, structure.G / size
+    scaled = rows / size
+    G = structure.G / size
     _, s, Vt = np.linalg.svd(scaled)
     rank = int(np.sum(s > ROUNDOFF * s.max(initial=0.0)))
     moved = np.linalg.pinv(scaled) @ (aim - rows @ structure.nominal)
@@ -331,7 +335,8 @@ class ResidualRows:
         samples = regression.samples
         every = sum(s.outputs for s in samples)
         seen = Excerpt.of(regression, (every, 1, every))
-        torque, X = seen.y, seen.X
+        torque = seen.y
+        X = seen.X
         seen = replace(seen, X=X @ known.directions, y=torque - X @ known.base)
         return ResidualRows(seen, tuple(samples), torque)
 
@@ -344,7 +349,8 @@ class ResidualRows:
         """Position, velocity and acceleration of the actuated joints, (N, n) each."""
         parts = []
         for s in self.samples:
-            at, m = s.output_times(), s.motion
+            at = s.output_times()
+            m = s.motion
             both = np.concatenate([m.actuated_q, m.actuated_v, m.actuated_a], axis=1)
             parts.append(np.stack([np.interp(at, m.t, x) for x in both.T], axis=1))
         q, dq, ddq = np.split(np.concatenate(parts), 3, axis=1)
@@ -486,7 +492,8 @@ def explained_share(x: Array, r: Array) -> float:
     """Return the share of the variance of r that its means over bins of x explain, adjusted."""
     below = np.searchsorted(np.sort(x), x)
     _, bins = np.unique(below * BINS // len(x), return_inverse=True)
-    own, k = r - r.mean(), int(bins.max()) + 1
+    own = r - r.mean()
+    k = int(bins.max()) + 1
     left = own - (np.bincount(bins, own) / np.bincount(bins))[bins]
     if not own.any() or len(r) <= k or k < 2:
         return 0.0
@@ -518,7 +525,8 @@ def along_rollouts(
         The logs before preparation.
     rolled : Rollouts
     """
-    robot, model = structure.robot, structure.model
+    robot = structure.robot
+    model = structure.model
     known = {**robot.nominal, **rolled.parameters}
     phi = np.array([known.get(name, 0.0) for name in structure.columns])
     out = list[Dataset]()

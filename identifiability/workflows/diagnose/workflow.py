@@ -246,7 +246,8 @@ def _diagnose_logs(
     problem, data = pose_problem(case, request, run, recordings)
     # Values that are kept are those of the file, and a wrong scale or sign is an effect.
     effects = () if data.misread and not request.keeps else request.effects
-    found, servo = name_effects(problem, effects, run, rng), data.robot.servo
+    found = name_effects(problem, effects, run, rng)
+    servo = data.robot.servo
     if recordings is not None or servo is None:
         return found, data
     later = common_delay(found.effects, data.robot.motor_joints)
@@ -286,7 +287,8 @@ def _with_context(
         hints = (found.known.hint, *hints)
     if request.fixed is True:
         hints = (phrase("kept", "exact"), *hints)
-    logs, options = (*found.samples, *found.validation), _list_options(case, request, found)
+    logs = (*found.samples, *found.validation)
+    options = _list_options(case, request, found)
     found = replace(
         found,
         nothing="" if found.fixed else data.misread,
@@ -300,7 +302,8 @@ def _with_context(
 
 def _list_options(case: Case, request: Request, found: Diagnosis) -> dict[str, Any]:
     """Return the options that decided the numbers."""
-    kept, model = request.fixed, request.model
+    kept = request.fixed
+    model = request.model
     names = [model] if isinstance(model, (str, Path)) else model
     options: dict[str, Any] = {
         "effects": "all" if request.effects is None else list(request.effects),
@@ -328,7 +331,8 @@ def pose_problem(
     recordings : Recordings, optional
         With torque of their servos; by default those of the case.
     """
-    robot, commanded = case.known_robot(run), case.recordings(run).commanded
+    robot = case.known_robot(run)
+    commanded = case.recordings(run).commanded
     structure, known = _choose_values(case, robot, request, commanded=commanded)
     if commanded:
         torque, structure = case.torque(structure, run)
@@ -440,7 +444,8 @@ def _look_at(case: Case, data: Data, run: Run) -> tuple[Data, Excerpts]:
 
     Samples of commanded robots are taken along the motion of their rollouts.
     """
-    recordings, most = data.recordings, most_rows(data.recordings.fitted)
+    recordings = data.recordings
+    most = most_rows(data.recordings.fitted)
     excerpts: Excerpts = (), ()
     if not recordings.long:
         pairs = (data.samples, recordings.fitted), (data.validation, recordings.held_out)
@@ -519,7 +524,9 @@ def _as_diagnosed(structure: Structure, diagnosed: Structure, base: Array) -> Ar
     G, to = (s.G[:, [s.columns.index(n) for n in common]] for s in (structure, diagnosed))
     phi = np.linalg.lstsq(G, base, rcond=None)[0]
     apart = np.linalg.norm(G @ phi - base)
-    return to @ phi if apart <= NEARLY * np.linalg.norm(base) else None
+    if apart <= NEARLY * np.linalg.norm(base):
+        return to @ phi
+    return None
 
 
 def _under_ladder(case: Case, data: Data, entry: LadderEntry, run: Run) -> Data:
@@ -550,7 +557,8 @@ def name_effects(
     rng : numpy.random.Generator
         For intervals.
     """
-    found, hint = _name_between_changes(problem, effects, run), ""
+    found = _name_between_changes(problem, effects, run)
+    hint = ""
     if not problem.fixed:
         hint, outliers = _find_outliers(problem, found)
         if outliers is not None:
@@ -594,7 +602,9 @@ def take_loads(naming: Naming, engine: Engine) -> Naming:
 
 def _find_outliers(problem: Problem, found: Naming) -> tuple[str, Outliers | None]:
     """Return a sentence on outlying rows, and the rows left out before the search for effects."""
-    samples, changes, weighed = problem.samples, found.problem.changes, found.weighed
+    samples = problem.samples
+    changes = found.problem.changes
+    weighed = found.weighed
     if changes:  # an outlier segment may look like one
         rows = gather_information(found.completed.regression(samples))
         weighed = weigh_fit(problem.robot, samples, rows)
@@ -617,14 +627,17 @@ def _name_between_changes(problem: Problem, effects: Effects | None, run: Run) -
     # What was left out already, and is found again, is no change in the middle of a log.
     is_new = change is not None and change.when not in [c.when for c in problem.changes]
     without = leave_out(problem, change) if change is not None and is_new else None
-    return name_missing(looked) if without is None else _name_between_changes(without, effects, run)
+    if without is None:
+        return name_missing(looked)
+    return _name_between_changes(without, effects, run)
 
 
 def _last(changes: Sequence[Change], samples: Sequence[Dataset]) -> bool:
     """Whether a change lasts longer than a low-passed outlier segment."""
     for c in changes:
         own = next(s for s in samples if s.name == c.log)
-        t, d = own.output_times(), own.decimation
+        t = own.output_times()
+        d = own.decimation
         if np.sum((t >= c.start) & (t <= c.stop)) > (0.0 if d is None else 2 * d.reach / d.factor):
             return True
     return False
@@ -703,7 +716,8 @@ def verify_effects(
     plain : Recommended
         The plain model.
     """
-    problem, families = naming.problem, len(ends) - 1
+    problem = naming.problem
+    families = len(ends) - 1
     for n in range(families, -1, -1):
         used = naming if n == families else with_parts(naming, naming.parts[: ends[n]])
         best = used.best if n or problem.left_out else plain
@@ -744,7 +758,8 @@ def conclude(naming: Naming, rng: np.random.Generator) -> Diagnosis:
     rng : numpy.random.Generator
         For intervals.
     """
-    problem, parts = naming.problem, naming.parts
+    problem = naming.problem
+    parts = naming.parts
     counts = Counter(p.candidate.family.name for p in parts)  # families stand together
     ends = np.cumsum([0, *counts.values()]).tolist()
     plain = _recommend_plain(naming)
@@ -776,7 +791,8 @@ def _list_effects(
     rng: np.random.Generator,
 ) -> tuple[NamedEffect, ...]:
     """Return the named effects, family by family, with the errors before and after each."""
-    robot, errors = naming.problem.robot, gap.relative_error()
+    robot = naming.problem.robot
+    errors = gap.relative_error()
     effects = list[NamedEffect]()
     for at, (first, last) in enumerate(pairwise(ends)):
         own = naming.parts[first:last]
@@ -803,14 +819,16 @@ def _list_odds(found: Gains) -> tuple[Odds, ...]:
 
 def _list_evidence(naming: Naming) -> tuple[Odds, ...]:
     """Return the log odds of all groups, without and with the named effects."""
-    after, unknown = {t.key: t.odds for t in naming.after}, float("nan")
+    after = {t.key: t.odds for t in naming.after}
+    unknown = float("nan")
     pairs = [(t, after.get(t.key, unknown)) for t in naming.before]
     return tuple(Odds(t.group.family, place_of(t), t.odds, odds) for t, odds in pairs)
 
 
 def _place(naming: Naming, k: int) -> Placement:
     """Return the placement of a part: values, torque, odds and rivals."""
-    part, c = naming.parts[k], naming.parts[k].candidate
+    part = naming.parts[k]
+    c = naming.parts[k].candidate
     value, covariance = naming.values(k)
     parameters = part.parameters(naming.problem.robot)
     added = [naming.columns([k], j) @ value for j in naming.acts(k)]
@@ -837,7 +855,9 @@ def _unfiltered(naming: Naming, part: Part) -> Array:
 
     Low-passed columns depend on the past of the motion.
     """
-    robot, rows, effect = naming.problem.robot, naming.fitted, Placed([part])
+    robot = naming.problem.robot
+    rows = naming.fitted
+    effect = Placed([part])
     columns = np.zeros((*rows.measured.shape, len(effect.parameters(robot))))
     effect.fill(robot, complete_motion(robot, rows.seen.t, *rows.states), columns)
     return columns
@@ -845,12 +865,14 @@ def _unfiltered(naming: Naming, part: Part) -> Array:
 
 def _curve(naming: Naming, left: Array, k: int, placed: Placement) -> Curve:
     """Return the learned law of a part along the fitted motion."""
-    c, rows = naming.parts[k].candidate, naming.fitted
+    c = naming.parts[k].candidate
+    rows = naming.fitted
     robot = naming.problem.robot
     columns = {j: naming.columns([k], j) for j in naming.acts(k)}
     sizes = {j: np.abs(own @ placed.values).sum() for j, own in columns.items()}
     j = max(sizes, key=sizes.__getitem__)
-    law, of = columns[j], c.effect.drawn_over(robot, j)
+    law = columns[j]
+    of = c.effect.drawn_over(robot, j)
     added = law @ placed.values
     if c.family.against in ("velocity", "position") and not (c.family.remembers or robot.closed):
         law = _unfiltered(naming, c.part)[:, j]

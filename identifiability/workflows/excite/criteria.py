@@ -123,8 +123,10 @@ class Discrimination:
 
     def _outside(self, unit: Array, length: Array, ask: Ask, other: np.ndarray) -> Array:
         """Return the squares of an effect outside of the model and other columns, (m,)."""
-        size, rest = length[:, ask.own] * ask.values, np.append(np.arange(self.model), other)
-        S, base = unit[:, ask.own][:, :, ask.own], unit[:, rest][:, :, rest]
+        size = length[:, ask.own] * ask.values
+        rest = np.append(np.arange(self.model), other)
+        S = unit[:, ask.own][:, :, ask.own]
+        base = unit[:, rest][:, :, rest]
         cross = unit[:, rest][:, :, ask.own]
         steady = base + TINY * np.eye(len(rest))
         S = S - cross.transpose(0, 2, 1) @ np.linalg.solve(steady, cross)
@@ -236,7 +238,8 @@ def pose_question(
     robot = structure.robot
     question = add_beside(structure, [_place_effect(robot, text) for text in separate or ()])
     if separate is not None:
-        k, both = len(question.columns), sum(question.model.widths(robot)[-2:])
+        k = len(question.columns)
+        both = sum(question.model.widths(robot)[-2:])
         rule = LogDet(np.arange(k - both, k), "separate")
         return replace(question, chosen=tuple(separate), criterion=rule)
     at = _find_parameters(structure.base, parameters)
@@ -258,7 +261,8 @@ def add_beside(structure: Structure, effects: Sequence[Effect]) -> Question:
 
 def know_nothing(question: Question, planned: int) -> Known:
     """Return the knowledge without logs; the next log has the planned samples."""
-    k, n = len(question.columns), len(question.structure.robot.actuated)
+    k = len(question.columns)
+    n = len(question.structure.robot.actuated)
     nominal = zip(question.structure.base.names, question.structure.nominal_base, strict=True)
     filed = dict(nominal)
     values = np.array([filed.get(name, 0.0) for name in question.names])
@@ -267,7 +271,8 @@ def know_nothing(question: Question, planned: int) -> Known:
 
 def gather_known(regression: Regression) -> Known:
     """Return the information of logs on the columns of a question."""
-    k, samples = len(regression.parameters), regression.samples
+    k = len(regression.parameters)
+    samples = regression.samples
     information = gather_information(regression)
     fit = estimate(information)
     noise = fit.variance * fit.times  # that an average over many samples has

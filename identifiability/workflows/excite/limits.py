@@ -106,7 +106,8 @@ def find_limits(robot: Robot, given: LimitsLike | None = None) -> Limits:
     known = robot.motor_joints
     entry = _read(given, known)
     motors = slice(len(robot.joints) - len(known), None)
-    usual, assumed = usual_limits(robot), list[str]()
+    usual = usual_limits(robot)
+    assumed = list[str]()
     found = {kind: values[motors].copy() for kind, values in _filed_limits(robot).items()}
     for kind, values in found.items():
         likely = usual[kind][motors] if kind in usual else values
@@ -345,7 +346,8 @@ def survey(
     """
     which = motion.kept // samples
     missing = samples - np.bincount(which, minlength=count)
-    condition, leaps = np.ones(count), np.zeros(count, int)
+    condition = np.ones(count)
+    leaps = np.zeros(count, int)
     if robot.closed:
         each, passed = _closure(robot, motion, INNER * limits.closure_bound)
         np.maximum.at(condition, which, each)
@@ -376,9 +378,11 @@ def _jumps(robot: Robot, motion: Motion, step: float) -> np.ndarray:
     far = np.zeros(len(led), bool)
     for j in robot.tree.joints:
         at = slice(j.iq, j.iq + j.nq)
-        a, b = led[:, at], motion.q[1:, at]
+        a = led[:, at]
+        b = motion.q[1:, at]
         if j.kind in ("ball", "free"):  # a quaternion and its negative are one rotation
-            a, b = a[:, -4:], b[:, -4:]
+            a = a[:, -4:]
+            b = b[:, -4:]
             b = b * np.where(np.sum(a * b, 1, keepdims=True) < 0, -1.0, 1.0)
         far |= np.abs(a - b).max(1) > ROBOT_RULES.leap
     return far

@@ -142,7 +142,8 @@ def find_next(
         )
         new = bench.along(d, motion.trajectory)
         told = bench.told(known.G + new)
-        periods, chance = 1, bench.chance(known.G + new, told)
+        periods = 1
+        chance = bench.chance(known.G + new, told)
         while periods < PERIODS and chance < LIKELY and told.any():
             periods *= 2
             chance = bench.chance(known.G + periods * new, told)
@@ -229,10 +230,12 @@ class Bench:
         differences of friction laws at a reversal.
         """
         t = np.arange(PREPARED * path.samples) * path.period / path.samples
-        q, some = path.motion(t)[0], np.ones((len(t), len(d.robot.joints)))
+        q = path.motion(t)[0]
+        some = np.ones((len(t), len(d.robot.joints)))
         log = Log("next", d.robot.joints, t, q, some, None, None, "")
         how = None if d.preparation == Preparation() else d.preparation
-        samples, k = prepare_excerpt(d.robot, log, how), len(self.question.columns)
+        samples = prepare_excerpt(d.robot, log, how)
+        k = len(self.question.columns)
         regression = self.question.along((samples,))
         R = gather_information(regression).factor(self.known.weights)[:, :k]
         # The information of a sample is known from those of the logs.

@@ -207,7 +207,8 @@ class Excitation(Result):
         LogError
             If it would have too many samples, or no lead-in keeps the limits.
         """
-        path, limits = self.trajectory, self.limits
+        path = self.trajectory
+        limits = self.limits
         longest = path.period * (periods + 2 * 4)
         if longest * rate > MOST_SAMPLES:
             raise LogError(Finding("excite.long", seconds=longest, rate=rate, most=MOST_SAMPLES))
@@ -270,7 +271,8 @@ class Excitation(Result):
         LogError, OutputError
         """
         check_ending(path, ".csv", ".npz", ".mcap")
-        motion, joints = self.play(rate, periods), self.limits.joints
+        motion = self.play(rate, periods)
+        joints = self.limits.joints
         each = {"q": motion.q, "dq": motion.dq, "ddq": motion.ddq}
         if Path(path).suffix.lower() == ".mcap":
             return write_trajectory_bag(path, joints, motion)

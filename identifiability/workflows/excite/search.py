@@ -88,16 +88,20 @@ class Series:
 
     def series(self, x: Array) -> tuple[Array, Array]:
         """Return offsets (m, n) and velocity amplitudes (m, n, 2H) of candidates (m, size)."""
-        m, n, H = len(x), len(self.limits.joints), self.harmonics
+        m = len(x)
+        n = len(self.limits.joints)
+        H = self.harmonics
         limits = self.limits
         amplitude = x[:, : 2 * n * H].reshape(m, n, 2 * H) * limits.speed[:, None] / np.sqrt(H)
         if self.at_rest:
             amplitude = _from_rest(amplitude)
         q, v, a = self._motion(np.zeros((m, n)), amplitude, FINENESS * H)
-        top, bottom = q.max(1), q.min(1)
+        top = q.max(1)
+        bottom = q.min(1)
         over = 1 / np.cos(np.pi / FINENESS)
         half = 0.5 * over * (top - bottom)
-        fast, hard = over * np.abs(v).max(1), over * np.abs(a).max(1)
+        fast = over * np.abs(v).max(1)
+        hard = over * np.abs(a).max(1)
         shares = half / limits.half_range, fast / limits.speed, hard / limits.acceleration
         used = np.max(shares, axis=0)
         scale = 1.0 / np.maximum(used, 1.0)
@@ -206,7 +210,8 @@ class Objective:
         It is infinite where nothing is watched, at samples whose loops do not close and, given
         `at` (samples,) bool, at the others.
         """
-        x, watched = np.atleast_2d(x), self.watched[0]
+        x = np.atleast_2d(x)
+        watched = self.watched[0]
         out = np.full(len(x) * samples, np.inf)
         motion = None if watched is None else self._complete(x, samples)
         if watched is not None and motion is not None:
@@ -228,8 +233,10 @@ class Objective:
     def look(self, x: Array, samples: int) -> tuple[Array, Workspace]:
         """Return Gram matrices of logs and candidates together (m, k, k), and the workspace."""
         x = np.atleast_2d(x)
-        known, robot = self.known, self.question.structure.robot
-        m, n = len(x), len(robot.actuated)
+        known = self.known
+        robot = self.question.structure.robot
+        m = len(x)
+        n = len(robot.actuated)
         motion = self._complete(x, samples)
         if motion is None:
             missing = np.full(m, samples)

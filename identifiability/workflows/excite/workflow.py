@@ -240,13 +240,15 @@ def _judge(objective: Objective, noisy: Objective, x: Array | None, samples: int
     x : (size,) or None
     samples : int
     """
-    known, question = objective.known, objective.question
+    known = objective.known
+    question = objective.question
     plain, sized = (
         known.repeated if x is None else each.look(x, samples)[0][0] for each in (objective, noisy)
     )
     aim = question.criterion
     asked = aim.chosen if isinstance(aim, LogDet) else np.arange(len(question.names))
-    spread, limit = _sigma(sized), Thresholds().sigma_percent / 100 * np.abs(known.values)
+    spread = _sigma(sized)
+    limit = Thresholds().sigma_percent / 100 * np.abs(known.values)
     told = ((spread > 0) & (spread <= limit))[asked]
     return Merit(aim.figure(float(aim.cost(plain[None])[0])), _sigma(plain), told)
 
@@ -262,7 +264,8 @@ def _best(objective: Objective, found: Search, samples: int) -> tuple[Array, Wor
         gap = float(objective.gaps(x, samples).min())
         if space.kept(objective.limits.closure_bound)[0] and gap >= CLEARANCE:
             return x, space, gap
-    robot, limits = objective.question.structure.robot, objective.limits
+    robot = objective.question.structure.robot
+    limits = objective.limits
     place = {"robot": robot.name, "home": robot.describe_home()}
     bounds = {"bound": limits.closure_bound, "gap": 1000 * CLEARANCE}
     raise ClosureError(Finding("excite.none", **place, **bounds))

@@ -144,7 +144,8 @@ def draw_robots(
 
 def _draw_values(fit: Fit, share: float, count: int, rng: np.random.Generator) -> Array:
     """Return standard parameters of physically consistent robots, (count, p)."""
-    structure, data = fit.structure, fit.of_standard
+    structure = fit.structure
+    data = fit.of_standard
     prior = _prior(structure, data, share)
     target = Target(data, prior, physical_set(structure), variance=1.0)
     start = start_inside(target, structure.nominal)

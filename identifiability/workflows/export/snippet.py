@@ -75,7 +75,8 @@ def write_snippet(whole: Robot, alone: Robot, path: Path) -> tuple[Path | None, 
     path : Path
         Path of the function, if one is written.
     """
-    tables, titles = {}, dict[str, None]()
+    tables = {}
+    titles = dict[str, None]()
     for axis in (a for a in whole.axes if a.name in whole.joints):
         parts = _find_parts(whole, alone, axis)
         if parts:
@@ -109,12 +110,14 @@ def _tabulate(robot: Robot, axis: Axis, parts: Parts, friction: float) -> dict[s
     friction : float [N·m or N]
         Level of dry friction that the robot file states.
     """
-    k, usual = robot.joints.index(axis.name), usual_limits(robot)
+    k = robot.joints.index(axis.name)
+    usual = usual_limits(robot)
     home = robot.actuated_positions(robot.home[None])[0, k]
     fastest = min(robot.speed_limits[k], 10.0 * usual["v"][k])
     limits = robot.limits[k]
     low, high = np.where(np.isfinite(limits), limits, usual["q"][k])
-    v, q = np.geomspace(1e-4 * fastest, fastest, POINTS), np.linspace(low, high, POINTS)
+    v = np.geomspace(1e-4 * fastest, fastest, POINTS)
+    q = np.linspace(low, high, POINTS)
     at = partial(_halves, robot, axis, parts.values(), home)
     level, torque = at(np.full(POINTS, home), v)
     levels, torques = at(q, np.full(POINTS, v[0]))

@@ -343,7 +343,8 @@ def export(
         If the file is no result, one of another robot, or has no masses; if a robot file errs more
         than the one that it comes from.
     """
-    own, out = Robot.of(robot), Path(out)
+    own = Robot.of(robot)
+    out = Path(out)
     wanted = _find_format(out, form)
     if wanted == "patch":
         return _write_patch(own, result, out, validate=validate, force=force)
@@ -363,7 +364,8 @@ def export(
     rises = () if bent else _state_rises(own, content, wanted, out.name)
     if rises and not force:
         raise IdentifiabilityError(phrase("exported", "errs_more", rises=" ".join(rises)))
-    write, unseen = _prepare_writing(robot, content, given), None
+    write = _prepare_writing(robot, content, given)
+    unseen = None
     if list_logs(validate):
         with temporary_folder() as folder:
             unseen = judge_files(own, write(Path(folder) / out.name), validate, content)
@@ -376,7 +378,9 @@ def export(
     found = replace(found, notes=(*said, *rises, *found.notes))
     if bent:
         found = replace(found, error_ra=None, error_ra_file=None)
-    return found if found.sidecar is None else _add_snippet(own, found)
+    if found.sidecar is None:
+        return found
+    return _add_snippet(own, found)
 
 
 def with_springs(robot: Robot, found: BendingEntry) -> tuple[Robot, dict[str, float]]:
@@ -412,7 +416,8 @@ def _state_rises(robot: Robot, content: ResultEntry, kind: Kind, name: str) -> t
     name : str
         Of the file that is written.
     """
-    physical, moved = content.physical, content.rollout
+    physical = content.physical
+    moved = content.rollout
     if moved is not None:
         errors = {"moved": (moved.error, moved.error_file)}
     else:
@@ -443,7 +448,8 @@ def _prepare_writing(
     loaded = any(x and n in groups and FAMILIES[groups[n]].loaded for n, x in given.items())
     # Values from torque do not depend on servos of the file, which are kept.
     moved = robot if content.rollout else replace(robot, servo=None)
-    reference, comment = reference_values(robot) if loaded else {}, state_servos(robot, content)
+    reference = reference_values(robot) if loaded else {}
+    comment = state_servos(robot, content)
     how: Any = {"shapes": shapes, "reference": reference, "comment": comment}
     return partial(write_parameters, moved, given, keep=False, **how)
 
@@ -468,7 +474,8 @@ def _describe(
         Format of a robot file.
     unseen : Unseen or PositionPrediction, optional
     """
-    physical, known = content.physical, every_parameter(robot, content.physical.shapes)
+    physical = content.physical
+    known = every_parameter(robot, content.physical.shapes)
     # A level of one direction, where no effect has it, is part of that of both.
     beside = [n for n in written.beside if n in known or n[:-1] not in written.beside]
     return Exported(
@@ -631,7 +638,8 @@ def judge_files(
     how = None if entry is None else entry.preparation
     reading = None if entry is None else entry.reading
     files = [_reread(robot, robot.path, robot.sidecar, alone=True), read(alone=True)]
-    files += [read(alone=False)] if written.sidecar else []
+    if written.sidecar:
+        files += [read(alone=False)]
     judged = [_predict_by_file(copy, logs, how, reading) for copy in files]
     errors = [float(found.relative_error()[0]) for found, _ in judged]
     found, names = judged[1]
@@ -697,7 +705,8 @@ def _reread(robot: Robot, path: Path, sidecar: Path | None, *, alone: bool) -> R
 
 def state_servos(robot: Robot, content: ResultEntry) -> str:
     """Return a sentence on the servos of an exported robot file; empty where it has none."""
-    servo, moved = robot.servo, content.rollout
+    servo = robot.servo
+    moved = content.rollout
     if servo is None or moved is None:
         return ""
     delay = state_delay(np.array(moved.delays))[1:]

@@ -133,7 +133,8 @@ class Refits:
         train : (F, B) bool
             Blocks that each fit uses.
         """
-        k, member = len(R) - 1, np.vstack([np.ones(train.shape[1]), train])
+        k = len(R) - 1
+        member = np.vstack([np.ones(train.shape[1]), train])
         _, to_x, both = full.estimator.equations(information, full)
         # Prior knowledge counts in each.
         member = np.pad(
@@ -166,10 +167,13 @@ class Refits:
         free : (M,) int
             How many.
         """
-        k, out = len(self.centre), np.empty((len(free), *self.right.shape))
-        inside, c = np.arange(k)[:, None] < free, turn.T @ self.centre
+        k = len(self.centre)
+        out = np.empty((len(free), *self.right.shape))
+        inside = np.arange(k)[:, None] < free
+        c = turn.T @ self.centre
         for f, (gram, right) in enumerate(zip(self.grams, self.right, strict=True)):
-            A, b = turn.T @ gram @ turn, turn.T @ right
+            A = turn.T @ gram @ turn
+            b = turn.T @ right
             fit = Normal.ridged(A, b)
             moved = np.where(inside, 0.0, -c[:, None])
             for _ in range(2):  # the second time takes away what the ridge did to the first
@@ -226,7 +230,8 @@ class WhitenedRegression:
             The move to each model, beginning with the model of all excited columns.
         """
         partitions = [partition for _, partition in path]
-        turn, free = self._turn(partitions), np.array(list(map(len, partitions)))
+        turn = self._turn(partitions)
+        free = np.array(list(map(len, partitions)))
         delta = self.refits.along(turn, free)
         values = (self.refits.centre + delta) @ self.inverse.T
         left = np.concatenate([-delta[:, 1:], np.ones((len(free), self.folds.count, 1))], 2)
@@ -259,7 +264,8 @@ class WhitenedRegression:
             ``[y torque] left`` is the residual of each model in each fold.
         """
         k = len(turn)
-        found, none = np.empty(left.shape[:2]), np.zeros(k)
+        found = np.empty(left.shape[:2])
+        none = np.zeros(k)
         precision = turn.T @ self.refits.grams[1:] @ turn / self.unit
         for f, (gram, P) in enumerate(zip(self.gram, precision, strict=True)):
             before = Normal.ridged(P, none)
@@ -300,7 +306,8 @@ def whiten_regression(
     LogError
         If the logs are too short for folds.
     """
-    kept, columns = list(full.kept), information.columns
+    kept = list(full.kept)
+    columns = information.columns
     if len(kept) < len(columns):
         information = information.select(kept)
         full = full.estimator.fit(information)
@@ -404,7 +411,8 @@ class Remaining:
         free = s > SATISFIED
         off = (U.T @ (rows @ self.values))[free] / s[free]
         along = self.X @ Vt[free].T
-        values, X = self.values - along @ off, self.X - along @ Vt[free]
+        values = self.values - along @ off
+        X = self.X - along @ Vt[free]
         return replace(
             self,
             partition=partition,
@@ -588,7 +596,8 @@ def find_path(
         steps, others = walk(judge, plan)
         held_out = HeldOut.of(information, full.noise, measured.folds)
         if not is_contradicted(steps, walked, held_out):
-            walked, refused = _measure_errors(steps, measured), others
+            walked = _measure_errors(steps, measured)
+            refused = others
     first, *steps = walked
     idle = tuple(measured.start.zeroed())
     if idle:  # the first move drops unexcited columns
@@ -607,7 +616,9 @@ def _whiten_same(
     """
     fit = replace(full.estimator, noise=None).fit(whitened)
     same = fit.kept == full.kept
-    return whiten_regression(whitened, fit, folds=measured.folds) if same else None
+    if same:
+        return whiten_regression(whitened, fit, folds=measured.folds)
+    return None
 
 
 def _measure_errors(steps: Sequence[Step], measured: WhitenedRegression) -> list[Step]:
@@ -692,7 +703,8 @@ def thin_path(search: Search, chosen: int) -> tuple[Search, int, str]:
     chosen : int
         The step to use.
     """
-    steps, first = search.steps, first_allowed(search.steps)
+    steps = search.steps
+    first = first_allowed(search.steps)
     if len(steps) <= MEASURED + 1:  # of so many columns, with the model that has none
         return search, chosen, ""
     densities = [-s.density for s in steps[first:]]

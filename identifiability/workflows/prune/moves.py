@@ -270,11 +270,14 @@ class Mirror:
 
 def attachments(robot: Robot) -> list[list[Attachment]]:
     """Return the attachments of each body: its joint, the joints on it, and loop closures."""
-    joints, links = robot.tree.joints, robot.links
+    joints = robot.tree.joints
+    links = robot.links
     body_of = {last: k for k, last in enumerate(link.last for link in links)}
     found: list[list[Attachment]] = [[] for _ in links]
     for k, link in enumerate(links):
-        kind, first, last = _kind(robot, link), joints[link.first], joints[link.last]
+        kind = _kind(robot, link)
+        first = joints[link.first]
+        last = joints[link.last]
         if kind == "free":
             continue
         zero = np.zeros(3)
@@ -304,7 +307,9 @@ def _kind(robot: Robot, link: Link) -> Literal["point", "hinge", "slide", "free"
         return "free"
     if len(kinds) > 2 or "ball" in kinds:
         return "point"
-    return "slide" if kinds[-1] == "prismatic" else "hinge"
+    if kinds[-1] == "prismatic":
+        return "slide"
+    return "hinge"
 
 
 def find_mirrors(parts: list[Attachment]) -> list[Mirror]:
@@ -327,7 +332,9 @@ def find_mirrors(parts: list[Attachment]) -> list[Mirror]:
 
 def find_equal_bodies(robot: Robot) -> list[tuple[int, ...]]:
     """Return the sets of bodies at the same place of equal chains from the base."""
-    parts, sets, numbers = attachments(robot), list[list[int]](), {WORLD: WORLD}
+    parts = attachments(robot)
+    sets = list[list[int]]()
+    numbers = {WORLD: WORLD}
     for k, link in enumerate(robot.links):
         above = numbers[link.parent]
         parents = [numbers[robot.links[s[0]].parent] for s in sets]
@@ -345,7 +352,8 @@ def _are_alike(robot: Robot, parts: Sequence[list[Attachment]], a: int, b: int) 
 
     The positions of chains on the base do not count.
     """
-    joints, links = robot.tree.joints, (robot.links[a], robot.links[b])
+    joints = robot.tree.joints
+    links = (robot.links[a], robot.links[b])
     one, other = (joints[link.first : link.last + 1] for link in links)
     if [j.kind for j in one] != [j.kind for j in other] or len(parts[a]) != len(parts[b]):
         return False
@@ -440,7 +448,9 @@ def zero_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
     parts = attachments(robot)
     sets = find_equal_bodies(robot)
     single = [(k,) for k in range(len(parts)) if not any(k in s for s in sets)]
-    known, moves, seen = set(columns), [], set[str]()
+    known = set(columns)
+    moves = []
+    seen = set[str]()
     for bodies in [*single, *sets]:
         # One hinge does not constrain the shape of its body.
         mirrors = find_mirrors(parts[bodies[0]]) if len(parts[bodies[0]]) > 1 else []
@@ -464,7 +474,8 @@ def tie_moves(structure: Structure, columns: Sequence[str]) -> list[Move]:
     sets = find_equal_bodies(structure.robot)
     reach, size = _confine(structure, [(bodies, np.eye(len(GROUPED_KINDS))) for bodies in sets])
     told = np.abs(reach).max(1, initial=0.0) > RANK_TOLERANCE * size
-    left, moves = np.flatnonzero(told) if sets else np.empty(0, int), []
+    left = np.flatnonzero(told) if sets else np.empty(0, int)
+    moves = []
     while len(left):
         apart = np.abs(reach[left] - reach[left[0]]).max(1)
         equal = apart < RANK_TOLERANCE * size[left[0]]
@@ -479,7 +490,9 @@ def _columns(structure: Structure, body: int) -> np.ndarray | None:
     """Return the columns of a body's ten parameters; None where the model has not got them."""
     stem = f"{structure.robot.bodies[body]}."
     stems = list(structure.bodies)
-    return structure.inertial[stems.index(stem)] if stem in stems else None
+    if stem in stems:
+        return structure.inertial[stems.index(stem)]
+    return None
 
 
 def _confine(
@@ -500,7 +513,8 @@ def _confine(
     (b,)
     """
     p = len(structure.parameters)
-    blocks, free = [], np.ones(p, bool)
+    blocks = []
+    free = np.ones(p, bool)
     for bodies, shape in confined:
         block = np.zeros((p, shape.shape[1]))
         for at in (_columns(structure, k) for k in bodies):

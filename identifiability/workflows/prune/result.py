@@ -67,7 +67,9 @@ class PrunedModel(ModelResult):
         move = self.step.move
         if move is None:
             return phrase("pruned", "start")
-        return f"{move.why}." if move.why else phrase("pruned", "cheapest")
+        if move.why:
+            return f"{move.why}."
+        return phrase("pruned", "cheapest")
 
     @property
     def worst_sigma_percent(self) -> float:

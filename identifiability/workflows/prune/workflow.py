@@ -176,7 +176,8 @@ def _reduce(
         As of `Laddered`.
     run : Run
     """
-    data, wishes = question.rows.data, [settings[name] for name in ("forbid", "force")]
+    data = question.rows.data
+    wishes = [settings[name] for name in ("forbid", "force")]
     _check_wishes(question.start, *wishes)
     run.say("walking down the ladder", 0.4)
     search = walk_down(question, whiten_rows(question.rows, run), *wishes)
@@ -261,7 +262,8 @@ def walk_down(
     forbid, force : sequence of str
         Parameters that are always kept, and parameters that are always dropped.
     """
-    rows, start = question.rows, question.start
+    rows = question.rows
+    start = question.start
     data = rows.data
     signal = find_signal([s.survey for s in data.samples])
     noise = find_noise(data.missing.noise, rows.information)
@@ -294,7 +296,8 @@ def _hint(rows: WeightedRows, models: Sequence[PrunedModel], selected: int) -> t
 
 def _state_foreign(full: PrunedModel) -> str:
     """Return a sentence if held-out logs look like those of another robot; else empty."""
-    error, own = full.error_ra_validation, full.error_ra_unseen
+    error = full.error_ra_validation
+    own = full.error_ra_unseen
     constant = full.unseen.constant_error()
     if not error > max(constant, 2.0 * own):
         return ""
@@ -318,7 +321,8 @@ def _choose(question: Question, search: Search, cad_prior: float | None) -> tupl
     A model whose values are not physically consistent is replaced by its nearest physical robot. If
     a smaller model with physically consistent values predicts equally well, that model is used.
     """
-    steps, tried = search.steps, []
+    steps = search.steps
+    tried = []
     held_out = HeldOut.of(
         question.rows.information,
         search.full.noise,
@@ -329,7 +333,8 @@ def _choose(question: Question, search: Search, cad_prior: float | None) -> tupl
         try:
             certificate, said = certify_model(model)
         except IdentifiabilityError as error:
-            certificate, said = None, str(error)
+            certificate = None
+            said = str(error)
         tried.append((k, model, certificate, said))
         if certificate is not None and certificate.feasible:
             break
@@ -340,7 +345,9 @@ def _choose(question: Question, search: Search, cad_prior: float | None) -> tupl
     (_, first), (_, last) = found[0], found[-1]
     pair = [x.real for x in (last, first) if x.real is not None]
     alike = len(pair) > 1 and near_best(pair)[0]
-    return found[-1] if last.robot.feasible and alike else found[0]
+    if last.robot.feasible and alike:
+        return found[-1]
+    return found[0]
 
 
 # The models of the path, measured.
@@ -371,7 +378,8 @@ class Question:
 
     def fit(self, step: Step) -> FittedModel:
         """Fit the model of a step down."""
-        submodel, size = self.start, len(step.partition)
+        submodel = self.start
+        size = len(step.partition)
         if step.move is not None:
             name = f"{size} parameter{'' if size == 1 else 's'}"
             submodel = step.partition.submodel(submodel, name)
@@ -385,7 +393,8 @@ class Question:
 
     def recall(self, submodel: Submodel, estimate: Estimate) -> FittedModel:
         """Return a model that was fitted before. All of them at once would fill the memory."""
-        structure, whole = self.rows.data.structure, self.rows.information
+        structure = self.rows.data.structure
+        whole = self.rows.information
         return FittedModel(structure, submodel, whole, submodel.reduce(whole), estimate)
 
 
@@ -419,7 +428,9 @@ def predict_path(question: Question, search: Search, chosen: LadderFit) -> PathP
     chosen : LadderFit
         The fit of the step to use, and its nearest robot.
     """
-    data, steps, start = question.rows.data, search.steps, question.start
+    data = question.rows.data
+    steps = search.steps
+    start = question.start
     fits = tuple((m.submodel, m.estimate) for m in map(question.fit, steps))
     values = np.stack([submodel.expand(fit.value) for submodel, fit in fits], 1)
     folds_of_steps = np.stack([s.values[1:] for s in steps], 2)
@@ -457,9 +468,11 @@ def measure_models(
         Of the bootstrap.
     rng : numpy.random.Generator
     """
-    data, steps = question.rows.data, search.steps
+    data = question.rows.data
+    steps = search.steps
     found = predict_path(question, search, chosen)
-    weights, first = np.zeros(len(steps)), first_allowed(steps)
+    weights = np.zeros(len(steps))
+    first = first_allowed(steps)
     weights[first:] = weigh_models([step.score.density for step in steps[first:]], rng)
     models = []
     for k in range(len(steps)):
@@ -472,7 +485,8 @@ def measure_models(
     better = len(result) and result.error_ra_unseen < found.crossed.constant_error()
     nothing = data.misread or (result.contradicted if better else WORSE)
     models = [pruned.withdraw(nothing) for pruned in models] if nothing else models
-    account, folds = int(result.physical_used), search.whitened.folds
+    account = int(result.physical_used)
+    folds = search.whitened.folds
     return {
         "models": tuple(models),
         "everywhere": predict_everywhere(data, chosen, account, folds),

@@ -88,7 +88,8 @@ def test_the_restricted_likelihood_is_that_of_what_no_column_can_explain():
 
 @pytest.mark.parametrize("size", [0.0, 1e-12, 1.0, 1e9])
 def test_rounding_has_no_order(size):
-    rng, t = default_rng(4), np.linspace(0, 1, 300)
+    rng = default_rng(4)
+    t = np.linspace(0, 1, 300)
     basis = np.linalg.qr(np.sin(np.outer(t, 2 * np.arange(1, 9)) + rng.uniform(0, 6, 8)))[0]
     y = size * basis @ rng.standard_normal(8)
     problem = RestrictedLikelihood(y, basis, [(0, 100), (105, 300)])

@@ -15,7 +15,8 @@ def rng():
 
 def test_averages_over_bins_explain_what_they_explain_adjusted_for_their_number(rng):
     n = 1200
-    x, noise = rng.uniform(size=n), rng.standard_normal(n)
+    x = rng.uniform(size=n)
+    noise = rng.standard_normal(n)
     index = np.argsort(np.argsort(x)) * 12 // n
     level = np.arange(12.0)[rng.permutation(12)]
     assert explained_share(x, level[index]) == pytest.approx(1.0)

@@ -103,7 +103,8 @@ def tables():
 
 def swing(t, joints):
     """Position, velocity and acceleration (N, joints) with reversals, and standing still once."""
-    w, phase = 3.0 + np.arange(joints), 0.4 * np.arange(joints)
+    w = 3.0 + np.arange(joints)
+    phase = 0.4 * np.arange(joints)
     q = 0.25 * np.sin(np.outer(t, w) + phase) + 0.1
     v = 0.25 * w * np.cos(np.outer(t, w) + phase)
     a = -0.25 * w**2 * np.sin(np.outer(t, w) + phase)
@@ -128,7 +129,8 @@ def columns():
 
     def of(robot, motion, text):
         model = Model.of(text)
-        W, parameters = model.regressor(robot, motion), model.parameters(robot)
+        W = model.regressor(robot, motion)
+        parameters = model.parameters(robot)
         assert {(p.group,) for p in parameters} == {model.names}
         return {p.name: (p.unit, W[:, :, k]) for k, p in enumerate(parameters)}
 
@@ -144,7 +146,8 @@ def polar_torque(t, q, v, a):
     (th, r), (w, rate), (wd, acc) = q.T, v.T, a.T
     torque = (3 * (0.2**2 + 0.05**2) + 0.06) * wd
     torque += 3 * G * (0.2 * np.cos(th) - 0.05 * np.sin(th))
-    rho, z = 0.5 + r, -0.03
+    rho = 0.5 + r
+    z = -0.03
     torque += (2 * (rho**2 + z**2) + 0.02) * wd + 4 * rho * rate * w - 2 * z * acc
     torque += 2 * G * (rho * np.cos(th) - z * np.sin(th))
     force = 2 * (acc - rho * w**2 - z * wd) + 2 * G * np.sin(th)
@@ -159,10 +162,14 @@ def pair_torque(q, a):
 
 def gear_torque(q, v, a):
     """Torque of the gear's motor [N·m] by virtual work."""
-    q, v, a = q[:, 0], v[:, 0], a[:, 0]
-    swing, ratio = 0.1 - 2 * q + 0.3 * q**2, -2 + 0.6 * q
+    q = q[:, 0]
+    v = v[:, 0]
+    a = a[:, 0]
+    swing = 0.1 - 2 * q + 0.3 * q**2
+    ratio = -2 + 0.6 * q
     lift = 0.5 + 0.4 * q
-    swing_a, rise_a = ratio * a + 0.6 * v**2, lift * a + 0.4 * v**2
+    swing_a = ratio * a + 0.6 * v**2
+    rise_a = lift * a + 0.4 * v**2
     turn = (2 * 0.3**2 + 0.05) * a + 2 * 0.3 * G * np.cos(q)
     follow = (1.5 * 0.5**2 + 0.04) * swing_a + 1.5 * 0.5 * G * np.cos(swing)
     return (turn + ratio * follow + lift * 4 * (rise_a + G))[:, None]

@@ -41,7 +41,8 @@ def test_the_shape_of_a_leak_is_the_number_of_its_joint():
 
 def test_a_scale_is_a_share_of_the_joints_own_torque(polar, move, columns):
     m = move(polar, T)
-    found, tau = columns(polar, m, "torque_scale"), nominal_torque(polar, m)
+    found = columns(polar, m, "torque_scale")
+    tau = nominal_torque(polar, m)
     for k, joint in enumerate(("lift", "reach")):
         unit, column = found[f"{joint}.scale"]
         assert unit == "1"

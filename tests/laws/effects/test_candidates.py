@@ -52,7 +52,8 @@ def test_families_with_parts_are_tried_part_by_part(gear, pair, move):
 
 
 def test_what_the_model_has_is_not_tried_again_unless_its_values_are_the_files(polar, move):
-    m, model = move(polar, T), Model.of("rigid_body", "viscous_friction")
+    m = move(polar, T)
+    model = Model.of("rigid_body", "viscous_friction")
     present = Structure.of(polar, model).present
     free, refused = listed(polar, m, present=present)
     assert not {c.family.name for c in free} & {"rigid_body", "viscous_friction", "payload"}

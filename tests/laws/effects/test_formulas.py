@@ -35,7 +35,8 @@ def per_joint(kind, units, force):
 
 def test_friction_inertia_and_offset_on_a_hinge_and_a_slide(polar, move, columns):
     m = move(polar, T)
-    v, a = m.actuated_v, m.actuated_a
+    v = m.actuated_v
+    a = m.actuated_a
     one = np.ones_like(v)
     for effect, kind, units, force in (
         ("viscous_friction", "Fv", ("N·m·s/rad", "N·s/m"), v),
@@ -94,8 +95,11 @@ def test_springs_and_rotors_of_passive_joints_are_felt_through_their_gears(
     text = tables.GEAR.replace('name="swing"', 'name="swing" stiffness="12" springref="0.2"')
     robot = make(text.replace('name="rise" type', 'name="rise" armature="0.3" type'))
     m = move(robot, T)
-    q, v, a = m.actuated_q, m.actuated_v, m.actuated_a
-    swing, rise = -2 + 0.6 * q, 0.5 + 0.4 * q
+    q = m.actuated_q
+    v = m.actuated_v
+    a = m.actuated_a
+    swing = -2 + 0.6 * q
+    rise = 0.5 + 0.4 * q
     found = columns(robot, m, "joint_stiffness")
     assert list(found) == ["turn.K", "swing.K"]
     assert_allclose(found["turn.K"][1], q, atol=1e-12)  # home is zero
@@ -156,7 +160,8 @@ def test_load_dependent_friction_is_a_share_of_the_rigid_torque(
 
 def test_friction_of_passive_joints_is_felt_through_their_gears(gear, move, columns):
     m = move(gear, T)
-    q, v = m.actuated_q, m.actuated_v
+    q = m.actuated_q
+    v = m.actuated_v
     swing, rise = -2 + 0.6 * q, 0.5 + 0.4 * q  # how fast each follows
     check(
         columns(gear, m, "passive_joint_friction"),
@@ -189,7 +194,9 @@ def test_a_motor_that_mixes_joints_acts_along_its_own_coordinate(
     """The coordinate is 2 q_a − q_b from home; its torque loads both joints by virtual work."""
     m = move(pair, T)
     home = np.array([0.2, -0.4])
-    x, v, a = (m.actuated_q - home) @ MIXED, m.actuated_v @ MIXED, m.actuated_a @ MIXED
+    x = (m.actuated_q - home) @ MIXED
+    v = m.actuated_v @ MIXED
+    a = m.actuated_a @ MIXED
     found = columns(pair, m, effect)
     assert found[f"m2.{kind}"][0] == unit
     assert_allclose(found[f"m2.{kind}"][1], np.outer(law(x, v, a), MIXED), rtol=1e-12, atol=1e-12)
@@ -216,10 +223,8 @@ def test_offsets_and_delays_are_at_joints_and_not_at_mixing_motors(pair):
 
 def test_an_effect_placed_at_some_joints_has_the_columns_that_it_has_there(polar, move, columns):
     m = move(polar, T)
-    fine, coarse = (
-        columns(polar, m, "position_ripple@*:0.08"),
-        columns(polar, m, "position_ripple@*:0.2"),
-    )
+    fine = columns(polar, m, "position_ripple@*:0.08")
+    coarse = columns(polar, m, "position_ripple@*:0.2")
     placed = Model.of("position_ripple.Rc@reach:0.08", "position_ripple@lift:0.2",
                       "position_ripple@lift:0.08")  # fmt: skip
     names = [p.name for p in placed.parameters(polar)]

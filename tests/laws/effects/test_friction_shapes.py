@@ -14,7 +14,8 @@ T = np.linspace(0, 2.5, 400)
 
 def slider(x, width, start):
     """A slider that x drags along, step by step."""
-    out, p = [], start
+    out = []
+    p = start
     for value in x:
         p = min(max(p, value - width), value + width)
         out.append(p)
@@ -56,7 +57,8 @@ def test_rising_friction_and_coulomb_friction_never_push(polar, move):
 
 def test_hysteresis_is_three_springs_that_slip(polar, move, columns):
     m = move(polar, T)
-    x, v = m.actuated_q[:, 1], m.actuated_v[:, 1]
+    x = m.actuated_q[:, 1]
+    v = m.actuated_v[:, 1]
     found = columns(polar, m, "hysteresis@reach:0.02")
     assert [(n, unit) for n, (unit, _) in found.items()] == [
         ("reach.H1", "N"), ("reach.H2", "N"), ("reach.H3", "N"),
@@ -84,7 +86,8 @@ def test_backlash_takes_the_load_away_after_a_reversal(polar, move, columns, by_
     (unit, column) = columns(polar, m, "backlash@lift:0.03")["lift.Bl"]
     assert unit == "1"
     load = by_hand.polar(m.t, m.actuated_q, m.actuated_v, m.actuated_a)[:, 0]
-    x, v = m.actuated_q[:, 0], m.actuated_v[:, 0]
+    x = m.actuated_q[:, 0]
+    v = m.actuated_v[:, 0]
     z = (x - slider(x, 0.03, x[0] - 0.03 * np.sign(v[1]))) / 0.03
     apart = np.minimum(10 * (1 - np.abs(z)), 1)
     assert_allclose(column[:, 0], -load * apart, atol=1e-9)
@@ -105,7 +108,8 @@ def test_friction_along_the_position_is_its_splines_against_the_motion(polar, mo
 
 def test_friction_drifts_with_the_time_of_the_log(polar, move, columns):
     m = move(polar, T)
-    found, v = columns(polar, m, "friction_drift"), m.actuated_v
+    found = columns(polar, m, "friction_drift")
+    v = m.actuated_v
     assert found["reach.dv"][0] == "N/m"
     assert_allclose(found["reach.dv"][1][:, 1], m.t * v[:, 1])
     assert_allclose(found["lift.dc"][1][:, 0], m.t * np.sign(v[:, 0]))

@@ -57,11 +57,13 @@ def with_gravity(robot, g):
 
 def test_a_tilt_turns_gravity_about_a_horizontal_axis_by_the_right_hand(polar, move, columns):
     """Against gravity turned by +θ about x and about y, to first order."""
-    m, angle = move(polar, T), 1e-6
+    m = move(polar, T)
+    angle = 1e-6
     found = columns(polar, m, "gravity_tilt")
     assert list(found) == ["base.tilt1", "base.tilt2"]
     assert [unit for unit, _ in found.values()] == ["rad", "rad"]
-    c, s = np.cos(angle), np.sin(angle)
+    c = np.cos(angle)
+    s = np.sin(angle)
     turned = {  # (0, 0, −g) turned about x, then about y
         "base.tilt1": (0.0, 9.81 * s, -9.81 * c),
         "base.tilt2": (-9.81 * s, 0.0, -9.81 * c),
@@ -86,7 +88,8 @@ def test_without_gravity_nothing_tilts(polar):
 
 def test_a_wrong_zero_is_the_torque_at_another_position(polar, move, columns):
     """Against torque at positions that are truly b less, to first order."""
-    m, b = move(polar, T), 1e-6
+    m = move(polar, T)
+    b = 1e-6
     found = columns(polar, m, "encoder_bias")
     assert {name: unit for name, (unit, _) in found.items()} == {
         "lift.bias": "rad", "reach.bias": "m",
@@ -101,7 +104,9 @@ def test_a_wrong_zero_is_the_torque_at_another_position(polar, move, columns):
 
 def test_a_late_servo_makes_torque_of_the_commands_before(polar, by_hand, columns):
     """Against the servo's law, whose commands were taken a little too early."""
-    kp, kv, late = np.array([90.0, 400.0]), np.array([2.0, 9.0]), 1e-5
+    kp = np.array([90.0, 400.0])
+    kv = np.array([2.0, 9.0])
+    late = 1e-5
     endless = np.full(2, np.inf)
     robot = replace(polar, servo=Servo(kp, kv, -endless, endless))
     t = fine(by_hand)
@@ -151,7 +156,8 @@ def swung(robot, by_hand, t):
 
 def test_a_delay_is_minus_the_slope_of_its_own_joints_torque(polar, by_hand, columns):
     """τ(t − δ) ≈ τ(t) − δ τ̇(t): one second of δ costs −τ̇, [s]."""
-    t, h = fine(by_hand), 1e-5
+    t = fine(by_hand)
+    h = 1e-5
     found = columns(polar, swung(polar, by_hand, t), "time_delay")
     slope = (recorded(by_hand, t + h) - recorded(by_hand, t - h)) / (2 * h)
     for k, joint in enumerate(("lift", "reach")):
@@ -194,7 +200,8 @@ def test_the_delayed_torque_holds_the_files_springs(make, tables, polar, move):
 
 
 def test_the_delayed_torque_holds_the_springs_of_a_fit(polar, move):
-    m, joint = move(polar, T), polar.joints[0]
+    m = move(polar, T)
+    joint = polar.joints[0]
     known = dict(reference_values(polar))
     plain, held = (
         nominal_torque(replace(polar, reference=known | own), m)

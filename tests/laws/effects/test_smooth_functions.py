@@ -57,7 +57,8 @@ def test_a_function_of_velocity_is_odd_or_even(polar, move):
 def test_each_function_is_one_of_what_its_name_says(polar, move, by_hand):
     """A parabola of the coordinate is among its columns; nothing is at the other joint."""
     m = move(polar, T)
-    v, x = m.actuated_v[:, 0], m.actuated_q[:, 0] - 0.3
+    v = m.actuated_v[:, 0]
+    x = m.actuated_q[:, 0] - 0.3
     root = np.sign(v) * np.sqrt(np.abs(v) / 0.8)
     load = by_hand.polar(m.t, m.actuated_q, m.actuated_v, m.actuated_a)[:, 0]
     other = m.actuated_v[:, 1]
@@ -87,7 +88,8 @@ def test_shapes_of_functions_are_from_the_motion(polar, pair, move):
     found, refused = list_candidates(polar, unnamed, (), [m[:200], m[200:]], fixed=False)
     assert not refused
     shapes = {c.group: c.shape for c in found}
-    v, x = np.abs(m.actuated_v).max(0), np.abs(m.actuated_q - [0.3, -0.15]).max(0)
+    v = np.abs(m.actuated_v).max(0)
+    x = np.abs(m.actuated_q - [0.3, -0.15]).max(0)
     for k, joint in enumerate(("lift", "reach")):
         assert shapes["function_of_velocity", joint] == pytest.approx(v[k])
         assert shapes["function_of_position", joint] == pytest.approx(x[k])
@@ -102,7 +104,8 @@ def test_shapes_of_functions_are_from_the_motion(polar, pair, move):
 
 
 def test_the_time_of_the_session_is_asked_for_where_logs_share_a_clock(polar, move):
-    m, family = move(polar, T), FAMILIES["function_of_session_time"]
+    m = move(polar, T)
+    family = FAMILIES["function_of_session_time"]
 
     def shapes(*starts):
         motions = [replace(m, start=start) for start in starts]
@@ -116,7 +119,8 @@ def test_the_time_of_the_session_is_asked_for_where_logs_share_a_clock(polar, mo
 
 
 def test_a_function_of_the_session_goes_on_from_log_to_log(polar, move):
-    m, model = move(polar, T), function_of("session_time", 12.5)
+    m = move(polar, T)
+    model = function_of("session_time", 12.5)
     first, last, later = (
         model.regressor(polar, replace(m, start=start))[:, 0] for start in (0.0, 10.0, 20.0)
     )

@@ -21,7 +21,8 @@ def test_a_free_spring_is_its_position_and_a_constant(polar, pair, move, columns
     assert {n: unit for n, (unit, _) in found.items()} == {
         "lift.k": "N·m/rad", "lift.kq0": "N·m", "reach.k": "N/m", "reach.kq0": "N",
     }  # fmt: skip
-    m, row = move(pair, T), np.array([2.0, -1.0])
+    m = move(pair, T)
+    row = np.array([2.0, -1.0])
     mixed = columns(pair, m, "free_spring")
     assert_allclose(mixed["m2.k"][1], np.outer(m.actuated_q @ row, row))
     assert_allclose(mixed["m2.kq0"][1], np.tile(-row, (len(m), 1)))
@@ -31,12 +32,14 @@ def test_a_gravity_spring_is_a_sine_about_what_turns(polar, gear, move, columns)
     m = move(polar, T)
     found = columns(polar, m, "gravity_spring")
     assert list(found) == ["lift.ks", "lift.kc"]  # a slide has no angle
-    k, rest = 7.0, 0.6
+    k = 7.0
+    rest = 0.6
     torque = k * np.cos(rest) * found["lift.ks"][1] - k * np.sin(rest) * found["lift.kc"][1]
     assert_allclose(torque[:, 0], k * np.sin(m.actuated_q[:, 0] - rest))
     m = move(gear, T)
     turn = m.actuated_q[:, 0]
-    swing, ratio = 0.1 - 2 * turn + 0.3 * turn**2, -2 + 0.6 * turn
+    swing = 0.1 - 2 * turn + 0.3 * turn**2
+    ratio = -2 + 0.6 * turn
     found = columns(gear, m, "gravity_spring")
     assert list(found) == ["turn.ks", "turn.kc", "swing.ks", "swing.kc"]
     assert_allclose(found["swing.kc"][1][:, 0], ratio * np.cos(swing), atol=1e-9)
@@ -78,7 +81,8 @@ def test_splines_add_up_to_one_and_contain_every_cubic(polar, move, columns):
 
 
 def test_beyond_the_limits_a_curve_goes_on_as_at_the_end(polar, move, columns):
-    m, effect = move(polar, T), "position_torque@lift:0.45"
+    m = move(polar, T)
+    effect = "position_torque@lift:0.45"
     ends = [-1.5, 2.1, 2.6, -9.0]
     q = np.tile(m.actuated_q[:1], (4, 1))
     q[:, 0] = ends

@@ -21,7 +21,8 @@ def gather(W, tau, size=8, logs=(), columns=()):
 
 def fit_of(value, sigma, determined=None, weights=(1.0,), rss=(100.0,), columns=()):
     """Return an estimate with these values and white-noise standard deviations."""
-    value, sigma = np.asarray(value, float), np.asarray(sigma, float)
+    value = np.asarray(value, float)
+    sigma = np.asarray(sigma, float)
     k = len(value)
     known = np.ones(k, bool) if determined is None else np.asarray(determined, bool)
     rss = np.asarray(rss, float)

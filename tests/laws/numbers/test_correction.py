@@ -9,7 +9,8 @@ from identifiability.robot import complete_motion
 
 
 def test_where_a_loop_stays_open_the_measured_motion_stands(monkeypatch):
-    robot, t = Robot.load("two-link"), np.linspace(0, 1, 100)
+    robot = Robot.load("two-link")
+    t = np.linspace(0, 1, 100)
     zero, two = (complete_motion(robot, t, *np.full((3, 100, 2), x)) for x in (0.0, 2.0))
     monkeypatch.setattr(closing, "complete_motion", lambda *_: two[np.delete(np.arange(100), 7)])
     found = complete_along(robot, zero, np.full((3, 100, 2), 2.0))

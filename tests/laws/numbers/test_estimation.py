@@ -20,14 +20,16 @@ def rows():
 
 def weighted(W, tau, weights):
     root = np.sqrt(weights)
-    flat, right = (W * root[:, None]).reshape(-1, W.shape[2]), (tau * root).ravel()
+    flat = (W * root[:, None]).reshape(-1, W.shape[2])
+    right = (tau * root).ravel()
     x = np.linalg.lstsq(flat, right, rcond=None)[0]
     return x, right - flat @ x, flat
 
 
 def test_actuators_are_weighted_by_their_own_residual_variance(rows):
     information = gather(*rows)
-    plain, fit = estimate(information, "ols"), estimate(information, "wls")
+    plain = estimate(information, "ols")
+    fit = estimate(information, "wls")
     residual = rows[1] - rows[0] @ plain.value
     # Each of two actuators pays for half of three parameters.
     variance = (residual**2).sum(0) / (160 - 1.5)

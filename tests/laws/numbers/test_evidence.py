@@ -40,12 +40,15 @@ def test_densities_are_those_of_the_normal_distribution_of_a_fold():
     found = score_of(held, fit)
     test = np.repeat(folds.test, 6)
     for f in range(folds.count):
-        train, own = np.repeat(folds.train[f], 6), test == f
-        X, y = W[train].reshape(-1, 4), tau[train].ravel()
+        train = np.repeat(folds.train[f], 6)
+        own = test == f
+        X = W[train].reshape(-1, 4)
+        y = tau[train].ravel()
         value = np.linalg.lstsq(X, y, rcond=None)[0]
         weight = np.tile(1 / WHITE.variance, train.sum())
         covariance = np.linalg.inv(X.T @ (weight[:, None] * X))
-        A, e = W[own].reshape(-1, 4), tau[own].ravel()
+        A = W[own].reshape(-1, 4)
+        e = tau[own].ravel()
         noise = np.diag(np.tile(WHITE.variance, own.sum()))
         law = multivariate_normal(A @ value, noise + A @ covariance @ A.T)
         constant = -0.5 * np.linalg.slogdet(2 * np.pi * noise)[1]
@@ -59,7 +62,8 @@ def test_folds_leave_out_the_memory_on_both_sides_and_do_not_cross_logs():
     information = gather(W, tau, size=5, logs=(200, 100))
     folds = Folds.of(information, 12.0)
     assert 5 <= folds.count <= 11
-    log, test = np.repeat(information.log, 5), np.repeat(folds.test, 5)
+    log = np.repeat(information.log, 5)
+    test = np.repeat(folds.test, 5)
     for f, train in enumerate(np.repeat(folds.train, 5, axis=1)):
         own = np.flatnonzero(test == f)
         assert len(set(log[own])) == 1
@@ -92,7 +96,9 @@ def test_a_log_too_short_for_five_folds_is_refused_in_one_sentence(memory):
 @pytest.mark.parametrize("rho", [pytest.param(0.0, marks=pytest.mark.everything), 0.9])
 def test_of_models_that_are_equally_good_few_are_called_better_or_worse(rho):
     """Each has one column that acts and another that does not: they are exchangeable."""
-    rng, called, trials = default_rng(5), 0, 120
+    rng = default_rng(5)
+    called = 0
+    trials = 120
     for _ in range(trials):
         W = np.stack([ar1(rng, 0.95, 300, 3) for _ in range(2)], 1)
         tau = W[:, :, 0] + ar1(rng, rho, 300, 2)
@@ -106,7 +112,9 @@ def test_of_models_that_are_equally_good_few_are_called_better_or_worse(rho):
 @pytest.mark.parametrize("off", [0.05, 0.1])
 def test_a_planted_gain_is_found_as_often_as_theory_says(off):
     """A value that is wrong by d costs d² Σx² ± 2 d σ √Σx²: the rest is Student's t."""
-    rng, trials, N = default_rng(2), 150, 1200
+    rng = default_rng(2)
+    trials = 150
+    N = 1200
     W = rng.normal(size=(N, 1, 1))
     noise = Noise(np.ones(1), np.ones(1))
     found = 0
@@ -121,7 +129,8 @@ def test_a_planted_gain_is_found_as_often_as_theory_says(off):
 
 def test_nothing_depends_on_units_or_on_how_rows_are_cut_into_blocks_and_ordered_in_them():
     W, tau = rows()
-    unit, scale = np.array([1e3, 1e-3]), np.array([1.0, 1e4, 1e-4, 10.0])
+    unit = np.array([1e3, 1e-3])
+    scale = np.array([1.0, 1e4, 1e-4, 10.0])
     order = (np.arange(240).reshape(-1, 4)[:, ::-1]).ravel()
 
     def judged(W, tau, noise, size):

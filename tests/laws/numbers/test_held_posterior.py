@@ -22,7 +22,8 @@ def target(nonnegative=(False,) * 5, variance=0.3):
 def test_what_is_held_conditions_the_normal_of_data_and_prior():
     """The normal of all five parameters, conditioned on H φ = h by its textbook formula."""
     t = target()
-    R, prior = t.data.R, t.prior
+    R = t.data.R
+    prior = t.prior
     covariance = np.linalg.inv(R.T @ R / t.variance + np.diag(prior.sd**-2))
     mean = covariance @ (R.T @ t.data.z / t.variance + prior.mean / prior.sd**2)
     gain = covariance @ FIXED.rows.T @ np.linalg.inv(FIXED.rows @ covariance @ FIXED.rows.T)
@@ -46,9 +47,11 @@ def test_coordinates_and_parameters_of_the_plane_are_one_to_one():
 def test_directions_that_the_data_do_not_see_have_no_gain_and_take_no_residual():
     """Three parameters, two of whose combinations are seen in four rows."""
     rng = default_rng(0)
-    R, z = rng.normal(size=(4, 2)) @ [[1.0, 0.0, 2.0], [0.0, 1.0, -1.0]], rng.normal(size=4)
+    R = rng.normal(size=(4, 2)) @ [[1.0, 0.0, 2.0], [0.0, 1.0, -1.0]]
+    z = rng.normal(size=4)
     region = PhysicalSet(np.empty((0, 10), int), np.zeros(3, bool))
-    data, prior = LeastSquares(R, z, 7.0, 50.0), Prior(np.zeros(3), np.arange(1.0, 4.0))
+    data = LeastSquares(R, z, 7.0, 50.0)
+    prior = Prior(np.zeros(3), np.arange(1.0, 4.0))
     found = Target(data, prior, region).diagonal
     assert np.count_nonzero(found.gain) == 2
     outside = z - R @ np.linalg.lstsq(R, z, rcond=None)[0]

@@ -93,7 +93,8 @@ def test_refits_are_those_of_the_rows(idle, size):
     counts = rng.multinomial(B, np.full(B, 1 / B), 4).astype(float)
     found = fit.estimator.refit(information, fit, counts)
     Z, X, y = weighted(fit, V, W, tau)
-    Qz, Qx = np.linalg.qr(Z)[0], np.linalg.qr(X)[0]
+    Qz = np.linalg.qr(Z)[0]
+    Qx = np.linalg.qr(X)[0]
     U, s, Yt = np.linalg.svd(Qz.T @ Qx)
     strong = s > 0.5
     T = np.column_stack([(Qz @ U)[:, strong], (Qx @ Yt.T)[:, ~strong]])
@@ -141,7 +142,8 @@ def faint(rng, samples=400):
 
 
 def test_intervals_hold_what_weak_directions_leave_biased():
-    trials, held = 40, []
+    trials = 40
+    held = []
     for seed in range(trials):
         rows = planted(default_rng([seed, 17]), 400, idle=True)
         fit = PLAIN.fit(compress(*rows))
@@ -150,7 +152,9 @@ def test_intervals_hold_what_weak_directions_leave_biased():
 
 
 def test_intervals_hold_a_motion_that_is_half_noise():
-    trials, held, short = 60, [], []
+    trials = 60
+    held = []
+    short = []
     for seed in range(trials):
         rng = default_rng([seed, 13])
         information = compress(*faint(rng), size=5)
@@ -165,7 +169,11 @@ def test_intervals_hold_a_motion_that_is_half_noise():
 
 
 def test_the_mean_of_many_estimates_is_the_truth_and_intervals_hold_it():
-    trials, held, values, plain, means = 80, [], [], [], []
+    trials = 80
+    held = []
+    values = []
+    plain = []
+    means = []
     for seed in range(trials):
         rng = default_rng([seed, 11])
         information = compress(*planted(rng, 240, 0.2), size=4)
@@ -177,7 +185,8 @@ def test_the_mean_of_many_estimates_is_the_truth_and_intervals_hold_it():
         means.append([fit.sigma, scores.sd, drawn])
         values.append(fit.value)
         plain.append(estimate(information).value)
-    values, plain = np.array(values), np.array(plain)
+    values = np.array(values)
+    plain = np.array(plain)
     error = values.std(0, ddof=1)
     assert np.all(np.abs(values.mean(0) - TRUTH) < 4 * error / np.sqrt(trials))
     assert np.all(np.abs(plain.mean(0) - TRUTH).max() > 1.5 * plain.std(0).max())
@@ -191,7 +200,8 @@ def test_a_fold_that_does_not_determine_all_says_what_it_does():
     """A column that says nothing there has no weight, and ends in no traceback."""
     rng = default_rng(8)
     V = rng.standard_normal((300, 1, 3))
-    W, tau = V + 0.1 * rng.standard_normal(V.shape), V @ np.array([1.0, 2.0, 3.0])
+    W = V + 0.1 * rng.standard_normal(V.shape)
+    tau = V @ np.array([1.0, 2.0, 3.0])
     fit = IV.fit(compress(V, W, tau))
     still = np.array([1.0, 1.0, 0.0])
     F = fit.estimator.loss(compress(V * still, W * still, tau), fit)

@@ -25,7 +25,8 @@ def slow_columns(rng, samples, columns, actuators=2):
     """Sums of a few slow sines, (samples, actuators, columns): a motion excites like this."""
     time = np.linspace(0, 1, samples)[:, None, None, None]
     shape = (actuators, columns, 3)
-    turns, phase = rng.uniform(1, 25, shape), rng.uniform(0, 7, shape)
+    turns = rng.uniform(1, 25, shape)
+    phase = rng.uniform(0, 7, shape)
     return np.sin(2 * np.pi * turns * time + phase).sum(-1)
 
 
@@ -49,9 +50,12 @@ def test_times_are_those_of_the_noise_whatever_the_blocks(size, logs):
 def test_what_the_columns_swallow_is_counted():
     """Of 750 samples 30 slow columns take the slow noise first: what is left seems to forget."""
     rng = default_rng(1)
-    seen, left, size = [], [], []
+    seen = []
+    left = []
+    size = []
     for _ in range(30):
-        W, noise = slow_columns(rng, 750, 30, 1), noise_of(rng, 750, 0.9)
+        W = slow_columns(rng, 750, 30, 1)
+        noise = noise_of(rng, 750, 0.9)
         fit = estimate(gather(W, noise, 3))
         seen.append(fit.times[0])
         size.append([fit.rss[0] / 750, fit.variance[0]])
@@ -66,7 +70,8 @@ def test_slow_noise_of_one_actuator_is_not_taken_for_that_of_another():
     rng = default_rng(2)
     times = []
     for _ in range(20):
-        W, noise = slow_columns(rng, 750, 12), noise_of(rng, 750, 0.98, 0.0)
+        W = slow_columns(rng, 750, 12)
+        noise = noise_of(rng, 750, 0.98, 0.0)
         times.append(estimate(gather(W, noise * [5.0, 1.0], 3)).times)
     assert np.mean(times, 0)[0] > 30
     assert np.mean(times, 0)[1] < 1.3
@@ -87,7 +92,8 @@ def test_times_that_do_not_differ_are_one_and_leave_the_weights_to_the_variances
     W = slow_columns(rng, 1500, 4, 3)
     same = W @ np.ones(4) + noise_of(rng, 1500, 0.8, 0.8, 0.8) * [1.0, 2.0, 3.0]
     apart = W @ np.ones(4) + noise_of(rng, 1500, 0.8, 0.0, 0.0) * [1.0, 2.0, 3.0]
-    one, own = estimate(gather(W, same, 6)), estimate(gather(W, apart, 6))
+    one = estimate(gather(W, same, 6))
+    own = estimate(gather(W, apart, 6))
     assert one.times[0] == pytest.approx(9.0, rel=0.4)
     assert_allclose(one.times, one.times[0], rtol=1e-12)
     assert_allclose(one.weights * one.variance, one.weights[0] * one.variance[0])
@@ -116,7 +122,11 @@ def test_the_posterior_covers_every_parameter_and_weights_do_no_harm(rho):
     W = slow_columns(rng, 750, 6)
     W[:, 0, :2] = W[:, 1, 2:4] = 0.0
     W[:, 0, 4] = 1.0  # an offset, which slow noise hurts most
-    truth, trials, off, held, even = np.arange(1.0, 7.0), 60, [], [], []
+    truth = np.arange(1.0, 7.0)
+    trials = 60
+    off = []
+    held = []
+    even = []
     flat = np.einsum("tnk,tnl->nkl", W, W)
     for _ in range(trials):
         tau = W @ truth + noise_of(rng, 750, *rho) * [2.0, 1.0]
@@ -155,14 +165,16 @@ def test_a_model_that_leaves_a_constant_out_has_the_memory_of_the_whole_one():
 
 def test_an_actuator_that_a_model_cannot_explain_does_not_decide_what_others_need():
     """The quietest of three actuators has a torque that looks like what all three share."""
-    rng, off = default_rng(9), {"settled": [], "noise alone": [], "own": []}
+    rng = default_rng(9)
+    off = {"settled": [], "noise alone": [], "own": []}
     for _ in range(40):
         W = rng.normal(size=(200, 3, 5))
         W[:, :2, 4] = 0.0
         W[:, 2, 4] += W[:, 2, :4] @ rng.normal(size=4) * 0.5
         noise = rng.standard_normal((200, 3)) * [1.0, 1.0, 0.2]
         whole = gather(W, W @ np.ones(5) + noise, 2)
-        small, wls = whole.select(range(4)), find_estimator("wls")
+        small = whole.select(range(4))
+        wls = find_estimator("wls")
         known = estimate_noise(wls, whole)
         own = wls.fit(small)
         alone = replace(own, weights=weigh(whole, known.noise.variance * known.noise.times))

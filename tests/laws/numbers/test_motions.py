@@ -34,7 +34,8 @@ def compare(values, seed, noise=0.5, rho=0.8, change=None, names=("j.a", "j.b", 
     rng = default_rng(seed)
     W = [motion(rng) for _ in values]
     tau = [w @ x + noise * ar1(rng, rho, len(w), 2) for w, x in zip(W, values, strict=True)]
-    W, log = np.concatenate(W), np.repeat(np.arange(len(values)), SAMPLES)
+    W = np.concatenate(W)
+    log = np.repeat(np.arange(len(values)), SAMPLES)
     if change is not None:
         W = change(W, log)
     return ask(Information.of_rows(names, W, np.concatenate(tau), log, BLOCK))
@@ -58,7 +59,8 @@ def test_logs_of_one_robot_are_seldom_said_to_differ_and_then_add_nothing(logs):
 
 @pytest.mark.everything
 def test_the_interval_holds_another_motions_values_where_motions_scatter():
-    held, plain = [], []
+    held = []
+    plain = []
     for seed in range(40):
         rng = default_rng([8, seed])
         scatter = 0.25 * rng.standard_normal((5, 4)) * [1.0, 3.0, 0.5, 1.0]
@@ -78,7 +80,9 @@ def test_a_kind_of_parameter_has_one_excess_and_others_have_none():
 
 
 def test_two_logs_are_compared_by_a_t_test():
-    values, sd, counts = np.array([[1.0, 2.0], [1.5, 1.0]]), np.full((2, 2), 0.3), [16, 16]
+    values = np.array([[1.0, 2.0], [1.5, 1.0]])
+    sd = np.full((2, 2), 0.3)
+    counts = [16, 16]
     _, p, d = _differ(values, sd, np.array(counts) - 1.0)
     for k in range(2):
         spread = sd[:, k] * 4.0

@@ -28,7 +28,8 @@ def assess(samples, columns=4, *, rho=0.0, actuators=2, size=1, replicates=100, 
 
 
 def judged(fit, found, rules=None):
-    k, alias = len(fit.columns), ("Only with another.",)
+    k = len(fit.columns)
+    alias = ("Only with another.",)
     found = replace(found, column_noise=np.full(k, 1e3))
     told = ["label"] * k, ["kg"] * k, 1.0, alias * k, np.zeros(k, bool), None
     return judge(found, *told, rules or Thresholds())

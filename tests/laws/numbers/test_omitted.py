@@ -59,7 +59,8 @@ def left_out(motion, nominal, submodel, tau=None):
 
 def test_bodies_scatter_by_mass_and_the_rms_distance_of_their_mass():
     scatter = body_scatter(structure_of(FILE))
-    mass, second = 4.0, (2.0 + 1.5 + 1.1) / 2
+    mass = 4.0
+    second = (2.0 + 1.5 + 1.1) / 2
     assert_allclose(scatter[9], ESTIMATION_RULES.body_share * mass)
     assert_allclose(scatter[6:9], ESTIMATION_RULES.body_share * np.sqrt(mass * second))  # m r
     assert_allclose(scatter[:6], ESTIMATION_RULES.body_share * second)
@@ -73,7 +74,8 @@ def test_what_the_fit_would_find_on_the_files_robot_is_what_it_finds_there(motio
 
 def test_sigma_is_the_rms_distance_of_noise_free_fits_from_their_labels(motion):
     kept = [0, 5, 9, 10]
-    submodel, rng = submodel_of(kept), default_rng(1)
+    submodel = submodel_of(kept)
+    rng = default_rng(1)
     found, _ = left_out(motion, FILE, submodel)
     flat = motion.reshape(-1, 12)
     draws = FILE + body_scatter(structure_of(FILE)) * rng.standard_normal((4000, 12))
@@ -167,8 +169,10 @@ def test_what_no_file_states_is_noticed_by_the_unpruned_model(motion, size):
     theta = FILE + np.where(np.arange(12) == 10, 40.0, 0.0)
     every = gather(motion, motion @ theta + quiet(motion, size=size), columns=NAMES)
     fixed = np.where(np.isin(np.arange(12), kept), 0.5 * FILE, 0.0)
-    submodel, own = submodel_of(kept, fixed), find_estimator("ols")
-    fit, full = own.fit(submodel.reduce(every)), own.fit(every)
+    submodel = submodel_of(kept, fixed)
+    own = find_estimator("ols")
+    fit = own.fit(submodel.reduce(every))
+    full = own.fit(every)
     found = find_left_out(structure_of(FILE), submodel, every, fit, full)
     label = (full.value - fixed)[kept]
     apart = np.abs(fit.value - label)
@@ -191,14 +195,16 @@ def test_a_label_that_the_unpruned_model_leaves_open_is_not_disputed(motion):
 
 
 def test_logs_that_tell_all_leave_the_distance_from_the_label_itself(motion):
-    kept, rng = [0, 5, 9, 10], default_rng(3)
+    kept = [0, 5, 9, 10]
+    rng = default_rng(3)
     theta = FILE + body_scatter(structure_of(FILE)) * rng.standard_normal(12)
     found, fit = known_by_logs(motion, submodel_of(kept), theta, quiet(motion))
     assert_allclose(found.sigma, np.abs(fit.value - theta[kept]), rtol=1e-4)
 
 
 def test_logs_that_tell_nothing_leave_what_the_file_knows(motion):
-    kept, noise = [0, 5, 9, 10, 11], quiet(motion, size=1e7)
+    kept = [0, 5, 9, 10, 11]
+    noise = quiet(motion, size=1e7)
     found, _ = known_by_logs(motion, submodel_of(kept), FILE, noise)
     alone, _ = left_out(motion, FILE, submodel_of(kept))
     assert_allclose(found.sigma, alone.sigma, rtol=1e-3)
@@ -206,11 +212,15 @@ def test_logs_that_tell_nothing_leave_what_the_file_knows(motion):
 
 def test_sigma_is_the_rms_distance_whatever_the_noise_and_follows_the_robot():
     """Robots drawn as the file allows, logs of them with noise that leaves some things open."""
-    rng, kept, size = default_rng(4), [0, 5, 9, 10], 5.0
+    rng = default_rng(4)
+    kept = [0, 5, 9, 10]
+    size = 5.0
     W = rng.normal(size=(60, 2, 12)) @ rng.normal(size=(12, 12))
-    submodel, P = submodel_of(kept), np.linalg.pinv(W.reshape(-1, 12)[:, kept])
+    submodel = submodel_of(kept)
+    P = np.linalg.pinv(W.reshape(-1, 12)[:, kept])
     noise_variance = size**2 * (P**2).sum(1)
-    squares, said = [], []
+    squares = []
+    said = []
     for _ in range(60):
         theta = FILE + body_scatter(structure_of(FILE)) * rng.standard_normal(12)
         found, fit = known_by_logs(W, submodel, theta, size * rng.standard_normal(W.shape[:2]))

@@ -35,7 +35,9 @@ def gathered(W, tau, size=SIZE):
 
 @pytest.mark.parametrize("rho", [0.0, 0.9])
 def test_without_outliers_nothing_changes(rho):
-    plain, weighed, touched = [], [], 0
+    plain = []
+    weighed = []
+    touched = 0
     for seed in range(40):
         information = gathered(*rows(seed, rho))
         kept, found = weigh_outliers(information, WLS)
@@ -51,7 +53,8 @@ def test_without_outliers_nothing_changes(rho):
 @pytest.mark.parametrize("size", [20, pytest.param(1, marks=pytest.mark.everything)])
 def test_a_stretch_a_hundred_times_off_moves_values_by_less_than_a_third_of_sigma(rho, size):
     """Beside the fit that never saw it."""
-    off, clean = [], []
+    off = []
+    clean = []
     for seed in range(40):
         W, tau = rows(seed, rho)
         tau[480:510, 0] += 100 * 0.05

@@ -60,7 +60,8 @@ def test_newton_keeps_what_is_held_and_stops_friction_at_zero(monkeypatch):
 
 
 def test_a_path_of_priors_passes_each_ones_optimum():
-    data, weights = problem(2, 40), (100.0, 10.0, 0.1)
+    data = problem(2, 40)
+    weights = (100.0, 10.0, 0.1)
     path = list(Projection(REGION, prior=CadPrior(FILE, 1.0)).follow(data, weights))
     assert len(path) == 3
     for weight, (phi, _) in zip(weights, path, strict=True):
@@ -69,7 +70,8 @@ def test_a_path_of_priors_passes_each_ones_optimum():
 
 
 def test_errors_on_the_path_are_the_inverse_curvature_of_the_cost():
-    data, weight = problem(3, 60), 10.0
+    data = problem(3, 60)
+    weight = 10.0
     ((phi, root),) = Projection(REGION, prior=CadPrior(FILE, 1.0)).follow(data, [weight])
     covariance = root @ root.T
     for k in range(20):  # along a direction that moves what is most probable by one sd of it
@@ -125,7 +127,8 @@ def test_the_heaviest_prior_within_two_nats_is_taken_and_a_surely_better_fit_sta
     how = kept.estimate.estimator
     model = FittedModel.of(first.structure, kept.submodel, first.information, how)
     real, _ = hold_folds(first.information, how)
-    F, rng = real.folds.count, default_rng(2)
+    F = real.folds.count
+    rng = default_rng(2)
     squares = rng.uniform(0.9, 1.1, (F, 2))
 
     def score(total, times=1.0):
@@ -136,7 +139,8 @@ def test_the_heaviest_prior_within_two_nats_is_taken_and_a_surely_better_fit_sta
         ((-30.0, -10.0, 0.0, 1.0), 1.0, 2, True),
         ((-30.0, -10.0, 0.0, 1.0), 0.01, 2, False),
     ):
-        planted, errors = iter(totals), iter((1.0, free))
+        planted = iter(totals)
+        errors = iter((1.0, free))
         regions = SimpleNamespace(
             folds=real.regions.folds,
             refit=lambda *_: None,

@@ -14,7 +14,8 @@ SHAPE = "elbow.stribeck_friction"
 
 def case_of(level):
     """Return a case of two logs with Stribeck friction of a level in the elbow [N·m]."""
-    robot, rng = Robot.load("two-link"), np.random.default_rng(5)
+    robot = Robot.load("two-link")
+    rng = np.random.default_rng(5)
     motions = [random_trajectory(robot, rng, samples=2000, period=20.0) for _ in range(2)]
     campaign = Campaign.of(robot, motions)
     speed = campaign.move.dq[:, 1]
@@ -41,7 +42,8 @@ def test_a_shape_is_profiled_unasked_and_its_region_holds_the_truth(found):
 
 
 def test_inside_the_cone_the_region_is_the_interval(found):
-    curve, row = found.find_profile("link2.mx"), found["link2.mx"]
+    curve = found.find_profile("link2.mx")
+    row = found["link2.mx"]
     half = 0.0196 * row.details["sigma_robust_percent"] * abs(row.estimate)
     assert np.allclose(curve.region, (curve.best - half, curve.best + half), atol=0.1 * half)
 

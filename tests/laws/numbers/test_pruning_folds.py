@@ -79,7 +79,8 @@ def test_fits_by_instruments_are_the_estimators_own():
     V = rng.normal(size=(200, 2, 20))
     W = V + 1.5 * rng.normal(size=V.shape)
     tau = V @ np.linspace(-2.0, 2.0, 20) + 0.3 * rng.normal(size=V.shape[:2])
-    names, log = tuple(f"p{j}" for j in range(20)), np.zeros(200, int)
+    names = tuple(f"p{j}" for j in range(20))
+    log = np.zeros(200, int)
     estimator = Estimator(weighted=False, instruments=True)
     information = Information.of_rows(names, W, tau, log, 4, V)
     full = estimator.fit(information)
@@ -120,7 +121,8 @@ def test_what_holds_already_costs_nothing_and_changes_nothing(rows):
 def test_fits_along_a_whole_path_are_those_from_the_rows(seed, drawn):
     """40 columns, nearly alike in tens, of up to 80 samples, few of which hardly determine them."""
     rng = default_rng(seed)
-    k, names = 40, tuple(f"p{j}" for j in range(40))
+    k = 40
+    names = tuple(f"p{j}" for j in range(40))
     n = 2 * drawn
     W = rng.normal(size=(n, 1, k)) + 1e3 * np.repeat(rng.normal(size=(n, 1, 4)), 10, 2)
     tau = rng.normal(size=(n, 1))
@@ -129,7 +131,8 @@ def test_fits_along_a_whole_path_are_those_from_the_rows(seed, drawn):
     train = np.repeat(folds.folds.train, 2, axis=1)
     ties = [Move(Kind.TIE, tie=((f"p{j}", f"p{j + 1}"),)) for j in range(9)]
     drops = [Move(Kind.DROP, (names[j],)) for j in rng.permutation(k)[:-1]]
-    path, compared = [(None, folds.start)], 0
+    path = [(None, folds.start)]
+    compared = 0
     for move in [*ties, *drops]:
         path.append((move, path[-1][1].apply(move)))
     for fit in folds.along(path):

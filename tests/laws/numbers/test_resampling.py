@@ -65,7 +65,8 @@ def test_columns_that_the_fit_dropped_stay_zero_in_every_replicate():
 
 def test_seven_blocks_say_nothing_and_eight_do():
     information = gather(*rows(), size=8)
-    fit, rng = estimate(information), default_rng(0)
+    fit = estimate(information)
+    rng = default_rng(0)
     few, enough = (
         Fit.of(information, replace(fit, times=np.full(2, 95.9 / n)), rng, 20) for n in (7, 8)
     )
@@ -95,7 +96,8 @@ def by_hand(residual, length):
 
     Leverage of a stretch is 1/B.
     """
-    N, B = len(residual), len(residual) // length
+    N = len(residual)
+    B = len(residual) // length
     e = residual - residual.mean()
     sums = e.reshape(B, length).sum(1)
     return np.sqrt((sums**2).sum() / (1 - 1 / B)) / N

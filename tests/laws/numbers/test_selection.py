@@ -143,7 +143,8 @@ def ladder():
     made = [
         Prediction.of([np.arange(960.0)], tau[h], W[h] @ values, np.zeros(960, int)) for h in half
     ]
-    rng, physics = default_rng(0), [Physics(0.1), Physics(-0.1)]
+    rng = default_rng(0)
+    physics = [Physics(0.1), Physics(-0.1)]
     pairs = zip(models, physics, strict=True)
     ladder_fits = [LadderFit(model, real, None, None, np.empty(0)) for model, real in pairs]
     found = SimpleNamespace(fits=ladder_fits, fitted=made[0], unseen=made[1], shared=None)

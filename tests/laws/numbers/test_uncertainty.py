@@ -37,7 +37,11 @@ def test_the_robust_deviation_is_that_of_scores_whatever_resampling_says():
 
 def test_a_log_of_few_memories_holds_the_truth_as_often_as_promised():
     """A log of 27 autocorrelation times: eight blocks of five are not there."""
-    held, drawn, judged, N, rho = [], [], 0, 250, 0.8
+    held = []
+    drawn = []
+    judged = 0
+    N = 250
+    rho = 0.8
     for rng in default_rng(3).spawn(50):
         t = np.arange(N) / N
         waves = [np.sin(2 * np.pi * (k + 1) * t + rng.uniform(0, 6)) for k in range(4)]
@@ -73,7 +77,8 @@ def test_noise_that_turns_back_does_not_count_as_less_than_white():
 
 
 def test_the_interval_of_a_label_is_the_sum_of_its_terms():
-    own, shared = np.array([0.3, 0.4]), {"delay": np.array([[0.3, 0.0], [0.4, 0.0]])}
+    own = np.array([0.3, 0.4])
+    shared = {"delay": np.array([[0.3, 0.0], [0.4, 0.0]])}
     found = fit_known(fit_of([1.0, 2.0], own), ScoreScatter(own, 1, np.full(2, 1e9)), shared=shared)
     terms = found.terms
     assert set(terms) == set(TERMS)

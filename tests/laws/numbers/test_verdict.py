@@ -13,7 +13,8 @@ from .made import fit_known, fit_of
 
 def verdicts(value, robust, *, white=None, noise=1.0, known=None, alias="", **rest):
     """Return the verdicts on parameters with these values and robust standard deviations."""
-    value, robust = np.atleast_1d(value).astype(float), np.atleast_1d(robust).astype(float)
+    value = np.atleast_1d(value).astype(float)
+    robust = np.atleast_1d(robust).astype(float)
     k = len(value)
     estimate = fit_of(value, robust if white is None else np.atleast_1d(white), known)
     found = fit_known(estimate, ScoreScatter(robust, 20, np.full(k, np.inf)), noise=noise)
@@ -113,7 +114,8 @@ def test_the_share_of_torque_is_the_columns_size_times_the_value():
 
 
 def test_the_papers_rule_is_ten_times_the_smallest_white_deviation():
-    white, known = np.array([0.001, 0.0099, 0.0101, 1e-5]), [True, True, True, False]
+    white = np.array([0.001, 0.0099, 0.0101, 1e-5])
+    known = [True, True, True, False]
     found = verdicts(np.ones(4), [0.001, 0.3, 0.01, 1e-5], white=white, known=known, noise=1e3)
     assert [v.paper_rule for v in found] == [True, True, False, False]
     assert "10× rule" not in found[0].reason

@@ -23,7 +23,8 @@ ERRORS = {
 
 def stop_and_go(rest=0.6):
     """Return times (N,), the positions of a joint, and where it stands: a stop at each reversal."""
-    move, still = np.arange(0, 0.8, 1 / RATE), round(rest * RATE)
+    move = np.arange(0, 0.8, 1 / RATE)
+    still = round(rest * RATE)
     swing = 0.5 * (1 - np.cos(np.pi * move / 0.8))
     parts = [np.concatenate([s, np.full(still, s[-1])]) for s in (swing, swing[-1] - swing)] * 3
     stands = np.tile(np.arange(len(parts[0])) >= len(move), 6)
@@ -105,9 +106,11 @@ def test_recorded_speeds_tell_without_positions(two, noise):
 
 
 def test_fourier_motion_has_no_dwells_whatever_its_errors(two):
-    t, rng = np.arange(0, 20, 0.01), default_rng(3)
+    t = np.arange(0, 20, 0.01)
+    rng = default_rng(3)
     w = 2 * np.pi * np.arange(1, 6) / 10
-    shares, masked = [], []
+    shares = []
+    masked = []
     for error in ERRORS.values():
         for _ in range(4):
             q = [np.sin(np.outer(t, w) + rng.uniform(0, 7, 5)) @ (1 / w) for _ in two.joints]

@@ -99,14 +99,6 @@ def test_long_logs_are_decided_on_even_windows():
     assert np.ptp(np.diff([a for a, _ in windows])) <= 1
 
 
-def series(t, period):
-    w = 2 * np.pi / period
-    q = 0.5 + 2 * np.sin(w * t) - 3 * np.cos(2 * w * t)
-    dq = 2 * w * np.cos(w * t) + 6 * w * np.sin(2 * w * t)
-    ddq = -2 * w**2 * np.sin(w * t) + 12 * w**2 * np.cos(2 * w * t)
-    return q, dq, ddq
-
-
 @pytest.mark.parametrize("factor", [2, 5, 9])
 def test_decimation_is_a_symmetric_average_of_20_neighbours_a_sample(factor):
     d = signals.Decimation(factor)
@@ -125,27 +117,3 @@ def test_decimation_is_a_symmetric_average_of_20_neighbours_a_sample(factor):
         y = d.apply(np.exp(2j * np.pi * share / factor * t)[:, None].real)[:, 0]
         z = d.apply(np.exp(2j * np.pi * share / factor * t)[:, None].imag)[:, 0]
         assert np.sqrt(np.mean(y**2 + z**2)) == pytest.approx(gain, abs=slack)
-
-
-def test_measured_derivatives_are_fitted_with_the_positions_by_how_noisy_they_are():
-    """Generalised least squares with the noise known is what the joint fit should come to."""
-    rng = default_rng(1)
-    t = DT * np.arange(6000)
-    exact = [np.stack([x, 2 * x], 1) for x in series(t, 1.5)]
-    sizes = (0.2, 0.1, 3.0)
-    noisy = [x + sd * rng.standard_normal(x.shape) for x, sd in zip(exact, sizes, strict=True)]
-    H = 5
-    w = 2 * np.pi / 1.5 * np.arange(1, H + 1)
-    S, C = np.sin(np.outer(t, w)), np.cos(np.outer(t, w))
-    one = np.ones((len(t), 1))
-    rows = [np.hstack([one, S, C]), np.hstack([0 * one, C * w, -S * w])]
-    rows.append(np.hstack([0 * one, -S * w**2, -C * w**2]))
-    A = np.vstack([x / sd for x, sd in zip(rows, sizes, strict=True)])
-    b = np.vstack([x / sd for x, sd in zip(noisy, sizes, strict=True)])
-    best = np.linalg.lstsq(A, b, rcond=None)[0]
-    fit = signals.fit_fourier(t, noisy[0], 1.5, H, noisy[1], noisy[2])
-    assert_allclose(fit.coefficients, best, atol=1e-3)
-    # Exact channels are no division by nothing.
-    whole = signals.fit_fourier(t, exact[0], 1.5, H, *exact[1:])
-    for found, true in zip(whole.motion(t), exact, strict=True):
-        assert_allclose(found, true, atol=1e-6)

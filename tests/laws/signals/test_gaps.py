@@ -34,7 +34,8 @@ DT, CUTOFF = 0.002, 9.7
 def frame(rows, *, derivatives=False, jitter=0.0):
     t = DT * np.asarray(rows)
     w = 2 * np.pi * np.array([0.8, 1.1])
-    q, dq = np.sin(np.outer(t, w)), w * np.cos(np.outer(t, w))
+    q = np.sin(np.outer(t, w))
+    dq = w * np.cos(np.outer(t, w))
     table = {"t": t + jitter}
     for k, joint in enumerate(("shoulder", "elbow")):
         table |= {f"{joint}.q": q[:, k], f"{joint}.tau": np.cos(3 * q[:, k]) + dq[:, k]}
@@ -60,13 +61,15 @@ def test_bridged_gaps_change_the_motion_by_what_a_cubic_misses(two):
     some = np.flatnonzero(default_rng(9).random(4000) >= 0.05)
     one = [(without(4000, (2000, lost)), 0, 3e-5) for lost in (1, 5, 11)]
     for rows, ends, error in (*one, (some, 100, 1e-3)):
-        s, lost = prepared(two, rows, decimate=1), 4000 - len(rows)
+        s = prepared(two, rows, decimate=1)
+        lost = 4000 - len(rows)
         assert s.hints == ()
         assert any(f"{lost} lost samples (gaps of up to" in note for note in s.notes)
         same = np.isin(np.round(whole.motion.t / DT), np.round(s.motion.t / DT))
         inner = slice(ends, len(rows) - ends)
         for name in ("actuated_q", "actuated_v", "actuated_a"):
-            found, wanted = getattr(s.motion, name), getattr(whole.motion, name)[same]
+            found = getattr(s.motion, name)
+            wanted = getattr(whole.motion, name)[same]
             atol = error * np.abs(wanted).max()
             assert_allclose(found[inner], wanted[inner], rtol=0, atol=atol)
 
@@ -95,7 +98,8 @@ def test_stretches_are_what_they_are_by_themselves(two):
 
 def test_neither_outputs_nor_blocks_reach_across_a_gap(two):
     rows = without(5000, (1499, 100), (3199, 1000))
-    s, decimated = prepared(two, rows, decimate=1), prepared(two, rows)
+    s = prepared(two, rows, decimate=1)
+    decimated = prepared(two, rows)
     assert decimated.decimation is not None
     before = np.searchsorted(decimated.output_times(), DT * np.array([1500, 4000]))
     assert decimated.starts == (0, *before)
@@ -125,7 +129,8 @@ def test_the_band_is_that_of_the_motion_and_not_of_its_gaps(two):
     bin_width = 10 / 4.6  # the longest stretch lasts 4.6 s, and the cut-off is ten bandwidths
     assert chosen[1].cutoff == pytest.approx(chosen[0].cutoff, abs=2 * bin_width)
     assert "noise" not in chosen[1].notes[0]  # which steps of the position would look like
-    one, other = np.arange(1000.0)[:, None], np.sin(0.3 * np.arange(400.0))[:, None]
+    one = np.arange(1000.0)[:, None]
+    other = np.sin(0.3 * np.arange(400.0))[:, None]
     assert bandwidth_of_windows([one, other], 0.01) == bandwidth_of_windows([one], 0.01)
 
 
@@ -180,7 +185,8 @@ def test_a_long_file_with_gaps_is_read_as_a_short_one(two, tmp_path, monkeypatch
     assert (parts.outputs, parts.starts, parts.hints) == (whole.outputs, whole.starts, whole.hints)
     assert (parts.notes, parts.lost) == (whole.notes, whole.lost)
     assert_array_equal(one.counts, other.counts)
-    R, S = one.factor(), other.factor()
+    R = one.factor()
+    S = other.factor()
     assert_allclose(S.T @ S, R.T @ R, rtol=0, atol=1e-8 * np.abs(R.T @ R).max())
 
 

@@ -126,7 +126,8 @@ def echoed(stamp):
 
 
 def test_the_stamp_of_the_header_goes_before_the_time_of_the_recorder_and_is_reported(tmp_path):
-    known, path = named(ARM[:2]), tmp_path / "run.csv"
+    known = named(ARM[:2])
+    path = tmp_path / "run.csv"
     frame = echoed(10**18 + 10**7 * np.arange(40))
     frame.to_csv(path, index=False)
     for log in (Log.read(path, known), Log.from_frame(frame, "run", known)):

@@ -37,7 +37,8 @@ def deviation(log, kind):
 
 
 def test_fast_positions_are_taken_at_the_times_of_slow_torques():
-    q, tau = 0.002 * np.arange(4000) + 0.0007, 0.01 * np.arange(790) + 0.0031
+    q = 0.002 * np.arange(4000) + 0.0007
+    tau = 0.01 * np.arange(790) + 0.0031
     log = Log.from_frame(merged(topic(q, "q"), topic(tau, "tau")), "log")
     assert_array_equal(log.t, tau)
     assert deviation(log, "q") < 1e-9
@@ -48,7 +49,8 @@ def test_fast_positions_are_taken_at_the_times_of_slow_torques():
 
 
 def test_fast_torques_are_taken_at_the_times_of_slow_positions():
-    q, tau = 0.01 * np.arange(800), 0.002 * np.arange(4000) + 0.0007
+    q = 0.01 * np.arange(800)
+    tau = 0.002 * np.arange(4000) + 0.0007
     log = Log.from_frame(merged(topic(q, "q"), topic(tau, "tau")), "log")
     assert_array_equal(log.t, q[1:])  # between the first torque and the last
     assert deviation(log, "q") == 0.0
@@ -56,9 +58,11 @@ def test_fast_torques_are_taken_at_the_times_of_slow_positions():
 
 
 def test_torque_does_not_overshoot_a_step_and_a_cubic_is_a_cubic():
-    t, at = 0.01 * np.arange(200.0), 0.01 * np.arange(60, 120.0) + 0.004
+    t = 0.01 * np.arange(200.0)
+    at = 0.01 * np.arange(60, 120.0) + 0.004
     every = np.union1d(t, at)
-    own, other = np.isin(every, t), np.isin(every, at)
+    own = np.isin(every, t)
+    other = np.isin(every, at)
     step = np.where(every < 0.9, -1.0, 1.0)
     values = {
         "t": every,
@@ -75,7 +79,8 @@ def test_torque_does_not_overshoot_a_step_and_a_cubic_is_a_cubic():
 
 
 def test_nothing_is_put_into_a_gap_of_a_column():
-    q, tau = 0.002 * np.arange(4000), 0.01 * np.arange(790) + 0.0005
+    q = 0.002 * np.arange(4000)
+    tau = 0.01 * np.arange(790) + 0.0005
     q = q[(q < 3.0) | (q > 3.5)]
     log = Log.from_frame(merged(topic(q, "q"), topic(tau, "tau")), "log")
     assert not ((log.t > 3.0) & (log.t < 3.5)).any()
@@ -84,7 +89,8 @@ def test_nothing_is_put_into_a_gap_of_a_column():
 
 def test_slow_velocities_are_left_out_and_others_taken():
     q = 0.002 * np.arange(4000)
-    slow, fast = 0.05 * np.arange(160) + 0.0007, 0.004 * np.arange(2000) + 0.0007
+    slow = 0.05 * np.arange(160) + 0.0007
+    fast = 0.004 * np.arange(2000) + 0.0007
     both = [topic(q, "q"), topic(q, "tau")]
     log = Log.from_frame(merged(*both, topic(slow, "dq")), "log")
     assert log.dq is None
@@ -144,8 +150,10 @@ def test_single_empty_cells_are_broken_rows_still_but_of_torque_they_leave_an_eq
 
 def test_a_long_file_of_several_rates_is_read_as_a_short_one(tmp_path, read_long):
     path = tmp_path / "log.parquet"
-    q, tau = 0.002 * np.arange(4000) + 0.0007, 0.01 * np.arange(790) + 0.0031
+    q = 0.002 * np.arange(4000) + 0.0007
+    tau = 0.01 * np.arange(790) + 0.0031
     merged(topic(q, "q"), topic(tau, "tau")).to_parquet(path)
-    short, long = Log.read(path), read_long(path)
+    short = Log.read(path)
+    long = read_long(path)
     assert long.notes == short.notes
     assert_array_equal(long.q, short.q)

@@ -46,7 +46,8 @@ def samples_of(two, kept, factor, own=None):
 def test_outputs_are_at_every_nth_row_whose_neighbours_are_all_there(two, factor, own):
     kept = np.r_[5:96, 97:99, 101:230]
     s = samples_of(two, kept, factor, own)
-    reach, there = 10 * factor, set(kept.tolist())
+    reach = 10 * factor
+    there = set(kept.tolist())
     low, high = own or (0, 230)
     rows = [
         r for r in range(0, 230, factor)
@@ -68,7 +69,8 @@ def test_outputs_are_at_every_nth_row_whose_neighbours_are_all_there(two, factor
 
 def test_what_is_no_data_is_so_of_columns_and_torque_alike(two):
     """Torque that the columns explain is explained beside joints that stand, too."""
-    factor, rows = 96, np.arange(3, 3000)
+    factor = 96
+    rows = np.arange(3, 3000)
     s = samples_of(two, rows, 1)
     stands = ((rows // 211) % 2 == 0)[:, None] & np.array([True, False])
     s = replace(s, tau=s.motion.actuated_a, decimation=Decimation(factor), weight=1.0 - stands)
@@ -115,7 +117,8 @@ def test_the_survey_says_whether_there_is_anything_to_explain(two):
     m = replace(complete_motion(two, t, *wave(t)), dropped=np.arange(3, 9))
     tau = np.stack([np.linspace(-1, 4, 50), np.full(50, 3.0)], 1)
     data = Dataset("log", m, tau, None, (), "")
-    whole, parts = data.survey, [data.take(slice(20)).survey, data.take(slice(20, None)).survey]
+    whole = data.survey
+    parts = [data.take(slice(20)).survey, data.take(slice(20, None)).survey]
     (said,) = data.describe(two.joints, 56)
     assert "6 of 56 samples" in said
     assert "4, 5, 6, 7, 8 and 1 more" in said

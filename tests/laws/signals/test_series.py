@@ -101,7 +101,8 @@ def test_odd_logs_have_series_all_the_same(kind):
 def test_a_series_knows_how_well_it_knows_speeds():
     for periods in (1, 10):
         t, exact = move(periods)
-        errors, told = [], []
+        errors = []
+        told = []
         for seed in range(6):
             log = measure(t, exact, seed)
             smooth = with_series(log, find_series(log)["fourier"])

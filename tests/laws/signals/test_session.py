@@ -42,7 +42,8 @@ def test_parts_of_one_log_are_of_one_clock():
 
 
 def test_the_start_comes_with_the_motion_and_not_with_values(tmp_path, read_long):
-    robot, rng = Robot.load("two-link"), np.random.default_rng(0)
+    robot = Robot.load("two-link")
+    rng = np.random.default_rng(0)
     made = Campaign.of(robot, [random_trajectory(robot, rng) for _ in range(2)])
     logs = made.logs()
     first = [int(np.flatnonzero(made.log == k)[0]) for k in range(2)]

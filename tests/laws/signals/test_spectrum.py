@@ -29,7 +29,8 @@ def band(q, rate, order=2, **options):
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_white_noise_has_its_density_and_what_it_becomes_in_an_acceleration(order):
-    rate, sd = 500.0, 0.02
+    rate = 500.0
+    sd = 0.02
     noise = sd * default_rng(0).standard_normal((40_000, 2))
     s = Spectrum.of([noise], 1 / rate, order)
     assert s.noise[100:].mean(0) == pytest.approx(2 * sd**2 / rate, rel=0.1)
@@ -47,7 +48,8 @@ def test_white_noise_has_its_density_and_what_it_becomes_in_an_acceleration(orde
 
 @pytest.mark.parametrize(("sd", "order"), [(2e-4, 2), (1e-3, 2), (2e-2, 1)])
 def test_noise_lowers_the_cut_off_to_where_it_has_its_share(sd, order):
-    rate, t = 200.0, times(200.0)
+    rate = 200.0
+    t = times(200.0)
     x = swing(t) if order == 2 else np.gradient(swing(t), 1 / rate)
     x = x + sd * default_rng(1).standard_normal(len(t))
     found = band(x, rate, order)
@@ -63,7 +65,8 @@ def test_noise_lowers_the_cut_off_to_where_it_has_its_share(sd, order):
 
 
 def test_the_cut_off_stays_two_bands_above_however_loud_the_noise():
-    rate, t = 100.0, times(100.0)
+    rate = 100.0
+    t = times(100.0)
     loud = swing(t) + 0.5 * default_rng(2).standard_normal(len(t))
     found = band(loud, rate)
     assert found.outputs == pytest.approx(2 * found.bandwidth, rel=1e-9)
@@ -134,7 +137,8 @@ def log_of(rate, hertz, name, seed=0, **channels):
 
 
 def test_all_logs_have_the_cut_off_of_the_widest_band(two):
-    slow, fast = log_of(100.0, 0.7, "slow"), log_of(200.0, 1.4, "fast")
+    slow = log_of(100.0, 0.7, "slow")
+    fast = log_of(200.0, 1.4, "fast")
     how = choose_cutoff(two, [slow, fast], None)
     assert how.outputs == pytest.approx(14.0, abs=0.6)
     assert prepare_log(two, slow, how).cutoff == how.cutoff
@@ -155,14 +159,16 @@ def test_the_measured_velocity_decides_where_it_is_what_is_differentiated(two):
 def test_repeated_values_are_mended_and_said(two):
     log = log_of(100.0, 1.0, "log")
     rows = np.flatnonzero(default_rng(6).random(len(log)) < 0.08)
-    q, tau = np.array(log.q), np.array(log.tau)
+    q = np.array(log.q)
+    tau = np.array(log.tau)
     for k in rows:
         q[k] = q[k - 1]
     hurt = replace(log, q=q, tau=tau)
     rule = StaleRule.of([hurt])
     assert set(rule.share) == {"q"}
     assert np.abs(rule.mend(hurt).q - log.q).max() < 0.1 * np.abs(q - log.q).max()
-    samples, clean = prepare_log(two, hurt), prepare_log(two, log)
+    samples = prepare_log(two, hurt)
+    clean = prepare_log(two, log)
     assert samples.cutoff == pytest.approx(clean.cutoff)
     assert f"position in {100 * rule.share['q']:.2g} %" in " ".join(samples.notes)
     error = np.abs(samples.motion.actuated_a - clean.motion.actuated_a)

@@ -132,7 +132,8 @@ def test_a_long_file_has_the_times_of_a_short_one(form, times, tmp_path, read_lo
     path = tmp_path / f"log.{form}"
     made = frame.assign(t=given)
     made.to_csv(path, index=False) if form == "csv" else made.to_parquet(path, index=False)
-    short, long = Log.read(path), read_long(path)
+    short = Log.read(path)
+    long = read_long(path)
     assert_allclose(short.t, frame["t"], rtol=0, atol=5e-7)
     assert_array_equal(long.rows(100, 900).t, short.t[100:900])
     assert (long.clock.first, long.clock.last) == (short.t[0], short.t[-1])
