@@ -18,6 +18,7 @@ from identifiability.effects.base import apply_tilt
 from identifiability.effects.registry import is_loaded
 from identifiability.effects.vocabulary import complete_values, file_kinds, file_values
 from identifiability.estimation.estimate import find_estimator, with_known
+from identifiability.estimation.evidence import LEVELS
 from identifiability.estimation.prediction import predict
 from identifiability.foundation.engines import Engine
 from identifiability.foundation.errors import listing
@@ -409,6 +410,48 @@ def mass_rows(robot: Robot, parameters: Mapping[str, float]) -> list[dict[str, A
 def total_mass(robot: Robot, parameters: Mapping[str, float]) -> float:
     """Return the mass of all moving bodies with their payloads [kg]."""
     return float(sum(row["mass"] for row in mass_rows(robot, parameters)))
+
+
+def find_rises(real: Mapping[str, Any], kind: str) -> dict[str, tuple[float, float]]:
+    """Return where a robot file errs more than the robot's own file, with the errors of both.
+
+    Rises without evidence are left out.
+
+    Parameters
+    ----------
+    real : mapping
+        Of `real_robot_dict`, with the errors on unseen motion.
+    kind : {"mjcf", "urdf"}
+        Format that is written; files of one format are compared.
+
+    Returns
+    -------
+    dict
+        Of "fitted" and "unseen" motion, the errors of the written file and of the robot's.
+    """
+    names = {
+        "fitted": ("error_ra_files", "error_ra_given_files"),
+        "unseen": ("error_ra_validation_files", "error_ra_validation_given_files"),
+    }
+    return find_larger(
+        {
+            rows: (real.get(written, {}).get(kind), real.get(stated, {}).get(kind))
+            for rows, (written, stated) in names.items()
+        }
+    )
+
+
+def find_larger(
+    errors: Mapping[str, tuple[float | None, float | None]],
+) -> dict[str, tuple[float, float]]:
+    """Return the pairs whose first error is larger than the second, with evidence."""
+    return {
+        rows: (new, before)
+        for rows, (new, before) in errors.items()
+        if new is not None
+        and before is not None
+        and new > (1.0 + LEVELS.rise) * before + LEVELS.least_rise
+    }
 
 
 def real_robot_dict(

@@ -33,6 +33,7 @@ from identifiability.foundation.rounding import (
     percent_text,
     stated_text,
 )
+from identifiability.physical.cad_prior import find_rises
 from identifiability.workflows.analyze.result import compare_logs, stated_values
 from identifiability.workflows.case import COMPLETED
 from identifiability.workflows.provenance import given_paths
@@ -124,9 +125,10 @@ class LadderedPresenter(PredictingPresenter):
             begun = commands.name_logs(result.robot, names, "--start-from", how)
             more = f"excite {self.robot} {begun} --out next.json"
             out = [command("prune", line), command("measure", more)]
-        export = partial(commands.export_line, result.robot)
-        line = commands.on_file(result, "json", f"{verb}.json", f"{again} --json", export)
-        out.append(command("export", line))
+        if result.recordings.commanded or not find_rises(result.real_robot, "mjcf"):
+            export = partial(commands.export_line, result.robot)
+            line = commands.on_file(result, "json", f"{verb}.json", f"{again} --json", export)
+            out.append(command("export", line))
         return _order_commands(result, out, f"{find} --report missing.html", ladder)
 
     def warnings(self) -> tuple[str, ...]:

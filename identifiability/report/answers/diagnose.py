@@ -18,6 +18,7 @@ from identifiability.foundation.presenter import Presenter
 from identifiability.foundation.quoting import option_for_shell
 from identifiability.foundation.result import by_name
 from identifiability.foundation.rounding import REACH, join, measured, state_probability
+from identifiability.physical.cad_prior import find_rises
 from identifiability.reading.rules import RULES as READING_RULES
 from identifiability.regression.reduction import full_model
 from identifiability.workflows.diagnose.result import logs_disagree
@@ -106,10 +107,12 @@ class DiagnosisPresenter(PredictingPresenter):
             out.append(command("compare", line))
         if undecided:
             out.append(command("separate", f"{again} --next motion.json"))
+        judge = f"analyze {self.robot} {logs}"
         if d.included:
-            judge = f"analyze {self.robot} {logs}"
             line = with_model(partial("{} --ladder {} --report report.html".format, judge))
             out.append(command("judge", line))
+        if not d.commanded and find_rises(d.physical, "mjcf"):  # such a file is refused
+            return out or [command("judge", f"{judge} --report report.html")]
         export = partial(export_line, d.robot)
         line = on_file(d, "json", "diagnose.json", f"{again} --json", export)
         return [*out, command("export", line)]

@@ -28,7 +28,6 @@ from identifiability.effects.vocabulary import (
     read_back,
     stated_numbers,
 )
-from identifiability.estimation.evidence import LEVELS
 from identifiability.estimation.prediction import Prediction
 from identifiability.estimation.prediction import predict as predict_torque
 from identifiability.foundation.documents import toml_text
@@ -43,7 +42,7 @@ from identifiability.foundation.quoting import for_patch, for_python
 from identifiability.foundation.runs import Run
 from identifiability.foundation.values import frozen
 from identifiability.logs.prepare import Dataset, Preparation
-from identifiability.physical.cad_prior import state_mass
+from identifiability.physical.cad_prior import find_larger, find_rises, state_mass
 from identifiability.physical.pseudo_inertia import check_body
 from identifiability.quality.recordings import Logs, list_logs
 from identifiability.reading import CarriedReading, ReadingEntry
@@ -416,26 +415,15 @@ def _state_rises(robot: Robot, content: ResultEntry, kind: Kind, name: str) -> t
     name : str
         Of the file that is written.
     """
-    physical = content.physical
     moved = content.rollout
-    if moved is not None:
-        errors = {"moved": (moved.error, moved.error_file)}
+    if moved is None:
+        rises = find_rises(vars(content.physical), kind)
     else:
-        pairs = {
-            "fitted": (physical.error_ra_files, physical.error_ra_given_files),
-            "unseen": (
-                physical.error_ra_validation_files,
-                physical.error_ra_validation_given_files,
-            ),
-        }
-        errors = {rows: (new.get(kind), own.get(kind)) for rows, (new, own) in pairs.items()}
+        rises = find_larger({"moved": (moved.error, moved.error_file)})
     said = []
-    for rows, (new, before) in errors.items():
-        if new is None or before is None:
-            continue
-        if new > (1.0 + LEVELS.rise) * before + LEVELS.least_rise:
-            both = {"file": name, "new": new, "own": robot.path.name, "before": before}
-            said.append(phrase("errs_more", rows, **both))
+    for rows, (new, before) in rises.items():
+        both = {"file": name, "new": new, "own": robot.path.name, "before": before}
+        said.append(phrase("errs_more", rows, **both))
     return tuple(said)
 
 
