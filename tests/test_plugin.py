@@ -12,11 +12,15 @@ PLUGIN = '''
 
 import numpy as np
 
-from identifiability.effects import Family, Shaped, register
+from identifiability.effects import Shaped, declare
 
 PITCH = 0.35  # rad
 
 
+@declare(
+    "cogging", against="position",
+    law=lambda speed, position, load: np.cos(2 * np.pi * position / PITCH),
+)
 class Cogging(Shaped):
     name = "cogging"
     equation = "τ = Cg cos(2π q/0.35)"
@@ -27,11 +31,6 @@ class Cogging(Shaped):
     def curves(self, at):
         return [np.cos(2 * np.pi * at.travel / self.shape(at.robot, at.axis))]
 
-
-register(Family(
-    Cogging(), "cogging", against="position",
-    law=lambda speed, position, load: np.cos(2 * np.pi * position / PITCH),
-))
 '''  # fmt: skip
 
 LADDER = """

@@ -9,9 +9,10 @@ of its subject; the package finds the files of this folder, and `effect.ORDER` s
 from importlib import import_module
 from pkgutil import iter_modules
 
-from .effect import AlongAxes, Effect, Family, Part, Placed, Shaped, Span
+from .effect import Along, AlongAxes, Effect, Family, Part, Placed, Shaped, Span
 from .registry import (
     FAMILIES,
+    declare,
     default_effects,
     effect_laws,
     find_effect,
@@ -28,6 +29,7 @@ for _module in iter_modules(__path__):
 
 __all__ = [
     "FAMILIES",
+    "Along",
     "AlongAxes",
     "Effect",
     "Family",
@@ -35,6 +37,7 @@ __all__ = [
     "Placed",
     "Shaped",
     "Span",
+    "declare",
     "default_effects",
     "effect_laws",
     "find_effect",

@@ -29,19 +29,7 @@ FAMILIES: dict[str, Family] = {}
 def register(family: Family) -> Family:
     """Add an effect, so that models, ladders, diagnoses, exports and reports know it.
 
-    Example
-    -------
-    A study that suspects drag with the third power of speed::
-
-        class Cubic(AlongAxes):
-            name, equation = "cubic_drag", "τ = Fz q̇³"
-            units = (("Fz", "N·m·s³/rad³", "N·s³/m³"),)
-            nonnegative = True
-
-            def curves(self, at):
-                return [at.speed**3]
-
-        register(Family(Cubic(), "cubic drag"))
+    `declare` does so for a class.
 
     Raises
     ------
@@ -62,7 +50,21 @@ def register(family: Family) -> Family:
 def declare(
     title: str, places: Callable[[Robot], tuple[str, ...]] = joint_places, **facts: Any
 ) -> Callable[[type[E]], type[E]]:
-    """Register the family of an effect's class; `facts` are further fields of `Family`."""
+    """Register the family of an effect's class; `facts` are further fields of `Family`.
+
+    Example
+    -------
+    A study that suspects drag with the third power of speed::
+
+        @declare("cubic drag", law=lambda speed, position, load: speed**3)
+        class CubicDrag(AlongAxes):
+            name, equation = "cubic_drag", "τ = Fd q̇³"
+            units = (("Fd", "N·m·s³/rad³", "N·s³/m³"),)
+            nonnegative = True
+
+            def curves(self, at):
+                return [at.speed**3]
+    """
 
     def decorate(effect: type[E]) -> type[E]:
         register(Family(effect(), title, places, **facts))
@@ -203,7 +205,7 @@ def load_plugin(path: str | Path) -> tuple[str, ...]:
     added = tuple(n for n in FAMILIES if n not in known)
     if not added:
         raise ModelError(
-            f"The plugin '{path}' registers no effect; end it with "
-            "identifiability.effects.register(Family(...))."
+            f"The plugin '{path}' registers no effect; put "
+            "@identifiability.effects.declare(title) above its class."
         )
     return added

@@ -80,7 +80,7 @@ def check(key: str, does: Does, *, always: bool = False) -> Callable[[F], F]:
         @check("brake", Does.HINTS)
         def find_brake(logs):
             dragging = ...
-            return (f"{listing(dragging)} drags: release its brake, and log anew.",)
+            return [Finding("brake", joints=dragging)] if dragging else []
     """
 
     def decorate(find: F) -> F:
