@@ -113,7 +113,7 @@ def test_simulated_links_bend_as_those_that_mujoco_moves_under_torque(tmp_path):
     torque = true[["shoulder.tau", "elbow.tau"]][settled]
     assert found.torque[settled] == pytest.approx(torque.to_numpy(), abs=0.2)
     # Linear models are rigid, which is said.
-    assert "spring of the file bends elbow" in " ".join(inspect(path, run(True, 3)).hints)
+    assert "spring between motor and link at elbow" in " ".join(inspect(path, run(True, 3)).hints)
     with pytest.raises(ModelError, match=r"diagnose\(bending=True\)"):
         Model.of("rigid_body", "joint_compliance@elbow")
 
