@@ -275,9 +275,9 @@ def find_bending(
     These logs also lack the torque of the rotors before springs, whose inertia `Bending` has.
 
     Joints are found one by one: the joint with the largest gain is added, all numbers are fitted
-    again, and it stays if the gain exceeds the price of its numbers. Beside them stand delays,
-    low-passes, torque scales and encoder zeros of every joint. What they explain as well is no
-    evidence.
+    again, and it stays if the gain exceeds the price of its numbers. Delays, low-passes,
+    torque scales and encoder zeros of every joint are fitted with it, so that it gains only where
+    these explain less.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ SWITCHES = ("quick", "forward", "posterior", "force", "patch", "bending")
 #: Settings and options that `Robot.load` takes, by the keyword.
 OF_ROBOT = ("sidecar", "map", "lock", "base", "time_unit", "angles", "torque_side")
 
-#: Settings of the preparation of logs.
+#: Settings of the preparation of logs that the command line and case files have.
 OF_PREPARATION = ("derivatives", "cutoff", "decimate")
 
 #: Options whose Python keyword has another name.
@@ -78,7 +78,7 @@ def _pairs(found: re.Match[str]) -> str:
     pairs = dict(text.partition("=")[::2] for text in given)
     if name == "map":
         return f"Robot.load(…, columns={pairs!r}){end}"
-    inside = ", ".join(f"{joint!r}: {at}" for joint, at in pairs.items())
+    inside = ", ".join(f"{joint!r}: {quoted(at)}" for joint, at in pairs.items())
     locked = f"{{{inside}}}" if all(pairs.values()) else repr(given)
     return f"Robot.load(…, lock={locked}){end}"
 

@@ -37,6 +37,7 @@ from identifiability.foundation.options import OptionError
 from identifiability.foundation.runs import First, Progress, Run, share
 from identifiability.foundation.stages import Stages
 from identifiability.foundation.values import frozen
+from identifiability.foundation.wording import OF_PREPARATION
 from identifiability.logs import Log
 from identifiability.logs.conventions import Conventions
 from identifiability.logs.prepare import Dataset, Preparation, prepare_log
@@ -86,9 +87,6 @@ MISREAD = (
 #: Families that a model gets if the rows surely show them.
 COMPLETED = {n for n, f in FAMILIES.items() if f.loaded and not (f.needs or f.shapes)}
 COMPLETED |= {PassiveJointFriction.name}
-
-#: Settings of a case file for derivatives.
-DERIVED = ("derivatives", "cutoff", "decimate")
 
 #: Text after the statement of a reading that is used.
 SO = "All results use this reading."
@@ -336,7 +334,7 @@ class Case:
             If there is none, a key is wrong, or the robot cannot be read.
         """
         file = CaseFile.read(folder)
-        derived = {k: v for k, v in file.settings.items() if k in DERIVED}
+        derived = {k: v for k, v in file.settings.items() if k in OF_PREPARATION}
         how = Preparation(**derived) if derived else None
         return Case(file.load_robot(), file.logs, file.held_out, preparation=how)
 

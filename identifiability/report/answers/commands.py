@@ -9,6 +9,7 @@ from hashlib import sha256
 from identifiability.foundation.names import find_patterns
 from identifiability.foundation.quoting import for_shell, option_for_shell, path_for_shell
 from identifiability.foundation.result import Result
+from identifiability.foundation.wording import OF_PREPARATION
 from identifiability.logs.prepare import Preparation
 from identifiability.logs.prepare.dataset import Dataset
 from identifiability.logs.prepare.preparation import CommonPreparation
@@ -16,9 +17,6 @@ from identifiability.regression.reduction import LadderSource, ladder_path
 from identifiability.robot import Robot
 from identifiability.robot.locate import find_sidecar, shipped_folder
 from identifiability.workflows.provenance import given_paths
-
-#: Options of a preparation on the command line; others exist in Python only.
-OPTIONS = ("derivatives", "cutoff", "decimate")
 
 
 def robot_word(robot: Robot) -> str:
@@ -84,7 +82,9 @@ def preparing_options(how: object) -> str:
     usual = {f.name: f.default for f in fields(Preparation)}
     if isinstance(how, CommonPreparation) and how.band is not None and how.band.reason:
         usual["cutoff"] = how.cutoff  # chosen, and chosen again by the same logs
-    asked = {name: getattr(how, name) for name in OPTIONS if getattr(how, name) != usual[name]}
+    asked = {
+        name: getattr(how, name) for name in OF_PREPARATION if getattr(how, name) != usual[name]
+    }
     texts = {n: x if isinstance(x, str) else f"{x:g}" for n, x in asked.items()}
     return "".join(f" --set {name}={text}" for name, text in texts.items())
 
