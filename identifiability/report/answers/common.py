@@ -187,7 +187,9 @@ class PredictingPresenter(AnsweringPresenter):
         if not is_noise(sizes, self.noise())[robot.joints.index(joint)]:
             return stated
         noisy = sentence("quality", "noisy", joint=joint)
-        return replace(stated, short=f"{stated.short} {noisy}")
+        remedy = sentence("quality", "quieter")
+        short = f"{stated.short} {noisy}"
+        return replace(stated, short=short, text=f"{remedy} {stated.text}")
 
 
 def answer_quality(
